@@ -1,0 +1,74 @@
+"""What can go wrong, said in one sentence: what, the value, the legal range, the user's file and line.
+
+Every room may import this one. A `RaymarchError` is the user's to mend (exit code 2); any other
+exception that leaves the package is a fault of ours (exit code 1).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass
+from types import FrameType
+
+_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """A line of a Python file: where the user wrote what became a node."""
+
+    file: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}"
+
+
+class RaymarchError(Exception):
+    """Base of all errors that a user can mend. `str()` is one complete message.
+
+    Parameters
+    ----------
+    what : the fault, naming the parameter and its value.
+    legal : the legal range or the cure, if there is one.
+    where : the user's own line; found from the call stack when it is not given.
+    """
+
+    def __init__(self, what: str, *, legal: str = "", where: Location | None = None) -> None:
+        self.what = what
+        self.legal = legal
+        self.where = where if where is not None else user_location()
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        place = f"{self.where}: " if self.where else ""
+        cure = f" ({self.legal})" if self.legal else ""
+        return f"{place}{self.what}{cure}"
+
+
+class SceneError(RaymarchError):
+    """A scene that cannot be meant: a wrong parameter, a wrong type, a scene file without a scene."""
+
+
+class PlanError(RaymarchError):
+    """A scene that is well formed but cannot be planned: clashing parameters, a field beyond the limits."""
+
+
+class ShaderError(RaymarchError):
+    """The driver refused the shader; the message names the node that made the offending line."""
+
+
+class DeviceError(RaymarchError):
+    """No usable OpenGL context, a limit of the driver exceeded, or a device that failed."""
+
+
+def user_location(skip_inside: str = _PACKAGE) -> Location | None:
+    """The innermost call-stack line whose file lies outside `skip_inside` (a folder, by default this package)."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None:
+        file = frame.f_code.co_filename
+        if not file.startswith(skip_inside) and not file.startswith("<frozen"):
+            return Location(file, frame.f_lineno)
+        frame = frame.f_back
+    return None
