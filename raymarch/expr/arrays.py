@@ -1,0 +1,217 @@
+"""The NumPy reading: float64 is truth, float32 is the twin of what a GPU computes.
+
+One value for each of N points: scalars are arrays (N,), vectors (N, n), matrices (N, n, n); what is the
+same for every point may lack the first axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.evaluate import Program, Rule
+from raymarch.expr.function import Loop
+from raymarch.expr.node import Expr
+from raymarch.expr.types import BOOL, FLOAT, Type
+
+Array: TypeAlias = NDArray[Any]
+
+SMALLEST = float(np.finfo(np.float32).tiny)
+"""Smallest normal float32: the floor of divisors and logarithms, the same in every reading."""
+
+
+def lift(value: Array, own: Type, wanted: Type) -> Array:
+    """A scalar made to stretch over the components of a vector or matrix."""
+    if own.shape == wanted.shape or own.shape:
+        return value
+    return np.asarray(value)[(..., *(None,) * len(wanted.shape))]
+
+
+def each(compute: Callable[..., Array]) -> Rule:
+    """Rule for an operation that works on each component."""
+
+    def rule(node: Expr, *values: Array) -> Array:
+        if node.type.shape:
+            values = tuple(lift(v, a.type, node.type) for v, a in zip(values, node.args, strict=True))
+        return compute(*values)
+
+    return rule
+
+
+def _mod(x: Array, y: Array) -> Array:
+    return x - y * np.floor(x / y)
+
+
+def _smoothstep(low: Array, high: Array, x: Array) -> Array:
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def _length(v: Array) -> Array:
+    return np.sqrt(np.einsum("...i,...i->...", v, v))
+
+
+def _normalize(_node: Expr, v: Array) -> Array:
+    return v / np.maximum(_length(v), v.dtype.type(SMALLEST))[..., None]
+
+
+def _dot(_node: Expr, a: Array, b: Array) -> Array:
+    return np.einsum("...i,...i->...", a, b)
+
+
+def _cross(_node: Expr, a: Array, b: Array) -> Array:
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _swizzle(node: Expr, v: Array) -> Array:
+    picks = ["xyzw".index(c) for c in node.data]
+    return v[..., picks[0]] if len(picks) == 1 else v[..., picks]
+
+
+def _construct(node: Expr, *parts: Array) -> Array:
+    columns = [p[..., None] if a.type is FLOAT else p for p, a in zip(map(np.asarray, parts), node.args, strict=True)]
+    lead = np.broadcast_shapes(*(c.shape[:-1] for c in columns))
+    return np.concatenate([np.broadcast_to(c, lead + c.shape[-1:]) for c in columns], axis=-1)
+
+
+def _columns(_node: Expr, *columns: Array) -> Array:
+    return np.stack(np.broadcast_arrays(*columns), axis=-1)
+
+
+def _matmul(node: Expr, a: Array, b: Array) -> Array:
+    return np.einsum("...ij,...j->...i", a, b) if node.type.is_vector else np.matmul(a, b)
+
+
+def _where(node: Expr, condition: Array, a: Array, b: Array) -> Array:
+    return np.where(lift(condition, BOOL, node.type), a, b)
+
+
+RULES: Mapping[str, Rule] = {
+    "add": each(np.add),
+    "sub": each(np.subtract),
+    "mul": each(np.multiply),
+    "div": each(np.divide),
+    "mod": each(_mod),
+    "neg": each(np.negative),
+    "abs": each(np.abs),
+    "sign": each(np.sign),
+    "floor": each(np.floor),
+    "ceil": each(np.ceil),
+    "round": each(lambda x: np.floor(x + x.dtype.type(0.5))),
+    "fract": each(lambda x: x - np.floor(x)),
+    "sqrt": each(lambda x: np.sqrt(np.maximum(x, 0))),
+    "exp": each(np.exp),
+    "exp2": each(np.exp2),
+    "log": each(lambda x: np.log(np.maximum(x, x.dtype.type(SMALLEST)))),
+    "log2": each(lambda x: np.log2(np.maximum(x, x.dtype.type(SMALLEST)))),
+    "sin": each(np.sin),
+    "cos": each(np.cos),
+    "tan": each(np.tan),
+    "asin": each(lambda x: np.arcsin(np.clip(x, -1, 1))),
+    "acos": each(lambda x: np.arccos(np.clip(x, -1, 1))),
+    "atan": each(np.arctan),
+    "atan2": each(np.arctan2),
+    "sinh": each(np.sinh),
+    "cosh": each(np.cosh),
+    "tanh": each(np.tanh),
+    "pow": each(lambda x, y: np.power(np.maximum(x, 0), y)),
+    "min": each(np.minimum),
+    "max": each(np.maximum),
+    "step": each(lambda edge, x: np.where(x < edge, 0, 1).astype(x.dtype)),
+    "clamp": each(lambda x, low, high: np.minimum(np.maximum(x, low), high)),
+    "mix": each(lambda a, b, t: a * (1 - t) + b * t),
+    "smoothstep": each(_smoothstep),
+    "lt": each(np.less),
+    "le": each(np.less_equal),
+    "and": each(np.logical_and),
+    "or": each(np.logical_or),
+    "not": each(np.logical_not),
+    "where": _where,
+    "dot": _dot,
+    "cross": _cross,
+    "length": lambda _node, v: _length(v),
+    "normalize": _normalize,
+    "swizzle": _swizzle,
+    "construct": _construct,
+    "columns": _columns,
+    "matmul": _matmul,
+    "transpose": lambda _node, m: np.swapaxes(m, -1, -2),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Arrays:
+    """The reading at one precision."""
+
+    dtype: type[np.floating[Any]]
+
+    @property
+    def rules(self) -> Mapping[str, Rule]:
+        return {**RULES, "param": self._param, "time": self._time}
+
+    def leaf(self, node: Expr) -> Array:
+        return node.data if node.type is BOOL else node.data.astype(self.dtype)
+
+    def _param(self, node: Expr) -> Array:
+        return np.asarray(_bound[-1][0].get(node.data.name, node.data.value), self.dtype)
+
+    def _time(self, _node: Expr) -> Array:
+        return np.asarray(_bound[-1][1], self.dtype)
+
+    def repeat(self, body: Loop, program: Program, first: list[Any], captured: list[Any]) -> tuple[Any, ...]:
+        state, alive = first, np.asarray(True)
+        n = len(first)
+        for turn in range(body.count):
+            after = program(np.asarray(turn, self.dtype), *state, *captured)
+            if body.until is not None:
+                alive = alive & ~after[n]
+                if not alive.any():
+                    break
+            state = [
+                np.where(lift(alive, BOOL, v.type), new, old)
+                for v, new, old in zip(body.state, after[:n], state, strict=True)
+            ]
+        return tuple(state)
+
+
+FLOAT64 = Arrays(np.float64)
+FLOAT32 = Arrays(np.float32)
+
+_bound: list[tuple[Mapping[str, Any], float]] = [({}, 0.0)]
+
+
+@contextmanager
+def bound(params: Mapping[str, Any], time: float) -> Iterator[None]:
+    """Give parameters and time their values while the block runs; a parameter not named keeps its default."""
+    _bound.append((params, time))
+    try:
+        yield
+    finally:
+        _bound.pop()
+
+
+def evaluator(
+    roots: Sequence[Expr], inputs: Sequence[Expr], dtype: type[np.floating[Any]] = np.float64
+) -> Callable[..., tuple[Array, ...]]:
+    """A function of arrays, one for each input, that gives an array for each root."""
+    reading = FLOAT64 if dtype is np.float64 else FLOAT32
+    program = Program(roots, inputs, reading)
+
+    def run(*values: Any) -> tuple[Array, ...]:
+        with np.errstate(all="ignore"):
+            return program(*[np.asarray(v, dtype) for v in values])
+
+    return run
+
+
+def value_of(node: Expr) -> Array:
+    """A float64 value of an expression without variables, under the parameters and time that are bound."""
+    if node.op == "const":
+        return np.asarray(node.data)
+    return evaluator([node], [])()[0]

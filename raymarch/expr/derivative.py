@@ -1,0 +1,401 @@
+"""The derivative reading: from an expression to the expression of its gradient.
+
+Reverse mode inside a definition. Across a call of a scalar field it goes by one companion function that
+gives gradient and value together (`vec4 sphere_gradient(...)`), so no field is evaluated twice. Loops are
+differentiated forwards, with the tangents carried as more state, because going back would need their history.
+
+Where a function has a kink or a singular point, a finite one-sided value is given: the derivative of abs(x)
+and of length(v) at 0 is 0, of max(a, a) that of the first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
+from weakref import WeakKeyDictionary
+
+import raymarch.expr.vocabulary as v
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.function import Function, close_loop, sum_of
+from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.types import BOOL, FLOAT, STATE, Type
+from raymarch.expr.walk import depends_on, rebuild, rewrite, substitute, topological
+
+Partial: TypeAlias = Callable[[Expr], Expr]
+
+ONE, ZERO = const(1.0), const(0.0)
+
+
+def _indicator(low: Expr, high: Expr) -> Expr:
+    """1 where low <= high, else 0; by component."""
+    if low.type is FLOAT and high.type is FLOAT:
+        return v.where(low <= high, 1.0, 0.0)
+    return v.step(low, high)
+
+
+def _safe_inverse(x: Expr) -> Expr:
+    """1 / x for x > 0, 0 at x = 0."""
+    return v.sign(x) / v.max(x, SMALLEST)
+
+
+def _arg(i: int) -> Partial:
+    return lambda e: e.args[i]
+
+
+def _no_edges(e: Expr) -> Expr:
+    raise SceneError("smoothstep's edges depend on the position", legal="edges that are the same for every point")
+
+
+def _smoothstep_slope(e: Expr) -> Expr:
+    low, high, x = e.args
+    t = v.clamp((x - low) / (high - low), 0.0, 1.0)
+    return 6.0 * t * (1.0 - t) / (high - low)
+
+
+PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
+    "add": (lambda e: ONE, lambda e: ONE),
+    "sub": (lambda e: ONE, lambda e: -ONE),
+    "mul": (_arg(1), _arg(0)),
+    "div": (lambda e: 1.0 / e.args[1], lambda e: -e / e.args[1]),
+    "mod": (lambda e: ONE, lambda e: -v.floor(e.args[0] / e.args[1])),
+    "neg": (lambda e: -ONE,),
+    "abs": (lambda e: v.sign(e.args[0]),),
+    "sign": (None,),
+    "floor": (None,),
+    "ceil": (None,),
+    "round": (None,),
+    "fract": (lambda e: ONE,),
+    "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
+    "exp": (lambda e: e,),
+    "exp2": (lambda e: math.log(2) * e,),
+    "log": (lambda e: 1.0 / v.max(e.args[0], SMALLEST),),
+    "log2": (lambda e: 1.0 / (math.log(2) * v.max(e.args[0], SMALLEST)),),
+    "sin": (lambda e: v.cos(e.args[0]),),
+    "cos": (lambda e: -v.sin(e.args[0]),),
+    "tan": (lambda e: 1.0 + e * e,),
+    "asin": (lambda e: _safe_inverse(v.sqrt(1.0 - e.args[0] * e.args[0])),),
+    "acos": (lambda e: -_safe_inverse(v.sqrt(1.0 - e.args[0] * e.args[0])),),
+    "atan": (lambda e: 1.0 / (1.0 + e.args[0] * e.args[0]),),
+    "atan2": (
+        lambda e: e.args[1] / v.max(e.args[0] * e.args[0] + e.args[1] * e.args[1], SMALLEST),
+        lambda e: -e.args[0] / v.max(e.args[0] * e.args[0] + e.args[1] * e.args[1], SMALLEST),
+    ),
+    "sinh": (lambda e: v.cosh(e.args[0]),),
+    "cosh": (lambda e: v.sinh(e.args[0]),),
+    "tanh": (lambda e: 1.0 - e * e,),
+    "pow": (lambda e: e.args[1] * v.pow(e.args[0], e.args[1] - 1.0), lambda e: e * v.log(e.args[0])),
+    "min": (lambda e: _indicator(*e.args), lambda e: 1.0 - _indicator(*e.args)),
+    "max": (lambda e: _indicator(*e.args[::-1]), lambda e: 1.0 - _indicator(*e.args[::-1])),
+    "step": (None, None),
+    "clamp": (
+        lambda e: _indicator(e.args[1], e.args[0]) * _indicator(e.args[0], e.args[2]),
+        lambda e: 1.0 - _indicator(e.args[1], e.args[0]),
+        lambda e: 1.0 - _indicator(e.args[0], e.args[2]),
+    ),
+    "mix": (lambda e: 1.0 - e.args[2], lambda e: e.args[2], lambda e: e.args[1] - e.args[0]),
+    "smoothstep": (_no_edges, _no_edges, _smoothstep_slope),
+}
+"""Operations by component: the partial derivative for each argument; None where it is zero everywhere."""
+
+
+def _outer(a: Expr, b: Expr) -> Expr:
+    return v.columns(*[a * b[i] for i in range(len(b))])
+
+
+def _scatter(adjoint: Expr, e: Expr) -> Expr:
+    """Back through a swizzle: the adjoint on the components that were taken, 0 on the others."""
+    sums = dict.fromkeys("xyzw"[: e.args[0].type.size], ZERO)
+    for component, part in zip(e.data, [adjoint] if adjoint.type is FLOAT else adjoint, strict=True):
+        sums[component] = sums[component] + part
+    return construct(*sums.values())
+
+
+def _gather(adjoint: Expr, e: Expr, index: int) -> Expr:
+    """Back through a vector constructor: the components that this argument gave."""
+    start = sum(a.type.size for a in e.args[:index])
+    parts = [adjoint[start + i] for i in range(e.args[index].type.size)]
+    return parts[0] if len(parts) == 1 else construct(*parts)
+
+
+def _unit(e: Expr, tangent: Expr) -> Expr:
+    """Derivative of normalize in a direction; it is its own transpose."""
+    return (tangent - e * v.dot(e, tangent)) * _safe_inverse(v.length(e.args[0]))
+
+
+def _slope_of_call(e: Expr) -> Expr:
+    """Gradient part of a companion function's result (see `companion`)."""
+    return swizzle(e, "xyzw"[: e.type.size - 1])
+
+
+Back: TypeAlias = Callable[[Expr, Expr, int], "Expr | None"]
+BACKWARD: Mapping[str, Back] = {
+    "dot": lambda adj, e, i: adj * e.args[1 - i],
+    "length": lambda adj, e, i: adj * v.normalize(e.args[0]),
+    "normalize": lambda adj, e, i: _unit(e, adj),
+    "cross": lambda adj, e, i: v.cross(e.args[1], adj) if i == 0 else v.cross(adj, e.args[0]),
+    "swizzle": lambda adj, e, i: _scatter(adj, e),
+    "construct": lambda adj, e, i: _gather(adj, e, i),
+    "matmul": lambda adj, e, i: v.transpose(e.args[0]) @ adj if i == 1 else _outer(adj, e.args[1]),
+    "where": lambda adj, e, i: (
+        None if i == 0 else v.where(e.args[0], adj, 0.0 * adj) if i == 1 else v.where(e.args[0], 0.0 * adj, adj)
+    ),
+    "call": lambda adj, e, i: adj[e.type.size - 1] * _slope_of_call(e) if i == e.data.derived["along"] else None,
+    "columns": lambda adj, e, i: adj @ const([1.0 if k == i else 0.0 for k in range(adj.type.size)]),
+    "transpose": lambda adj, e, i: v.transpose(adj),
+}
+"""Operations that mix components: the adjoint of argument i from the adjoint of the result."""
+
+Forward: TypeAlias = Callable[[Expr, Sequence[Expr]], Expr]
+FORWARD: Mapping[str, Forward] = {
+    "dot": lambda e, t: v.dot(t[0], e.args[1]) + v.dot(e.args[0], t[1]),
+    "length": lambda e, t: v.dot(v.normalize(e.args[0]), t[0]),
+    "normalize": lambda e, t: _unit(e, t[0]),
+    "cross": lambda e, t: v.cross(t[0], e.args[1]) + v.cross(e.args[0], t[1]),
+    "swizzle": lambda e, t: _take(t[0], e.data),
+    "construct": lambda e, t: construct(*t),
+    "matmul": lambda e, t: t[0] @ e.args[1] + e.args[0] @ t[1],
+    "where": lambda e, t: v.where(e.args[0], t[1], t[2]),
+    "call": lambda e, t: construct(
+        *[0.0] * (e.type.size - 1), v.dot(_slope_of_call(e), t[e.data.derived["along"]])
+    ),
+    "columns": lambda e, t: v.columns(*t),
+    "transpose": lambda e, t: v.transpose(t[0]),
+}
+"""The same operations forwards: the tangent of the result from the tangents of the arguments."""
+
+
+def _take(value: Expr, components: str) -> Expr:
+    parts = [value["xyzw".index(c)] for c in components]
+    return parts[0] if len(parts) == 1 else construct(*parts)
+
+
+def zero(type: Type) -> Expr:
+    """The constant 0 of a type."""
+    return const([[0.0] * type.size] * type.size if type.is_matrix else [0.0] * type.size) if type.shape else ZERO
+
+
+def gradient(root: Expr, variable: Expr) -> Expr:
+    """The gradient of a scalar expression with respect to a scalar or vector variable, as an expression."""
+    return value_and_gradient(root, variable)[1]
+
+
+def value_and_gradient(root: Expr, variable: Expr) -> tuple[Expr, Expr]:
+    """The expression, rewritten to share its work with its gradient, and the gradient."""
+    opened = _open([root], {variable})[0]
+    slope = backpropagate(opened, variable).get(variable, zero(variable.type))
+    while loops := _lifted_loops([opened, slope]):  # a loop that carries tangents gives the values too
+        opened, slope = substitute([opened, slope], loops)
+    return opened, slope
+
+
+def _lifted_loops(roots: Sequence[Expr]) -> dict[Expr, Expr]:
+    """For each result of a loop whose lifted twin is there as well, the twin's result."""
+    wholes = [node for node in topological(roots) if node.op == "loop"]
+    twins = {_lifted_from[twin]: twin for twin in wholes if twin in _lifted_from}
+    found = {}
+    for node in topological(roots):
+        if node.op == "item" and node.args[0] in twins:
+            found[node] = make("item", node.type, (twins[node.args[0]],), node.data)
+    return found
+
+
+_lifted_from: WeakKeyDictionary[Expr, Expr] = WeakKeyDictionary()
+"""Which loop a loop with tangents was made from."""
+
+
+def sensitivities(root: Expr, marked: Sequence[Expr]) -> list[Expr]:
+    """How much each marked scalar subexpression moves the root: the weights by which materials mix."""
+    marks = [var(f"mark {i}", FLOAT) for i in range(len(marked))]
+    cut = substitute([root], dict(zip(marked, marks, strict=True)))[0]
+    opened = _open([cut], set(marks))[0]
+    adjoints = backpropagate(opened, *marks)
+    weights = [adjoints.get(mark, ZERO) for mark in marks]
+    return substitute(weights, dict(zip(marks, marked, strict=True)))
+
+
+def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
+    """Adjoints of everything between the variables and an opened scalar root."""
+    dependent = depends_on([root], variables)
+    adjoints: dict[Expr, Expr] = {root: ONE}
+    for node in reversed(topological([root])):
+        adjoint = adjoints.get(node)
+        if adjoint is None or node not in dependent or node in variables:
+            continue
+        if node.op == "item":
+            for variable in variables:
+                _accumulate(adjoints, variable, _back_through_loop(node, variable, adjoint))
+            continue
+        for i, arg in enumerate(node.args):
+            if arg in dependent:
+                _accumulate(adjoints, arg, _backward(adjoint, node, i))
+    return adjoints
+
+
+def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None) -> None:
+    if term is not None:
+        adjoints[node] = adjoints[node] + term if node in adjoints else term
+
+
+def _backward(adjoint: Expr, node: Expr, i: int) -> Expr | None:
+    if node.op in BACKWARD:
+        return BACKWARD[node.op](adjoint, node, i)
+    partial = PARTIALS[node.op][i]
+    if partial is None:
+        return None
+    slope = partial(node)
+    if node.args[i].type is node.type:
+        return _scaled(adjoint, slope)
+    if slope.type is FLOAT:  # a scalar that was stretched over a vector gathers from all components
+        return slope * sum_of(list(adjoint))
+    return v.dot(adjoint, slope)
+
+
+def _scaled(adjoint: Expr, slope: Expr) -> Expr:
+    """adjoint * slope, as a choice where the slope is 1 on one side and 0 on the other."""
+    if slope.op == "where" and slope.args[1].op == slope.args[2].op == "const":
+        condition, yes, no = slope.args
+        return v.where(condition, adjoint * yes, adjoint * no)
+    if slope.op == "sub" and slope.args[0] is ONE and slope.args[1].op == "where":
+        condition, yes, no = slope.args[1].args
+        if yes.op == no.op == "const":
+            return v.where(condition, adjoint * (1.0 - yes), adjoint * (1.0 - no))
+    return adjoint * slope
+
+
+# Opening: calls on the way become companion calls or are inlined, so that the tables above meet no other call.
+
+
+def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
+    dependent = depends_on(roots, variables)
+
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        if node.op != "call" or node not in dependent:
+            return rebuild(node, args)
+        moving = tuple(arg in dependent for arg in node.args)
+        definition: Function = node.data
+        along = moving.index(True)
+        if definition.type is FLOAT and sum(moving) == 1 and 2 <= node.args[along].type.size <= 3:
+            whole = companion(definition, along)(*args)
+            return whole[whole.type.size - 1]
+        return substitute([_opened_body(definition, moving)], dict(zip(definition.params, args, strict=True)))[0]
+
+    new = rewrite(roots, rule)
+    return [new[root] for root in roots]
+
+
+def _opened_body(definition: Function, moving: tuple[bool, ...]) -> Expr:
+    key = ("opened", moving)
+    if key not in definition.derived:
+        variables = {p for p, moves in zip(definition.params, moving, strict=True) if moves}
+        definition.derived[key] = _open([definition.body], variables)[0]
+    result: Expr = definition.derived[key]
+    return result
+
+
+def companion(definition: Function, along: int = 0) -> Function:
+    """The function that gives gradient and value at once: (d/dx, d/dy, d/dz, value) for a vec3 parameter.
+
+    Parameters
+    ----------
+    definition : a scalar function.
+    along : which parameter, a vec2 or vec3, the gradient is taken with respect to.
+    """
+    key = ("companion", along)
+    if key not in definition.derived:
+        value, slope = value_and_gradient(definition.body, definition.params[along])
+        body = construct(slope, value)
+        made = Function(f"{definition.name}_gradient", definition.params, body, definition.names, definition.where)
+        made.derived["along"] = along
+        definition.derived[key] = made
+    result: Function = definition.derived[key]
+    return result
+
+
+# Loops.
+
+
+def _back_through_loop(item: Expr, variable: Expr, adjoint: Expr) -> Expr:
+    """The loop's share of the gradient: the adjoint times the tangent along each axis of the variable."""
+    size = variable.type.size
+    axes = [const([1.0 if i == k else 0.0 for k in range(size)]) if size > 1 else ONE for i in range(size)]
+    parts = [
+        v.dot(adjoint, moved) if moved.type.is_vector else adjoint * moved
+        for (moved,) in tangents([item], [{variable: axis} for axis in axes])
+    ]
+    return construct(*parts) if size > 1 else parts[0]
+
+
+def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> list[list[Expr]]:
+    """Forward mode in several directions at once: for each direction, the tangent of each root."""
+    moved: list[dict[Expr, Expr]] = [dict(seed) for seed in seeds]
+    dependent = depends_on(roots, [variable for seed in seeds for variable in seed])
+    for node in topological(roots):
+        if node not in dependent or node in moved[0]:
+            continue
+        if node.type is STATE:
+            continue
+        if node.op == "item":
+            for direction, tangent in zip(moved, _loop_tangents(node, moved), strict=True):
+                direction[node] = tangent
+            continue
+        for direction in moved:
+            direction[node] = _forward(node, [direction.get(arg, zero(arg.type)) for arg in node.args])
+    return [[direction.get(root, zero(root.type)) for root in roots] for direction in moved]
+
+
+def _forward(node: Expr, incoming: Sequence[Expr]) -> Expr:
+    if node.type is BOOL:
+        return ZERO
+    if node.op in FORWARD:
+        return FORWARD[node.op](node, incoming)
+    total = zero(node.type)
+    for partial, tangent in zip(PARTIALS[node.op], incoming, strict=True):
+        if partial is not None and tangent is not zero(tangent.type):
+            total = total + partial(node) * tangent
+    return total if total.type is node.type else construct(*[total] * node.type.size)
+
+
+def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Expr]:
+    """The tangents of one result of a loop, from a loop whose state carries the tangents of all results."""
+    whole, body = item.args[0], item.args[0].data
+    n, ways = len(body.state), range(len(moved))
+    first = whole.args[:n]
+    formal = (*body.state, *body.captured)
+    starts = [[moved[d].get(arg, zero(arg.type)) for arg in whole.args] for d in ways]
+    carried = [[var(f"{s.data} along {d}", s.type) for s in body.state] for d in ways]
+    lifted = [
+        [var(f"{c.data} along {d}", c.type) if s is not zero(s.type) else s for c, s in zip(body.captured, start[n:])]
+        for d, start in zip(ways, starts, strict=True)
+    ]
+    inner = _open(body.inner, set(formal))
+    step, until = inner[:n], inner[n] if body.until is not None else None
+    still = {k for k in range(n) if all(starts[d][k] is zero(first[k].type) for d in ways)}
+    while True:  # a state that starts without a tangent and never gains one needs none
+        seeds = [
+            {f: zero(f.type) if k in still else t for k, (f, t) in enumerate(zip(formal, carried[d] + lifted[d], strict=True))}
+            for d in ways
+        ]
+        after = tangents(step, seeds)
+        gaining = {k for k in still if any(after[d][k] is not zero(first[k].type) for d in ways)}
+        if not gaining:
+            break
+        still -= gaining
+    moving = [(d, k) for d in ways for k in range(n) if k not in still]
+    around = dict(zip(body.captured, whole.args[n:], strict=True))
+    for d in ways:
+        around.update({t: s for t, s in zip(lifted[d], starts[d][n:], strict=True) if t.op == "var"})
+    results = close_loop(
+        body.count,
+        body.index,
+        (*body.state, *(carried[d][k] for d, k in moving)),
+        (*step, *(after[d][k] for d, k in moving)),
+        until,
+        (*first, *(starts[d][k] for d, k in moving)),
+        around,
+    )
+    if results[0].args[0] is not whole:
+        _lifted_from[results[0].args[0]] = whole
+    found = {pair: results[n + i] for i, pair in enumerate(moving)}
+    return [found.get((d, item.data), zero(item.type)) for d in ways]

@@ -1,0 +1,99 @@
+"""One engine for every reading that gives values: it walks, a table of rules says what each operation means.
+
+A rule is `rule(node, *values of the arguments) -> value`. Functions and loops are handled here, by running
+their inner expressions; a table says only how a loop is repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, TypeAlias
+
+from raymarch.expr.function import Function, Loop
+from raymarch.expr.node import Expr
+from raymarch.expr.walk import topological
+
+Rule: TypeAlias = Callable[..., Any]
+
+
+class Reading(Protocol):
+    """What a table must offer besides its rules."""
+
+    rules: Mapping[str, Rule]
+
+    def leaf(self, node: Expr) -> Any:
+        """Value of a constant."""
+
+    def repeat(self, body: Loop, program: Program, first: list[Any], captured: list[Any]) -> tuple[Any, ...]:
+        """Value of a loop: `program` gives the next state and, last, the leaving condition if there is one."""
+
+
+class Program:
+    """Expressions made ready to be evaluated many times: a straight list of steps over numbered slots."""
+
+    def __init__(self, roots: Sequence[Expr], inputs: Sequence[Expr], reading: Reading) -> None:
+        order = topological(roots)
+        slot = {node: i for i, node in enumerate(inputs)}
+        last_use: dict[Expr, int] = {}
+        self._start: list[Any] = [None] * len(inputs)
+        self._steps: list[tuple[Rule, Expr, tuple[int, ...], int, tuple[int, ...]]] = []
+        work = []
+        for node in order:
+            if node in slot:
+                continue
+            slot[node] = len(self._start)
+            self._start.append(reading.leaf(node) if node.op == "const" else None)
+            if node.op != "const":
+                work.append(node)
+        for i, node in enumerate(work):
+            for arg in node.args:
+                last_use[arg] = i
+        keep = set(roots) | set(inputs)
+        free: dict[int, list[int]] = {}
+        for node, i in last_use.items():
+            if node not in keep and node.op != "const":
+                free.setdefault(i, []).append(slot[node])
+        for i, node in enumerate(work):
+            arguments = tuple(slot[arg] for arg in node.args)
+            self._steps.append((_rule(node, reading), node, arguments, slot[node], tuple(free.get(i, ()))))
+        self._results = [slot[root] for root in roots]
+
+    def __call__(self, *inputs: Any) -> tuple[Any, ...]:
+        slots = self._start.copy()
+        slots[: len(inputs)] = inputs
+        for rule, node, arguments, result, dead in self._steps:
+            slots[result] = rule(node, *[slots[i] for i in arguments])
+            for i in dead:  # large graphs over many points would otherwise hold every intermediate array
+                slots[i] = None
+        return tuple(slots[i] for i in self._results)
+
+
+def _rule(node: Expr, reading: Reading) -> Rule:
+    if node.op == "call":
+        return _call_rule(node.data, reading)
+    if node.op == "loop":
+        return _loop_rule(node.data, reading)
+    if node.op == "item":
+        return _item
+    try:
+        return reading.rules[node.op]
+    except KeyError:
+        raise KeyError(f"{type(reading).__name__} has no rule for '{node.op}' ({node!r})") from None
+
+
+def _call_rule(definition: Function, reading: Reading) -> Rule:
+    key = ("program", reading)
+    if key not in definition.derived:
+        definition.derived[key] = Program([definition.body], definition.params, reading)
+    program = definition.derived[key]
+    return lambda _node, *args: program(*args)[0]
+
+
+def _loop_rule(body: Loop, reading: Reading) -> Rule:
+    program = Program(body.inner, (body.index, *body.state, *body.captured), reading)
+    n = len(body.state)
+    return lambda _node, *args: reading.repeat(body, program, list(args[:n]), list(args[n:]))
+
+
+def _item(node: Expr, results: tuple[Any, ...]) -> Any:
+    return results[node.data]

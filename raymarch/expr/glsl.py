@@ -1,0 +1,637 @@
+"""The GLSL reading: functions of the expression language as text that a person might have written.
+
+One text serves `#version 330 core` and `#version 300 es`. A value gets a temporary only where it is used
+twice, or where a line would nest too deep; temporaries carry the names of the author's own variables.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.function import Function, Loop
+from raymarch.expr.node import Expr, var
+from raymarch.expr.types import BOOL, FLOAT, STATE, Type
+from raymarch.expr.walk import depends_on, find, substitute, topological
+
+WIDTH = 100
+DEPTH = 16
+
+UNIFORM_PREFIX = "u_"
+
+
+class Line(NamedTuple):
+    """A line of GLSL and the expression that it computes, if it computes one."""
+
+    text: str
+    source: Expr | None
+
+
+class Piece(NamedTuple):
+    """Text of a subexpression, how tightly it binds, and its parts where it may be broken over lines."""
+
+    text: str
+    binding: int
+    depth: int
+    call: tuple[str, tuple[tuple[Piece, Expr], ...]] | None = None
+
+
+ATOM, POSTFIX, UNARY, TIMES, PLUS, ORDER, AND, OR, CHOICE = range(9)
+
+Template: TypeAlias = Callable[["FunctionPrinter", Expr, Sequence[Piece]], Piece]
+
+
+def literal(number: float) -> str:
+    """A finite float32 literal with a decimal point, as short as it can be without losing a bit."""
+    if not np.isfinite(number) or abs(number) > np.finfo(np.float32).max:
+        raise SceneError(f"{number} cannot be written in GLSL", legal="finite numbers up to 3.4e38")
+    text = repr(float(str(np.float32(number))))
+    if "e" in text and "." not in text:
+        text = text.replace("e", ".0e")
+    return text
+
+
+def constant(node: Expr) -> str:
+    """A constant of any type."""
+    if node.type is BOOL:
+        return "true" if bool(node.data) else "false"
+    if node.type is FLOAT:
+        return literal(float(node.data))
+    numbers = np.asarray(node.data).T.ravel()  # GLSL lists a matrix by columns
+    if node.type.is_vector and np.all(numbers == numbers[0]):
+        numbers = numbers[:1]
+    return f"{node.type}({', '.join(literal(float(x)) for x in numbers)})"
+
+
+# Templates
+
+
+def _wrap(piece: Piece, binding: int) -> str:
+    return f"({piece.text})" if piece.binding > binding else piece.text
+
+
+def _depth(pieces: Sequence[Piece]) -> int:
+    return 1 + max((p.depth for p in pieces), default=0)
+
+
+def call_text(name: str, pieces: Sequence[Piece], sources: Sequence[Expr]) -> Piece:
+    text = f"{name}({', '.join(p.text for p in pieces)})"
+    return Piece(text, ATOM, _depth(pieces), (name, tuple(zip(pieces, sources, strict=True))))
+
+
+def _call(name: str, *stretch: int) -> Template:
+    """A built-in function. Arguments at the positions in `stretch` may stay scalar beside vectors, others not."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        args = [
+            _stretched(p, a, node.type) if i not in stretch else p
+            for i, (p, a) in enumerate(zip(pieces, node.args, strict=True))
+        ]
+        return call_text(name, args, node.args)
+
+    return template
+
+
+def _stretched(piece: Piece, arg: Expr, wanted: Type) -> Piece:
+    if arg.type is wanted or not wanted.is_vector or arg.type is not FLOAT:
+        return piece
+    return Piece(f"{wanted}({piece.text})", ATOM, piece.depth + 1)
+
+
+def _commutative(name: str) -> Template:
+    """min and max: GLSL takes a scalar in second place only."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        order = (1, 0) if node.args[0].type is FLOAT and node.type is not FLOAT else (0, 1)
+        return call_text(name, [pieces[i] for i in order], [node.args[i] for i in order])
+
+    return template
+
+
+def _infix(symbol: str, binding: int) -> Template:
+    """A binary operator, left-associative: an equally loose right operand needs parentheses."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        left, right = _wrap(pieces[0], binding), _wrap(pieces[1], binding - 1)
+        return Piece(f"{left} {symbol} {right}", binding, _depth(pieces))
+
+    return template
+
+
+def _order(symbol: str, mirrored: str) -> Template:
+    """A comparison; a constant goes to the right, as one reads it."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        left, right = (_wrap(p, PLUS) for p in pieces)
+        text = f"{right} {mirrored} {left}" if node.args[0].is_constant else f"{left} {symbol} {right}"
+        return Piece(text, ORDER, _depth(pieces))
+
+    return template
+
+
+def _linear(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    return _infix("*", TIMES)(printer, node, pieces)
+
+
+def _prefix(symbol: str) -> Template:
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        inner = _wrap(pieces[0], POSTFIX)
+        return Piece(f"{symbol}({inner})" if inner.startswith(symbol) else symbol + inner, UNARY, _depth(pieces))
+
+    return template
+
+
+def _guarded(name: str, guard: str, is_safe: Callable[[Expr], bool]) -> Template:
+    """A built-in function whose first argument is brought into its domain, unless it is there by construction."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        first, arg = pieces[0], node.args[0]
+        if not is_safe(arg):
+            first = Piece(guard.format(first.text), ATOM, first.depth + 1)
+        rest = [_stretched(p, a, node.type) for p, a in zip(pieces[1:], node.args[1:], strict=True)]
+        return call_text(name, [_stretched(first, arg, node.type), *rest], node.args)
+
+    return template
+
+
+def is_nonnegative(e: Expr) -> bool:
+    """True where the form of the expression shows that no component is negative."""
+    match e.op:
+        case "const":
+            return e.type is not BOOL and bool(np.all(e.data >= 0))
+        case "abs" | "length" | "exp" | "exp2" | "sqrt" | "pow" | "step" | "fract":
+            return True
+        case "mul" | "dot":
+            return e.args[0] is e.args[1] or (e.op == "mul" and all(map(is_nonnegative, e.args)))
+        case "add" | "min":
+            return all(_shallow_nonnegative(a) for a in e.args)
+        case "max":
+            return any(_shallow_nonnegative(a) for a in e.args)
+        case "clamp":
+            return is_nonnegative(e.args[1])
+        case "param":
+            return e.data.min is not None and bool(np.all(np.asarray(e.data.min) >= 0))
+    return False
+
+
+def _shallow_nonnegative(e: Expr) -> bool:
+    return e.op not in ("add", "min", "max") and is_nonnegative(e)
+
+
+def _positive_constant(e: Expr) -> bool:
+    return e.op == "const" and e.type is not BOOL and bool(np.all(e.data > 0))
+
+
+def _helper(name: str, text: str) -> Template:
+    """A function that GLSL lacks or leaves undefined somewhere; its text is emitted once where it is used."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        printer.helpers[name, node.type.name] = text.replace("TYPE", node.type.name)
+        return call_text(name, [_stretched(p, a, node.type) for p, a in zip(pieces, node.args, strict=True)], node.args)
+
+    return template
+
+
+def _atan2(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    if node.type is FLOAT:
+        return _scalar_atan2(printer, node, pieces)
+    raise SceneError("atan2 of vectors", legal="scalars; take components first")
+
+
+_scalar_atan2 = _helper(
+    "atan2", "float atan2(float y, float x) {\n    return x == 0.0 && y == 0.0 ? 0.0 : atan(y, x);\n}"
+)
+
+
+def _swizzle(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    return Piece(f"{_wrap(pieces[0], POSTFIX)}.{node.data}", POSTFIX, pieces[0].depth)
+
+
+def _construct(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    if all(a is node.args[0] for a in node.args) and node.args[0].type is FLOAT:
+        return call_text(node.type.name, pieces[:1], node.args[:1])
+    return call_text(node.type.name, pieces, node.args)
+
+
+def _where(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    condition, yes, no = (_wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
+    return Piece(f"{condition} ? {yes} : {no}", CHOICE, _depth(pieces))
+
+
+def _mod(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    return _call("mod", 1)(printer, node, pieces)
+
+
+def _stepped(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    return _call("step", 0)(printer, node, pieces) if node.args[1].type is node.type else _call("step")(
+        printer, node, pieces
+    )
+
+
+def _clamp(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    scalars = node.args[1].type is FLOAT and node.args[2].type is FLOAT
+    return _call("clamp", *((1, 2) if scalars else ()))(printer, node, pieces)
+
+
+def _smoothstep(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    scalars = node.args[0].type is FLOAT and node.args[1].type is FLOAT
+    return _call("smoothstep", *((0, 1) if scalars else ()))(printer, node, pieces)
+
+
+def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    return Piece(f"floor({_wrap(pieces[0], PLUS)} + 0.5)", ATOM, _depth(pieces))
+
+
+TEMPLATES: Mapping[str, Template] = {
+    "add": _infix("+", PLUS),
+    "sub": _infix("-", PLUS),
+    "mul": _infix("*", TIMES),
+    "div": _infix("/", TIMES),
+    "mod": _mod,
+    "neg": _prefix("-"),
+    "abs": _call("abs"),
+    "sign": _call("sign"),
+    "floor": _call("floor"),
+    "ceil": _call("ceil"),
+    "round": _floor_of_half,
+    "fract": _call("fract"),
+    "sqrt": _guarded("sqrt", "max({}, 0.0)", is_nonnegative),
+    "exp": _call("exp"),
+    "exp2": _call("exp2"),
+    "log": _guarded("log", "max({}, 1.1754944e-38)", _positive_constant),
+    "log2": _guarded("log2", "max({}, 1.1754944e-38)", _positive_constant),
+    "sin": _call("sin"),
+    "cos": _call("cos"),
+    "tan": _call("tan"),
+    "asin": _guarded("asin", "clamp({}, -1.0, 1.0)", lambda e: False),
+    "acos": _guarded("acos", "clamp({}, -1.0, 1.0)", lambda e: False),
+    "atan": _call("atan"),
+    "atan2": _atan2,
+    "sinh": _call("sinh"),
+    "cosh": _call("cosh"),
+    "tanh": _call("tanh"),
+    "pow": _guarded("pow", "max({}, 0.0)", is_nonnegative),
+    "min": _commutative("min"),
+    "max": _commutative("max"),
+    "step": _stepped,
+    "clamp": _clamp,
+    "mix": _call("mix", 2),
+    "smoothstep": _smoothstep,
+    "lt": _order("<", ">"),
+    "le": _order("<=", ">="),
+    "and": _infix("&&", AND),
+    "or": _infix("||", OR),
+    "not": _prefix("!"),
+    "where": _where,
+    "dot": _call("dot"),
+    "cross": _call("cross"),
+    "length": _call("length"),
+    "normalize": _helper(
+        "unit", "TYPE unit(TYPE v) {\n    return v / max(length(v), 1.1754944e-38);\n}"
+    ),
+    "swizzle": _swizzle,
+    "construct": _construct,
+    "columns": _construct,
+    "matmul": _linear,
+    "transpose": _call("transpose"),
+}
+
+# Names
+
+RESERVED = frozenset(
+    """
+    attribute const uniform varying buffer shared coherent volatile restrict readonly writeonly atomic_uint layout
+    centroid flat smooth noperspective patch sample break continue do for while switch case default if else subroutine
+    in out inout float double int void bool true false invariant precise discard return lowp mediump highp precision
+    struct common partition active asm class union enum typedef template this resource goto inline noinline public
+    static extern external interface long short half fixed unsigned superp input output filter cast namespace using
+    main texture textureLod textureSize texelFetch atan2 unit radians degrees sin cos tan asin acos atan sinh cosh tanh
+    pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
+    smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
+    not lessThan greaterThan equal dFdx dFdy fwidth uint field
+    """.split()
+)
+_TYPE_LIKE = re.compile(r"([iubd]?vec[234]|mat[234](x[234])?|[iu]?(sampler|image)\w*)$")
+
+
+def identifier(name: str, taken: Iterable[str]) -> str:
+    """A legal GLSL name close to the wanted one, and not among those taken."""
+    clean = re.sub(r"_{2,}", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).strip("_") or "value"
+    if clean[0].isdigit():
+        clean = f"n{clean}"
+    if clean in RESERVED or _TYPE_LIKE.match(clean) or clean.startswith("gl_"):
+        clean = f"{clean}_value" if not clean.startswith("gl_") else f"v{clean}"
+    result, number = clean, 2
+    while result in taken or result in RESERVED:
+        result, number = f"{clean}{number}" if not clean[-1].isdigit() else f"{clean}_{number}", number + 1
+    return result
+
+
+@dataclass(slots=True)
+class Text:
+    """The functions of a field in the order in which they must stand, and what they need around them."""
+
+    names: dict[Function, str]
+    functions: list[list[Line]]
+    helpers: dict[tuple[str, str], str]
+    uniforms: dict[str, Expr]
+    uses_time: bool
+
+    def lines(self) -> list[Line]:
+        """Helpers and functions, with an empty line between them."""
+        result: list[Line] = []
+        for helper in self.helpers.values():
+            result += [Line(text, None) for text in helper.split("\n")] + [Line("", None)]
+        for lines in self.functions:
+            result += [*lines, Line("", None)]
+        return result[:-1]
+
+
+def print_functions(roots: Sequence[Function], taken: Iterable[str] = ()) -> Text:
+    """GLSL of some functions and of all that they call, each once."""
+    order = _callees_first(roots)
+    names: dict[Function, str] = {}
+    occupied = set(taken)
+    for definition in [*roots, *order]:  # the roots keep the names that they ask for
+        if definition not in names:
+            names[definition] = identifier(definition.name, occupied) if definition not in roots else definition.name
+            occupied.add(names[definition])
+    text = Text(names, [], {}, {}, False)
+    for definition in order:
+        text.functions.append(FunctionPrinter(definition, text, occupied).run())
+    for leaf in find([f.body for f in roots], "param"):
+        text.uniforms.setdefault(uniform_name(leaf), leaf)
+    text.uses_time = bool(find([f.body for f in roots], "time"))
+    return text
+
+
+def uniform_name(leaf: Expr) -> str:
+    """The GLSL name of a parameter or of the time."""
+    return "u_time" if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, ())
+
+
+def _callees_first(roots: Sequence[Function]) -> list[Function]:
+    order: dict[Function, None] = {}
+    stack: list[tuple[Function, bool]] = [(root, False) for root in reversed(roots)]
+    open_: set[Function] = set()
+    while stack:
+        definition, done = stack.pop()
+        if done:
+            order[definition] = None
+        elif definition not in open_:
+            open_.add(definition)
+            stack.append((definition, True))
+            callees = [call.data for call in _direct_calls(definition.inner)]
+            stack.extend((callee, False) for callee in reversed(callees))
+    return list(order)
+
+
+def _direct_calls(roots: Iterable[Expr]) -> list[Expr]:
+    calls: list[Expr] = []
+    pending = list(roots)
+    while pending:
+        nodes = topological(pending)
+        calls += [n for n in nodes if n.op == "call"]
+        pending = [inner for n in nodes if n.op == "loop" for inner in n.data.inner]
+    return calls
+
+
+# Printing one function
+
+
+@dataclass(slots=True)
+class FunctionPrinter:
+    """Prints one function: statements for what is shared, one expression for the rest."""
+
+    definition: Function
+    text: Text
+    taken_outside: set[str]
+    lines: list[Line] = field(default_factory=list)
+    names: dict[Expr, str] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=set)
+    wanted: dict[Expr, str] = field(default_factory=dict)
+    indent: int = 1
+
+    @property
+    def helpers(self) -> dict[tuple[str, str], str]:
+        return self.text.helpers
+
+    def run(self) -> list[Line]:
+        self.taken = set(self.taken_outside)
+        self.wanted = dict(self.definition.names)
+        for param in self.definition.params:
+            self.names[param] = self._name(param.data)
+        params = ", ".join(f"{p.type} {self.names[p]}" for p in self.definition.params)
+        head = f"{self.definition.type} {self.text.names[self.definition]}({params}) {{"
+        body = self.definition.body
+        self.emit([body], lambda _i, piece: self._statement("return ", piece, ";", body))
+        return [Line(head, body), *self.lines, Line("}", None)]
+
+    def _name(self, wanted: str) -> str:
+        name = identifier(wanted, self.taken)
+        self.taken.add(name)
+        return name
+
+    def emit(self, roots: Sequence[Expr], finish: Callable[[int, Piece], None]) -> None:
+        """Statements for all that the roots share, then `finish(i, piece)` for each root in turn."""
+        loops: dict[Expr, _OpenLoop] = {}
+
+        def arguments(node: Expr) -> tuple[Expr, ...]:
+            if node in self.names:
+                return ()
+            if node.op == "loop":
+                if node not in loops:
+                    loops[node] = self._open(node)
+                return (*node.args[: len(node.data.state)], *loops[node].hoisted)
+            return node.args
+
+        order = topological(roots, arguments)
+        uses: dict[Expr, int] = dict.fromkeys(order, 0)
+        for node in order:
+            for arg in arguments(node):
+                uses[arg] += 1
+        for root in roots:
+            uses[root] += 1
+        forced = {h for opened in loops.values() for h in opened.hoisted}
+        pieces: dict[Expr, Piece] = {}
+        waiting = list(enumerate(roots))
+        for node in order:
+            if node.type is STATE:
+                self._print_loop(node, loops[node], pieces)
+                continue
+            piece = self._piece(node, pieces)
+            shared = uses[node] > 1 or node in forced
+            if node not in self.names and node not in roots_only(waiting, node, uses) and (
+                (shared and not self._is_cheap(node)) or piece.depth > DEPTH
+            ):
+                piece = self._temporary(node, piece)
+            pieces[node] = piece
+            while waiting and waiting[0][1] in pieces:
+                i, root = waiting.pop(0)
+                finish(i, pieces[root])
+
+    def _is_cheap(self, node: Expr) -> bool:
+        while node.op in ("swizzle", "neg") and node not in self.names:
+            node = node.args[0]
+        return node.op in ("const", "var", "param", "time", "item") or node in self.names
+
+    def _piece(self, node: Expr, pieces: Mapping[Expr, Piece]) -> Piece:
+        if node in self.names:
+            return Piece(self.names[node], ATOM, 0)
+        if node.op == "const":
+            text = constant(node)
+            return Piece(text, UNARY if text.startswith("-") else ATOM, 0)
+        if node.op in ("param", "time"):
+            return Piece(uniform_name(node), ATOM, 0)
+        args = [pieces[arg] for arg in node.args]
+        if node.op == "call":
+            return call_text(self.text.names[node.data], args, node.args)
+        return TEMPLATES[node.op](self, node, args)
+
+    def _temporary(self, node: Expr, piece: Piece) -> Piece:
+        name = self._name(self.wanted.get(node) or _default_name(node))
+        self._statement(f"{node.type} {name} = ", piece, ";", node)
+        self.names[node] = name
+        return Piece(name, ATOM, 0)
+
+    def _statement(self, before: str, piece: Piece, after: str, source: Expr | None) -> None:
+        self.lines += _layout("    " * self.indent, before, piece, after, source)
+
+    # Loops
+
+    def _open(self, node: Expr) -> _OpenLoop:
+        """The loop's body over fresh variables, with the values captured from around it put in."""
+        body: Loop = node.data
+        n = len(body.state)
+        serial = next_serial()
+        index = var(f"turn {serial}", FLOAT)
+        state = tuple(var(f"state {serial} {k}", s.type) for k, s in enumerate(body.state))
+        replacements = dict(zip((body.index, *body.state, *body.captured), (index, *state, *node.args[n:]), strict=True))
+        inner = substitute(body.inner, replacements)
+        changing = depends_on(inner, (index, *state))
+        hoisted: dict[Expr, None] = {}
+        for expression in topological(inner):
+            if expression in changing:
+                outer = [a for a in expression.args if a not in changing]
+                hoisted.update((a, None) for a in outer if not self._is_cheap(a))
+        hoisted.update((e, None) for e in inner if e not in changing and not self._is_cheap(e))
+        for original, renamed in zip(body.state, state, strict=True):
+            if original in self.wanted:
+                self.wanted[renamed] = self.wanted[original]
+        return _OpenLoop(index, state, inner[:n], inner[n] if body.until is not None else None, list(hoisted))
+
+    def _print_loop(self, node: Expr, opened: _OpenLoop, pieces: Mapping[Expr, Piece]) -> None:
+        for k, state in enumerate(opened.state):
+            self.names[state] = self._name(self.wanted.get(state) or _default_name(state))
+            self._statement(f"{state.type} {self.names[state]} = ", pieces[node.args[k]], ";", node)
+            self.names[_item(node, k, state.type)] = self.names[state]
+        counter = self._name("i")
+        self.names[opened.index] = f"float({counter})"
+        self.lines.append(
+            Line("    " * self.indent + f"for (int {counter} = 0; {counter} < {node.data.count}; {counter}++) {{", node)
+        )
+        self.indent += 1
+        outside = dict(self.names)
+        roots = ([opened.until] if opened.until is not None else []) + list(opened.step)
+        news: list[Piece] = []
+
+        def finish(i: int, piece: Piece) -> None:
+            if i == 0 and opened.until is not None:
+                self._statement("if (", piece, ") break;", node)
+            else:
+                news.append(piece)
+
+        self.emit(roots, finish)
+        self._assign(opened, news)
+        self.names = outside
+        self.indent -= 1
+        self.lines.append(Line("    " * self.indent + "}", None))
+
+    def _assign(self, opened: _OpenLoop, news: list[Piece]) -> None:
+        """All state at once: an assignment waits until no other value still reads what it overwrites."""
+        todo = {k: p for k, p in enumerate(news) if p.text != self.names[opened.state[k]]}
+        while todo:
+            free = [
+                k
+                for k in todo
+                if not any(_mentions(p.text, self.names[opened.state[k]]) for j, p in todo.items() if j != k)
+            ]
+            if not free:
+                k = next(iter(todo))
+                held = self._name("next_" + self.names[opened.state[k]])
+                self._statement(f"{opened.state[k].type} {held} = ", todo[k], ";", opened.step[k])
+                todo[k] = Piece(held, ATOM, 0)
+                continue
+            for k in free:
+                self._statement(f"{self.names[opened.state[k]]} = ", todo.pop(k), ";", opened.step[k])
+                break
+
+
+@dataclass(slots=True)
+class _OpenLoop:
+    index: Expr
+    state: tuple[Expr, ...]
+    step: Sequence[Expr]
+    until: Expr | None
+    hoisted: list[Expr]
+
+
+_serial = [0]
+
+
+def next_serial() -> int:
+    _serial[0] += 1
+    return _serial[0]
+
+
+def roots_only(waiting: Sequence[tuple[int, Expr]], node: Expr, uses: Mapping[Expr, int]) -> tuple[Expr, ...]:
+    """A root that nothing else reads needs no temporary, its statement is its name."""
+    return (node,) if uses[node] == 1 and any(root is node for _, root in waiting) else ()
+
+
+def _item(whole: Expr, k: int, type: Type) -> Expr:
+    from raymarch.expr.node import make
+
+    return make("item", type, (whole,), k)
+
+
+def _mentions(text: str, name: str) -> bool:
+    return re.search(rf"\b{re.escape(name)}\b", text) is not None
+
+
+def _default_name(node: Expr) -> str:
+    if node.type.is_matrix:
+        return "m"
+    if node.type.is_vector:
+        return {2: "v", 3: "q", 4: "g"}[node.type.size]
+    return "c" if node.type is BOOL else "d"
+
+
+def _layout(indent: str, before: str, piece: Piece, after: str, source: Expr | None) -> list[Line]:
+    """One line where it fits; else a call with an argument on each line."""
+    flat = f"{indent}{before}{piece.text}{after}"
+    if len(flat) <= WIDTH or piece.call is None or len(piece.call[1]) < 2:
+        return [Line(flat, source)]
+    name, parts = piece.call
+    lines = [Line(f"{indent}{before}{name}(", source)]
+    for i, (part, part_source) in enumerate(parts):
+        end = f"){after}" if i == len(parts) - 1 else ","
+        lines += _layout(indent + "    ", "", part, end, part_source)
+    return lines
+
+
+def print_expression(node: Expr) -> str:
+    """One expression without temporaries, for messages and tests."""
+    printer = FunctionPrinter(Function("value", (), node), Text({}, [], {}, {}, False), set())
+    printer.names = {leaf: str(leaf.data) for leaf in find([node], "var")}
+    pieces: dict[Expr, Piece] = {}
+    for each in topological([node]):
+        pieces[each] = printer._piece(each, pieces)
+    return pieces[node].text
+
+

@@ -1,0 +1,256 @@
+"""The interval reading: what values can an expression take while parameters run over their ranges?
+
+A value is a pair (low, high) of float64 arrays. Operations without a rule of their own answer (-inf, inf),
+which is always true. Bounds, Lipschitz constants and parameter domains are read this way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.arrays import SMALLEST, lift
+from raymarch.expr.evaluate import Program, Rule
+from raymarch.expr.function import Loop
+from raymarch.expr.node import Expr
+from raymarch.expr.types import FLOAT
+
+Interval: TypeAlias = tuple[NDArray[Any], NDArray[Any]]
+
+
+def _unknown(node: Expr, *_args: Interval) -> Interval:
+    return np.full(node.type.shape, -np.inf), np.full(node.type.shape, np.inf)
+
+
+def _each(compute: Callable[..., Interval]) -> Rule:
+    def rule(node: Expr, *values: Interval) -> Interval:
+        lifted = [
+            (lift(low, a.type, node.type), lift(high, a.type, node.type))
+            for (low, high), a in zip(values, node.args, strict=True)
+        ]
+        low, high = compute(*lifted)
+        return np.broadcast_to(low, node.type.shape), np.broadcast_to(high, node.type.shape)
+
+    return rule
+
+
+def _rising(f: Callable[[Any], Any]) -> Rule:
+    return _each(lambda a: (f(a[0]), f(a[1])))
+
+
+def _times(x: Any, y: Any) -> Any:
+    """Product in which 0 times infinity is 0: the infinite end of a bound is approached, not reached."""
+    return np.where((x == 0) | (y == 0), 0.0, x * y)
+
+
+def _mul(a: Interval, b: Interval) -> Interval:
+    corners = [_times(x, y) for x in a for y in b]
+    return np.minimum.reduce(np.broadcast_arrays(*corners)), np.maximum.reduce(np.broadcast_arrays(*corners))
+
+
+_product = _each(_mul)
+
+
+def _reciprocal(b: Interval) -> Interval:
+    crosses = (b[0] <= 0) & (b[1] >= 0)
+    return np.where(crosses, -np.inf, 1 / b[1]), np.where(crosses, np.inf, 1 / b[0])
+
+
+def _abs(a: Interval) -> Interval:
+    low, high = np.abs(a[0]), np.abs(a[1])
+    return np.where((a[0] <= 0) & (a[1] >= 0), 0.0, np.minimum(low, high)), np.maximum(low, high)
+
+
+def _wave(peak: float) -> Callable[[Interval], Interval]:
+    """sin or cos: `peak` is where the maximum stands, modulo 2 pi."""
+
+    def rule(a: Interval) -> Interval:
+        def reaches(where: float) -> Any:
+            return np.floor((a[1] - where) / (2 * np.pi)) >= np.ceil((a[0] - where) / (2 * np.pi))
+
+        known = np.isfinite(a[0]) & np.isfinite(a[1])
+        ends = np.cos(np.where(known, a[0], 0) - peak), np.cos(np.where(known, a[1], 0) - peak)
+        low = np.where(~known | reaches(peak + np.pi), -1.0, np.minimum(*ends))
+        return low, np.where(~known | reaches(peak), 1.0, np.maximum(*ends))
+
+    return rule
+
+
+def _components(a: Interval) -> list[Interval]:
+    return [(a[0][i], a[1][i]) for i in range(a[0].shape[0])]
+
+
+def _square(a: Interval) -> Interval:
+    magnitude = _abs(a)
+    return magnitude[0] ** 2, magnitude[1] ** 2
+
+
+def _dot(node: Expr, a: Interval, b: Interval) -> Interval:
+    low, high = _square(a) if node.args[0] is node.args[1] else _mul(a, b)
+    return np.sum(low), np.sum(high)
+
+
+def _length(_node: Expr, a: Interval) -> Interval:
+    low, high = _square(a)
+    return np.sqrt(np.sum(low)), np.sqrt(np.sum(high))
+
+
+def _normalize(node: Expr, a: Interval) -> Interval:
+    if np.array_equal(*a):
+        v = a[0] / max(float(np.linalg.norm(a[0])), SMALLEST)
+        return v, v
+    return np.full(node.type.shape, -1.0), np.full(node.type.shape, 1.0)
+
+
+def _cross(_node: Expr, a: Interval, b: Interval) -> Interval:
+    p, q = _components(a), _components(b)
+    parts = [_sub(_mul(p[i], q[j]), _mul(p[j], q[i])) for i, j in ((1, 2), (2, 0), (0, 1))]
+    return np.array([x[0] for x in parts]), np.array([x[1] for x in parts])
+
+
+def _sub(a: Interval, b: Interval) -> Interval:
+    return a[0] - b[1], a[1] - b[0]
+
+
+def _add(a: Interval, b: Interval) -> Interval:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def _construct(node: Expr, *parts: Interval) -> Interval:
+    low, high = (np.concatenate([np.atleast_1d(p[i]) for p in parts]) for i in (0, 1))
+    return low, high
+
+
+def _swizzle(node: Expr, v: Interval) -> Interval:
+    picks = ["xyzw".index(c) for c in node.data]
+    pick: Any = picks[0] if node.type is FLOAT else picks
+    return v[0][pick], v[1][pick]
+
+
+def _matmul(node: Expr, a: Interval, b: Interval) -> Interval:
+    right = (b[0][:, None], b[1][:, None]) if node.type.is_vector else b
+    low, high = _mul((a[0][:, :, None], a[1][:, :, None]), (right[0][None], right[1][None]))
+    low, high = low.sum(axis=1), high.sum(axis=1)
+    return (low[:, 0], high[:, 0]) if node.type.is_vector else (low, high)
+
+
+def _stack(_node: Expr, *columns: Interval) -> Interval:
+    return np.stack([c[0] for c in columns], axis=-1), np.stack([c[1] for c in columns], axis=-1)
+
+
+def _less(strict: bool) -> Rule:
+    def rule(_node: Expr, a: Interval, b: Interval) -> Interval:
+        never, always = (a[0] >= b[1], a[1] < b[0]) if strict else (a[0] > b[1], a[1] <= b[0])
+        return np.asarray(always), np.asarray(not never)
+
+    return rule
+
+
+def _where(_node: Expr, condition: Interval, a: Interval, b: Interval) -> Interval:
+    if condition[0]:
+        return a
+    if not condition[1]:
+        return b
+    return np.minimum(a[0], b[0]), np.maximum(a[1], b[1])
+
+
+def _param(node: Expr) -> Interval:
+    shape = node.type.shape
+    low, high = node.data.min, node.data.max
+    return (
+        np.broadcast_to(-np.inf if low is None else np.asarray(low, np.float64), shape),
+        np.broadcast_to(np.inf if high is None else np.asarray(high, np.float64), shape),
+    )
+
+
+def _pow(a: Interval, b: Interval) -> Interval:
+    base = np.maximum(a[0], 0), np.maximum(a[1], 0)
+    corners = [np.power(x, y) for x in base for y in b]
+    return np.fmin.reduce(np.broadcast_arrays(*corners)), np.fmax.reduce(np.broadcast_arrays(*corners))
+
+
+RULES: Mapping[str, Rule] = {
+    "param": _param,
+    "time": _unknown,
+    "add": _each(_add),
+    "sub": _each(_sub),
+    "mul": lambda node, a, b: _square(a) if node.args[0] is node.args[1] else _product(node, a, b),
+    "div": _each(lambda a, b: _mul(a, _reciprocal(b))),
+    "neg": _each(lambda a: (-a[1], -a[0])),
+    "abs": _each(_abs),
+    "sign": _rising(np.sign),
+    "floor": _rising(np.floor),
+    "ceil": _rising(np.ceil),
+    "round": _rising(lambda x: np.floor(x + 0.5)),
+    "fract": _each(lambda a: (np.zeros_like(a[0]), np.ones_like(a[1]))),
+    "mod": _each(lambda a, b: (np.minimum(b[0], 0.0), np.maximum(b[1], 0.0))),
+    "sqrt": _rising(lambda x: np.sqrt(np.maximum(x, 0))),
+    "exp": _rising(np.exp),
+    "exp2": _rising(np.exp2),
+    "log": _rising(lambda x: np.log(np.maximum(x, SMALLEST))),
+    "log2": _rising(lambda x: np.log2(np.maximum(x, SMALLEST))),
+    "sin": _each(_wave(np.pi / 2)),
+    "cos": _each(_wave(0.0)),
+    "tan": _unknown,
+    "asin": _rising(lambda x: np.arcsin(np.clip(x, -1, 1))),
+    "acos": _each(lambda a: (np.arccos(np.clip(a[1], -1, 1)), np.arccos(np.clip(a[0], -1, 1)))),
+    "atan": _rising(np.arctan),
+    "atan2": _each(lambda y, x: (np.full_like(y[0], -np.pi), np.full_like(y[1], np.pi))),
+    "sinh": _rising(np.sinh),
+    "cosh": _each(lambda a: (np.cosh(_abs(a)[0]), np.cosh(_abs(a)[1]))),
+    "tanh": _rising(np.tanh),
+    "pow": _each(_pow),
+    "min": _each(lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1]))),
+    "max": _each(lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1]))),
+    "clamp": _each(
+        lambda x, low, high: (
+            np.minimum(np.maximum(x[0], low[0]), high[0]),
+            np.minimum(np.maximum(x[1], low[1]), high[1]),
+        )
+    ),
+    "mix": _each(lambda a, b, t: _add(_mul(a, _sub((1.0, 1.0), t)), _mul(b, t))),
+    "step": _each(lambda edge, x: (np.where(x[0] >= edge[1], 1.0, 0.0), np.where(x[1] < edge[0], 0.0, 1.0))),
+    "smoothstep": _each(lambda low, high, x: (np.zeros_like(x[0]), np.ones_like(x[1]))),
+    "lt": _less(strict=True),
+    "le": _less(strict=False),
+    "and": lambda _node, a, b: (a[0] & b[0], a[1] & b[1]),
+    "or": lambda _node, a, b: (a[0] | b[0], a[1] | b[1]),
+    "not": lambda _node, a: (~a[1], ~a[0]),
+    "where": _where,
+    "dot": _dot,
+    "length": _length,
+    "normalize": _normalize,
+    "cross": _cross,
+    "swizzle": _swizzle,
+    "construct": _construct,
+    "columns": _stack,
+    "matmul": _matmul,
+    "transpose": lambda _node, m: (m[0].T, m[1].T),
+}
+
+
+class Intervals:
+    """The reading; it has no state."""
+
+    rules = RULES
+
+    def leaf(self, node: Expr) -> Interval:
+        return node.data, node.data
+
+    def repeat(self, body: Loop, program: Program, first: list[Any], captured: list[Any]) -> tuple[Any, ...]:
+        return tuple(_unknown(v) for v in body.state)
+
+
+INTERVALS = Intervals()
+
+
+def interval_of(node: Expr) -> Interval:
+    """The range of an expression without variables over all legal parameter values and all times."""
+    if node.op == "const":
+        return node.data, node.data
+    with np.errstate(all="ignore"):
+        low, high = Program([node], [], INTERVALS)()[0]
+    return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)

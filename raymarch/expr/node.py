@@ -1,0 +1,341 @@
+"""Expressions: immutable, typed, hash-consed. Two equal expressions are one object.
+
+An `Expr` is an operation, its arguments and at most one piece of plain data. What the operations
+mean is not written here: each reading (GLSL, NumPy, intervals, derivative) is a table over their names.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from os.path import abspath, dirname, sep
+from types import FrameType
+from typing import Any, TypeAlias
+from weakref import WeakValueDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import Location, SceneError
+from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, Type, vector
+
+_HERE = dirname(abspath(__file__)) + sep
+
+Floats: TypeAlias = NDArray[np.floating[Any]]
+
+
+class Expr:
+    """A value that is computed for each point. Make one with the vocabulary, not with this constructor.
+
+    Attributes
+    ----------
+    op : name of the operation, a key of every reading's table.
+    type : its GLSL type.
+    args : the expressions that it reads.
+    data : the constant of a `const`, the name of a `var`, the components of a `swizzle`, ...
+    where : the line that first wrote it.
+    """
+
+    __slots__ = ("__weakref__", "args", "data", "op", "type", "where")
+    __array_ufunc__ = None  # NumPy must leave `array * expr` to __rmul__
+
+    op: str
+    type: Type
+    args: tuple[Expr, ...]
+    data: Any
+    where: Location | None
+
+    def __repr__(self) -> str:
+        if self.op == "const":
+            return f"{self.type}({np.array2string(self.data, separator=', ')})"
+        inner = ", ".join(f"<{arg.op}: {arg.type}>" for arg in self.args)
+        return f"{self.op}({inner}{f' {self.data}' if self.data is not None else ''}) -> {self.type}"
+
+    def __bool__(self) -> bool:
+        raise SceneError(
+            f"an expression ({self.op}: {self.type}) has no truth value while the scene is being built",
+            legal="use where(condition, a, b) in place of if, and & | ~ in place of and, or, not",
+        )
+
+    def __float__(self) -> float:
+        raise SceneError(
+            f"an expression ({self.op}: {self.type}) has no number yet, it is computed for each point",
+            legal="use the functions of raymarch's vocabulary in place of the math module's",
+        )
+
+    # Arithmetic, as in GLSL: a scalar works with every component of a vector.
+    def __add__(self, other: Operand) -> Expr:
+        return elementwise("add", self, other)
+
+    def __radd__(self, other: Operand) -> Expr:
+        return elementwise("add", other, self)
+
+    def __sub__(self, other: Operand) -> Expr:
+        return elementwise("sub", self, other)
+
+    def __rsub__(self, other: Operand) -> Expr:
+        return elementwise("sub", other, self)
+
+    def __mul__(self, other: Operand) -> Expr:
+        return product(self, other)
+
+    def __rmul__(self, other: Operand) -> Expr:
+        return product(other, self)
+
+    def __matmul__(self, other: Operand) -> Expr:
+        return product(self, other)
+
+    def __truediv__(self, other: Operand) -> Expr:
+        return elementwise("div", self, other)
+
+    def __rtruediv__(self, other: Operand) -> Expr:
+        return elementwise("div", other, self)
+
+    def __mod__(self, other: Operand) -> Expr:
+        return elementwise("mod", self, other)
+
+    def __neg__(self) -> Expr:
+        return elementwise("neg", self)
+
+    def __pos__(self) -> Expr:
+        return self
+
+    def __abs__(self) -> Expr:
+        return elementwise("abs", self)
+
+    # Comparisons give booleans; == stays identity, because equal expressions are one object.
+    def __lt__(self, other: Operand) -> Expr:
+        return compare("lt", self, other)
+
+    def __le__(self, other: Operand) -> Expr:
+        return compare("le", self, other)
+
+    def __gt__(self, other: Operand) -> Expr:
+        return compare("lt", other, self)
+
+    def __ge__(self, other: Operand) -> Expr:
+        return compare("le", other, self)
+
+    def __and__(self, other: Expr) -> Expr:
+        return logic("and", self, other)
+
+    def __or__(self, other: Expr) -> Expr:
+        return logic("or", self, other)
+
+    def __invert__(self) -> Expr:
+        return logic("not", self)
+
+    # Components.
+    def __len__(self) -> int:
+        if not self.type.is_vector:
+            raise SceneError(f"a {self.type} has no components")
+        return self.type.size
+
+    def __getitem__(self, index: int) -> Expr:
+        return swizzle(self, "xyzw"[range(len(self))[index]])
+
+    def __iter__(self) -> Iterator[Expr]:
+        return (self[i] for i in range(len(self)))
+
+    @property
+    def x(self) -> Expr:
+        return swizzle(self, "x")
+
+    @property
+    def y(self) -> Expr:
+        return swizzle(self, "y")
+
+    @property
+    def z(self) -> Expr:
+        return swizzle(self, "z")
+
+    @property
+    def w(self) -> Expr:
+        return swizzle(self, "w")
+
+    @property
+    def xy(self) -> Expr:
+        return swizzle(self, "xy")
+
+    @property
+    def yz(self) -> Expr:
+        return swizzle(self, "yz")
+
+    @property
+    def xz(self) -> Expr:
+        return swizzle(self, "xz")
+
+    @property
+    def yx(self) -> Expr:
+        return swizzle(self, "yx")
+
+    @property
+    def zx(self) -> Expr:
+        return swizzle(self, "zx")
+
+    @property
+    def zy(self) -> Expr:
+        return swizzle(self, "zy")
+
+    @property
+    def xyz(self) -> Expr:
+        return swizzle(self, "xyz")
+
+    @property
+    def is_constant(self) -> bool:
+        return self.op == "const"
+
+
+Operand: TypeAlias = Expr | float | Sequence[Any] | NDArray[Any]
+"""What stands for a value: an expression, a number, or a sequence of 2 to 4 of them."""
+
+_interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
+
+
+def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls: type[Expr] = Expr) -> Expr:
+    """The one expression of this operation, arguments and data; no simplification (see `simplify`)."""
+    key = (op, type, args, (data.tobytes(), data.dtype.char) if isinstance(data, np.ndarray) else data)
+    found = _interned.get(key)
+    if found is not None:
+        return found
+    node = object.__new__(cls)
+    node.op, node.type, node.args, node.data, node.where = op, type, args, data, _writer()
+    _interned[key] = node
+    return node
+
+
+def _writer() -> Location | None:
+    """The line outside this room that asked for the expression."""
+    frame: FrameType | None = sys._getframe(2)
+    while frame is not None and frame.f_code.co_filename.startswith(_HERE):
+        frame = frame.f_back
+    return Location(frame.f_code.co_filename, frame.f_lineno) if frame else None
+
+
+def const(value: Any, type: Type | None = None) -> Expr:
+    """A constant, float64. Non-finite values are allowed here (facts use them) and refused by the GLSL printer."""
+    array = np.array(value, dtype=bool if isinstance(value, bool | np.bool_) else np.float64)
+    array.setflags(write=False)
+    if type is None:
+        type = _type_of_shape(array)
+    return make("const", type, (), array)
+
+
+def _type_of_shape(array: NDArray[Any]) -> Type:
+    if array.shape == ():
+        return BOOL if array.dtype == bool else FLOAT
+    if array.ndim == 1 and 2 <= array.size <= 4:
+        return vector(array.size)
+    if array.ndim == 2 and array.shape[0] == array.shape[1] and 2 <= array.shape[0] <= 4:
+        return MATRICES[array.shape[0]]
+    raise SceneError(
+        f"an array of shape {array.shape} is no value of the expression language",
+        legal="a number, a vector of 2 to 4 numbers or a square matrix",
+    )
+
+
+def expr(value: Operand) -> Expr:
+    """Any operand as an expression: numbers become constants, sequences that hold expressions become vectors."""
+    if isinstance(value, Expr):
+        return value
+    if isinstance(value, bool | int | float | np.ndarray | np.generic):
+        return const(value)
+    if isinstance(value, tuple | list):
+        if any(isinstance(item, Expr) for item in value):
+            return construct(*value)
+        try:
+            return const(value)
+        except (TypeError, ValueError):
+            pass
+    raise SceneError(
+        f"{value!r} ({type(value).__name__}) is no number, vector or expression",
+        legal="a number, a sequence of 2 to 4 numbers, or an expression",
+    )
+
+
+def elementwise(op: str, *operands: Operand) -> Expr:
+    """An operation on each component; scalars work with every component of the widest operand."""
+    args = tuple(map(expr, operands))
+    return simplify(op, _widest(op, args), args)
+
+
+def _widest(op: str, args: tuple[Expr, ...]) -> Type:
+    widest = FLOAT
+    for arg in args:
+        if arg.type is BOOL or arg.type is STATE:
+            raise SceneError(f"{op} does not take a {arg.type}", legal="numbers and vectors")
+        if arg.type is not FLOAT:
+            if widest is not FLOAT and widest is not arg.type:
+                names = ", ".join(a.type.name for a in args)
+                raise SceneError(f"{op}({names}) mixes sizes", legal="operands of one size, or scalars")
+            widest = arg.type
+    return widest
+
+
+def product(a: Operand, b: Operand) -> Expr:
+    """GLSL's `*`: by component, or the linear-algebra product where a matrix takes part."""
+    left, right = expr(a), expr(b)
+    if not (left.type.is_matrix or right.type.is_matrix) or FLOAT in (left.type, right.type):
+        return elementwise("mul", left, right)
+    if left.type.size != right.type.size:
+        raise SceneError(f"{left.type} * {right.type}: sizes differ", legal="a matrix and a vector of one size")
+    if left.type.is_vector:  # v * M == transpose(M) * v
+        return product(simplify("transpose", right.type, (right,)), left)
+    return simplify("matmul", right.type, (left, right))
+
+
+def compare(op: str, a: Operand, b: Operand) -> Expr:
+    left, right = expr(a), expr(b)
+    if left.type is not FLOAT or right.type is not FLOAT:
+        raise SceneError(f"cannot order {left.type} and {right.type}", legal="two scalars; take components first")
+    return simplify(op, BOOL, (left, right))
+
+
+def logic(op: str, *operands: Operand) -> Expr:
+    args = tuple(map(expr, operands))
+    for arg in args:
+        if arg.type is not BOOL:
+            raise SceneError(f"'{op}' needs conditions, not {arg.type}", legal="comparisons such as a < b")
+    return simplify(op, BOOL, args)
+
+
+def swizzle(value: Expr, components: str) -> Expr:
+    """Components by name, as in GLSL: `swizzle(p, "zx")`."""
+    if not value.type.is_vector or any(c not in "xyzw"[: value.type.size] for c in components):
+        raise SceneError(f"a {value.type} has no component '{components}'", legal="x, y, z, w of a vector")
+    return simplify("swizzle", vector(len(components)), (value,), components)
+
+
+def construct(*parts: Operand) -> Expr:
+    """vec2, vec3 or vec4 from scalars and vectors, as in GLSL."""
+    args = tuple(map(expr, parts))
+    size = sum(arg.type.size for arg in args)
+    if not 2 <= size <= 4 or any(arg.type is BOOL or arg.type.is_matrix for arg in args):
+        raise SceneError(
+            f"no vector of {', '.join(arg.type.name for arg in args)}", legal="2 to 4 numbers in all, no matrices"
+        )
+    return simplify("construct", vector(size), args)
+
+
+def var(name: str, type: Type) -> Expr:
+    """A parameter of a function, or the carried state of a loop."""
+    return make("var", type, (), name)
+
+
+Simplifier: TypeAlias = Callable[[str, Type, tuple[Expr, ...], Any], "Expr | None"]
+_simplifiers: list[Simplifier] = []
+
+
+def simplify(op: str, type: Type, args: tuple[Expr, ...], data: Any = None) -> Expr:
+    """The expression, after constants are folded and identities (x + 0, x * 1, ...) are taken out."""
+    for rule in _simplifiers:
+        simple = rule(op, type, args, data)
+        if simple is not None:
+            return simple
+    return make(op, type, args, data)
+
+
+def simplifier(rule: Simplifier) -> Simplifier:
+    """Register a rule that may replace an expression about to be made by a simpler one."""
+    _simplifiers.append(rule)
+    return rule

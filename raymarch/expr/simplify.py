@@ -1,0 +1,142 @@
+"""Rules that run whenever an expression is made: constants fold, identities vanish.
+
+Folding uses the float64 reading, so a literal and a uniform of the same value follow the same rules.
+x * 0 becomes 0 although inf * 0 is not: fields are finite by their facts, and derivatives are full of zeros.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raymarch.expr.arrays import FLOAT64
+from raymarch.expr.node import Expr, const, construct, elementwise, make, simplifier, swizzle
+from raymarch.expr.types import BOOL, FLOAT, Type
+
+_RULES = FLOAT64.rules
+
+
+@simplifier
+def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
+    if not args or any(arg.op != "const" for arg in args):
+        return None
+    node = make(op, type, args, data)
+    with np.errstate(all="ignore"):
+        value = _RULES[op](node, *[arg.data for arg in args])
+    if type is BOOL:
+        return const(bool(value))
+    return const(np.broadcast_to(np.asarray(value, np.float64), type.shape), type)
+
+
+def _is(node: Expr, number: float) -> bool:
+    return node.op == "const" and node.type is not BOOL and not node.type.is_matrix and bool(np.all(node.data == number))
+
+
+def _widen(node: Expr, type: Type) -> Expr:
+    if node.type is type:
+        return node
+    if node.op == "const":
+        return const(np.broadcast_to(node.data, type.shape), type)
+    return make("construct", type, (node,) * type.size)
+
+
+@simplifier
+def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
+    match op, args:
+        case "add", (a, b):
+            if _is(a, 0):
+                return _widen(b, type)
+            if _is(b, 0):
+                return _widen(a, type)
+            if b.op == "neg":
+                return elementwise("sub", a, b.args[0])
+            return _add_components(a, b)
+        case "sub", (a, b):
+            if _is(b, 0):
+                return _widen(a, type)
+            if _is(a, 0):
+                return elementwise("neg", _widen(b, type))
+            if b.op == "neg":
+                return elementwise("add", a, b.args[0])
+            if a is b:
+                return _widen(const(0.0), type)
+        case "mul", (a, b):
+            for one, other in ((a, b), (b, a)):
+                if _is(one, 0):
+                    return _widen(const(0.0), type)
+                if _is(one, 1):
+                    return _widen(other, type)
+                if _is(one, -1):
+                    return elementwise("neg", _widen(other, type))
+        case "div", (a, b):
+            if _is(b, 1):
+                return _widen(a, type)
+            if _is(a, 0):
+                return _widen(const(0.0), type)
+        case "neg", (a,) if a.op == "neg":
+            return a.args[0]
+        case ("min" | "max"), (a, b) if a is b:
+            return a
+        case "abs", (a,) if a.op in ("abs", "neg"):
+            return a if a.op == "abs" else elementwise("abs", a.args[0])
+        case "not", (a,) if a.op == "not":
+            return a.args[0]
+    return None
+
+
+def _add_components(a: Expr, b: Expr) -> Expr | None:
+    """Gradients come as (x, 0, 0) + (0, y, z): add them where they are not zero."""
+    if a.op == b.op == "construct" and all(p.type is FLOAT for p in a.args + b.args):
+        sums = tuple(elementwise("add", p, q) for p, q in zip(a.args, b.args, strict=True))
+        return make("construct", a.type, sums)
+    return None
+
+
+@simplifier
+def choices(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
+    if op == "where":
+        condition, a, b = args
+        if condition.op == "const":
+            return a if bool(condition.data) else b
+        if a is b:
+            return a
+        if condition.op == "not":
+            return make("where", type, (condition.args[0], b, a))
+    if op in ("and", "or"):
+        for one, other in (args, args[::-1]):
+            if one.op == "const":
+                return other if bool(one.data) == (op == "and") else one
+    return None
+
+
+def _scalars(v: Expr) -> list[Expr]:
+    """The components of a constructed vector, one expression each."""
+    return [part for p in v.args for part in ([p] if p.type is FLOAT else [p[i] for i in range(p.type.size)])]
+
+
+@simplifier
+def components(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
+    if op == "swizzle":
+        (v,) = args
+        if data == "xyzw"[: v.type.size]:
+            return v
+        if v.op == "swizzle":
+            return swizzle(v.args[0], "".join(v.data["xyzw".index(c)] for c in data))
+        if v.op == "construct":
+            parts = _scalars(v)
+            picked = tuple(parts["xyzw".index(c)] for c in data)
+            return picked[0] if len(picked) == 1 else construct(*picked)
+    if op == "construct":
+        if len(args) == 1:
+            return args[0]
+        source = args[0].args[0] if args[0].op == "swizzle" else None
+        if source is not None and all(p.op == "swizzle" and p.args[0] is source for p in args):
+            return swizzle(source, "".join(p.data for p in args))
+    if op == "matmul":
+        m, v = args
+        if m.op == "const" and bool(np.array_equal(m.data, np.eye(m.type.size))):
+            return v
+    if op == "transpose" and args[0].op == "transpose":
+        return args[0].args[0]
+    return None

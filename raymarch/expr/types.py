@@ -1,0 +1,45 @@
+"""The types of the expression language: GLSL's own, by GLSL's own names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """One GLSL type. `shape` is the shape of one value in NumPy: () for a scalar, (3,) for vec3, (3, 3) for mat3."""
+
+    name: str
+    shape: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return self.name
+
+    @property
+    def is_vector(self) -> bool:
+        return len(self.shape) == 1
+
+    @property
+    def is_matrix(self) -> bool:
+        return len(self.shape) == 2
+
+    @property
+    def size(self) -> int:
+        """Number of components along one side: 1 for scalars, n for vecn and matn."""
+        return self.shape[0] if self.shape else 1
+
+
+BOOL = Type("bool", ())
+FLOAT = Type("float", ())
+VEC2, VEC3, VEC4 = (Type(f"vec{n}", (n,)) for n in (2, 3, 4))
+MAT2, MAT3, MAT4 = (Type(f"mat{n}", (n, n)) for n in (2, 3, 4))
+STATE = Type("state", ())
+"""The value of a loop: several results at once, taken apart by `item`. It has no GLSL name of its own."""
+
+VECTORS = {2: VEC2, 3: VEC3, 4: VEC4}
+MATRICES = {2: MAT2, 3: MAT3, 4: MAT4}
+
+
+def vector(size: int) -> Type:
+    """FLOAT for 1, else the vector type of that many components (2 to 4)."""
+    return FLOAT if size == 1 else VECTORS[size]

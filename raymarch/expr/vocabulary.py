@@ -1,0 +1,258 @@
+"""The words that fields are written in, in GLSL's own names. All take and give expressions; numbers are welcome.
+
+Where GLSL leaves a result undefined, these define it: `sqrt` and `pow` take a negative base as 0, `log` stops at
+the smallest normal float32, `asin` and `acos` clamp to [-1, 1], `atan2(0, 0)` is 0 and `normalize(0)` is 0.
+"""
+
+from __future__ import annotations
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, Operand, construct, elementwise, expr, simplify
+from raymarch.expr.types import BOOL, FLOAT, MATRICES, VEC3
+
+Vec = Operand
+
+
+def _unary(op: str, x: Operand) -> Expr:
+    return elementwise(op, x)
+
+
+def sign(x: Operand) -> Expr:
+    """-1, 0 or 1."""
+    return _unary("sign", x)
+
+
+def floor(x: Operand) -> Expr:
+    return _unary("floor", x)
+
+
+def ceil(x: Operand) -> Expr:
+    return _unary("ceil", x)
+
+
+def round(x: Operand) -> Expr:
+    """Nearest whole number; halves go up, on every driver."""
+    return _unary("round", x)
+
+
+def fract(x: Operand) -> Expr:
+    """x - floor(x), in [0, 1)."""
+    return _unary("fract", x)
+
+
+def abs(x: Operand) -> Expr:
+    """|x|; Python's own abs() does the same."""
+    return _unary("abs", x)
+
+
+def sqrt(x: Operand) -> Expr:
+    """Square root; 0 for negative x."""
+    return _unary("sqrt", x)
+
+
+def exp(x: Operand) -> Expr:
+    return _unary("exp", x)
+
+
+def exp2(x: Operand) -> Expr:
+    return _unary("exp2", x)
+
+
+def log(x: Operand) -> Expr:
+    """Natural logarithm of max(x, 1.1754944e-38)."""
+    return _unary("log", x)
+
+
+def log2(x: Operand) -> Expr:
+    """Logarithm to base 2 of max(x, 1.1754944e-38)."""
+    return _unary("log2", x)
+
+
+def sin(x: Operand) -> Expr:
+    return _unary("sin", x)
+
+
+def cos(x: Operand) -> Expr:
+    return _unary("cos", x)
+
+
+def tan(x: Operand) -> Expr:
+    return _unary("tan", x)
+
+
+def asin(x: Operand) -> Expr:
+    """Arc sine of x clamped to [-1, 1]."""
+    return _unary("asin", x)
+
+
+def acos(x: Operand) -> Expr:
+    """Arc cosine of x clamped to [-1, 1]."""
+    return _unary("acos", x)
+
+
+def atan(x: Operand) -> Expr:
+    return _unary("atan", x)
+
+
+def atan2(y: Operand, x: Operand) -> Expr:
+    """Angle of (x, y), from -pi to pi; 0 at the origin."""
+    return elementwise("atan2", y, x)
+
+
+def sinh(x: Operand) -> Expr:
+    return _unary("sinh", x)
+
+
+def cosh(x: Operand) -> Expr:
+    return _unary("cosh", x)
+
+
+def tanh(x: Operand) -> Expr:
+    return _unary("tanh", x)
+
+
+def pow(x: Operand, y: Operand) -> Expr:
+    """max(x, 0) to the power of y; for whole powers of signed numbers multiply."""
+    return elementwise("pow", x, y)
+
+
+def square(x: Operand) -> Expr:
+    value = expr(x)
+    return value * value
+
+
+def mod(x: Operand, y: Operand) -> Expr:
+    """x - y * floor(x / y): the result has the sign of y."""
+    return elementwise("mod", x, y)
+
+
+def min(a: Operand, b: Operand, *more: Operand) -> Expr:
+    value = elementwise("min", a, b)
+    for other in more:
+        value = elementwise("min", value, other)
+    return value
+
+
+def max(a: Operand, b: Operand, *more: Operand) -> Expr:
+    value = elementwise("max", a, b)
+    for other in more:
+        value = elementwise("max", value, other)
+    return value
+
+
+def clamp(x: Operand, low: Operand, high: Operand) -> Expr:
+    """min(max(x, low), high)."""
+    return elementwise("clamp", x, low, high)
+
+
+def mix(a: Operand, b: Operand, t: Operand) -> Expr:
+    """a (1 - t) + b t."""
+    return elementwise("mix", a, b, t)
+
+
+def step(edge: Operand, x: Operand) -> Expr:
+    """0 where x < edge, else 1."""
+    return elementwise("step", edge, x)
+
+
+def smoothstep(low: Operand, high: Operand, x: Operand) -> Expr:
+    """Hermite step from 0 at `low` to 1 at `high`; the edges must differ."""
+    first, last = expr(low), expr(high)
+    if first is last:
+        raise SceneError("smoothstep with equal edges", legal="low < high")
+    return elementwise("smoothstep", first, last, x)
+
+
+def where(condition: Expr, a: Operand, b: Operand) -> Expr:
+    """a where the condition holds, else b. Both are computed."""
+    yes, no = expr(a), expr(b)
+    if not isinstance(condition, Expr) or condition.type is not BOOL:
+        raise SceneError(f"where needs a condition, not {condition!r}", legal="a comparison such as a < b")
+    if yes.type is FLOAT and no.type.is_vector:
+        yes = construct(*[yes] * no.type.size)
+    if no.type is FLOAT and yes.type.is_vector:
+        no = construct(*[no] * yes.type.size)
+    if yes.type is not no.type:
+        raise SceneError(f"where(condition, {yes.type}, {no.type})", legal="two values of one type")
+    return simplify("where", yes.type, (condition, yes, no))
+
+
+def _vectors(name: str, *values: Operand) -> tuple[Expr, ...]:
+    args = tuple(map(expr, values))
+    if not args[0].type.is_vector or any(a.type is not args[0].type for a in args):
+        raise SceneError(f"{name}({', '.join(a.type.name for a in args)})", legal="vectors of one size")
+    return args
+
+
+def dot(a: Vec, b: Vec) -> Expr:
+    return simplify("dot", FLOAT, _vectors("dot", a, b))
+
+
+def length(v: Vec) -> Expr:
+    """Euclidean norm of a vector; |x| of a scalar."""
+    value = expr(v)
+    return elementwise("abs", value) if value.type is FLOAT else simplify("length", FLOAT, _vectors("length", value))
+
+
+def distance(a: Vec, b: Vec) -> Expr:
+    return length(expr(a) - b)
+
+
+def normalize(v: Vec) -> Expr:
+    """v / |v|; the zero vector stays zero."""
+    args = _vectors("normalize", v)
+    return simplify("normalize", args[0].type, args)
+
+
+def cross(a: Vec, b: Vec) -> Expr:
+    args = _vectors("cross", a, b)
+    if args[0].type is not VEC3:
+        raise SceneError(f"cross({args[0].type}, {args[1].type})", legal="two vec3")
+    return simplify("cross", VEC3, args)
+
+
+def vec2(*parts: Operand) -> Expr:
+    return _of_size(2, parts)
+
+
+def vec3(*parts: Operand) -> Expr:
+    return _of_size(3, parts)
+
+
+def vec4(*parts: Operand) -> Expr:
+    return _of_size(4, parts)
+
+
+def _of_size(size: int, parts: tuple[Operand, ...]) -> Expr:
+    value = construct(*(parts * size if len(parts) == 1 and expr(parts[0]).type is FLOAT else parts))
+    if value.type.size != size:
+        raise SceneError(f"vec{size} of {value.type.size} numbers", legal=f"{size} numbers in all")
+    return value
+
+
+def columns(*vectors: Operand) -> Expr:
+    """The matrix with these columns, as GLSL's mat2, mat3 and mat4 constructors take them."""
+    args = _vectors("columns", *vectors)
+    if len(args) != args[0].type.size:
+        raise SceneError(f"a matrix of {len(args)} columns of {args[0].type}", legal="as many columns as rows")
+    return simplify("columns", MATRICES[len(args)], args)
+
+
+def transpose(m: Operand) -> Expr:
+    value = expr(m)
+    if not value.type.is_matrix:
+        raise SceneError(f"transpose({value.type})", legal="a matrix")
+    return simplify("transpose", value.type, (value,))
+
+
+def rotation2(v: Operand, angle: Operand) -> Expr:
+    """A vec2 turned by an angle in radians, counter-clockwise."""
+    value, c, s = expr(v), cos(angle), sin(angle)
+    return vec2(c * value.x - s * value.y, s * value.x + c * value.y)
+
+
+def all_of(first: Expr, *conditions: Expr) -> Expr:
+    """True where every condition holds."""
+    for other in conditions:
+        first = first & other
+    return first

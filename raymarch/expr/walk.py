@@ -1,0 +1,84 @@
+"""Going over expression graphs without recursion, however deep they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from raymarch.expr.node import Expr, make, simplify
+
+_UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop"}
+
+
+def topological(
+    roots: Iterable[Expr], arguments: Callable[[Expr], tuple[Expr, ...]] = lambda node: node.args
+) -> list[Expr]:
+    """All expressions below the roots, each once, arguments before what uses them."""
+    order: list[Expr] = []
+    seen: set[Expr] = set()
+    stack: list[tuple[Expr, bool]] = [(root, False) for root in reversed(list(roots))]
+    while stack:
+        node, arguments_done = stack.pop()
+        if arguments_done:
+            order.append(node)
+        elif node not in seen:
+            seen.add(node)
+            stack.append((node, True))
+            stack.extend((arg, False) for arg in reversed(arguments(node)) if arg not in seen)
+    return order
+
+
+def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
+    """The same operation on other arguments, simplified anew."""
+    if args == node.args:
+        return node
+    if node.op in _UNSIMPLIFIED:
+        return make(node.op, node.type, args, node.data)
+    return simplify(node.op, node.type, args, node.data)
+
+
+def rewrite(roots: Iterable[Expr], rule: Callable[[Expr, tuple[Expr, ...]], Expr]) -> dict[Expr, Expr]:
+    """Replace bottom-up: `rule(node, new arguments)` gives what stands for each node."""
+    new: dict[Expr, Expr] = {}
+    for node in topological(roots):
+        new[node] = rule(node, tuple(new[arg] for arg in node.args))
+    return new
+
+
+def substitute(roots: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> list[Expr]:
+    """The roots with some expressions (usually variables) replaced."""
+    roots = list(roots)
+
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        return replacements[node] if node in replacements else rebuild(node, args)
+
+    new = rewrite(roots, rule)
+    return [new[root] for root in roots]
+
+
+def depends_on(roots: Iterable[Expr], variables: Iterable[Expr]) -> set[Expr]:
+    """Every expression below the roots whose value changes with one of the variables."""
+    dependent = set(variables)
+    for node in topological(roots):
+        if any(arg in dependent for arg in node.args):
+            dependent.add(node)
+    return dependent
+
+
+def free_variables(roots: Iterable[Expr]) -> list[Expr]:
+    """The `var` leaves below the roots. Functions and loops are closed: what they read stands in their arguments."""
+    return [node for node in topological(roots) if node.op == "var"]
+
+
+def find(roots: Iterable[Expr], *ops: str) -> list[Expr]:
+    """The distinct expressions of some operations below the roots, inside called functions and loops too."""
+    found: dict[Expr, None] = {}
+    pending, seen = list(roots), set[object]()
+    while pending:
+        nodes = topological(pending)
+        found.update((node, None) for node in nodes if node.op in ops)
+        pending = []
+        for node in nodes:
+            if node.op in ("call", "loop") and node.data not in seen:
+                seen.add(node.data)
+                pending.extend(node.data.inner)
+    return list(found)

@@ -1,0 +1,229 @@
+"""Shader programs that fill a surface: what the driver refuses is traced to the line that made it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Literal, Self, TypeAlias, cast
+
+import moderngl
+import numpy as np
+
+from raymarch.errors import Location, ShaderError
+from raymarch.gpu.context import Context
+from raymarch.gpu.targets import Surface, Target, confine
+
+FULL_SCREEN = """#version 330 core
+// One triangle that covers the surface, made of the vertex number alone: no buffer, and no diagonal
+// along which two triangles would shade the same pixel quads twice.
+void main() {
+    gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+}
+"""
+"""The vertex shader of every pass: three vertices without attributes, (-1, -1), (3, -1), (-1, 3)."""
+
+Locate: TypeAlias = Callable[[int], tuple[str, Location | None]]
+"""Maps a line of the fragment shader, from 1, to what made it and to the user's own line, if there is one."""
+
+Severity: TypeAlias = Literal["error", "warning", "note"]
+
+_SEVERITY = r"(?P<severity>error|warning|note)"
+_MESSAGE_FORMS = tuple(
+    re.compile(form, re.IGNORECASE)
+    for form in (
+        # Mesa: 0:12(5): error: `foo' undeclared
+        r"^\d+:(?P<line>\d+)\((?P<column>\d+)\)\s*:\s*(?:preprocessor )?" + _SEVERITY + r"\s*:\s*(?P<text>.+)",
+        # NVIDIA: 0(12) : error C1008: undefined variable "foo"
+        r"^\d+\((?P<line>\d+)\)\s*:\s*" + _SEVERITY + r"\s*(?P<text>\S.*)",
+        # ANGLE, Apple and Intel: ERROR: 0:12: 'foo' : undeclared identifier; AMD puts error(#143) before the text
+        r"^" + _SEVERITY + r"\s*:\s*\d+:(?P<line>\d+)\s*:\s*(?P<text>.+)",
+    )
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One line of a driver's log: the shader's line, from 1, the column where the driver gives one, the text."""
+
+    line: int
+    column: int | None
+    text: str
+    severity: Severity = "error"
+
+
+def parse_messages(text: str) -> list[Message]:
+    """The messages in a driver's compile log that carry a line, in their order; other lines are passed over.
+
+    Knows the forms of Mesa, of NVIDIA, of ANGLE, Apple and Intel, and of AMD.
+    """
+    messages: list[Message] = []
+    for entry in text.splitlines():
+        match = next(filter(None, (form.match(entry.strip()) for form in _MESSAGE_FORMS)), None)
+        if match:
+            groups = match.groupdict()
+            column = groups.get("column")
+            severity = cast(Severity, groups["severity"].lower())
+            messages.append(
+                Message(int(groups["line"]), int(column) if column else None, groups["text"].strip(), severity)
+            )
+    return messages
+
+
+class Program:
+    """One linked program: a pass that fills a surface, or a tile of it.
+
+    Parameters
+    ----------
+    context : where the program lives; made current here and by every method.
+    vertex : a vertex shader that needs no attributes and makes a triangle of gl_VertexID 0, 1, 2: `FULL_SCREEN`.
+    fragment : the fragment shader, `#version 330 core`.
+    locate : see `Locate`; asked only where the driver refuses the shader.
+    name : the pass, for messages.
+
+    Raises
+    ------
+    ShaderError : the driver refused; says the pass, the driver's first error and what made the line, `.where`
+        is the user's own line.
+    """
+
+    def __init__(self, context: Context, vertex: str, fragment: str, locate: Locate, name: str) -> None:
+        self.context = context
+        self.name = name
+        self.released = False
+        context.make_current()
+        try:
+            self._program = context.gl.program(vertex_shader=vertex, fragment_shader=fragment)
+        except moderngl.Error as error:
+            raise _refusal(name, str(error), fragment, locate) from error
+        self._triangle = context.gl.vertex_array(self._program, [])
+
+    @property
+    def uniforms(self) -> tuple[str, ...]:
+        """Names of the uniforms that the driver kept; it drops those that cannot change the picture."""
+        return tuple(name for name in self._program if isinstance(self._program[name], moderngl.Uniform))
+
+    def draw(
+        self,
+        target: Surface,
+        uniforms: Mapping[str, Any] | None = None,
+        tile: tuple[int, int, int, int] | None = None,
+    ) -> None:
+        """Draw into all attachments of `target`; returns before the device is done.
+
+        Parameters
+        ----------
+        uniforms : by name; names that the program does not have are passed over. Numbers and vectors as
+            numbers, sequences or arrays; a matrix as an array (rows, columns) that multiplies column vectors, as in
+            `m @ v`; an array of n uniforms with n along the first axis; a sampler as a `Target` (its
+            attachment 0), as (target, attachment) or as a moderngl texture.
+        tile : (x, y, width, height) in pixels of gl_FragCoord, so y counts from the BOTTOM row; texels outside
+            keep their values and cost nothing. gl_FragCoord is that of the whole surface. None draws everything.
+
+        Raises
+        ------
+        ValueError : a value that does not fit its uniform, a tile outside the surface, or a texture that is read and
+            drawn at once.
+        """
+        self.context.make_current()
+        width, height = target.size
+        if tile is not None:
+            _check_tile(tile, width, height)
+        self._set(uniforms or {}, target)
+        self.context.gl.enable_only(moderngl.NOTHING)
+        framebuffer = target.framebuffer
+        framebuffer.use()
+        framebuffer.viewport = (0, 0, width, height)
+        confine(framebuffer, tile)
+        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+
+    def release(self) -> None:
+        """Free the program. Idempotent, and safe after the context's own release, which freed it already."""
+        if self.released:
+            return
+        self.released = True
+        if not self.context.released:
+            self.context.make_current()  # see Target.release: GL names repeat from context to context
+            self._triangle.release()
+            self._program.release()
+
+    def _set(self, uniforms: Mapping[str, Any], target: Surface) -> None:
+        unit = 0
+        for name, value in uniforms.items():
+            member = self._program.get(name, None)
+            if not isinstance(member, moderngl.Uniform):
+                continue
+            texture = _as_texture(value)
+            if texture is None:
+                member.write(_uniform_bytes(self.name, member, value))
+                continue
+            if isinstance(target, Target) and texture in target.textures:
+                raise ValueError(f"{self.name}: the texture of {name} is read and drawn at once; use a PingPong")
+            texture.use(unit)
+            member.value = unit
+            unit += 1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:
+    """The driver's log as an error that names what made the line."""
+    heading, _, body = log.partition("=\n")
+    in_fragment = "fragment_shader" in heading
+    errors = [message for message in parse_messages(body) if message.severity == "error"]
+    if not errors or not in_fragment:
+        # A linker's complaint has no line, and no user wrote the vertex shader.
+        stage = "the fragment shader" if in_fragment else "the vertex shader" if "vertex" in heading else "linking"
+        first = errors[0].text if errors else next(filter(None, map(str.strip, body.splitlines())), log.strip())
+        return ShaderError(f"pass {name}: the driver refused {stage}: {first}")
+    first_error = errors[0]
+    # moderngl strips the text before it compiles, so the driver's line 1 is the first line that is not blank.
+    blank = fragment[: len(fragment) - len(fragment.lstrip())].count("\n")
+    line = first_error.line + blank
+    what, where = locate(line)
+    place = f"line {line}" if first_error.column is None else f"line {line}, column {first_error.column}"
+    return ShaderError(
+        f"pass {name}: the driver refused the fragment shader, {place}, made by {what}: {first_error.text}", where=where
+    )
+
+
+def _as_texture(value: Any) -> moderngl.Texture | None:
+    """The texture that a sampler is to read, or None where `value` is a number."""
+    match value:
+        case moderngl.Texture():
+            return value
+        case Target():
+            return value.textures[0]
+        case (Target() as target, int(attachment)):
+            return target.textures[attachment]
+    return None
+
+
+def _uniform_bytes(program: str, uniform: Any, value: Any) -> bytes:
+    """`value` in the layout of the uniform. OpenGL stores matrices by column, numpy by row."""
+    kinds: dict[str, type[np.generic]] = {"f": np.float32, "i": np.int32, "I": np.uint32, "d": np.float64}
+    kind = kinds[uniform.fmt[-1]]
+    values = np.asarray(value)
+    if values.dtype.kind not in "fiub" or (values.dtype.kind == "f" and kind in (np.int32, np.uint32)):
+        raise ValueError(f"{program}: {uniform.name} holds {kind.__name__}, not {value!r}")
+    if values.size != uniform.dimension * uniform.array_length:
+        wanted = f"{uniform.dimension} numbers" + (f" x {uniform.array_length}" if uniform.array_length > 1 else "")
+        raise ValueError(f"{program}: {uniform.name} takes {wanted}, not shape {values.shape}")
+    if uniform.matrix:
+        if values.ndim < 2:
+            raise ValueError(f"{program}: {uniform.name} takes (rows, columns), not shape {values.shape}")
+        values = values.swapaxes(-1, -2)
+    return np.ascontiguousarray(values, kind).tobytes()
+
+
+def _check_tile(tile: tuple[int, int, int, int], width: int, height: int) -> None:
+    x, y, across, up = tile
+    if x < 0 or y < 0 or across < 1 or up < 1 or x + across > width or y + up > height:
+        raise ValueError(f"tile={tile!r} lies outside the surface of {width} x {height} pixels")

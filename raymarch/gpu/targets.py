@@ -1,0 +1,220 @@
+"""Float textures to draw into and to read from, single or as a ping-pong pair.
+
+OpenGL's first row is the bottom of a picture; arrays here have row 0 at the TOP. The flip happens in
+`Target.read` and `Target.write` and nowhere else.
+"""
+
+from __future__ import annotations
+
+import operator
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import moderngl
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.errors import DeviceError
+from raymarch.gpu.context import Context
+
+_COMPONENTS = 4
+
+
+class Surface(Protocol):
+    """What a program can draw into: a `Target`, or a window's framebuffer in the same dress."""
+
+    @property
+    def framebuffer(self) -> moderngl.Framebuffer: ...
+
+    @property
+    def size(self) -> tuple[int, int]: ...
+
+
+class Target:
+    """RGBA float textures of one size under one framebuffer; attachment i is `layout(location = i)` of the shader.
+
+    Sampling is by nearest texel, clamped to the edge. The content is undefined until drawn, written or cleared.
+
+    Parameters
+    ----------
+    context : where the textures live; made current here and by every method.
+    size : (width, height) in pixels, integers from 1 to `context.limits.picture`.
+    attachments : number of textures, from 1 to `context.limits.color_attachments`.
+    dtype : "f4" (32-bit floats) or "f2" (16-bit).
+
+    Raises
+    ------
+    DeviceError : a size, count or type outside the range above, or no memory for it on the device.
+    """
+
+    def __init__(self, context: Context, size: tuple[int, int], attachments: int = 1, dtype: str = "f4") -> None:
+        self.context = context
+        self.size = _checked_size(context, size)
+        self.attachments = _checked("attachments", attachments, context.limits.color_attachments)
+        if dtype not in ("f4", "f2"):
+            raise DeviceError(f"dtype={dtype!r} of a target", legal="legal: 'f4' or 'f2'")
+        self.dtype = dtype
+        self.released = False
+        context.make_current()
+        self._textures: list[moderngl.Texture] = []
+        self._framebuffer: moderngl.Framebuffer | None = None
+        try:
+            self._allocate()
+        except BaseException as error:
+            self.release()
+            if not isinstance(error, moderngl.Error):
+                raise
+            raise DeviceError(f"no target of {self._describe()}: {error}", legal="ask for a smaller size") from error
+
+    def _allocate(self) -> None:
+        gl = self.context.gl
+        gl.clear_errors()  # an older error must not be taken for ours
+        for _ in range(self.attachments):
+            texture = gl.texture(self.size, _COMPONENTS, dtype=self.dtype)
+            self._textures.append(texture)
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            texture.repeat_x = texture.repeat_y = False
+        if gl.error == "GL_OUT_OF_MEMORY":
+            raise moderngl.Error("the device is out of memory")
+        self._framebuffer = gl.framebuffer(self._textures)
+
+    def _describe(self) -> str:
+        width, height = self.size
+        return f"{self.attachments} x {width} x {height} RGBA texels of type {self.dtype}"
+
+    @property
+    def textures(self) -> tuple[moderngl.Texture, ...]:
+        """The textures by attachment. DeviceError after release."""
+        self._check_alive()
+        return tuple(self._textures)
+
+    @property
+    def framebuffer(self) -> moderngl.Framebuffer:
+        """The framebuffer with all the textures attached. DeviceError after release."""
+        self._check_alive()
+        assert self._framebuffer is not None
+        return self._framebuffer
+
+    def read(self, attachment: int = 0) -> NDArray[np.float32]:
+        """The texels of one attachment as float32 (height, width, 4), row 0 at the top. Waits for the device."""
+        self.context.make_current()
+        width, height = self.size
+        rows = np.empty((height, width, _COMPONENTS), np.float32)
+        self.framebuffer.read_into(rows, components=_COMPONENTS, attachment=self._index(attachment), dtype="f4")
+        return np.ascontiguousarray(rows[::-1])
+
+    def write(self, values: ArrayLike, attachment: int = 0) -> None:
+        """Overwrite one attachment with `values`, shape (height, width, 4) or broadcast to it, row 0 at the top."""
+        self.context.make_current()
+        width, height = self.size
+        texels = np.broadcast_to(np.asarray(values, self.dtype), (height, width, _COMPONENTS))
+        self.textures[self._index(attachment)].write(np.ascontiguousarray(texels[::-1]))
+
+    def clear(self, value: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)) -> None:
+        """Set every texel of every attachment to the RGBA `value`."""
+        self.context.make_current()
+        # The tile of an earlier draw would confine the clearing: this target's own, or, as moderngl's clear binds
+        # the framebuffer without its scissor, that of the framebuffer in use.
+        confine(self.framebuffer, None)
+        self.framebuffer.use()
+        self.framebuffer.clear(*value)
+
+    def release(self) -> None:
+        """Free the textures. Idempotent, and safe after the context's own release, which freed them already."""
+        if self.released:
+            return
+        self.released = True
+        if self.context.released:
+            return
+        # GL names are numbers that repeat from context to context: deleting these while another context is
+        # current would delete that one's textures.
+        self.context.make_current()
+        if self._framebuffer is not None:
+            gl = self.context.gl
+            if gl.fbo is self._framebuffer:
+                # moderngl binds the framebuffer in use anew after making another: a deleted one is a GL error.
+                gl.detect_framebuffer(0).use()
+            self._framebuffer.release()
+        for texture in self._textures:
+            texture.release()
+
+    def _index(self, attachment: int) -> int:
+        if not 0 <= attachment < self.attachments:
+            raise IndexError(f"attachment {attachment} of a target with {self.attachments}")
+        return attachment
+
+    def _check_alive(self) -> None:
+        if self.released or self.context.released:
+            raise DeviceError(f"the target of {self._describe()} was released", legal="make a new one")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+class PingPong:
+    """Two equal targets in turn: draw into `back` while the shader reads `front`, then `swap`.
+
+    Parameters and errors are those of `Target`.
+    """
+
+    def __init__(self, context: Context, size: tuple[int, int], attachments: int = 1, dtype: str = "f4") -> None:
+        self.front = Target(context, size, attachments, dtype)
+        try:
+            self.back = Target(context, size, attachments, dtype)
+        except BaseException:
+            self.front.release()
+            raise
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self.front.size
+
+    def swap(self) -> None:
+        """What was drawn becomes what is read."""
+        self.front, self.back = self.back, self.front
+
+    def release(self) -> None:
+        """Free both targets. Idempotent."""
+        self.front.release()
+        self.back.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+def confine(framebuffer: Any, tile: tuple[int, int, int, int] | None) -> None:
+    """Confine drawing and clearing to `tile`, (x, y, width, height) from the bottom left; None frees them again.
+
+    `Any`, because the stubs of moderngl 5.13 leave out that None takes the scissor away.
+    """
+    framebuffer.scissor = tile
+
+
+def _checked_size(context: Context, size: tuple[int, int]) -> tuple[int, int]:
+    try:
+        width, height = size
+    except (TypeError, ValueError):
+        raise DeviceError(f"size={size!r}", legal="legal: (width, height) in pixels") from None
+    widest, highest = context.limits.picture
+    return _checked("width", width, widest), _checked("height", height, highest)
+
+
+def _checked(name: str, value: Any, most: int) -> int:
+    try:
+        number = operator.index(value)  # refuses 640.0 and "640", takes numpy's integers
+    except TypeError:
+        number = 0
+    if isinstance(value, bool) or not 1 <= number <= most:
+        raise DeviceError(f"{name}={value!r}", legal=f"legal: an integer from 1 to {most}, the limit of this driver")
+    return number

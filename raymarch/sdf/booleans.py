@@ -1,0 +1,150 @@
+"""Unions, intersections and differences, hard and smooth.
+
+The public `k` is the classic one: two equal distances a blend to a - k/4. A smooth operation folds its operands
+in a balanced tree; at each level the quadratic blend lowers the field by at most k/4, which the bounds include.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from raymarch.errors import SceneError
+from raymarch.expr.function import function
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import max, min
+from raymarch.sdf.definition import Child, ChildFacts, combination
+from raymarch.sdf.domain import Positive, Scalar
+from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+Fold = Callable[[Expr, Expr], Expr]
+
+
+def balanced(values: Sequence[Expr], fold: Fold) -> Expr:
+    """Fold a sequence pairwise, so that no operand passes through more than log2(n) folds."""
+    row = list(values)
+    while len(row) > 1:
+        row = [fold(*row[i : i + 2]) if i + 1 < len(row) else row[i] for i in range(0, len(row), 2)]
+    return row[0]
+
+
+def _levels(n: int) -> int:
+    return math.ceil(math.log2(n))
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def smooth_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """Quadratic smooth minimum: min(a, b) where |a - b| >= k, smooth_min(a, a, k) = a - k/4."""
+    h = max(k - abs(a - b), 0.0) / k
+    return min(a, b) - h * h * k * 0.25
+
+
+def _hull(children: Sequence[ChildFacts]) -> tuple[Expr, Expr]:
+    return balanced([c.lower for c in children], min), balanced([c.upper for c in children], max)
+
+
+def _overlap(children: Sequence[ChildFacts]) -> tuple[Expr, Expr]:
+    return balanced([c.lower for c in children], max), balanced([c.upper for c in children], min)
+
+
+def _grown_hull(children: Sequence[ChildFacts], k: Expr) -> tuple[Expr, Expr]:
+    lower, upper = _hull(children)
+    margin = _levels(len(children)) * 0.25 * k
+    return lower - margin, upper + margin
+
+
+def _exact_if_apart(*children: Facts) -> Exactness:
+    """Inside one of several solids that overlap, the nearest surface may be hidden inside another."""
+    if len(children) > 2:  # pairs would cost n^2; a fold of two at a time finds the same
+        return "bound"
+    return worst(*[c.exactness for c in children]) if disjoint(*children) else "bound"
+
+
+@combination(bounds=_hull, exactness=_exact_if_apart, associative=True)
+def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
+    """All solids together."""
+    return balanced([child(p) for child in children], min)
+
+
+@combination(bounds=_overlap, associative=True, cuts=True)
+def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
+    """What all solids share."""
+    return balanced([child(p) for child in children], max)
+
+
+@combination(bounds=lambda children: (children[0].lower, children[0].upper), cuts=True)
+def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
+    """The first solid without the others."""
+    return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
+
+
+@combination(bounds=_grown_hull)
+def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
+    """All solids together, joined by a fillet."""
+    return balanced([child(p) for child in children], lambda a, b: smooth_min(a, b, k))
+
+
+@combination(bounds=lambda children, k: _overlap(children), cuts=True)
+def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
+    """What all solids share, its new edges rounded."""
+    return -balanced([-child(p) for child in children], lambda a, b: smooth_min(a, b, k))
+
+
+@combination(bounds=lambda children, k: (children[0].lower, children[0].upper), cuts=True)
+def smooth_difference(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
+    """The first solid without the others, its new edges rounded."""
+    tools = balanced([child(p) for child in children[1:]], lambda a, b: smooth_min(a, b, k))
+    return -smooth_min(-children[0](p), tools, k)
+
+
+BLENDS = ("quadratic",)
+
+
+def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, hard: Any, smooth: Any) -> Node:
+    if len(nodes) < 1:
+        raise SceneError(f"{name} of no nodes", legal="one node or more")
+    if blend not in BLENDS:
+        raise SceneError(f"{name}: blend = {blend!r}", legal=", ".join(map(repr, BLENDS)))
+    width = expr(k)
+    if width.is_constant and width.type is FLOAT and not float(width.data) >= 0.0:
+        raise SceneError(f"{name}: k = {k!r}", legal="a number >= 0; 0 gives the hard operation")
+    if len(nodes) == 1 and isinstance(nodes[0], Node):
+        return nodes[0]
+    sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0
+    made: Node = hard(nodes) if sharp else smooth(nodes, k)
+    return made
+
+
+@method
+def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+    """All solids together: `a | b`, or with a fillet for k > 0.
+
+    Parameters
+    ----------
+    nodes : one or more.
+    k : width of the blend, a length >= 0. Surfaces whose distances differ by more than k do not change each other;
+        where two distances are equal to a, the result is a - k/4.
+    blend : "quadratic".
+
+    Exact outside where the operands are; "bound" as a whole, because the inside of overlapping solids is not.
+    """
+    return _choose("union", nodes, k, blend, hard_union, smooth_union)
+
+
+@method
+def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+    """What all solids share: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
+    return _choose("intersection", nodes, k, blend, hard_intersection, smooth_intersection)
+
+
+@method
+def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+    """The first solid without the others: `a - b`, or with rounded new edges for k > 0.
+
+    A cut surface shows the material of the tool if it has one, else that of what was cut. See `union` for k, blend.
+    """
+    return _choose("difference", nodes, k, blend, hard_difference, smooth_difference)

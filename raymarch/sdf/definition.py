@@ -1,0 +1,433 @@
+"""Definitions: what `@shape` and `@operator` make of a short Python function.
+
+A definition is traced once, on symbols; every node made from it shares the result. It enters a registry,
+where the fluent methods, the generic tests and the documentation find it by name.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Concatenate, ParamSpec, TypeAlias
+
+import numpy as np
+
+from raymarch.errors import Location, SceneError
+from raymarch.expr.evaluate import Program
+from raymarch.expr.function import Function, trace
+from raymarch.expr.intervals import INTERVALS, Interval
+from raymarch.expr.node import Expr, const, expr, make, var
+from raymarch.expr.types import FLOAT, Type, vector
+from raymarch.sdf.domain import Domain, domain_of, interval_of_value
+from raymarch.sdf.facts import Exactness, Facts, worst
+from raymarch.sdf.node import Node
+
+P = ParamSpec("P")
+Child: TypeAlias = Callable[[Expr], Expr]
+Rule: TypeAlias = Callable[..., Any]
+
+
+@dataclass(frozen=True, slots=True)
+class ChildFacts:
+    """A child as the facts of an operator see it: expressions in place of numbers.
+
+    `box` stands for any point of the child's box at once, so `child.box + offset` is the moved box;
+    `lower` and `upper` are its corners, `lipschitz` its Lipschitz constant.
+    """
+
+    box: Expr
+    lower: Expr
+    upper: Expr
+    lipschitz: Expr
+
+
+@dataclass(eq=False, slots=True)
+class Definition:
+    """A shape (no children) or an operator (one child, or any number of them)."""
+
+    name: str
+    source: Callable[..., Any]
+    dimension: int
+    child_dimension: int
+    arity: str
+    exactness: Exactness | Rule
+    lipschitz: float | Rule | None
+    bounds: Rule
+    symmetry: str | Rule
+    check: Rule | None
+    associative: bool
+    cuts: bool
+    domains: Mapping[str, Domain]
+    defaults: Mapping[str, Any]
+    where: Location
+    doc: str
+    _templates: dict[Any, Function] = field(default_factory=dict)
+    _facts: dict[Any, tuple[Program, Any]] = field(default_factory=dict)
+
+    def make(self, children: Sequence[Node], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Node:
+        """A node: parameters checked, facts derived."""
+        for child in children:
+            if not isinstance(child, Node):
+                raise SceneError(f"{self.name} of {child!r} ({type(child).__name__})", legal="a node such as sphere()")
+            if child.dimension != self.child_dimension:
+                raise SceneError(
+                    f"{self.name} of a {child.dimension}D field ({child.name})", legal=f"a {self.child_dimension}D field"
+                )
+        params = self._bind(args, kwargs)
+        facts = self.derive(children, params)
+        return Node(self, tuple(children), params, facts)
+
+    def _bind(self, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> dict[str, Any]:
+        names = list(self.domains)
+        if len(args) > len(names):
+            raise SceneError(f"{self.name} takes {len(names)} parameters, {len(args)} were given", legal=self.usage)
+        given = dict(zip(names, args, strict=False))
+        for name, value in kwargs.items():
+            if name not in self.domains:
+                raise SceneError(f"{self.name} has no parameter '{name}'", legal=self.usage)
+            if name in given:
+                raise SceneError(f"{self.name} was given '{name}' twice", legal=self.usage)
+            given[name] = value
+        for name in names:
+            if name not in given and name not in self.defaults:
+                raise SceneError(f"{self.name} needs '{name}'", legal=self.usage)
+        return {
+            name: domain.accept(self.name, name, given.get(name, self.defaults.get(name)))
+            for name, domain in self.domains.items()
+        }
+
+    @property
+    def usage(self) -> str:
+        """How it is called."""
+        shown = [f"{n}={self.defaults[n]!r}" if n in self.defaults else n for n in self.domains]
+        return f"{self.name}({', '.join(shown)})"
+
+    # The field
+
+    def template(self, n_children: int, params: Mapping[str, Any]) -> Function:
+        """The traced definition; children appear in it as `apply` expressions."""
+        statics = {n: params[n] for n, d in self.domains.items() if d.type is None}
+        key = (n_children, tuple(statics.items()))
+        if key not in self._templates:
+            symbols = [("p", vector(self.dimension)), *self._symbols()]
+            children = [self._caller(i) for i in range(n_children)]
+            extra = () if self.arity == "none" else (children if self.arity == "many" else children[0],)
+
+            on_symbols = _reordered(self.source, extra, statics, list(self.domains))
+            traced = trace(self.name, on_symbols, symbols, self.source.__code__)
+            if traced.type is not FLOAT:
+                raise SceneError(f"{self.name} gives a {traced.type}", legal="a distance, one number", where=self.where)
+            self._templates[key] = traced
+        return self._templates[key]
+
+    def _symbols(self) -> list[tuple[str, Type]]:
+        return [(n, d.type) for n, d in self.domains.items() if d.type is not None]
+
+    def _caller(self, index: int) -> Child:
+        wanted = vector(self.child_dimension)
+
+        def child(q: Any) -> Expr:
+            point = expr(q)
+            if point.type is not wanted:
+                raise SceneError(f"{self.name} asks its child at a {point.type}", legal=f"a {wanted}")
+            return make("apply", FLOAT, (point,), index)
+
+        return child
+
+    # Facts
+
+    def derive(self, children: Sequence[Node], params: Mapping[str, Any]) -> Facts:
+        """Facts of a node from those of its children, on the intervals of its parameters."""
+        if self.check is not None:
+            self.check(*[c.facts for c in children], **params)
+        key = (len(children), tuple((n, params[n]) for n, d in self.domains.items() if d.type is None))
+        if key not in self._facts:
+            self._facts[key] = self._trace_facts(len(children), params)
+        program, declared = self._facts[key]
+        inputs: list[Interval] = [interval_of_value(params[n]) for n, d in self.domains.items() if d.type is not None]
+        for child in children:
+            f = child.facts
+            inputs += [(f.lower, f.upper), (f.lower, f.lower), (f.upper, f.upper), interval_of_value(f.lipschitz)]
+        with np.errstate(all="ignore"):
+            low, high, steepness = program(*inputs)
+        lower = np.where(np.isnan(low[0]), -np.inf, low[0])
+        upper = np.where(np.isnan(high[1]), np.inf, high[1])
+        steepest = max((c.facts.lipschitz for c in children), default=1.0)
+        steep = float(steepness[1]) if declared else steepest
+        if not 0 < steep < np.inf:
+            raise SceneError(
+                f"{self.name} has no finite Lipschitz bound here ({steep})",
+                legal="a bounded child, and parameters with a finite range",
+            )
+        return Facts(
+            self._exactness(children, params),
+            min(steep, 1.0),
+            np.asarray(lower, np.float64),
+            np.asarray(upper, np.float64),
+            self._symmetry(children, params),
+            max(steep, 1.0),
+        )
+
+    def _exactness(self, children: Sequence[Node], params: Mapping[str, Any]) -> Exactness:
+        own = self.exactness(*[c.facts for c in children], **params) if callable(self.exactness) else self.exactness
+        return worst(typing.cast(Exactness, own), *[c.facts.exactness for c in children])
+
+    def _symmetry(self, children: Sequence[Node], params: Mapping[str, Any]) -> str:
+        if callable(self.symmetry):
+            return str(self.symmetry(*[c.facts for c in children], **params))
+        if self.symmetry != "keep":
+            return self.symmetry
+        common = set("xyz").intersection(*[c.facts.symmetry for c in children])
+        return "".join(sorted(common))
+
+    def _trace_facts(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool]:
+        symbols = {n: var(n, t) for n, t in self._symbols()}
+        box = vector(self.child_dimension)
+        inputs = list(symbols.values())
+        children = []
+        for i in range(n_children):
+            facts = ChildFacts(
+                *[var(f"{part} {i}", box) for part in ("box", "lower", "upper")], var(f"lipschitz {i}", FLOAT)
+            )
+            inputs += [facts.box, facts.lower, facts.upper, facts.lipschitz]
+            children.append(facts)
+        statics = {n: params[n] for n, d in self.domains.items() if d.type is None}
+        arguments = {**symbols, **statics}
+        extra: tuple[Any, ...] = (children,) if self.arity == "many" else tuple(children)
+        region = self.bounds(*extra, **arguments)
+        lower, upper = region if isinstance(region, tuple) else (region, region)
+        steep = self.lipschitz(*extra, **arguments) if callable(self.lipschitz) else self.lipschitz
+        roots = [expr(lower), expr(upper), expr(0.0 if steep is None else steep)]
+        return Program(roots, inputs, INTERVALS), steep is not None
+
+
+def _reordered(
+    source: Callable[..., Any], extra: tuple[Any, ...], statics: Mapping[str, Any], names: Sequence[str]
+) -> Callable[..., Any]:
+    """The definition as a function of symbols alone: point first, children next, parameters by name."""
+
+    def run(p: Expr, *symbols: Expr) -> Any:
+        moving = iter(symbols)
+        values = {name: statics[name] if name in statics else next(moving) for name in names}
+        return source(p, *extra, **values)
+
+    return run
+
+
+REGISTRY: dict[str, Definition] = {}
+"""Every definition by name. A user's own definition of the same name replaces the entry, not the nodes made before."""
+
+
+def _define(
+    source: Callable[..., Any],
+    *,
+    arity: str,
+    dimension: int,
+    child_dimension: int,
+    **declared: Any,
+) -> Definition:
+    code = source.__code__
+    where = Location(code.co_filename, code.co_firstlineno)
+    skip = 1 if arity == "none" else 2
+    try:
+        hints = typing.get_type_hints(source, include_extras=True)
+    except (NameError, TypeError):
+        hints = {}
+    signature = list(inspect.signature(source).parameters.values())
+    if len(signature) < skip:
+        needs = "a point p" if skip == 1 else "a point p and a child"
+        raise SceneError(f"{source.__name__} takes too few parameters", legal=f"{needs} come first", where=where)
+    own = signature[skip:]
+    domains = {q.name: domain_of(hints.get(q.name), q.default) for q in own}
+    defaults = {q.name: q.default for q in own if q.default is not q.empty}
+    definition = Definition(
+        name=source.__name__,
+        source=source,
+        arity=arity,
+        dimension=dimension,
+        child_dimension=child_dimension,
+        domains=domains,
+        defaults=defaults,
+        where=where,
+        doc=inspect.getdoc(source) or "",
+        **declared,
+    )
+    REGISTRY[definition.name] = definition
+    return definition
+
+
+def _require(name: str, exactness: Any, bounds: Any) -> None:
+    if bounds is None or exactness is None:
+        raise SceneError(
+            f"{name} states no {'bounds' if bounds is None else 'exactness'}",
+            legal="@shape(exactness='exact' | 'bound' | 'estimate', bounds=function giving (lower, upper))",
+        )
+    if not callable(exactness) and exactness not in ("exact", "bound", "estimate"):
+        raise SceneError(f"{name}: exactness = {exactness!r}", legal="'exact', 'bound' or 'estimate'")
+
+
+def shape(
+    *,
+    exactness: Exactness | None = None,
+    bounds: Rule | None = None,
+    lipschitz: float | Rule = 1.0,
+    symmetry: str | Rule = "",
+    check: Rule | None = None,
+    dimension: int = 3,
+) -> Callable[[Callable[Concatenate[Any, P], Any]], Callable[P, Node]]:
+    """Decorator: a function of a point and parameters becomes a shape.
+
+    Parameters
+    ----------
+    exactness : "exact" if the function gives the signed Euclidean distance, "bound" if it never exceeds it
+        in size, "estimate" if nothing is known.
+    bounds : function of the parameters that gives the corners (lower, upper) of a box around the solid.
+    lipschitz : how steep the function is at most; a number or a function of the parameters. A field steeper
+        than 1 is divided by this, so that marching is safe.
+    symmetry : axes along which the field is its own mirror image about the origin, such as "xz".
+    check : function of the parameters that raises SceneError for combinations that are not legal.
+    dimension : 3, or 2 for a shape to extrude or revolve.
+
+    The parameters are annotated with `Positive`, `Vec3`, ...: the machinery refuses other values before the
+    definition runs. Raises SceneError if a fact is missing.
+    """
+
+    def decorate(source: Callable[Concatenate[Any, P], Any]) -> Callable[P, Node]:
+        _require(source.__name__, exactness, bounds)
+        definition = _define(
+            source,
+            arity="none",
+            dimension=dimension,
+            child_dimension=dimension,
+            exactness=exactness,
+            bounds=bounds,
+            lipschitz=lipschitz,
+            symmetry=symmetry,
+            check=check,
+            associative=False,
+            cuts=False,
+        )
+
+        @functools.wraps(source)
+        def build(*args: P.args, **kwargs: P.kwargs) -> Node:
+            return definition.make((), args, kwargs)
+
+        return _public(build, source, skip=1, first=None)
+
+    return decorate
+
+
+def operator(
+    *,
+    bounds: Rule | None = None,
+    exactness: Exactness | Rule = "bound",
+    lipschitz: float | Rule | None = None,
+    symmetry: str | Rule = "",
+    check: Rule | None = None,
+    dimension: int = 3,
+    child_dimension: int | None = None,
+) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Node, P], Node]]:
+    """Decorator: a function of a point, a child and parameters becomes an operator on one node.
+
+    Parameters
+    ----------
+    bounds : function of the child's facts (`box`, `lower`, `upper`, `lipschitz`) and the parameters. It gives
+        either (lower, upper) or an expression of `child.box`, whose range is the new box.
+    exactness : what remains of an exact child; never better than the child. May be a function of the child's
+        facts and the parameters.
+    lipschitz : how steep the result is at most; None if it is no steeper than the child.
+    symmetry : "keep" for the child's, axes such as "xz", or a function.
+    check : function of the child's facts and the parameters that raises SceneError.
+    dimension, child_dimension : 2 or 3, of the result and of the child.
+    """
+
+    def decorate(source: Callable[Concatenate[Any, Any, P], Any]) -> Callable[Concatenate[Node, P], Node]:
+        _require(source.__name__, exactness, bounds)
+        definition = _define(
+            source,
+            arity="one",
+            dimension=dimension,
+            child_dimension=child_dimension or dimension,
+            exactness=exactness,
+            bounds=bounds,
+            lipschitz=lipschitz,
+            symmetry=symmetry,
+            check=check,
+            associative=False,
+            cuts=False,
+        )
+
+        @functools.wraps(source)
+        def build(node: Node, *args: P.args, **kwargs: P.kwargs) -> Node:
+            return definition.make((node,), args, kwargs)
+
+        return _public(build, source, skip=2, first="node")
+
+    return decorate
+
+
+def combination(
+    *,
+    bounds: Rule,
+    exactness: Exactness | Rule = "bound",
+    lipschitz: float | Rule | None = None,
+    symmetry: str | Rule = "keep",
+    associative: bool = False,
+    cuts: bool = False,
+    dimension: int = 3,
+) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Sequence[Node], P], Node]]:
+    """Decorator: a function of a point, a list of children and parameters becomes an operator on many nodes.
+
+    As `operator`; besides, `associative` lets nested nodes of this kind be merged into one, and `cuts` says that
+    a child without a material of its own takes over that of the child it cuts.
+    """
+
+    def decorate(
+        source: Callable[Concatenate[Any, Any, P], Any],
+    ) -> Callable[Concatenate[Sequence[Node], P], Node]:
+        definition = _define(
+            source,
+            arity="many",
+            dimension=dimension,
+            child_dimension=dimension,
+            exactness=exactness,
+            bounds=bounds,
+            lipschitz=lipschitz,
+            symmetry=symmetry,
+            check=None,
+            associative=associative,
+            cuts=cuts,
+        )
+
+        @functools.wraps(source)
+        def build(nodes: Sequence[Node], *args: P.args, **kwargs: P.kwargs) -> Node:
+            return definition.make(nodes, args, kwargs)
+
+        return _public(build, source, skip=2, first="nodes")
+
+    return decorate
+
+
+def _public(build: Any, source: Callable[..., Any], skip: int, first: str | None) -> Any:
+    """Give the builder the signature that a user sees."""
+    del build.__wrapped__
+    signature = inspect.signature(source)
+    shown = list(signature.parameters.values())[skip:]
+    if first is not None:
+        shown.insert(0, inspect.Parameter(first, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Node"))
+    build.__signature__ = signature.replace(parameters=shown, return_annotation="Node")
+    return build
+
+
+def cube(half: Any) -> tuple[Expr, Expr]:
+    """Bounds of what reaches `half` (a number or a vec3) from the origin on each side."""
+    corner = expr(half)
+    corner = expr((corner,) * 3) if corner.type is FLOAT else corner
+    return -corner, corner
+
+
+EVERYWHERE = (const([-np.inf] * 3), const([np.inf] * 3))
+"""Bounds of what has no end on any side."""

@@ -1,0 +1,131 @@
+"""What a parameter of a node may be: its type, its legal range, its unit.
+
+A definition annotates its parameters with the aliases below. Editors see plain numbers and sequences;
+the decorators read the `Domain` beside them, bring arguments into shape and refuse what is not legal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.intervals import Interval, interval_of
+from raymarch.expr.node import Expr, const, expr
+from raymarch.expr.types import FLOAT, MAT3, MAT4, VEC2, VEC3, VECTORS, Type
+from raymarch.expr.vocabulary import normalize
+from raymarch.expr.walk import find
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """Legal values of one parameter.
+
+    Attributes
+    ----------
+    type : type of the expression that the definition receives; None for static values, which it gets as they are.
+    low, high : each component lies between them; `open` leaves `low` itself out.
+    unit : what the number counts, for documentation: "length", "radians", ...
+    direction : a vector that must not be zero and arrives normalised.
+    stretch : a single number stands for a vector of equal components.
+    """
+
+    type: Type | None
+    low: float = -np.inf
+    high: float = np.inf
+    open: bool = False
+    unit: str = ""
+    direction: bool = False
+    stretch: bool = False
+
+    @property
+    def legal(self) -> str:
+        """The legal range in words."""
+        kind = "an integer" if self.type is None else "a number" if self.type is FLOAT else f"{self.type.size} numbers"
+        if self.type is not None and self.type.is_matrix:
+            kind = f"a {self.type.size}x{self.type.size} matrix"
+        if self.direction:
+            return f"{kind}, not all zero"
+        if self.low == -np.inf and self.high == np.inf:
+            return f"{kind}, finite"
+        bounds = []
+        if self.low > -np.inf:
+            bounds.append(f"{'>' if self.open else '>='} {self.low:g}")
+        if self.high < np.inf:
+            bounds.append(f"<= {self.high:g}")
+        return f"{kind} {' and '.join(bounds)}"
+
+    def accept(self, node: str, name: str, value: Any) -> Any:
+        """The value as the definition wants it; SceneError with value and legal range if it is not legal."""
+        if self.type is None:
+            return self._accept_static(node, name, value)
+        try:
+            given = expr(value)
+        except SceneError:
+            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal) from None
+        if self.stretch and given.type is FLOAT:
+            given = expr((given,) * self.type.size)
+        if given.type is not self.type:
+            raise SceneError(f"{node}: {name} = {value!r} is a {given.type}", legal=self.legal)
+        self._check(node, name, value, given)
+        return normalize(given) if self.direction else given
+
+    def _accept_static(self, node: str, name: str, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
+        if not self.low <= value <= self.high:
+            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
+        return int(value)
+
+    def _check(self, node: str, name: str, value: Any, given: Expr) -> None:
+        low, high = interval_of(given)
+        if given.is_constant:
+            if not np.all(np.isfinite(given.data)):
+                raise SceneError(f"{node}: {name} = {value!r} is not finite", legal=self.legal)
+            if self.direction and not np.any(given.data):
+                raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
+        ranged = not find([given], "time")
+        # A parameter's whole range must be legal; a time without a stated range only must not be wholly illegal.
+        smallest, largest = (low, high) if ranged else (high, low)
+        below = smallest <= self.low if self.open else smallest < self.low
+        if np.any(below) or np.any(largest > self.high):
+            shown = f"{value!r}" if given.is_constant else f"an expression between {low} and {high}"
+            raise SceneError(f"{node}: {name} = {shown}", legal=self.legal)
+
+
+Scalar: TypeAlias = float | Expr
+Vector: TypeAlias = Sequence[Any] | NDArray[Any] | Expr
+
+Number = Annotated[Scalar, Domain(FLOAT)]
+Length = Annotated[Scalar, Domain(FLOAT, unit="length")]
+Positive = Annotated[Scalar, Domain(FLOAT, low=0.0, open=True, unit="length")]
+NonNegative = Annotated[Scalar, Domain(FLOAT, low=0.0, unit="length")]
+Angle = Annotated[Scalar, Domain(FLOAT, unit="radians")]
+Vec2 = Annotated[Vector, Domain(VEC2, unit="length")]
+Vec3 = Annotated[Vector, Domain(VEC3, unit="length")]
+Size2 = Annotated[Vector | Scalar, Domain(VEC2, low=0.0, open=True, unit="length", stretch=True)]
+Size3 = Annotated[Vector | Scalar, Domain(VEC3, low=0.0, open=True, unit="length", stretch=True)]
+Direction = Annotated[Vector, Domain(VEC3, direction=True)]
+Matrix3 = Annotated[NDArray[Any] | Expr, Domain(MAT3)]
+Matrix4 = Annotated[NDArray[Any] | Expr, Domain(MAT4)]
+Count = Annotated[int, Domain(None, low=1, high=65535, unit="count")]
+Whole = Annotated[int, Domain(None, unit="integer")]
+
+
+def domain_of(annotation: Any, default: Any) -> Domain:
+    """The domain that an annotation carries; without one, any finite value of the default's shape."""
+    for extra in getattr(annotation, "__metadata__", ()):
+        if isinstance(extra, Domain):
+            return extra
+    if isinstance(default, tuple | list) and len(default) in VECTORS:
+        return Domain(VECTORS[len(default)])
+    return Domain(FLOAT)
+
+
+def interval_of_value(value: Any) -> Interval:
+    """Range of an accepted value; static integers are their own."""
+    return interval_of(value if isinstance(value, Expr) else const(float(value)))

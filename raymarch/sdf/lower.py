@@ -1,0 +1,200 @@
+"""From a node to the expression of its field.
+
+Bodies of definitions are put together top-down, without recursion. A subtree that is asked at several points
+becomes a function of its own; all else is one expression, in which equal subtrees are one object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import Location
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.derivative import companion
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import print_functions
+from raymarch.expr.node import Expr, make, var
+from raymarch.expr.types import FLOAT, vector
+from raymarch.expr.walk import rebuild, topological
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+Request: TypeAlias = tuple[Node, Expr, Any]
+Work: TypeAlias = Generator[Request, Expr, Expr]
+
+
+@dataclass(slots=True)
+class Lowering:
+    """One pass over a tree of nodes.
+
+    Attributes
+    ----------
+    marking : keep the distance of each part with a material findable: a `mark` whose data is the label.
+    origins : the user's line for each expression that a node became.
+    """
+
+    marking: bool = False
+    origins: dict[Expr, Location] = field(default_factory=dict)
+    _sites: dict[Node, int] = field(default_factory=dict)
+    _done: dict[Request, Expr] = field(default_factory=dict)
+    _functions: dict[Node, Function] = field(default_factory=dict)
+
+    def field(self, root: Node, name: str = "field", label: Any = None) -> Function:
+        """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
+
+        Where `marking`, parts without a material of their own are marked with `label`.
+        """
+        self._count_sites(root)
+        p = var("p", vector(root.dimension))
+        return Function(name, (p,), self._run((root, p, label)), where=root.where)
+
+    def _count_sites(self, root: Node) -> None:
+        """At how many places each node is asked, over all nodes that ask it."""
+        pending, seen = [root], {root}
+        while pending:
+            node = pending.pop()
+            asked = [1] * len(node.children) if node.definition.arity == "many" else _asked(node)
+            for child, times in zip(node.children, asked, strict=True):
+                self._sites[child] = self._sites.get(child, 0) + times
+                if child not in seen:
+                    seen.add(child)
+                    pending.append(child)
+
+    def _run(self, root: Request) -> Expr:
+        """Drive the generators of `_lower` with a stack of our own, so that depth is no limit."""
+        stack = [(root, self._lower(*root))]
+        value: Any = None
+        while stack:
+            try:
+                request = stack[-1][1].send(value)
+            except StopIteration as stop:
+                key, _ = stack.pop()
+                value = self._done[key] = stop.value
+                if key[0].where is not None:
+                    self.origins.setdefault(stop.value, key[0].where)
+                continue
+            value = self._done.get(request)
+            if value is None:
+                stack.append((request, self._lower(*request)))
+        result: Expr = value
+        return result
+
+    def _lower(self, node: Node, point: Expr, label: Any) -> Work:
+        if self.marking and not node.labelled:
+            return make("mark", FLOAT, ((yield from self._body(node, node.children, point, None)),), label)
+        if node.label is not None:
+            if self.marking:
+                return (yield from self._ask(node.children[0], point, node.label))
+            return (yield from self._ask(node.children[0], point, None))
+        children = _flattened(node) if node.definition.associative else node.children
+        if self.marking and node.definition.cuts:
+            children = _cutting(children)
+            if len(children) == 1:
+                return (yield from self._ask(children[0], point, label))
+        return (yield from self._body(node, children, point, label))
+
+    def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
+        """The definition's body with the point, the parameters and the children put in."""
+        if node.definition.associative:
+            children = _flattened(node) if children is node.children else children
+        template = node.definition.template(len(children), node.params)
+        params = [v for v in node.params.values() if isinstance(v, Expr)]
+        if not children:
+            value = template(point, *params)
+        else:
+            new = dict(zip(template.params, (point, *params), strict=True))
+            for part in topological([template.body]):
+                if part in new:
+                    continue
+                args = tuple(new[arg] for arg in part.args)
+                if part.op == "apply":
+                    new[part] = yield from self._ask(children[part.data], args[0], label)
+                else:
+                    new[part] = rebuild(part, args)
+            value = new[template.body]
+        return value / node.facts.divisor if node.facts.divisor > 1.0 else value
+
+    def _ask(self, child: Node, point: Expr, label: Any) -> Work:
+        """The child at a point: its expression, or a call where it is asked at several places."""
+        if self._sites.get(child, 0) < 2 or not child.children or (self.marking and child.labelled):
+            return (yield (child, point, label))
+        if self.marking:  # an unlabelled part: the mark stands around the call
+            plain = Lowering(origins=self.origins, _sites=self._sites, _functions=self._functions)
+            return make("mark", FLOAT, (plain._run_called(child, point),), label)
+        if child not in self._functions:
+            p = var("p", vector(child.dimension))
+            body = yield (child, p, None)
+            self._functions[child] = Function(f"{child.name}_field", (p,), body, where=child.where)
+        return self._functions[child](point)
+
+    def _run_called(self, child: Node, point: Expr) -> Expr:
+        if child not in self._functions:
+            p = var("p", vector(child.dimension))
+            self._functions[child] = Function(
+                f"{child.name}_field", (p,), self._run((child, p, None)), where=child.where
+            )
+        return self._functions[child](point)
+
+
+def _asked(node: Node) -> list[int]:
+    """How many places in its body a node asks each child at."""
+    times = [0] * len(node.children)
+    for part in topological([node.definition.template(len(node.children), node.params).body]):
+        if part.op == "apply":
+            times[part.data] += 1
+    return times
+
+
+def _flattened(node: Node) -> list[Node]:
+    """The children of a node, those of nested nodes of the same kind and parameters in their place."""
+    flat: list[Node] = []
+    pending = [node]
+    while pending:
+        each = pending.pop()
+        if each.label is None and each.definition is node.definition and each.params == node.params:
+            pending.extend(reversed(each.children))
+        else:
+            flat.append(each)
+    return flat
+
+
+def _cutting(children: Sequence[Node]) -> Sequence[Node]:
+    """Of operands that cut each other, those that decide the material: a tool without one shows what it cuts."""
+    return [child for child in children if child.labelled] if children[0].labelled else children
+
+
+def lower(node: Node) -> Function:
+    """The field of a node as a function `float field(vec3 p)`."""
+    return Lowering().field(node)
+
+
+@method
+def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances in float64; see `Node.distance`."""
+    definition = lower(node)
+    value = evaluator([definition.body], definition.params)(points)[0]
+    return np.array(np.broadcast_to(value, points.shape[:-1]))
+
+
+@method
+def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Gradients in float64; see `Node.gradient`."""
+    definition = companion(lower(node))
+    value = evaluator([definition.body], definition.params)(points)[0]
+    return np.array(np.broadcast_to(value[..., :-1], points.shape))
+
+
+@method
+def print_field(node: Node) -> str:
+    """GLSL of the field alone; see `Node.glsl`."""
+    text = print_functions([lower(node)])
+    uniforms = [f"uniform {leaf.type} {name};" for name, leaf in text.uniforms.items()]
+    if text.uses_time:
+        uniforms.append("uniform float u_time;")
+    lines = [line.text for line in text.lines()]
+    return "\n".join([*uniforms, *([""] if uniforms else []), *lines]) + "\n"

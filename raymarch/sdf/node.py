@@ -1,0 +1,181 @@
+"""The node: what a user combines. Its facts are known as soon as it exists; its field is made when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.errors import Location, SceneError, user_location
+from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.registry import METHODS
+
+if TYPE_CHECKING:
+    from raymarch.sdf.definition import Definition
+    from raymarch.sdf.domain import Scalar, Vector
+
+
+class Node:
+    """A solid, given by its signed distance: negative inside, positive outside.
+
+    Nodes come from shapes (`sphere()`) and operators (`a | b`, `a.translate(...)`); they never change.
+    """
+
+    __slots__ = ("__weakref__", "children", "definition", "facts", "label", "labelled", "params", "where")
+
+    def __init__(
+        self, definition: Definition, children: tuple[Node, ...], params: Mapping[str, Any], facts: Facts, label: Any = None
+    ) -> None:
+        self.definition = definition
+        self.children = children
+        self.params = params
+        self.facts = facts
+        self.label = label
+        self.labelled = label is not None or any(child.labelled for child in children)
+        self.where: Location | None = user_location()
+
+    def __repr__(self) -> str:
+        lower, upper = (np.array2string(b, precision=4, separator=", ") for b in self.bounds)
+        return f"<{self.name}: {self.exactness}, lipschitz {self.lipschitz:.4g}, bounds {lower} to {upper}>"
+
+    # Facts
+
+    @property
+    def name(self) -> str:
+        """Name of the shape or operator."""
+        return self.definition.name
+
+    @property
+    def dimension(self) -> int:
+        """3, or 2 for a flat shape."""
+        return self.definition.dimension
+
+    @property
+    def exactness(self) -> Exactness:
+        """ "exact", "bound" or "estimate"."""
+        return self.facts.exactness
+
+    @property
+    def lipschitz(self) -> float:
+        """`distance` changes at most this many times faster than the distance walked; infinite for an estimate."""
+        return float("inf") if self.exactness == "estimate" else self.facts.lipschitz
+
+    @property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Corners (lower, upper) of a box around the solid, each of shape (3,); infinite where it has no end."""
+        return self.facts.lower.copy(), self.facts.upper.copy()
+
+    # Values
+
+    def distance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Signed distance in float64.
+
+        Parameters
+        ----------
+        points : shape (N, 3), or (3,) for one point ((N, 2) for a flat shape).
+
+        Returns
+        -------
+        shape (N,), or () for one point. Parameters have their default values, time is 0.
+        """
+        result: NDArray[np.float64] = METHODS["evaluate_distance"](self, self._points(points))
+        return result
+
+    def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Gradient of the distance in float64: the outward normal where the field is exact.
+
+        Parameters
+        ----------
+        points : shape (N, 3), or (3,) for one point.
+
+        Returns
+        -------
+        the same shape as `points`. On edges and medial axes, where there is no gradient, one of the sides or 0.
+        """
+        result: NDArray[np.float64] = METHODS["evaluate_gradient"](self, self._points(points))
+        return result
+
+    def _points(self, points: ArrayLike) -> NDArray[np.float64]:
+        array = np.asarray(points, np.float64)
+        if array.ndim not in (1, 2) or array.shape[-1] != self.dimension:
+            raise SceneError(f"points of shape {array.shape}", legal=f"(N, {self.dimension}) or ({self.dimension},)")
+        return array
+
+    def glsl(self) -> str:
+        """The field alone, as GLSL text: `float field(vec3 p)` and what it calls."""
+        text: str = METHODS["print_field"](self)
+        return text
+
+    # Combining
+
+    def __or__(self, other: Node) -> Node:
+        return self._combine("union", other)
+
+    def __and__(self, other: Node) -> Node:
+        return self._combine("intersection", other)
+
+    def __sub__(self, other: Node) -> Node:
+        return self._combine("difference", other)
+
+    def _combine(self, name: str, other: Node) -> Node:
+        if not isinstance(other, Node):
+            raise SceneError(f"{name} of {self.name} and {other!r} ({type(other).__name__})", legal="two nodes")
+        return self._call(name, other)
+
+    def _call(self, name: str, *args: Any, **kwargs: Any) -> Node:
+        result: Node = METHODS[name](self, *args, **kwargs)
+        return result
+
+    def union(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+        """This solid and the others; see `raymarch.union`."""
+        return self._call("union", *others, k=k, blend=blend)
+
+    def intersection(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+        """What this solid and all others share; see `raymarch.intersection`."""
+        return self._call("intersection", *others, k=k, blend=blend)
+
+    def difference(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+        """This solid without the others; see `raymarch.difference`."""
+        return self._call("difference", *others, k=k, blend=blend)
+
+    # Placing and shaping
+
+    def translate(self, offset: Vector) -> Node:
+        """Moved by a vec3."""
+        return self._call("translate", offset)
+
+    def rotate(self, angle: Scalar, axis: Vector | str = "y") -> Node:
+        """Turned by an angle in radians about an axis through the origin, counter-clockwise seen from its tip."""
+        return self._call("rotate", angle, axis)
+
+    def scale(self, factor: Scalar | Vector) -> Node:
+        """Enlarged about the origin: by one factor (keeps exactness) or one for each axis (gives a bound)."""
+        return self._call("scale", factor)
+
+    def transform(self, matrix: ArrayLike) -> Node:
+        """Placed by an affine 4x4 matrix for row vectors, as pyrr makes them; see `raymarch.transform`."""
+        return self._call("transform", matrix)
+
+    def mirror(self, axis: Vector | str) -> Node:
+        """What lies on the side the axis ("x", "y", "z" or a normal) points to, and its mirror image."""
+        return self._call("mirror", axis)
+
+    def repeat(self, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
+        """Copies at a spacing along the axes; see `raymarch.repeat`."""
+        return self._call("repeat", spacing, count)
+
+    def round(self, radius: Scalar) -> Node:
+        """Grown by a radius, edges rounded."""
+        return self._call("round", radius)
+
+    def shell(self, thickness: Scalar) -> Node:
+        """Only a skin of this thickness about the surface."""
+        return self._call("shell", thickness)
+
+    def material(self, material: object) -> Node:
+        """The same solid made of a material; parts that have one of their own keep it."""
+        return self._call("material", material)
+
+

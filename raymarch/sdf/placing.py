@@ -1,0 +1,187 @@
+"""Operators that place a solid: rigid motions, scaling, affine maps, mirrors; and the material label."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import columns, cos, dot, max, min, sin, transpose, vec3
+from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector
+from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def axis_vector(name: str, axis: Vector | str) -> Vector:
+    """The direction that "x", "y", "z" or a vec3 stands for."""
+    if not isinstance(axis, str):
+        return axis
+    if axis not in AXES:
+        raise SceneError(f"{name}: axis = {axis!r}", legal="'x', 'y', 'z' or 3 numbers, not all zero")
+    return AXES[axis]
+
+
+def _unmoved(child: Facts, offset: Expr) -> str:
+    return "".join(a for a, o in zip("xyz", offset, strict=True) if a in child.symmetry and o.is_constant and not o.data)
+
+
+@method
+@operator(exactness="exact", bounds=lambda child, offset: child.box + offset, symmetry=_unmoved)
+def translate(p: Expr, child: Child, offset: Vec3) -> Expr:
+    """Moved.
+
+    offset : vec3, length.
+    """
+    return child(p - offset)
+
+
+def rotation_matrix(axis: Expr, angle: Expr) -> Expr:
+    """Rotation about a unit axis, counter-clockwise seen from its tip (Rodrigues 1840), for column vectors."""
+    c, s = cos(angle), sin(angle)
+    x, y, z = axis
+    turn = 1.0 - c
+    return columns(
+        vec3(turn * x * x + c, turn * x * y + s * z, turn * x * z - s * y),
+        vec3(turn * x * y - s * z, turn * y * y + c, turn * y * z + s * x),
+        vec3(turn * x * z + s * y, turn * y * z - s * x, turn * z * z + c),
+    )
+
+
+@operator(exactness="exact", bounds=lambda child, axis, angle: rotation_matrix(axis, angle) @ child.box)
+def rotate_about(p: Expr, child: Child, axis: Direction, angle: Angle) -> Expr:
+    """Turned about an axis through the origin."""
+    return child(transpose(rotation_matrix(axis, angle)) @ p)
+
+
+@method
+def rotate(node: Node, angle: Scalar, axis: Vector | str = "y") -> Node:
+    """Turned about an axis through the origin, counter-clockwise seen from the axis' tip.
+
+    angle : radians. axis : "x", "y", "z" or a direction of any length but 0.
+    """
+    return rotate_about(node, axis_vector("rotate", axis), angle)
+
+
+@operator(exactness="exact", bounds=lambda child, factor: child.box * factor, symmetry="keep")
+def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
+    """Enlarged by one factor; distances grow with it, so they stay exact."""
+    return factor * child(p / factor)
+
+
+@operator(bounds=lambda child, factors: child.box * factors, symmetry="keep")
+def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
+    """Enlarged along each axis by its own factor; the smallest one scales distances, which gives a bound."""
+    return min(factors.x, min(factors.y, factors.z)) * child(p / factors)
+
+
+@method
+def scale(node: Node, factor: Scalar | Vector) -> Node:
+    """Enlarged about the origin.
+
+    factor : one number > 0, which keeps exactness, or three, which leave a bound.
+    """
+    value = expr(factor)
+    if value.type is FLOAT:
+        return scale_evenly(node, factor)
+    if value.is_constant and value.type.is_vector and np.all(value.data == value.data[0]):
+        return scale_evenly(node, float(value.data[0]))
+    return scale_axes(node, factor)
+
+
+@operator(
+    exactness=lambda child, linear, inverse, offset, stretch: "exact" if _is_rigid(linear) else "bound",
+    bounds=lambda child, linear, inverse, offset, stretch: linear @ child.box + offset,
+)
+def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec3, stretch: Positive) -> Expr:
+    """Placed by x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
+    return stretch * child(inverse @ (p - offset))
+
+
+def _is_rigid(linear: Expr) -> bool:
+    """A rotation or reflection times one factor: all singular values agree to rounding."""
+    values = np.linalg.svd(linear.data, compute_uv=False)
+    return bool(values[0] - values[-1] <= 8 * np.finfo(np.float64).eps * values[0])
+
+
+@method
+def transform(node: Node, matrix: ArrayLike) -> Node:
+    """Placed by an affine 4x4 matrix.
+
+    matrix : shape (4, 4), for row vectors as pyrr makes them: (x, y, z, 1) @ matrix, so the last row holds the
+        offset and the last column is (0, 0, 0, 1). It may rotate, scale, shear and reflect, but not flatten:
+        its smallest singular value scales distances. A rotation with one factor keeps exactness.
+    """
+    try:
+        m = np.asarray(matrix, np.float64)
+    except (TypeError, ValueError):
+        raise SceneError(f"transform: matrix = {matrix!r}", legal="4x4 numbers") from None
+    if m.shape != (4, 4) or not np.all(np.isfinite(m)):
+        raise SceneError(f"transform: a matrix of shape {m.shape}, values {m.tolist()}", legal="4x4 finite numbers")
+    if not np.array_equal(m[:, 3], [0, 0, 0, 1]):
+        hint = "for column vectors, it seems: pass its transpose" if np.array_equal(m[3], [0, 0, 0, 1]) else "not affine"
+        raise SceneError(f"transform: last column {m[:, 3].tolist()}, {hint}", legal="last column (0, 0, 0, 1)")
+    linear = m[:3, :3].T
+    singular = np.linalg.svd(linear, compute_uv=False)
+    if singular[-1] <= 1e-12 * singular[0] or singular[-1] == 0.0:
+        raise SceneError(
+            f"transform: singular matrix, its stretches are {singular.tolist()}", legal="an invertible matrix"
+        )
+    return affine(node, linear, np.linalg.inv(linear), m[3, :3], float(singular[-1]))
+
+
+def _exact_if_one_sided(child: Facts, normal: Expr) -> Exactness:
+    """A part that reaches over the mirror is cut off, and distances to what was cut are too small."""
+    if not normal.is_constant:
+        return "bound"
+    n = np.asarray(normal.data)
+    with np.errstate(invalid="ignore"):
+        nearest = np.where(n == 0, 0.0, np.where(n > 0, n * child.lower, n * child.upper)).sum()
+    return "exact" if nearest >= 0 else "bound"
+
+
+def _mirrored_bounds(child: ChildFacts, normal: Expr) -> tuple[Expr, Expr]:
+    """The box and its reflection."""
+    image = child.box - 2.0 * normal * dot(normal, child.box)
+    return min(child.lower, image), max(child.upper, image)
+
+
+def _mirrored_symmetry(child: Facts, normal: Expr) -> str:
+    along = [a for a, v in AXES.items() if normal.is_constant and np.array_equal(np.abs(normal.data), v)]
+    return "".join(sorted({*child.symmetry, *along})) if along else ""
+
+
+@operator(exactness=_exact_if_one_sided, bounds=_mirrored_bounds, symmetry=_mirrored_symmetry)
+def mirror_across(p: Expr, child: Child, normal: Direction) -> Expr:
+    """Points behind the plane through the origin are asked at their reflection."""
+    return child(p - 2.0 * min(dot(p, normal), 0.0) * normal)
+
+
+@method
+def mirror(node: Node, axis: Vector | str) -> Node:
+    """What lies on the side that the axis points to, and its reflection in the plane through the origin.
+
+    axis : "x", "y", "z" or a normal of any length but 0.
+    """
+    return mirror_across(node, axis_vector("mirror", axis))
+
+
+@operator(exactness="exact", bounds=lambda child: child.box, symmetry="keep")
+def labelled(p: Expr, child: Child) -> Expr:
+    """The same field, with a label that materials are found by."""
+    return child(p)
+
+
+@method
+def material(node: Node, material: Any) -> Node:
+    """The same solid made of a material; parts that have a material of their own keep it."""
+    made = labelled(node)
+    return Node(made.definition, made.children, made.params, made.facts, label=material)

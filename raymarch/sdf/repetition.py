@@ -1,0 +1,159 @@
+"""Repetition in space: one child, asked for the nearest of its copies.
+
+Looking at the own cell alone overestimates wherever a copy in the next cell is nearer, so the nearer neighbour
+is asked as well, on each axis (2, 4 or 8 look-ups). One look-up is enough along an axis where the child is its own
+mirror image. Cells are centred on the child's box, so an off-centre child needs no more room than its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.node import Expr, construct, expr
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import clamp, max, min, round, vec3, where
+from raymarch.sdf.booleans import balanced
+from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole
+from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+INFINITE = 0
+
+
+def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:
+    """The outermost copies; an axis that is left alone has one."""
+    reach = vec3(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in (nx, ny, nz)])
+    return child.lower - reach * spacing, child.upper + reach * spacing
+
+
+def _keep_if_centred(child: Facts, centre: Expr, **_: Any) -> str:
+    return "".join(a for a, c in zip("xyz", centre.data, strict=True) if a in child.symmetry and c == 0.0)
+
+
+def _exact_if_complete(child: Facts, guard: int, **_: Any) -> Exactness:
+    return "bound" if guard else "exact"
+
+
+@operator(exactness=_exact_if_complete, bounds=_bounds, symmetry=_keep_if_centred)
+def repeat_cells(
+    p: Expr,
+    child: Child,
+    spacing: Size3,
+    centre: Vec3,
+    nx: Whole,
+    ny: Whole,
+    nz: Whole,
+    both: Whole,
+    guard: Whole,
+) -> Expr:
+    """Copies in a grid of cells.
+
+    nx, ny, nz : copies along each axis, 0 for no end, 1 for an axis that is left alone.
+    both : bits of the axes on which the nearer neighbour is asked too.
+    guard : 1 if the child's field is only a bound. It might then rank copies wrongly, and the choice of
+        neighbours would make it jump; the distance to the cells not asked keeps it continuous.
+    """
+    counts = (nx, ny, nz)
+    axes = [i for i in range(3) if counts[i] != 1]
+    lookups: list[list[tuple[Expr, Expr | None]]] = [[(p[i], None)] for i in range(3)]
+    unseen = []
+    for i in axes:
+        shift = 0.5 if counts[i] and counts[i] % 2 == 0 else 0.0
+        along = (p[i] - centre[i]) / spacing[i] - shift
+        cell = round(along)
+        local = along - cell
+        side = where(local < 0.0, -1.0, 1.0)
+        cells: list[tuple[Expr, Expr | None]] = [(cell, None)]
+        if both >> i & 1:
+            cells.append((cell + side, (0.5 - abs(local)) * spacing[i]))
+            unseen.append((0.5 + abs(local)) * spacing[i])
+        lookups[i] = [(p[i] - spacing[i] * (_limited(c, counts[i]) + shift), gap) for c, gap in cells]
+    distances = [_lookup(child, choice, bool(guard)) for choice in product(*lookups)]
+    if guard and unseen:
+        distances.append(balanced(unseen, min))
+    return balanced(distances, min)
+
+
+def _limited(cell: Expr, count: int) -> Expr:
+    """The index of a cell, kept among those that exist: -(n-1)/2 to (n-1)/2, shifted by half if n is even."""
+    if count == INFINITE:
+        return cell
+    return clamp(cell, -float(count // 2), float((count - 1) // 2))
+
+
+def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: bool) -> Expr:
+    distance = child(construct(*[q for q, _ in choice]))
+    gaps = [gap for _, gap in choice if gap is not None]
+    return max(distance, balanced(gaps, max)) if guard and gaps else distance
+
+
+@method
+def repeat(
+    node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None
+) -> Node:
+    """Copies of a solid at a spacing along the axes.
+
+    Parameters
+    ----------
+    spacing : a length > 0 for each of x, y and z; None leaves that axis alone. One number is for all three.
+    count : how many copies, about the origin: one number, or one for each axis; None for no end.
+
+    The child must fit its cell: its box, wherever it stands, may not be larger than the spacing. Exact on an exact
+    child. Asks 1 copy along an axis where the child mirrors itself, else 2.
+    """
+    steps = _each_axis("spacing", spacing)
+    counts = _each_axis("count", count)
+    lower, upper = node.bounds
+    width, centre, numbers, both = [], [], [], 0
+    for i, axis in enumerate("xyz"):
+        n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
+        if isinstance(n, bool) or not isinstance(n, int) or n < 0 or (n == 0 and counts[i] is not None):
+            raise SceneError(f"repeat: count = {count!r}", legal="integers >= 1, or None for no end")
+        numbers.append(n)
+        step = expr(1.0) if steps[i] is None else expr(steps[i])
+        width.append(step)
+        middle = 0.0
+        if n != 1:
+            _check_fit(node, axis, step, float(lower[i]), float(upper[i]))
+            middle = 0.5 * float(lower[i] + upper[i]) if axis not in node.facts.symmetry else 0.0
+            if axis not in node.facts.symmetry:
+                both |= 1 << i
+        centre.append(middle)
+    guard = int(both != 0 and node.exactness != "exact")
+    return repeat_cells(node, construct(*width), centre, *numbers, both, guard)
+
+
+def _each_axis(name: str, value: Any) -> list[Any]:
+    """One entry for each axis."""
+    if isinstance(value, Expr) and value.type is VEC3:
+        return list(value)
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, tuple | list):
+        if len(value) != 3:
+            raise SceneError(f"repeat: {name} = {value!r}", legal="one value, or three for x, y and z")
+        return list(value)
+    return [value] * 3
+
+
+def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) -> None:
+    if step.type is not FLOAT:
+        raise SceneError(f"repeat: spacing along {axis} is a {step.type}", legal="a number > 0")
+    smallest = float(interval_of(step)[0])
+    if not smallest > 0.0:
+        raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal="a number > 0, or None")
+    if not np.isfinite(upper - lower):
+        raise SceneError(f"repeat: {node.name} has no end along {axis}", legal=f"None as the spacing along {axis}")
+    if upper - lower > smallest * (1 + 1e-12):
+        raise SceneError(
+            f"repeat: {node.name} is {upper - lower:g} wide along {axis}, its cell only {smallest:g}",
+            legal=f"a spacing >= {upper - lower:g} along {axis}",
+        )

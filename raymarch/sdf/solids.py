@@ -1,0 +1,106 @@
+"""Solid shapes. Each is one short function of a point; its facts stand above it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, const, expr
+from raymarch.expr.vocabulary import clamp, dot, length, max, min, vec2, vec3, where
+from raymarch.sdf.definition import cube, shape
+from raymarch.sdf.domain import Direction, Length, Positive, Size3, Vec3
+
+_FAR = const(np.inf)
+
+
+@shape(exactness="exact", bounds=lambda radius: cube(radius), symmetry="xyz")
+def sphere(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Ball about the origin.
+
+    radius : length, > 0.
+    """
+    return length(p) - radius
+
+
+@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xyz")
+def box(p: Expr, size: Size3 = (1.0, 1.0, 1.0)) -> Expr:
+    """Box about the origin.
+
+    size : full extents along x, y and z, each > 0; one number gives a cube.
+    """
+    q = abs(p) - 0.5 * size
+    return length(max(q, 0.0)) + min(max(q.x, max(q.y, q.z)), 0.0)
+
+
+def _half_space_bounds(normal: Any, offset: Any) -> tuple[Expr, Expr]:
+    """Bounded on one side where the normal lies along an axis."""
+    on_axis = [(normal[(i + 1) % 3] * normal[(i + 1) % 3] + normal[(i + 2) % 3] * normal[(i + 2) % 3]) for i in range(3)]
+    lower = [where((on_axis[i] <= 0.0) & (normal[i] < 0.0), -offset, -_FAR) for i in range(3)]
+    upper = [where((on_axis[i] <= 0.0) & (normal[i] > 0.0), offset, _FAR) for i in range(3)]
+    return vec3(*lower), vec3(*upper)
+
+
+@shape(exactness="exact", bounds=_half_space_bounds)
+def plane(p: Expr, normal: Direction = (0.0, 1.0, 0.0), offset: Length = 0.0) -> Expr:
+    """Solid half-space dot(normal, p) <= offset.
+
+    normal : direction out of the solid, any length but 0.
+    offset : distance of the surface from the origin along the normal.
+    """
+    return dot(p, normal) - offset
+
+
+def _check_torus(major: Any, minor: Any) -> None:
+    if isinstance(major, Expr) and major.is_constant and minor.is_constant and float(minor.data) > float(major.data):
+        raise SceneError(
+            f"torus: minor = {float(minor.data):g} exceeds major = {float(major.data):g}", legal="minor <= major"
+        )
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda major, minor: cube(vec3(major + minor, minor, major + minor)),
+    symmetry="xyz",
+    check=_check_torus,
+)
+def torus(p: Expr, major: Positive = 1.0, minor: Positive = 0.25) -> Expr:
+    """Ring about the y axis.
+
+    major : radius of the circle in the middle of the tube, > 0.
+    minor : radius of the tube, > 0 and not above `major`.
+    """
+    return length(vec2(length(p.xz) - major, p.y)) - minor
+
+
+@shape(exactness="exact", bounds=lambda radius, height: cube(vec3(radius, 0.5 * height, radius)), symmetry="xyz")
+def cylinder(p: Expr, radius: Positive = 1.0, height: Positive = 2.0) -> Expr:
+    """Capped cylinder about the y axis, centred at the origin.
+
+    radius : length, > 0. height : full height, > 0.
+    """
+    q = vec2(length(p.xz) - radius, abs(p.y) - 0.5 * height)
+    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0)
+
+
+def _check_capsule(a: Any, b: Any, radius: Any) -> None:
+    if a is b:
+        raise SceneError(f"capsule: a and b are the same point {a.data}", legal="two points; one alone is a sphere")
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda a, b, radius: (min(a, b) - radius, max(a, b) + radius),
+    check=_check_capsule,
+)
+def capsule(
+    p: Expr, a: Vec3 = (0.0, -0.5, 0.0), b: Vec3 = (0.0, 0.5, 0.0), radius: Positive = 0.5
+) -> Expr:
+    """All points within a radius of the segment from a to b.
+
+    a, b : ends of the segment, distinct points. radius : length, > 0.
+    """
+    pa, ba = p - a, expr(b) - a
+    h = clamp(dot(pa, ba) / dot(ba, ba), 0.0, 1.0)
+    return length(pa - ba * h) - radius
