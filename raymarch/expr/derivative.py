@@ -212,7 +212,8 @@ def sensitivities(root: Expr, marked: Sequence[Expr]) -> list[Expr]:
     opened = _open([cut], set(marks))[0]
     adjoints = backpropagate(opened, *marks)
     weights = [adjoints.get(mark, ZERO) for mark in marks]
-    return substitute(weights, dict(zip(marks, marked, strict=True)))
+    plain = [m.args[0] if m.op == "mark" else m for m in marked]
+    return substitute(weights, dict(zip(marks, plain, strict=True)))
 
 
 def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:

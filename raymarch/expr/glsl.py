@@ -332,11 +332,29 @@ def identifier(name: str, taken: Iterable[str]) -> str:
     return result
 
 
+@dataclass(eq=False, slots=True)
+class Record:
+    """A function that fills a GLSL struct: one expression for each of its fields."""
+
+    name: str
+    type_name: str
+    params: tuple[Expr, ...]
+    fields: tuple[tuple[str, Expr], ...]
+    names: dict[Expr, str] = field(default_factory=dict)
+
+    @property
+    def inner(self) -> tuple[Expr, ...]:
+        return tuple(value for _, value in self.fields)
+
+
+Printable: TypeAlias = Function | Record
+
+
 @dataclass(slots=True)
 class Text:
     """The functions of a field in the order in which they must stand, and what they need around them."""
 
-    names: dict[Function, str]
+    names: dict[Printable, str]
     functions: list[list[Line]]
     helpers: dict[tuple[str, str], str]
     uniforms: dict[str, Expr]
@@ -352,10 +370,10 @@ class Text:
         return result[:-1]
 
 
-def print_functions(roots: Sequence[Function], taken: Iterable[str] = ()) -> Text:
+def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Text:
     """GLSL of some functions and of all that they call, each once."""
     order = _callees_first(roots)
-    names: dict[Function, str] = {}
+    names: dict[Printable, str] = {}
     occupied = set(taken)
     for definition in [*roots, *order]:  # the roots keep the names that they ask for
         if definition not in names:
@@ -364,9 +382,9 @@ def print_functions(roots: Sequence[Function], taken: Iterable[str] = ()) -> Tex
     text = Text(names, [], {}, {}, False)
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
-    for leaf in find([f.body for f in roots], "param"):
+    for leaf in find([e for f in roots for e in f.inner], "param"):
         text.uniforms.setdefault(uniform_name(leaf), leaf)
-    text.uses_time = bool(find([f.body for f in roots], "time"))
+    text.uses_time = bool(find([e for f in roots for e in f.inner], "time"))
     return text
 
 
@@ -375,10 +393,10 @@ def uniform_name(leaf: Expr) -> str:
     return "u_time" if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, ())
 
 
-def _callees_first(roots: Sequence[Function]) -> list[Function]:
-    order: dict[Function, None] = {}
-    stack: list[tuple[Function, bool]] = [(root, False) for root in reversed(roots)]
-    open_: set[Function] = set()
+def _callees_first(roots: Sequence[Printable]) -> list[Printable]:
+    order: dict[Printable, None] = {}
+    stack: list[tuple[Printable, bool]] = [(root, False) for root in reversed(roots)]
+    open_: set[Printable] = set()
     while stack:
         definition, done = stack.pop()
         if done:
@@ -408,7 +426,7 @@ def _direct_calls(roots: Iterable[Expr]) -> list[Expr]:
 class FunctionPrinter:
     """Prints one function: statements for what is shared, one expression for the rest."""
 
-    definition: Function
+    definition: Printable
     text: Text
     taken_outside: set[str]
     lines: list[Line] = field(default_factory=list)
@@ -427,10 +445,24 @@ class FunctionPrinter:
         for param in self.definition.params:
             self.names[param] = self._name(param.data)
         params = ", ".join(f"{p.type} {self.names[p]}" for p in self.definition.params)
-        head = f"{self.definition.type} {self.text.names[self.definition]}({params}) {{"
+        name = self.text.names[self.definition]
+        if isinstance(self.definition, Record):
+            return self._run_record(self.definition, name, params)
+        head = f"{self.definition.type} {name}({params}) {{"
         body = self.definition.body
         self.emit([body], lambda _i, piece: self._statement("return ", piece, ";", body))
         return [Line(head, body), *self.lines, Line("}", None)]
+
+    def _run_record(self, record: Record, name: str, params: str) -> list[Line]:
+        result = self._name("result")
+        self.lines.append(Line(f"    {record.type_name} {result};", None))
+
+        def finish(i: int, piece: Piece) -> None:
+            self._statement(f"{result}.{record.fields[i][0]} = ", piece, ";", record.inner[i])
+
+        self.emit(record.inner, finish)
+        self.lines.append(Line(f"    return {result};", None))
+        return [Line(f"{record.type_name} {name}({params}) {{", None), *self.lines, Line("}", None)]
 
     def _name(self, wanted: str) -> str:
         name = identifier(wanted, self.taken)

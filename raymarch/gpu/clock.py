@@ -75,7 +75,7 @@ class Clock:
     def __init__(self, context: Context, timer: Timer | None = None) -> None:
         self._context = context
         self._timer = timer or gl_timer(context)
-        self._is_software = False
+        self._is_software = timer is None and context.driver.is_software
         self._trial: Trial | None = None
 
     @property

@@ -250,7 +250,7 @@ class _GlfwBinding:
         address: int | None = self._glfw.get_proc_address(name)
         return address or 0
 
-    load = load_opengl_function  # the name that moderngl before 5.7 and glcontext use
+    load = load_opengl_function  # moderngl's older name for it
 
     def __enter__(self) -> None:
         self._glfw.make_context_current(self._window)

@@ -94,7 +94,8 @@ class Program:
         self.released = False
         context.make_current()
         try:
-            self._program = context.gl.program(vertex_shader=vertex, fragment_shader=fragment)
+            # Some versions of moderngl strip the text, which moves its lines: strip it here, for all alike.
+            self._program = context.gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())
         except moderngl.Error as error:
             raise _refusal(name, str(error), fragment, locate) from error
         self._triangle = context.gl.vertex_array(self._program, [])
@@ -184,7 +185,7 @@ def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:
         first = errors[0].text if errors else next(filter(None, map(str.strip, body.splitlines())), log.strip())
         return ShaderError(f"pass {name}: the driver refused {stage}: {first}")
     first_error = errors[0]
-    # moderngl strips the text before it compiles, so the driver's line 1 is the first line that is not blank.
+    # The text went to the driver stripped, so the driver's line 1 is the first line that is not blank.
     blank = fragment[: len(fragment) - len(fragment.lstrip())].count("\n")
     line = first_error.line + blank
     what, where = locate(line)

@@ -68,7 +68,7 @@ class Target:
 
     def _allocate(self) -> None:
         gl = self.context.gl
-        gl.clear_errors()  # an older error must not be taken for ours
+        _ = gl.error  # asking clears it: an older error must not be taken for ours
         for _ in range(self.attachments):
             texture = gl.texture(self.size, _COMPONENTS, dtype=self.dtype)
             self._textures.append(texture)

@@ -28,26 +28,29 @@ Request: TypeAlias = tuple[Node, Expr, Any]
 Work: TypeAlias = Generator[Request, Expr, Expr]
 
 
+UNMARKED = object()
+"""In place of a label: the material of this part does not matter."""
+
+
 @dataclass(slots=True)
 class Lowering:
     """One pass over a tree of nodes.
 
     Attributes
     ----------
-    marking : keep the distance of each part with a material findable: a `mark` whose data is the label.
     origins : the user's line for each expression that a node became.
     """
 
-    marking: bool = False
     origins: dict[Expr, Location] = field(default_factory=dict)
     _sites: dict[Node, int] = field(default_factory=dict)
     _done: dict[Request, Expr] = field(default_factory=dict)
     _functions: dict[Node, Function] = field(default_factory=dict)
 
-    def field(self, root: Node, name: str = "field", label: Any = None) -> Function:
+    def field(self, root: Node, name: str = "field", label: Any = UNMARKED) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
 
-        Where `marking`, parts without a material of their own are marked with `label`.
+        With a `label`, the distance of each part with a material stays findable, as a `mark` whose data is the
+        material; parts without one of their own are marked with `label`.
         """
         self._count_sites(root)
         p = var("p", vector(root.dimension))
@@ -85,14 +88,13 @@ class Lowering:
         return result
 
     def _lower(self, node: Node, point: Expr, label: Any) -> Work:
-        if self.marking and not node.labelled:
-            return make("mark", FLOAT, ((yield from self._body(node, node.children, point, None)),), label)
+        marking = label is not UNMARKED
+        if marking and not node.labelled:
+            return make("mark", FLOAT, ((yield from self._ask(node, point, UNMARKED)),), label)
         if node.label is not None:
-            if self.marking:
-                return (yield from self._ask(node.children[0], point, node.label))
-            return (yield from self._ask(node.children[0], point, None))
+            return (yield from self._ask(node.children[0], point, node.label if marking else UNMARKED))
         children = _flattened(node) if node.definition.associative else node.children
-        if self.marking and node.definition.cuts:
+        if marking and node.definition.cuts:
             children = _cutting(children)
             if len(children) == 1:
                 return (yield from self._ask(children[0], point, label))
@@ -100,8 +102,6 @@ class Lowering:
 
     def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
         """The definition's body with the point, the parameters and the children put in."""
-        if node.definition.associative:
-            children = _flattened(node) if children is node.children else children
         template = node.definition.template(len(children), node.params)
         params = [v for v in node.params.values() if isinstance(v, Expr)]
         if not children:
@@ -121,23 +121,12 @@ class Lowering:
 
     def _ask(self, child: Node, point: Expr, label: Any) -> Work:
         """The child at a point: its expression, or a call where it is asked at several places."""
-        if self._sites.get(child, 0) < 2 or not child.children or (self.marking and child.labelled):
+        if label is not UNMARKED or self._sites.get(child, 0) < 2 or not child.children:
             return (yield (child, point, label))
-        if self.marking:  # an unlabelled part: the mark stands around the call
-            plain = Lowering(origins=self.origins, _sites=self._sites, _functions=self._functions)
-            return make("mark", FLOAT, (plain._run_called(child, point),), label)
         if child not in self._functions:
             p = var("p", vector(child.dimension))
-            body = yield (child, p, None)
+            body = yield (child, p, UNMARKED)
             self._functions[child] = Function(f"{child.name}_field", (p,), body, where=child.where)
-        return self._functions[child](point)
-
-    def _run_called(self, child: Node, point: Expr) -> Expr:
-        if child not in self._functions:
-            p = var("p", vector(child.dimension))
-            self._functions[child] = Function(
-                f"{child.name}_field", (p,), self._run((child, p, None)), where=child.where
-            )
         return self._functions[child](point)
 
 

@@ -34,6 +34,7 @@ def timer_that(context: Context, distort: Callable[[float], float]) -> module.Ti
         ((0.1, 0.2, 0.4), False),
         ((2.0, 4.0, 4295.0), False),
         ((float("nan"), 4.0, 8.0), False),
+        ((2.0, float("nan"), 8.0), False),
         ((0.0, 0.0, 0.0), False),
     ],
 )

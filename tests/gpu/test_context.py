@@ -59,7 +59,7 @@ def test_releasing_one_context_leaves_the_others(egl: Context, osmesa: Context) 
         target.release()
 
 
-def test_releasing_a_context_that_is_not_current_leaves_the_current_one(egl: Context) -> None:
+def test_releasing_a_context_that_is_not_current_leaves_the_current_one(egl: Context, osmesa: Context) -> None:
     passing = open_context("osmesa")
     target = painted(egl, 3.0)
     passing.release()
@@ -76,7 +76,7 @@ def test_a_released_context_says_so(egl: Context) -> None:
         passing.make_current()
 
 
-def test_many_contexts_one_after_another() -> None:
+def test_many_contexts_one_after_another(egl: Context, osmesa: Context) -> None:
     for backend in ("osmesa", "egl") * 5:
         with open_context(backend) as context:
             painted(context, 1.0)

@@ -216,7 +216,9 @@ POSITION = "#version 330 core\nout vec4 color;\nvoid main() { color = vec4(gl_Fr
 
 
 def test_tiles_make_the_whole_picture(context: Context) -> None:
-    with Program(context, FULL_SCREEN, POSITION, locate, "test") as program, Target(context, (7, 5)) as target:
+    vertex = FULL_SCREEN.replace("void main", "out vec2 place;\nvoid main").replace("}", "place = gl_Position.xy; }")
+    fragment = POSITION.replace("void main", "in vec2 place;\nvoid main").replace("1.0, 1.0", "place")
+    with Program(context, vertex, fragment, locate, "test") as program, Target(context, (7, 5)) as target:
         program.draw(target)
         whole = target.read()
         target.clear()
@@ -238,6 +240,15 @@ def test_a_tile_leaves_the_rest_and_the_next_draw_and_clear_alone(context: Conte
         program.draw(target, tile=(1, 0, 2, 1))
         program.draw(target)
         assert np.all(target.read()[..., 2] == 1.0)
+
+
+def test_a_tile_of_one_target_does_not_confine_the_clearing_of_another(context: Context) -> None:
+    program = Program(context, FULL_SCREEN, POSITION, locate, "test")
+    with program, Target(context, (4, 3)) as tiled, Target(context, (4, 3)) as other:
+        other.clear((1.0, 1.0, 1.0, 1.0))
+        program.draw(tiled, tile=(1, 0, 2, 1))
+        other.clear((2.0, 2.0, 2.0, 2.0))
+        assert np.all(other.read() == 2.0)
 
 
 @pytest.mark.parametrize("tile", [(-1, 0, 2, 2), (0, 0, 5, 1), (3, 0, 2, 1), (0, 0, 0, 1), (0, 2, 1, 2)])

@@ -1,0 +1,10 @@
+// How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
+// needs: epsilon_pixels
+// gives: epsilon
+uniform float u_pixel;  // width of a pixel at distance 1
+
+float epsilon(vec3 p, float t) {
+    vec3 size = abs(p);
+    float ulps = 2.3841858e-7 * max(size.x, max(size.y, size.z));  // 2 ulp of the largest coordinate
+    return max(epsilon_pixels * u_pixel * t, ulps);
+}

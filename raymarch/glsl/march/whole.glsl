@@ -1,0 +1,8 @@
+// A ray is marched from the camera to the far end.
+// needs: Ray march
+// gives: trace
+uniform float u_far;
+
+Hit trace(Ray ray) {
+    return march(ray, 0.0, u_far);
+}

@@ -1,0 +1,17 @@
+// The ray through a point of the picture; a right-handed camera that looks along its own -z.
+// needs:
+// gives: Ray camera_ray
+struct Ray {
+    vec3 origin;
+    vec3 direction;
+};
+
+uniform vec3 u_camera_position;
+uniform mat3 u_camera_frame;  // columns: right, up, backward
+uniform float u_camera_slope;  // tangent of half the vertical field of view
+uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile of it is drawn
+
+Ray camera_ray(vec2 pixel) {
+    vec2 screen = (2.0 * pixel - u_resolution) / u_resolution.y * u_camera_slope;
+    return Ray(u_camera_position, normalize(u_camera_frame * vec3(screen, -1.0)));
+}

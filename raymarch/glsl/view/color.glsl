@@ -1,0 +1,10 @@
+// Pass: the linear colour of each pixel.
+// needs: camera_ray trace shade sky
+// gives: pass_color
+layout(location = 0) out vec4 out_color;
+
+void main() {
+    Ray ray = camera_ray(gl_FragCoord.xy);
+    Hit hit = trace(ray);
+    out_color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+}

@@ -1,0 +1,5 @@
+"""What this scene calls for: facts, features, passes and modules, each with its reason."""
+
+from raymarch.plan.plan import OUTPUTS, Feature, Pass, Plan, plan
+
+__all__ = ["OUTPUTS", "Feature", "Pass", "Plan", "plan"]

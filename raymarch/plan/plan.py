@@ -1,0 +1,265 @@
+"""The plan between a scene and its shader.
+
+It decides what is in the shader at all. What is not called for is not in the text; `explain` says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from raymarch.errors import Location, PlanError
+from raymarch.expr.derivative import companion, sensitivities
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import Record
+from raymarch.expr.node import Expr, const
+from raymarch.expr.vocabulary import where
+from raymarch.expr.walk import find, topological
+from raymarch.scene.light import PointLight, Sun
+from raymarch.scene.material import Material
+from raymarch.scene.parameter import Spec
+from raymarch.scene.scene import Scene, all_nodes
+from raymarch.sdf.lower import Lowering
+
+OUTPUTS = ("color", "depth", "normal", "iterations", "evaluations", "residual", "material")
+"""The arrays that a frame can hold."""
+
+LARGEST = 1024
+"""Shapes that a field may have as text. Beyond this, compilers take many seconds or fail."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """Something that a scene may call for: whether it does, and because of what."""
+
+    name: str
+    used: bool
+    reason: str
+    where: Location | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """One draw of the full-screen quad: its outputs, and how many colour textures it fills."""
+
+    name: str
+    module: str
+    textures: int
+    reason: str
+
+
+PASSES = {
+    "color": Pass("color", "view/color", 1, "the picture"),
+    "geometry": Pass("geometry", "view/geometry", 2, "depth, normal, material or counts were asked for"),
+}
+
+
+@dataclass(slots=True)
+class Plan:
+    """What is to be compiled and drawn for a scene."""
+
+    scene: Scene
+    field: Function
+    gradient: Function | None
+    material: Record | None
+    material_index: Function | None
+    origins: dict[Expr, Location]
+    passes: list[Pass]
+    modules: list[tuple[str, str]]
+    features: list[Feature]
+    parameters: dict[str, Spec]
+    shapes: int
+    nodes: int
+    operations: int
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def clipped(self) -> bool:
+        """True if the scene's box bounds the rays on some side."""
+        facts = self.scene.node.facts
+        return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
+
+
+def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
+    """Plan a scene. PlanError for clashing parameters or a field that is too large."""
+    lowering = Lowering()
+    definition = lowering.field(scene.node)
+    calls = [e for e in topological([definition.body]) if e.op == "call"]
+    shapes = sum(1 for call in calls if not call.data.name.endswith("_field"))
+    if shapes > LARGEST:
+        raise PlanError(
+            f"the field has {shapes} shapes, too many to compile as text",
+            legal=f"up to {LARGEST} distinct shapes; `repeat` makes copies of one",
+            where=scene.node.where,
+        )
+    lit = bool(scene.lights)
+    chosen = [PASSES[name] for name in passes]
+    geometry = any(p.name == "geometry" for p in chosen)
+    made = Plan(
+        scene=scene,
+        field=definition,
+        gradient=None,
+        material=None,
+        material_index=None,
+        origins=lowering.origins,
+        passes=chosen,
+        modules=[],
+        features=[],
+        parameters=scene.parameters,
+        shapes=shapes,
+        nodes=len(all_nodes(scene.node)),
+        operations=_operations(definition),
+    )
+    shaded = lit and any(p.name == "color" for p in chosen)
+    needs_normal = shaded or geometry
+    if needs_normal and scene.quality.normals == "analytic":
+        made.gradient = companion(definition)
+    if shaded or geometry:
+        _plan_materials(made, index=geometry)
+    _choose_modules(made, shaded, needs_normal)
+    _describe_effects(made, shaded)
+    made.warnings += _warnings(scene)
+    return made
+
+
+def _operations(definition: Function) -> int:
+    """Arithmetic operations of one evaluation, functions counted at each call; loops count once a turn."""
+    costs: dict[object, int] = {}
+
+    def cost(roots: Sequence[Expr]) -> int:
+        total = 0
+        for node in topological(roots):
+            if node.op == "call":
+                if node.data not in costs:
+                    costs[node.data] = cost(node.data.inner)
+                total += costs[node.data]
+            elif node.op == "loop":
+                total += node.data.count * cost(node.data.inner)
+            elif node.op not in ("const", "var", "param", "time", "swizzle", "item", "construct", "columns"):
+                total += max(a.type.size for a in node.args) if node.args else 1
+        return total
+
+    return cost([definition.body])
+
+
+def _plan_materials(made: Plan, index: bool) -> None:
+    """One function that mixes materials by how much each part moves the field at the hit."""
+    materials = made.scene.materials
+    lowering = Lowering(origins=made.origins)
+    marked = lowering.field(made.scene.node, label=materials[0])
+    marks = find([marked.body], "mark")
+    used = list(dict.fromkeys(mark.data for mark in marks))
+    if len(used) > 1:
+        weights = _weights(marked, marks, used)
+        total = sum(weights.values(), const(0.0))
+        total = where(total <= 0.0, 1.0, total)
+        fields = []
+        for k, name in enumerate(Material.FIELDS):
+            values = [m.expressions[k] for m in used]
+            same = all(v is values[0] for v in values)
+            mixed = sum((weights[m] * v for m, v in zip(used, values, strict=True)), const(0.0)) / total
+            fields.append((name, values[0] if same else mixed))
+    else:
+        only = used[0] if used else materials[0]
+        fields = list(zip(Material.FIELDS, only.expressions, strict=True))
+        weights = {only: const(1.0)}
+    made.material = Record("material_at", "Material", marked.params, tuple(fields))
+    if index:
+        best, found = const(-1.0), const(0.0)
+        for m, weight in weights.items():
+            found = where(best < weight, float(materials.index(m)), found)
+            best = where(best < weight, weight, best)
+        made.material_index = Function("material_index", marked.params, found)
+
+
+def _weights(marked: Function, marks: list[Expr], used: list[Material]) -> dict[Material, Expr]:
+    """How much of each material is seen at a point of the surface."""
+    parts = sensitivities(marked.body, marks)
+    weights = {m: const(0.0) for m in used}
+    for mark, part in zip(marks, parts, strict=True):
+        weights[mark.data] = weights[mark.data] + abs(part)
+    return weights
+
+
+def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
+    scene, add = made.scene, made.modules.append
+    quality = scene.quality
+    add(("view/camera", "every picture has a camera"))
+    add(("march/epsilon", f"a hit is within {quality.epsilon:g} pixel widths of the surface"))
+    add((f"march/{quality.tracer}", f"Quality(tracer={quality.tracer!r})"))
+    if made.clipped:
+        add(("march/slab", "the scene's box ends on some side"))
+        add(("march/clipped", "rays are marched inside the scene's box only"))
+    else:
+        add(("march/whole", "the scene's box has no end on any side"))
+    if needs_normal:
+        add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
+    if shaded:
+        add(("material/phong", "lights shade materials"))
+        add(("light/phong", "lights shade materials"))
+        for kind, module in ((Sun, "light/sun"), (PointLight, "light/point")):
+            first = next((light for light in scene.lights if isinstance(light, kind)), None)
+            if first is not None:
+                add((module, f"{kind.__name__} at {first.where}"))
+        caster = next((light for light in scene.lights if light.shadow), None)
+        if caster is not None:
+            add(("light/shadow", f"{type(caster).__name__} at {caster.where} casts a shadow"))
+    if any(p.name == "color" for p in made.passes):
+        add(("sky/constant", "what is seen where nothing is hit"))
+        if scene.fog is not None:
+            add(("sky/fog", "Scene(fog=...)"))
+    for chosen in made.passes:
+        add((chosen.module, chosen.reason))
+
+
+def _describe_effects(made: Plan, shaded: bool) -> None:
+    scene = made.scene
+    suns = [light for light in scene.lights if isinstance(light, Sun)]
+    points = [light for light in scene.lights if isinstance(light, PointLight)]
+    casters = [light for light in scene.lights if light.shadow]
+    materials = len(scene.materials) - 1
+
+    def feature(name: str, used: bool, yes: str, no: str, where_: Location | None = None) -> None:
+        made.features.append(Feature(name, used, yes if used else no, where_ if used else None))
+
+    count = f"{len(suns)} in the scene"
+    feature("sun light", bool(suns), count, "no Sun in the scene", suns[0].where if suns else None)
+    count = f"{len(points)} in the scene"
+    feature("point lights", bool(points), count, "no PointLight in the scene", points[0].where if points else None)
+    feature(
+        "hard shadows",
+        bool(casters),
+        f"{len(casters)} of {len(scene.lights)} lights cast one",
+        "no light has shadow=True",
+        casters[0].where if casters else None,
+    )
+    feature("materials", materials > 0, f"{materials} besides the default", "no node has a material")
+    feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")
+    feature("ray clipping", made.clipped, "the scene's box ends on some side", "the scene has no end on any side")
+    animated = bool(find(scene.expressions(), "time"))
+    feature("time", animated, "the scene reads time", "nothing reads time")
+    feature("parameters", bool(made.parameters), f"{len(made.parameters)} uniforms", "no Param is used")
+    geometry = any(p.name == "geometry" for p in made.passes)
+    feature("geometry pass", geometry, "arrays beyond colour were asked for", "only the picture was asked for")
+    feature("anti-aliasing", False, "", "one ray a pixel")
+    feature("history textures", False, "", "nothing in this scene is accumulated over frames")
+    made.features.sort(key=lambda f: not f.used)
+
+
+def _warnings(scene: Scene) -> list[str]:
+    """What is legal but may not be what was meant."""
+    found = []
+    if scene.node.facts.empty:
+        found.append("the solid is empty: its operands' boxes do not meet")
+    if scene.node.exactness == "estimate":
+        found.append("the field is an estimate: nothing guarantees that no surface is missed")
+    for node in all_nodes(scene.node):
+        if node.name in ("round", "shell") and node.children[0].exactness != "exact":
+            place = f" at {node.where}" if node.where else ""
+            found.append(
+                f"{node.name}{place} acts on a {node.children[0].exactness} field ({node.children[0].name}): "
+                "the surface moves by less than was asked where that is loose"
+            )
+    return found

@@ -1,0 +1,25 @@
+"""The rest of a picture: camera, lights, materials, sky, parameters, quality, and the scene that holds them."""
+
+from raymarch.scene.camera import Camera
+from raymarch.scene.file import load
+from raymarch.scene.light import Light, PointLight, Sun
+from raymarch.scene.material import Material
+from raymarch.scene.parameter import Param, time
+from raymarch.scene.quality import Quality
+from raymarch.scene.scene import Scene
+from raymarch.scene.sky import Fog, Sky
+
+__all__ = [
+    "Camera",
+    "Fog",
+    "Light",
+    "Material",
+    "Param",
+    "PointLight",
+    "Quality",
+    "Scene",
+    "Sky",
+    "Sun",
+    "load",
+    "time",
+]

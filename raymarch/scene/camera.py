@@ -1,0 +1,119 @@
+"""The camera: right-handed, y up, looking along -z of its own frame; one ray through each pixel's centre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyrr
+from numpy.typing import NDArray
+
+from raymarch.errors import Location, SceneError, user_location
+from raymarch.expr.node import Expr
+from raymarch.scene.parameter import Values, as_number, as_vec3
+from raymarch.sdf.facts import Facts
+
+VIEW = np.array([0.5, 0.45, 1.0])
+"""From where an unplaced camera looks at the scene, as a direction from its target."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A camera of one frame, in float64.
+
+    Attributes
+    ----------
+    position : shape (3,).
+    frame : shape (3, 3); columns are the right, up and backward axes in world space.
+    slope : tangent of half the vertical field of view.
+    """
+
+    position: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    slope: float
+
+    def pixel(self, height: int) -> float:
+        """Size of a pixel at distance 1 along the axis: the diameter of the pixel's cone over its length."""
+        return 2.0 * self.slope / height
+
+
+class Camera:
+    """Where the picture is taken from.
+
+    Parameters
+    ----------
+    position : vec3; None places the camera so that it sees the whole scene.
+    target : vec3 that it looks at; None is the middle of the scene.
+    up : direction that is up in the picture; not parallel to the view.
+    fov : vertical field of view in degrees, between 0 and 180.
+
+    Each may be an expression of parameters and time; the camera then moves without a recompile.
+    Raises SceneError for a degenerate camera.
+    """
+
+    __slots__ = ("fov", "position", "target", "up", "where")
+
+    def __init__(self, position: Any = None, target: Any = None, up: Any = (0.0, 1.0, 0.0), fov: Any = 45.0) -> None:
+        self.position = None if position is None else as_vec3("Camera: position", position)
+        self.target = None if target is None else as_vec3("Camera: target", target)
+        self.up = as_vec3("Camera: up", up)
+        self.fov = as_number("Camera: fov", fov)
+        self.where: Location | None = user_location()
+        values = Values({})
+        if self.fov.is_constant:
+            self._slope(values)
+        if self.position is not None and self.target is not None and self._constant:
+            self.pose(values, None)
+
+    @property
+    def _constant(self) -> bool:
+        return all(e.is_constant for e in (self.position, self.target, self.up, self.fov) if e is not None)
+
+    @property
+    def expressions(self) -> list[Expr]:
+        """All that may depend on parameters or time."""
+        return [e for e in (self.position, self.target, self.up, self.fov) if e is not None]
+
+    def _slope(self, values: Values) -> float:
+        fov = float(values.of(self.fov))
+        if not 0.0 < fov < 180.0:
+            raise SceneError(f"Camera: fov = {fov:g}", legal="degrees between 0 and 180, ends excluded", where=self.where)
+        return float(np.tan(np.radians(fov) / 2))
+
+    def pose(self, values: Values, subject: Facts | None) -> Pose:
+        """The camera of one frame; `subject` is the box to look at where position or target is not given."""
+        slope = self._slope(values)
+        centre, radius = _sphere_around(subject)
+        target = centre if self.target is None else values.of(self.target)
+        if self.position is None:
+            away = VIEW / np.linalg.norm(VIEW)
+            position = target + away * radius * 1.1 * np.hypot(1.0, 1.0 / slope)
+        else:
+            position = values.of(self.position)
+        up = values.of(self.up)
+        self._refuse_degenerate(position, target, up)
+        # pyrr's view matrix is for row vectors: its first three columns are the camera's axes.
+        view = pyrr.matrix44.create_look_at(position, target, up, dtype=np.float64)
+        return Pose(position, np.array(view[:3, :3]), slope)
+
+    def _refuse_degenerate(self, position: Any, target: Any, up: Any) -> None:
+        if not all(np.all(np.isfinite(v)) for v in (position, target, up)):
+            raise SceneError(f"Camera: position {position}, target {target}, up {up}", legal="finite", where=self.where)
+        view = target - position
+        if not np.any(view):
+            raise SceneError(f"Camera: position = target = {position.tolist()}", legal="two points", where=self.where)
+        across = np.linalg.norm(np.cross(view, up))
+        if across <= 1e-9 * np.linalg.norm(view) * np.linalg.norm(up):
+            raise SceneError(
+                f"Camera: up = {up.tolist()} is parallel to the view {view.tolist()}",
+                legal="an up direction across the view",
+                where=self.where,
+            )
+
+
+def _sphere_around(subject: Facts | None) -> tuple[NDArray[np.float64], float]:
+    if subject is None or subject.empty or not subject.bounded:
+        return np.zeros(3), 1.5
+    radius = float(np.linalg.norm(subject.size)) / 2
+    return (subject.lower + subject.upper) / 2, radius if radius > 0 else 1.0

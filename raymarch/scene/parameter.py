@@ -1,0 +1,175 @@
+"""Values that change without a recompile: named parameters with a range, and time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import Location, PlanError, SceneError, user_location
+from raymarch.expr.arrays import bound, value_of
+from raymarch.expr.node import Expr, expr, make
+from raymarch.expr.types import FLOAT, Type, vector
+from raymarch.expr.walk import find
+
+Value = float | tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """What is known of a parameter: its name, default and range; `where` does not count for equality."""
+
+    name: str
+    value: Value
+    min: Value | None
+    max: Value | None
+    where: Location | None = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Spec) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return self.name, self.value, self.min, self.max
+
+    @property
+    def type(self) -> Type:
+        return vector(len(self.value)) if isinstance(self.value, tuple) else FLOAT
+
+    @property
+    def legal(self) -> str:
+        low = "" if self.min is None else f" >= {_shown(self.min)}"
+        high = "" if self.max is None else f" <= {_shown(self.max)}"
+        count = f"{len(self.value)} numbers" if isinstance(self.value, tuple) else "a number"
+        return f"{count}{low}{' and' if low and high else ''}{high}"
+
+    def accept(self, value: Any, where: Location | None = None) -> Value:
+        """A new value, checked against type and range."""
+        given = _plain(value, f"parameter '{self.name}'", where)
+        if np.shape(given) != np.shape(self.value):
+            raise SceneError(f"parameter '{self.name}' = {value!r}", legal=self.legal, where=where)
+        low = -np.inf if self.min is None else np.asarray(self.min)
+        high = np.inf if self.max is None else np.asarray(self.max)
+        if not (np.all(np.asarray(given) >= low) and np.all(np.asarray(given) <= high)):
+            raise SceneError(f"parameter '{self.name}' = {_shown(given)}", legal=self.legal, where=where)
+        return given
+
+
+def _shown(value: Value) -> str:
+    return f"({', '.join(f'{v:g}' for v in value)})" if isinstance(value, tuple) else f"{value:g}"
+
+
+def _plain(value: Any, what: str, where: Location | None = None) -> Value:
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        array = np.empty((0,))
+    if array.shape not in ((), (2,), (3,), (4,)) or not np.all(np.isfinite(array)):
+        raise SceneError(f"{what} = {value!r}", legal="a finite number, or 2 to 4 of them", where=where)
+    return float(array) if array.shape == () else tuple(float(v) for v in array)
+
+
+def Param(name: str, value: Any, min: Any = None, max: Any = None) -> Expr:
+    """A named value that can be changed while the scene is shown, without a recompile.
+
+    Parameters
+    ----------
+    name : shown beside its slider and used by `--set NAME=VALUE`; letters, digits, space, _ and -.
+    value : default; a number, or 2 to 4 numbers for a vector or colour.
+    min, max : range, as one number or as many as `value` has. Facts of nodes hold over the whole of it, and
+        `raymarch render --set` refuses values outside. None means no end on that side.
+
+    Returns an expression, to be used wherever a number is. Two parameters of one name must be equal.
+    Raises SceneError for a value outside its range or an empty name.
+    """
+    if not isinstance(name, str) or not name.strip() or not name.replace("_", "").replace("-", "").replace(" ", "").isalnum():
+        raise SceneError(f"Param: name = {name!r}", legal="letters, digits, space, _ and -")
+    default = _plain(value, f"Param '{name}': value")
+    low = None if min is None else _plain(min, f"Param '{name}': min")
+    high = None if max is None else _plain(max, f"Param '{name}': max")
+    for edge in (low, high):
+        if isinstance(edge, tuple) and np.shape(edge) != np.shape(default):
+            raise SceneError(f"Param '{name}': range {edge} for a value of {np.shape(default)}", legal="one number, or one each")
+    spec = Spec(name, default, low, high, user_location())
+    if low is not None and high is not None and not np.all(np.asarray(low) <= np.asarray(high)):
+        raise SceneError(f"Param '{name}': min = {_shown(low)} above max = {_shown(high)}", legal="min <= max")
+    spec.accept(default)
+    return make("param", spec.type, (), spec)
+
+
+time: Expr = make("time", FLOAT)
+"""Seconds since the start of the animation, an expression; what `--time`, `--frames` and the window's clock set."""
+
+
+def specs_in(values: Iterable[Expr]) -> dict[str, Spec]:
+    """The parameters that some expressions read, by name, in order of appearance."""
+    found: dict[str, Spec] = {}
+    for leaf in find(values, "param"):
+        spec: Spec = leaf.data
+        if found.setdefault(spec.name, spec) != spec:
+            raise PlanError(
+                f"two parameters are named '{spec.name}' but differ", legal="one Param, used twice", where=spec.where
+            )
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """The values of parameters and time for one frame."""
+
+    params: Mapping[str, Value]
+    time: float = 0.0
+
+    def of(self, value: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """A number, vector or expression of parameters and time, in float64."""
+        with bound(self.params, self.time):
+            return np.asarray(value_of(expr(value)), np.float64)
+
+
+def set_values(specs: Mapping[str, Spec], given: Mapping[str, Any], time: float = 0.0) -> Values:
+    """Defaults, with some replaced; SceneError for an unknown name or a value out of range."""
+    params = {name: spec.value for name, spec in specs.items()}
+    for name, value in given.items():
+        if name not in specs:
+            known = ", ".join(sorted(specs)) or "none; this scene has no Param"
+            raise SceneError(f"unknown parameter '{name}'", legal=f"one of: {known}")
+        params[name] = specs[name].accept(value)
+    if not np.isfinite(time):
+        raise SceneError(f"time = {time!r}", legal="a finite number of seconds")
+    return Values(params, float(time))
+
+
+def as_vec3(what: str, value: Any, low: float = -np.inf, high: float = np.inf) -> Expr:
+    """A position, direction or colour, checked; expressions pass if they are vec3."""
+    return _checked(what, value, 3, low, high)
+
+
+def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf) -> Expr:
+    """A number, checked; expressions pass if they are scalar."""
+    return _checked(what, value, 1, low, high)
+
+
+def _checked(what: str, value: Any, size: int, low: float, high: float) -> Expr:
+    legal = "a number" if size == 1 else f"{size} numbers"
+    if low > -np.inf:
+        legal += f" >= {low:g}"
+    if high < np.inf:
+        legal += f"{' and' if low > -np.inf else ''} <= {high:g}"
+    try:
+        given = expr(value)
+    except SceneError:
+        raise SceneError(f"{what} = {value!r}", legal=legal) from None
+    if given.type is not vector(size):
+        raise SceneError(f"{what} = {value!r}", legal=legal)
+    if given.is_constant:
+        d = given.data
+        if not np.all(np.isfinite(d)) or not np.all((d >= low) & (d <= high)):
+            raise SceneError(f"{what} = {value!r}", legal=legal)
+    return given
+
+

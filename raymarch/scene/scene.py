@@ -1,0 +1,151 @@
+"""A scene: a solid, and what is needed to take a picture of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import Location, SceneError, user_location
+from raymarch.expr.node import Expr
+from raymarch.scene.camera import Camera, Pose
+from raymarch.scene.light import Light, Sun
+from raymarch.scene.material import Material
+from raymarch.scene.parameter import Spec, Values, specs_in
+from raymarch.scene.quality import Quality
+from raymarch.scene.sky import Fog, Sky
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.node import Node
+
+HORIZON = 1e4
+"""A scene without end is traced to this many times its own scale; a horizon then ends far below a pixel."""
+
+
+class Scene:
+    """A solid with camera, lights, sky, fog and quality.
+
+    Parameters
+    ----------
+    node : the solid.
+    camera : Camera; None is one that sees the whole scene.
+    lights : any number of Sun and PointLight; None is one sun without shadow, [] is no light at all.
+    sky : Sky, or a colour (linear RGB); None is a plain blue.
+    fog : Fog, or None.
+    quality : Quality; None is the default.
+
+    Raises SceneError for what is not one of these.
+    """
+
+    __slots__ = ("camera", "fog", "lights", "node", "quality", "sky", "where")
+
+    def __init__(
+        self,
+        node: Node,
+        camera: Camera | None = None,
+        lights: Sequence[Light] | None = None,
+        sky: Sky | Any = None,
+        fog: Fog | None = None,
+        quality: Quality | None = None,
+    ) -> None:
+        self.where: Location | None = user_location()
+        self.node = _instance("node", node, Node, "a node such as sphere()")
+        if node.dimension != 3:
+            raise SceneError(f"Scene: {node.name} is flat", legal="a solid; extrude or revolve it first")
+        self.camera = Camera() if camera is None else _instance("camera", camera, Camera, "Camera(...)")
+        given = [Sun()] if lights is None else lights
+        if isinstance(given, Light) or not isinstance(given, Iterable):
+            raise SceneError(f"Scene: lights = {lights!r}", legal="a list of Sun and PointLight")
+        self.lights = tuple(_instance("lights", light, Light, "Sun(...) or PointLight(...)") for light in given)
+        self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
+        self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
+        self.quality = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
+        for label in self._labels():
+            _instance("material", label, Material, "Material(...)")
+
+    def _labels(self) -> list[Any]:
+        return list(dict.fromkeys(n.label for n in all_nodes(self.node) if n.label is not None))
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """Every material of the scene; index 0 is the default, for parts that have none of their own."""
+        return (Material(), *(m for m in self._labels() if m != Material()))
+
+    @property
+    def parameters(self) -> dict[str, Spec]:
+        """All parameters that anything in the scene reads, by name."""
+        return specs_in(self.expressions())
+
+    def expressions(self) -> list[Expr]:
+        """Every expression in the scene that may read parameters or time."""
+        found: list[Expr] = []
+        for node in all_nodes(self.node):
+            found += [v for v in node.params.values() if isinstance(v, Expr) and not v.is_constant]
+            if node.children and node.label is None:
+                continue
+            if not node.children:
+                found.append(node.definition.template(0, node.params).body)
+        for part in (self.camera, *self.lights, *self.materials, self.sky, *((self.fog,) if self.fog else ())):
+            found += part.expressions
+        return found
+
+    @property
+    def subject(self) -> Facts | None:
+        """The box around all that has an end: what an unplaced camera looks at."""
+        return _bounded_part(self.node)
+
+    def pose(self, values: Values) -> Pose:
+        """The camera of one frame."""
+        return self.camera.pose(values, self.subject)
+
+    def far(self, pose: Pose) -> float:
+        """How far rays are traced: beyond the scene's box, or to the horizon where it has no end."""
+        facts = self.node.facts
+        if facts.empty:
+            return 0.0
+        if facts.bounded:
+            corners = np.maximum(np.abs(facts.lower - pose.position), np.abs(facts.upper - pose.position))
+            return float(np.linalg.norm(corners))
+        subject = self.subject
+        scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
+        middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2
+        return HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
+
+
+def _instance(name: str, value: Any, kind: Any, legal: str) -> Any:
+    if not isinstance(value, kind):
+        raise SceneError(f"Scene: {name} = {value!r} ({type(value).__name__})", legal=legal)
+    return value
+
+
+def all_nodes(root: Node) -> list[Node]:
+    """Every node of a tree once, parents first."""
+    found: dict[Node, None] = {root: None}
+    pending = [root]
+    while pending:
+        for child in pending.pop().children:
+            if child not in found:
+                found[child] = None
+                pending.append(child)
+    return list(found)
+
+
+def _bounded_part(root: Node) -> Facts | None:
+    """The hull of the boxes of the largest parts that are bounded."""
+    boxes: list[Facts] = []
+    pending, seen = [root], {root}
+    while pending:
+        node = pending.pop()
+        if node.facts.bounded and not node.facts.empty:
+            boxes.append(node.facts)
+            continue
+        together = node.definition.associative or node.definition.name == "smooth_union" or node.label is not None
+        for child in node.children if together else ():
+            if child not in seen:
+                seen.add(child)
+                pending.append(child)
+    if not boxes:
+        return None
+    lower = np.minimum.reduce([b.lower for b in boxes])
+    upper = np.maximum.reduce([b.upper for b in boxes])
+    return Facts("bound", 1.0, lower, upper)

@@ -1,0 +1,300 @@
+"""The fragment shader of a plan: generated field code, and only the modules that the plan names.
+
+Everything is a chunk with what it needs and gives; chunks are put in order by that, so that the text depends on
+the plan alone and not on what else lies in the package.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from raymarch import glsl
+from raymarch.errors import Location
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import Line, Printable, constant, literal, print_functions, uniform_name
+from raymarch.expr.node import Expr
+from raymarch.expr.walk import find
+from raymarch.plan import Plan
+from raymarch.scene.light import Light, PointLight, Sun
+from raymarch.scene.scene import all_nodes
+
+VERTEX = """#version 330 core
+// One triangle that covers the picture.
+void main() {
+    vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
+    gl_Position = vec4(corner, 0.0, 1.0);
+}
+"""
+
+HEADERS = {
+    "330 core": ["#version 330 core"],
+    "300 es": ["#version 300 es", "precision highp float;", "precision highp int;"],
+}
+
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
+
+
+@dataclass(frozen=True, slots=True)
+class Mapped:
+    """A line of the shader: its text, what made it in words, and the user's line if one did."""
+
+    text: str
+    made_by: str
+    where: Location | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Lines that belong together, with the names that they need and give."""
+
+    name: str
+    needs: frozenset[str]
+    gives: frozenset[str]
+    lines: tuple[Mapped, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Shader:
+    """The fragment shader of a scene.
+
+    Attributes
+    ----------
+    body : its lines, without version and defines.
+    passes : names of the passes in it; with more than one, `PASS` chooses.
+    parameters : GLSL name of the uniform of each parameter, by the parameter's own name.
+    uses_time : whether it has a uniform u_time.
+    """
+
+    body: tuple[Mapped, ...]
+    passes: tuple[str, ...]
+    parameters: Mapping[str, str]
+    uses_time: bool
+
+    def text(self, chosen: str | None = None, version: str = "330 core") -> str:
+        """The whole text for one pass (the first by default), ready for the compiler.
+
+        version : "330 core", or "300 es" for WebGL 2.
+        """
+        return "\n".join([*self._head(chosen or self.passes[0], version), *(line.text for line in self.body)]) + "\n"
+
+    def _head(self, chosen: str, version: str) -> list[str]:
+        define = [f"#define PASS {self.passes.index(chosen)}"] if len(self.passes) > 1 else []
+        return [*HEADERS[version], *define]
+
+    def locate(self, line: int, version: str = "330 core") -> tuple[str, Location | None]:
+        """What made a line of the text (counted from 1), in words, and the user's line if one did."""
+        index = line - 1 - len(self._head(self.passes[0], version))
+        if not 0 <= index < len(self.body):
+            return "the shader's header", None
+        return self.body[index].made_by, self.body[index].where
+
+
+def assemble(plan: Plan) -> Shader:
+    """The shader of a plan."""
+    modules = [_module(name) for name, _ in plan.modules if not name.startswith("view/") or name == "view/camera"]
+    mains = [_module(p.module) for p in plan.passes]
+    values = _Values()
+    shade = _shade(plan, values) if any(p.name == "color" for p in plan.passes) else None
+    generated = [_constants(plan)]
+    if plan.clipped or any(name == "light/shadow" for name, _ in plan.modules):
+        generated.append(_scene_box(plan))
+    if shade is not None:
+        generated.append(shade)
+        values.add("sky_color", plan.scene.sky.color)
+        if plan.scene.fog is not None:
+            values.add("fog_color", plan.scene.fog.color)
+            values.add("fog_density", plan.scene.fog.density)
+    taken = {name for chunk in [*modules, *mains, *generated] for name in chunk.gives}
+    fields, parameters, uses_time = _fields(plan, values, taken)
+    order = _in_order([*modules, fields, *generated])
+    body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
+    body += _main(mains)
+    return Shader(tuple(body), tuple(p.name for p in plan.passes), parameters, uses_time)
+
+
+def _module(name: str) -> Chunk:
+    module = glsl.load(name)
+    lines = tuple(
+        Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl")
+        for i, text in enumerate(module.lines, 1)
+        if not text.startswith(("// needs:", "// gives:"))
+    )
+    return Chunk(name, module.needs, module.gives, lines)
+
+
+def _in_order(chunks: Sequence[Chunk]) -> list[Chunk]:
+    """Chunks after what they need; a name that nothing gives is a fault of the plan."""
+    givers: dict[str, Chunk] = {}
+    for chunk in chunks:
+        for name in chunk.gives:
+            if name in givers:
+                raise AssertionError(f"both {givers[name].name} and {chunk.name} give {name}")
+            givers[name] = chunk
+    order: dict[str, Chunk] = {}
+    entered: set[str] = set()
+
+    def place(chunk: Chunk) -> None:
+        if chunk.name in order:
+            return
+        if chunk.name in entered:
+            raise AssertionError(f"{chunk.name} needs itself")
+        entered.add(chunk.name)
+        for name in sorted(chunk.needs):
+            if name not in givers:
+                raise AssertionError(f"{chunk.name} needs {name}, which no part of the plan gives")
+            place(givers[name])
+        order[chunk.name] = chunk
+
+    for chunk in chunks:
+        place(chunk)
+    return list(order.values())
+
+
+def _main(mains: Sequence[Chunk]) -> list[Mapped]:
+    if len(mains) == 1:
+        return list(mains[0].lines)
+    body: list[Mapped] = []
+    for i, chunk in enumerate(mains):
+        body += [Mapped(f"#{'el' if i else ''}if PASS == {i}", chunk.name), *chunk.lines]
+    return [*body, Mapped("#endif", "passes")]
+
+
+# Generated chunks
+
+
+def _constants(plan: Plan) -> Chunk:
+    quality = plan.scene.quality
+    lines = [
+        Mapped(f"const int max_steps = {quality.max_steps};", "Quality(max_steps=...)"),
+        Mapped(f"const float epsilon_pixels = {literal(quality.epsilon)};", "Quality(epsilon=...)"),
+    ]
+    return Chunk("constants", frozenset(), frozenset({"max_steps", "epsilon_pixels"}), tuple(lines))
+
+
+def _scene_box(plan: Plan) -> Chunk:
+    """The part of a ray inside the scene's box, padded so that rounding cannot cut the surface off."""
+    facts = plan.scene.node.facts
+    steps = []
+    for i, axis in enumerate("xyz"):
+        ends = [float(facts.lower[i]), float(facts.upper[i])]
+        largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
+        pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's own coordinates
+        at = f"ray.origin.{axis}, ray.direction.{axis}"
+        low, high = (literal(e + d) if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
+        if low is not None and high is not None:
+            steps.append(f"    range = slab(range, {at}, {low}, {high});")
+        elif high is not None:
+            steps.append(f"    range = below(range, {at}, {high});")
+        elif low is not None:
+            steps.append(f"    range = above(range, {at}, {low});")
+    text = ["vec2 scene_box(Ray ray, vec2 range) {", *steps, "    return range;", "}"]
+    lines = tuple(Mapped(line, "the scene's bounds", plan.scene.node.where) for line in text)
+    return Chunk("scene box", frozenset({"Ray", *(["slab"] if steps else [])}), frozenset({"scene_box"}), lines)
+
+
+class _Values:
+    """Values of the scene that the shader asks for by name: literals where they are constant, else functions."""
+
+    def __init__(self) -> None:
+        self.functions: list[Function] = []
+
+    def add(self, name: str, value: Expr) -> None:
+        self.functions.append(Function(name, (), value))
+
+    def text(self, name: str, value: Expr) -> str:
+        if value.is_constant:
+            return constant(value)
+        self.add(name, value)
+        return f"{name}()"
+
+
+def _shade(plan: Plan, values: _Values) -> Chunk:
+    """The colour of a hit: each light in turn, a shadow only where it casts one, then fog."""
+    needs = {"Ray", "Hit"}
+    lines = [Mapped("vec3 shade(Ray ray, Hit hit) {", "the scene's lights")]
+    lit = plan.material is not None and bool(plan.scene.lights)
+    if lit:
+        needs |= {"surface_normal", "material_at"}
+        for text in (
+            "    vec3 p = ray.origin + hit.t * ray.direction;",
+            "    vec3 normal = hit.side * surface_normal(p, ray.direction);",
+            "    Material material = material_at(p);",
+        ):
+            lines.append(Mapped(text, "the scene's lights"))
+    lines.append(Mapped("    vec3 color = vec3(0.0);", "the scene's lights"))
+    for i, light in enumerate(plan.scene.lights if lit else ()):
+        call, used = _light_call(i, light, values)
+        needs |= used
+        lines.append(Mapped(f"    color += {call};", f"{type(light).__name__}", light.where))
+    if plan.scene.fog is not None:
+        needs.add("through_fog")
+        lines.append(Mapped("    color = through_fog(color, hit.t);", "Scene(fog=...)", plan.scene.where))
+    lines += [Mapped("    return color;", "the scene's lights"), Mapped("}", "the scene's lights")]
+    return Chunk("shade", frozenset(needs), frozenset({"shade"}), tuple(lines))
+
+
+def _light_call(i: int, light: Light, values: _Values) -> tuple[str, set[str]]:
+    radiance = values.text(f"light_{i}_radiance", light.radiance)
+    if isinstance(light, Sun):
+        kind, place = "sun", values.text(f"light_{i}_direction", light.direction)
+        before = "material, normal, -ray.direction"
+    else:
+        assert isinstance(light, PointLight)
+        kind, place = "point", values.text(f"light_{i}_position", light.position)
+        before = "material, p, normal, -ray.direction"
+    used = {f"{kind}_light"}
+    visibility = "1.0"
+    if light.shadow:
+        visibility = f"{kind}_shadow(p, normal, hit.t, {place})"
+        used.add(f"{kind}_shadow")
+    return f"{kind}_light({before}, {place}, {radiance}, {visibility})", used
+
+
+def _fields(plan: Plan, values: _Values, taken: set[str]) -> tuple[Chunk, dict[str, str], bool]:
+    """All functions that are made from expressions, printed together so that each definition stands once."""
+    optional = (plan.gradient, plan.material, plan.material_index)
+    roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
+    text = print_functions(roots, taken)
+    expressions = [e for root in roots for e in root.inner]
+    parameters = {leaf.data.name: uniform_name(leaf) for leaf in find(expressions, "param")}
+    lines = [Mapped(f"uniform {leaf.type} {name};", "a Param", leaf.data.where) for name, leaf in text.uniforms.items()]
+    if text.uses_time:
+        lines.append(Mapped("uniform float u_time;", "time"))
+    if lines:
+        lines.append(Mapped("", "parameters"))
+    first_use = _first_use(plan)
+    lines += [_mapped(line, plan.origins, first_use) for line in text.lines()]
+    gives = frozenset(root.name for root in roots)
+    needs = frozenset({"Material"}) if plan.material is not None else frozenset[str]()
+    return Chunk("field", needs, gives, tuple(lines)), parameters, text.uses_time
+
+
+def _first_use(plan: Plan) -> dict[str, Location | None]:
+    """Where the user first used each definition, by the file and line of the definition."""
+    used: dict[str, Location | None] = {}
+    for node in all_nodes(plan.scene.node):
+        used.setdefault(node.definition.where.file, node.where)
+    return used
+
+
+def _mapped(line: Line, origins: Mapping[Expr, Location], first_use: Mapping[str, Location | None]) -> Mapped:
+    source = line.source
+    if source is None:
+        return Mapped(line.text, "generated code")
+    if source in origins:
+        return Mapped(line.text, f"{_called(source)} in the field", origins[source])
+    where = source.where
+    if where is None:
+        return Mapped(line.text, "generated code")
+    if where.file.startswith(_PACKAGE):
+        short = where.file[len(_PACKAGE) :].replace(os.sep, "/")
+        return Mapped(line.text, f"raymarch/{short}:{where.line}", first_use.get(where.file))
+    return Mapped(line.text, "an expression", where)
+
+
+def _called(source: Expr) -> str:
+    return str(source.data.name) if source.op == "call" else source.op
