@@ -8,10 +8,15 @@ from __future__ import annotations
 
 import os
 import sys
+import sysconfig
 from dataclasses import dataclass
 from types import FrameType
 
-_PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+_NOT_THE_USERS = (
+    os.path.dirname(os.path.abspath(__file__)) + os.sep,
+    "<frozen",
+    *(sysconfig.get_path(name) + os.sep for name in ("stdlib", "purelib", "platlib")),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +68,12 @@ class DeviceError(RaymarchError):
     """No usable OpenGL context, a limit of the driver exceeded, or a device that failed."""
 
 
-def user_location(skip_inside: str = _PACKAGE) -> Location | None:
-    """The innermost call-stack line whose file lies outside `skip_inside` (a folder, by default this package)."""
+def user_location() -> Location | None:
+    """The innermost line of the call stack that is neither this package's nor an installed library's; None if none is."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         file = frame.f_code.co_filename
-        if not file.startswith(skip_inside) and not file.startswith("<frozen"):
+        if not file.startswith(_NOT_THE_USERS) and os.path.basename(file) != "raymarch":  # the installed command
             return Location(file, frame.f_lineno)
         frame = frame.f_back
     return None

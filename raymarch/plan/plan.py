@@ -117,7 +117,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
     if needs_normal and scene.quality.normals == "analytic":
         made.gradient = companion(definition)
     if shaded or geometry:
-        _plan_materials(made, index=geometry)
+        _plan_materials(made, shaded, geometry)
     _choose_modules(made, shaded, needs_normal)
     _describe_effects(made, shaded)
     made.warnings += _warnings(scene)
@@ -144,8 +144,8 @@ def _operations(definition: Function) -> int:
     return cost([definition.body])
 
 
-def _plan_materials(made: Plan, index: bool) -> None:
-    """One function that mixes materials by how much each part moves the field at the hit."""
+def _plan_materials(made: Plan, look: bool, index: bool) -> None:
+    """How a surface looks, and which material it is of: mixed by how much each part moves the field at the hit."""
     materials = made.scene.materials
     lowering = Lowering(origins=made.origins)
     marked = lowering.field(made.scene.node, label=materials[0])
@@ -165,7 +165,8 @@ def _plan_materials(made: Plan, index: bool) -> None:
         only = used[0] if used else materials[0]
         fields = list(zip(Material.FIELDS, only.expressions, strict=True))
         weights = {only: const(1.0)}
-    made.material = Record("material_at", "Material", marked.params, tuple(fields))
+    if look:
+        made.material = Record("material_at", "Material", marked.params, tuple(fields))
     if index:
         best, found = const(-1.0), const(0.0)
         for m, weight in weights.items():

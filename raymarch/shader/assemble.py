@@ -22,14 +22,6 @@ from raymarch.plan import Plan
 from raymarch.scene.light import Light, PointLight, Sun
 from raymarch.scene.scene import all_nodes
 
-VERTEX = """#version 330 core
-// One triangle that covers the picture.
-void main() {
-    vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
-    gl_Position = vec4(corner, 0.0, 1.0);
-}
-"""
-
 HEADERS = {
     "330 core": ["#version 330 core"],
     "300 es": ["#version 300 es", "precision highp float;", "precision highp int;"],

@@ -1,0 +1,7 @@
+"""Contexts, programs, textures and clocks, and running passes on them. The only room that imports moderngl."""
+
+from raymarch.gpu.context import open_context
+from raymarch.gpu.frame import Frame
+from raymarch.gpu.renderer import Renderer, render
+
+__all__ = ["Frame", "Renderer", "open_context", "render"]

@@ -1,0 +1,116 @@
+"""A rendered frame: an image, arrays by name, and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+Arrays: TypeAlias = Mapping[str, NDArray[Any]]
+
+
+def srgb(linear: NDArray[Any]) -> NDArray[np.uint8]:
+    """Linear values to 8-bit sRGB (IEC 61966-2-1); what lies outside [0, 1] is clipped."""
+    x = np.clip(np.nan_to_num(linear.astype(np.float64), nan=0.0), 0.0, 1.0)
+    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+    return np.asarray(np.rint(255.0 * encoded), np.uint8)
+
+
+@dataclass(slots=True)
+class Timing:
+    """Milliseconds of one pass: `draw` by the renderer's clock, `compile` of the driver if it was needed now.
+
+    `first` marks the first draw of a program, in which drivers finish their work; do not compare it with others.
+    """
+
+    name: str
+    draw: float
+    compile: float
+    first: bool
+
+
+@dataclass(slots=True)
+class Frame:
+    """One picture. Arrays are (H, W) or (H, W, 3) with row 0 at the top.
+
+    Arrays that were not asked for ahead are rendered when first accessed; the renderer must still be open then.
+    """
+
+    size: tuple[int, int]
+    time: float
+    timings: list[Timing]
+    _arrays: dict[str, NDArray[Any]]
+    _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
+
+    def array(self, name: str) -> NDArray[Any]:
+        """An array by its name, one of `raymarch.plan.OUTPUTS`."""
+        if name not in self._arrays:
+            arrays, timings = self._render(name)
+            self._arrays.update(arrays)
+            self.timings += timings
+        return self._arrays[name]
+
+    @property
+    def color(self) -> NDArray[np.float32]:
+        """Linear RGB, float32, (H, W, 3)."""
+        return self.array("color")
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """Distance along the ray, float32, (H, W); infinite where nothing was hit."""
+        return self.array("depth")
+
+    @property
+    def normal(self) -> NDArray[np.float32]:
+        """Outward unit normal, float32, (H, W, 3); 0 where nothing was hit."""
+        return self.array("normal")
+
+    @property
+    def iterations(self) -> NDArray[np.int32]:
+        """Steps of the primary ray, int32, (H, W)."""
+        return self.array("iterations")
+
+    @property
+    def evaluations(self) -> NDArray[np.int32]:
+        """Evaluations of the field by the primary ray, int32, (H, W)."""
+        return self.array("evaluations")
+
+    @property
+    def residual(self) -> NDArray[np.float32]:
+        """Size of the field at the last sample, float32, (H, W)."""
+        return self.array("residual")
+
+    @property
+    def material(self) -> NDArray[np.int32]:
+        """Index into the scene's materials, int32, (H, W); -1 where nothing was hit."""
+        return self.array("material")
+
+    @property
+    def milliseconds(self) -> float:
+        """Time of the passes drawn so far, without compilation."""
+        return sum(t.draw for t in self.timings)
+
+    def image(self) -> Image.Image:
+        """The picture as 8-bit sRGB."""
+        return Image.fromarray(srgb(self.color))
+
+
+
+def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:
+    """The arrays that a pass's textures hold, by name."""
+    if name == "color":
+        return {"color": textures[0][..., :3].copy()}
+    march, surface = textures
+    depth = march[..., 0]
+    return {
+        "depth": np.where(depth < 0, np.float32(np.inf), depth),
+        "residual": march[..., 1].copy(),
+        "iterations": march[..., 2].astype(np.int32),
+        "evaluations": march[..., 3].astype(np.int32),
+        "normal": surface[..., :3].copy(),
+        "material": surface[..., 3].astype(np.int32),
+    }
