@@ -1,8 +1,8 @@
 """raymarch: signed-distance scenes in Python, compiled to one GLSL fragment shader.
 
-    import raymarch as rm
+import raymarch as rm
 
-    rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
+rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 """
 
 from raymarch.errors import DeviceError, PlanError, RaymarchError, SceneError, ShaderError

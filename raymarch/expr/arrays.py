@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, FLOAT, Type
 
-Array: TypeAlias = NDArray[Any]
+Array: TypeAlias = Any
+"""A NumPy array of any shape and precision."""
 
 SMALLEST = float(np.finfo(np.float32).tiny)
 """Smallest normal float32: the floor of divisors and logarithms, the same in every reading."""

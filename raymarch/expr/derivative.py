@@ -157,9 +157,7 @@ FORWARD: Mapping[str, Forward] = {
     "construct": lambda e, t: construct(*t),
     "matmul": lambda e, t: t[0] @ e.args[1] + e.args[0] @ t[1],
     "where": lambda e, t: v.where(e.args[0], t[1], t[2]),
-    "call": lambda e, t: construct(
-        *[0.0] * (e.type.size - 1), v.dot(_slope_of_call(e), t[e.data.derived["along"]])
-    ),
+    "call": lambda e, t: construct(*[0.0] * (e.type.size - 1), v.dot(_slope_of_call(e), t[e.data.derived["along"]])),
     "columns": lambda e, t: v.columns(*t),
     "transpose": lambda e, t: v.transpose(t[0]),
 }
@@ -367,7 +365,10 @@ def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Exp
     starts = [[moved[d].get(arg, zero(arg.type)) for arg in whole.args] for d in ways]
     carried = [[var(f"{s.data} along {d}", s.type) for s in body.state] for d in ways]
     lifted = [
-        [var(f"{c.data} along {d}", c.type) if s is not zero(s.type) else s for c, s in zip(body.captured, start[n:])]
+        [
+            var(f"{c.data} along {d}", c.type) if s is not zero(s.type) else s
+            for c, s in zip(body.captured, start[n:], strict=True)
+        ]
         for d, start in zip(ways, starts, strict=True)
     ]
     inner = _open(body.inner, set(formal))
@@ -375,7 +376,10 @@ def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Exp
     still = {k for k in range(n) if all(starts[d][k] is zero(first[k].type) for d in ways)}
     while True:  # a state that starts without a tangent and never gains one needs none
         seeds = [
-            {f: zero(f.type) if k in still else t for k, (f, t) in enumerate(zip(formal, carried[d] + lifted[d], strict=True))}
+            {
+                f: zero(f.type) if k in still else t
+                for k, (f, t) in enumerate(zip(formal, carried[d] + lifted[d], strict=True))
+            }
             for d in ways
         ]
         after = tangents(step, seeds)

@@ -19,7 +19,9 @@ Rule: TypeAlias = Callable[..., Any]
 class Reading(Protocol):
     """What a table must offer besides its rules."""
 
-    rules: Mapping[str, Rule]
+    @property
+    def rules(self) -> Mapping[str, Rule]:
+        """What each operation means."""
 
     def leaf(self, node: Expr) -> Any:
         """Value of a constant."""

@@ -181,7 +181,12 @@ def close_loop(
     `around` gives their values where they are not themselves."""
     body = (*step, until) if until is not None else step
     captured = tuple(v for v in free_variables(body) if v is not index and v not in state)
-    whole = make("loop", STATE, first + tuple(around.get(v, v) for v in captured), Loop(count, index, state, captured, step, until))
+    whole = make(
+        "loop",
+        STATE,
+        first + tuple(around.get(v, v) for v in captured),
+        Loop(count, index, state, captured, step, until),
+    )
     return tuple(make("item", value.type, (whole,), k) for k, value in enumerate(first))
 
 

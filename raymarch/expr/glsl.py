@@ -228,8 +228,10 @@ def _mod(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece
 
 
 def _stepped(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return _call("step", 0)(printer, node, pieces) if node.args[1].type is node.type else _call("step")(
-        printer, node, pieces
+    return (
+        _call("step", 0)(printer, node, pieces)
+        if node.args[1].type is node.type
+        else _call("step")(printer, node, pieces)
     )
 
 
@@ -291,9 +293,7 @@ TEMPLATES: Mapping[str, Template] = {
     "dot": _call("dot"),
     "cross": _call("cross"),
     "length": _call("length"),
-    "normalize": _helper(
-        "unit", "TYPE unit(TYPE v) {\n    return v / max(length(v), 1.1754944e-38);\n}"
-    ),
+    "normalize": _helper("unit", "TYPE unit(TYPE v) {\n    return v / max(length(v), 1.1754944e-38);\n}"),
     "swizzle": _swizzle,
     "construct": _construct,
     "columns": _construct,
@@ -303,19 +303,18 @@ TEMPLATES: Mapping[str, Template] = {
 
 # Names
 
-RESERVED = frozenset(
-    """
-    attribute const uniform varying buffer shared coherent volatile restrict readonly writeonly atomic_uint layout
-    centroid flat smooth noperspective patch sample break continue do for while switch case default if else subroutine
-    in out inout float double int void bool true false invariant precise discard return lowp mediump highp precision
-    struct common partition active asm class union enum typedef template this resource goto inline noinline public
-    static extern external interface long short half fixed unsigned superp input output filter cast namespace using
-    main texture textureLod textureSize texelFetch atan2 unit radians degrees sin cos tan asin acos atan sinh cosh tanh
-    pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
-    smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
-    not lessThan greaterThan equal dFdx dFdy fwidth uint field
-    """.split()
-)
+_WORDS = """
+attribute const uniform varying buffer shared coherent volatile restrict readonly writeonly atomic_uint layout
+centroid flat smooth noperspective patch sample break continue do for while switch case default if else subroutine
+in out inout float double int void bool true false invariant precise discard return lowp mediump highp precision
+struct common partition active asm class union enum typedef template this resource goto inline noinline public
+static extern external interface long short half fixed unsigned superp input output filter cast namespace using
+main texture textureLod textureSize texelFetch atan2 unit radians degrees sin cos tan asin acos atan sinh cosh tanh
+pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
+smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
+not lessThan greaterThan equal dFdx dFdy fwidth uint field
+"""
+RESERVED = frozenset(_WORDS.split())
 _TYPE_LIKE = re.compile(r"([iubd]?vec[234]|mat[234](x[234])?|[iu]?(sampler|image)\w*)$")
 
 
@@ -498,8 +497,10 @@ class FunctionPrinter:
                 continue
             piece = self._piece(node, pieces)
             shared = uses[node] > 1 or node in forced
-            if node not in self.names and node not in roots_only(waiting, node, uses) and (
-                (shared and not self._is_cheap(node)) or piece.depth > DEPTH
+            if (
+                node not in self.names
+                and node not in roots_only(waiting, node, uses)
+                and ((shared and not self._is_cheap(node)) or piece.depth > DEPTH)
             ):
                 piece = self._temporary(node, piece)
             pieces[node] = piece
@@ -543,7 +544,9 @@ class FunctionPrinter:
         serial = next_serial()
         index = var(f"turn {serial}", FLOAT)
         state = tuple(var(f"state {serial} {k}", s.type) for k, s in enumerate(body.state))
-        replacements = dict(zip((body.index, *body.state, *body.captured), (index, *state, *node.args[n:]), strict=True))
+        replacements = dict(
+            zip((body.index, *body.state, *body.captured), (index, *state, *node.args[n:]), strict=True)
+        )
         inner = substitute(body.inner, replacements)
         changing = depends_on(inner, (index, *state))
         hoisted: dict[Expr, None] = {}
@@ -665,5 +668,3 @@ def print_expression(node: Expr) -> str:
     for each in topological([node]):
         pieces[each] = printer._piece(each, pieces)
     return pieces[node].text
-
-

@@ -211,7 +211,7 @@ RULES: Mapping[str, Rule] = {
             np.minimum(np.maximum(x[1], low[1]), high[1]),
         )
     ),
-    "mix": _each(lambda a, b, t: _add(_mul(a, _sub((1.0, 1.0), t)), _mul(b, t))),
+    "mix": _each(lambda a, b, t: _add(_mul(a, (1.0 - t[1], 1.0 - t[0])), _mul(b, t))),
     "step": _each(lambda edge, x: (np.where(x[0] >= edge[1], 1.0, 0.0), np.where(x[1] < edge[0], 0.0, 1.0))),
     "smoothstep": _each(lambda low, high, x: (np.zeros_like(x[0]), np.ones_like(x[1]))),
     "lt": _less(strict=True),
@@ -235,7 +235,9 @@ RULES: Mapping[str, Rule] = {
 class Intervals:
     """The reading; it has no state."""
 
-    rules = RULES
+    @property
+    def rules(self) -> Mapping[str, Rule]:
+        return RULES
 
     def leaf(self, node: Expr) -> Interval:
         return node.data, node.data

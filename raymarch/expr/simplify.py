@@ -30,7 +30,9 @@ def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Ex
 
 
 def _is(node: Expr, number: float) -> bool:
-    return node.op == "const" and node.type is not BOOL and not node.type.is_matrix and bool(np.all(node.data == number))
+    return (
+        node.op == "const" and node.type is not BOOL and not node.type.is_matrix and bool(np.all(node.data == number))
+    )
 
 
 def _widen(node: Expr, type: Type) -> Expr:
@@ -76,7 +78,7 @@ def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
                 return _widen(const(0.0), type)
         case "neg", (a,) if a.op == "neg":
             return a.args[0]
-        case ("min" | "max"), (a, b) if a is b:
+        case (("min" | "max"), (a, b)) if a is b:
             return a
         case "abs", (a,) if a.op in ("abs", "neg"):
             return a if a.op == "abs" else elementwise("abs", a.args[0])

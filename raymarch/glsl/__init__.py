@@ -30,9 +30,7 @@ def load(name: str) -> Module:
     fields = {key: _field(header, key) for key in ("needs", "gives")}
     if any(value is None for value in fields.values()) or not fields["gives"]:
         raise ValueError(f"GLSL module '{name}' lacks a 'needs:' or 'gives:' line")
-    return Module(
-        name, frozenset(fields["needs"] or ()), frozenset(fields["gives"] or ()), header[0], lines
-    )
+    return Module(name, frozenset(fields["needs"] or ()), frozenset(fields["gives"] or ()), header[0], lines)
 
 
 def _field(header: Iterable[str], key: str) -> list[str] | None:

@@ -99,7 +99,6 @@ class Frame:
         return Image.fromarray(srgb(self.color))
 
 
-
 def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:
     """The arrays that a pass's textures hold, by name."""
     if name == "color":

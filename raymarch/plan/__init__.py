@@ -1,5 +1,6 @@
 """What this scene calls for: facts, features, passes and modules, each with its reason."""
 
+from raymarch.plan import explain
 from raymarch.plan.plan import OUTPUTS, Feature, Pass, Plan, plan
 
-__all__ = ["OUTPUTS", "Feature", "Pass", "Plan", "plan"]
+__all__ = ["OUTPUTS", "Feature", "Pass", "Plan", "explain", "plan"]

@@ -6,7 +6,8 @@ It decides what is in the shader at all. What is not called for is not in the te
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as default
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class Plan:
     shapes: int
     nodes: int
     operations: int
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[str] = default(default_factory=list)
 
     @property
     def clipped(self) -> bool:

@@ -78,7 +78,9 @@ class Camera:
     def _slope(self, values: Values) -> float:
         fov = float(values.of(self.fov))
         if not 0.0 < fov < 180.0:
-            raise SceneError(f"Camera: fov = {fov:g}", legal="degrees between 0 and 180, ends excluded", where=self.where)
+            raise SceneError(
+                f"Camera: fov = {fov:g}", legal="degrees between 0 and 180, ends excluded", where=self.where
+            )
         return float(np.tan(np.radians(fov) / 2))
 
     def pose(self, values: Values, subject: Facts | None) -> Pose:

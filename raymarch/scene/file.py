@@ -27,9 +27,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
     try:
         source = file.read_bytes()
     except OSError as fault:
-        raise SceneError(
-            f"cannot read scene file '{file}': {fault.strerror or fault}", legal="a Python file", where=Location(str(file), 0)
-        ) from None
+        raise SceneError(f"cannot read scene file '{file}': {fault.strerror or fault}", legal="a Python file") from None
     name = str(file)
     namespace = types.ModuleType("__raymarch_scene__")
     namespace.__file__ = name
@@ -45,7 +43,9 @@ def load(path: str | os.PathLike[str]) -> Scene:
         where = Location(fault.filename or name, fault.lineno or 0)
         raise SceneError(f"{type(fault).__name__}: {fault.msg}", where=where) from fault
     except SystemExit as fault:
-        raise SceneError(f"the scene file ended Python (SystemExit: {fault.code})", where=_line_in(fault, name)) from None
+        raise SceneError(
+            f"the scene file ended Python (SystemExit: {fault.code})", where=_line_in(fault, name)
+        ) from None
     except Exception as fault:
         raise SceneError(f"{type(fault).__name__}: {fault}", where=_line_in(fault, name)) from fault
     finally:
@@ -56,7 +56,9 @@ def load(path: str | os.PathLike[str]) -> Scene:
 def _find(namespace: types.ModuleType, name: str) -> Scene:
     where = Location(name, 1)
     if not hasattr(namespace, "scene"):
-        raise SceneError("the file leaves no 'scene'", legal="scene = rm.Scene(...), a node, or a function", where=where)
+        raise SceneError(
+            "the file leaves no 'scene'", legal="scene = rm.Scene(...), a node, or a function", where=where
+        )
     found: Any = namespace.scene
     if callable(found) and not isinstance(found, Node | Scene | type):
         found = found()
@@ -64,7 +66,9 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
         found = Scene(found)
     if not isinstance(found, Scene):
         raise SceneError(
-            f"'scene' is {found!r} ({type(found).__name__})", legal="a Scene, a node, or a function giving one", where=where
+            f"'scene' is {found!r} ({type(found).__name__})",
+            legal="a Scene, a node, or a function giving one",
+            where=where,
         )
     return found
 

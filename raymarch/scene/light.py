@@ -75,9 +75,7 @@ class PointLight(Light):
 
     __slots__ = ("position",)
 
-    def __init__(
-        self, position: Any, color: Any = (1.0, 1.0, 1.0), intensity: Any = 1.0, shadow: bool = False
-    ) -> None:
+    def __init__(self, position: Any, color: Any = (1.0, 1.0, 1.0), intensity: Any = 1.0, shadow: bool = False) -> None:
         super().__init__(color, intensity, shadow)
         self.position = as_vec3("PointLight: position", position)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -87,14 +88,20 @@ def Param(name: str, value: Any, min: Any = None, max: Any = None) -> Expr:
     Returns an expression, to be used wherever a number is. Two parameters of one name must be equal.
     Raises SceneError for a value outside its range or an empty name.
     """
-    if not isinstance(name, str) or not name.strip() or not name.replace("_", "").replace("-", "").replace(" ", "").isalnum():
-        raise SceneError(f"Param: name = {name!r}", legal="letters, digits, space, _ and -")
+    if (
+        not isinstance(name, str)
+        or not name.strip()
+        or not name.replace("_", "").replace("-", "").replace(" ", "").isalnum()
+    ):
+        raise SceneError(f"Param: name = {name!r}", legal="a letter or digit, then letters, digits, space, _ and -")
     default = _plain(value, f"Param '{name}': value")
     low = None if min is None else _plain(min, f"Param '{name}': min")
     high = None if max is None else _plain(max, f"Param '{name}': max")
     for edge in (low, high):
         if isinstance(edge, tuple) and np.shape(edge) != np.shape(default):
-            raise SceneError(f"Param '{name}': range {edge} for a value of {np.shape(default)}", legal="one number, or one each")
+            raise SceneError(
+                f"Param '{name}': range {edge} for a value of {np.shape(default)}", legal="one number, or one each"
+            )
     spec = Spec(name, default, low, high, user_location())
     if low is not None and high is not None and not np.all(np.asarray(low) <= np.asarray(high)):
         raise SceneError(f"Param '{name}': min = {_shown(low)} above max = {_shown(high)}", legal="min <= max")
@@ -171,5 +178,3 @@ def _checked(what: str, value: Any, size: int, low: float, high: float) -> Expr:
         if not np.all(np.isfinite(d)) or not np.all((d >= low) & (d <= high)):
             raise SceneError(f"{what} = {value!r}", legal=legal)
     return given
-
-

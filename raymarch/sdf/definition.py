@@ -11,7 +11,7 @@ import inspect
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Concatenate, ParamSpec, TypeAlias
+from typing import Any, Concatenate, ParamSpec, TypeAlias, cast
 
 import numpy as np
 
@@ -74,7 +74,8 @@ class Definition:
                 raise SceneError(f"{self.name} of {child!r} ({type(child).__name__})", legal="a node such as sphere()")
             if child.dimension != self.child_dimension:
                 raise SceneError(
-                    f"{self.name} of a {child.dimension}D field ({child.name})", legal=f"a {self.child_dimension}D field"
+                    f"{self.name} of a {child.dimension}D field ({child.name})",
+                    legal=f"a {self.child_dimension}D field",
                 )
         params = self._bind(args, kwargs)
         facts = self.derive(children, params)
@@ -190,7 +191,7 @@ class Definition:
         children = []
         for i in range(n_children):
             facts = ChildFacts(
-                *[var(f"{part} {i}", box) for part in ("box", "lower", "upper")], var(f"lipschitz {i}", FLOAT)
+                var(f"box {i}", box), var(f"lower {i}", box), var(f"upper {i}", box), var(f"lipschitz {i}", FLOAT)
             )
             inputs += [facts.box, facts.lower, facts.upper, facts.lipschitz]
             children.append(facts)
@@ -315,7 +316,8 @@ def shape(
         def build(*args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make((), args, kwargs)
 
-        return _public(build, source, skip=1, first=None)
+        _show_signature(build, source, skip=1, first=None)
+        return build
 
     return decorate
 
@@ -364,7 +366,8 @@ def operator(
         def build(node: Node, *args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make((node,), args, kwargs)
 
-        return _public(build, source, skip=2, first="node")
+        _show_signature(build, source, skip=2, first="node")
+        return cast(Callable[Concatenate[Node, P], Node], build)
 
     return decorate
 
@@ -406,12 +409,13 @@ def combination(
         def build(nodes: Sequence[Node], *args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make(nodes, args, kwargs)
 
-        return _public(build, source, skip=2, first="nodes")
+        _show_signature(build, source, skip=2, first="nodes")
+        return cast(Callable[Concatenate[Sequence[Node], P], Node], build)
 
     return decorate
 
 
-def _public(build: Any, source: Callable[..., Any], skip: int, first: str | None) -> Any:
+def _show_signature(build: Any, source: Callable[..., Any], skip: int, first: str | None) -> None:
     """Give the builder the signature that a user sees."""
     del build.__wrapped__
     signature = inspect.signature(source)
@@ -419,7 +423,6 @@ def _public(build: Any, source: Callable[..., Any], skip: int, first: str | None
     if first is not None:
         shown.insert(0, inspect.Parameter(first, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Node"))
     build.__signature__ = signature.replace(parameters=shown, return_annotation="Node")
-    return build
 
 
 def cube(half: Any) -> tuple[Expr, Expr]:

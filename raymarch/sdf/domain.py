@@ -100,18 +100,19 @@ class Domain:
 Scalar: TypeAlias = float | Expr
 Vector: TypeAlias = Sequence[Any] | NDArray[Any] | Expr
 
-Number = Annotated[Scalar, Domain(FLOAT)]
-Length = Annotated[Scalar, Domain(FLOAT, unit="length")]
-Positive = Annotated[Scalar, Domain(FLOAT, low=0.0, open=True, unit="length")]
-NonNegative = Annotated[Scalar, Domain(FLOAT, low=0.0, unit="length")]
-Angle = Annotated[Scalar, Domain(FLOAT, unit="radians")]
-Vec2 = Annotated[Vector, Domain(VEC2, unit="length")]
-Vec3 = Annotated[Vector, Domain(VEC3, unit="length")]
-Size2 = Annotated[Vector | Scalar, Domain(VEC2, low=0.0, open=True, unit="length", stretch=True)]
-Size3 = Annotated[Vector | Scalar, Domain(VEC3, low=0.0, open=True, unit="length", stretch=True)]
-Direction = Annotated[Vector, Domain(VEC3, direction=True)]
-Matrix3 = Annotated[NDArray[Any] | Expr, Domain(MAT3)]
-Matrix4 = Annotated[NDArray[Any] | Expr, Domain(MAT4)]
+# A caller passes a number or a sequence, the definition receives an expression: Any serves both.
+Number = Annotated[Any, Domain(FLOAT)]
+Length = Annotated[Any, Domain(FLOAT, unit="length")]
+Positive = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="length")]
+NonNegative = Annotated[Any, Domain(FLOAT, low=0.0, unit="length")]
+Angle = Annotated[Any, Domain(FLOAT, unit="radians")]
+Vec2 = Annotated[Any, Domain(VEC2, unit="length")]
+Vec3 = Annotated[Any, Domain(VEC3, unit="length")]
+Size2 = Annotated[Any, Domain(VEC2, low=0.0, open=True, unit="length", stretch=True)]
+Size3 = Annotated[Any, Domain(VEC3, low=0.0, open=True, unit="length", stretch=True)]
+Direction = Annotated[Any, Domain(VEC3, direction=True)]
+Matrix3 = Annotated[Any, Domain(MAT3)]
+Matrix4 = Annotated[Any, Domain(MAT4)]
 Count = Annotated[int, Domain(None, low=1, high=65535, unit="count")]
 Whole = Annotated[int, Domain(None, unit="integer")]
 

@@ -93,7 +93,7 @@ class Lowering:
             return make("mark", FLOAT, ((yield from self._ask(node, point, UNMARKED)),), label)
         if node.label is not None:
             return (yield from self._ask(node.children[0], point, node.label if marking else UNMARKED))
-        children = _flattened(node) if node.definition.associative else node.children
+        children: Sequence[Node] = _flattened(node) if node.definition.associative else node.children
         if marking and node.definition.cuts:
             children = _cutting(children)
             if len(children) == 1:

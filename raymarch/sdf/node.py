@@ -26,14 +26,19 @@ class Node:
     __slots__ = ("__weakref__", "children", "definition", "facts", "label", "labelled", "params", "where")
 
     def __init__(
-        self, definition: Definition, children: tuple[Node, ...], params: Mapping[str, Any], facts: Facts, label: Any = None
+        self,
+        definition: Definition,
+        children: tuple[Node, ...],
+        params: Mapping[str, Any],
+        facts: Facts,
+        label: Any = None,
     ) -> None:
         self.definition = definition
         self.children = children
         self.params = params
         self.facts = facts
         self.label = label
-        self.labelled = label is not None or any(child.labelled for child in children)
+        self.labelled: bool = label is not None or any(child.labelled for child in children)
         self.where: Location | None = user_location()
 
     def __repr__(self) -> str:
@@ -177,5 +182,3 @@ class Node:
     def material(self, material: object) -> Node:
         """The same solid made of a material; parts that have one of their own keep it."""
         return self._call("material", material)
-
-

@@ -31,7 +31,8 @@ def axis_vector(name: str, axis: Vector | str) -> Vector:
 
 
 def _unmoved(child: Facts, offset: Expr) -> str:
-    return "".join(a for a, o in zip("xyz", offset, strict=True) if a in child.symmetry and o.is_constant and not o.data)
+    still = [axis for axis, o in zip("xyz", offset, strict=True) if o.is_constant and not o.data]
+    return "".join(axis for axis in still if axis in child.symmetry)
 
 
 @method
@@ -127,7 +128,8 @@ def transform(node: Node, matrix: ArrayLike) -> Node:
     if m.shape != (4, 4) or not np.all(np.isfinite(m)):
         raise SceneError(f"transform: a matrix of shape {m.shape}, values {m.tolist()}", legal="4x4 finite numbers")
     if not np.array_equal(m[:, 3], [0, 0, 0, 1]):
-        hint = "for column vectors, it seems: pass its transpose" if np.array_equal(m[3], [0, 0, 0, 1]) else "not affine"
+        for_columns = np.array_equal(m[3], [0, 0, 0, 1])
+        hint = "for column vectors, it seems: pass its transpose" if for_columns else "not affine"
         raise SceneError(f"transform: last column {m[:, 3].tolist()}, {hint}", legal="last column (0, 0, 0, 1)")
     linear = m[:3, :3].T
     singular = np.linalg.svd(linear, compute_uv=False)

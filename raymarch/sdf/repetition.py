@@ -96,9 +96,7 @@ def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: boo
 
 
 @method
-def repeat(
-    node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None
-) -> Node:
+def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
     """Copies of a solid at a spacing along the axes.
 
     Parameters
@@ -128,7 +126,8 @@ def repeat(
                 both |= 1 << i
         centre.append(middle)
     guard = int(both != 0 and node.exactness != "exact")
-    return repeat_cells(node, construct(*width), centre, *numbers, both, guard)
+    nx, ny, nz = numbers
+    return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard)
 
 
 def _each_axis(name: str, value: Any) -> list[Any]:

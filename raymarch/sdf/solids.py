@@ -36,9 +36,10 @@ def box(p: Expr, size: Size3 = (1.0, 1.0, 1.0)) -> Expr:
 
 def _half_space_bounds(normal: Any, offset: Any) -> tuple[Expr, Expr]:
     """Bounded on one side where the normal lies along an axis."""
-    on_axis = [(normal[(i + 1) % 3] * normal[(i + 1) % 3] + normal[(i + 2) % 3] * normal[(i + 2) % 3]) for i in range(3)]
-    lower = [where((on_axis[i] <= 0.0) & (normal[i] < 0.0), -offset, -_FAR) for i in range(3)]
-    upper = [where((on_axis[i] <= 0.0) & (normal[i] > 0.0), offset, _FAR) for i in range(3)]
+    x, y, z = normal
+    off_axis = (y * y + z * z, z * z + x * x, x * x + y * y)
+    lower = [where((off <= 0.0) & (n < 0.0), -offset, -_FAR) for off, n in zip(off_axis, normal, strict=True)]
+    upper = [where((off <= 0.0) & (n > 0.0), offset, _FAR) for off, n in zip(off_axis, normal, strict=True)]
     return vec3(*lower), vec3(*upper)
 
 
@@ -94,9 +95,7 @@ def _check_capsule(a: Any, b: Any, radius: Any) -> None:
     bounds=lambda a, b, radius: (min(a, b) - radius, max(a, b) + radius),
     check=_check_capsule,
 )
-def capsule(
-    p: Expr, a: Vec3 = (0.0, -0.5, 0.0), b: Vec3 = (0.0, 0.5, 0.0), radius: Positive = 0.5
-) -> Expr:
+def capsule(p: Expr, a: Vec3 = (0.0, -0.5, 0.0), b: Vec3 = (0.0, 0.5, 0.0), radius: Positive = 0.5) -> Expr:
     """All points within a radius of the segment from a to b.
 
     a, b : ends of the segment, distinct points. radius : length, > 0.

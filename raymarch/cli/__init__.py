@@ -1,0 +1,5 @@
+"""The command line: render, explain, doctor."""
+
+from raymarch.cli.main import main
+
+__all__ = ["main"]

@@ -1,0 +1,294 @@
+"""The commands. Exit codes: 0 done; 1 a fault of ours; 2 bad input, with one message that names file and line."""
+
+from __future__ import annotations
+
+import json as json_format
+import os
+import sys
+import tempfile
+import time as clock_time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import click
+import typer
+from rich.console import Console
+from rich.progress import Progress, TextColumn
+
+import raymarch
+from raymarch.cli.views import VIEWS, picture
+from raymarch.errors import RaymarchError
+from raymarch.gpu.doctor import examine
+from raymarch.gpu.renderer import Renderer
+from raymarch.plan import explain, plan
+from raymarch.scene.file import load
+from raymarch.shader import assemble
+
+app = typer.Typer(
+    help="Signed-distance scenes in Python, compiled to one GLSL fragment shader.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+FORMATS = {
+    ".png": "PNG",
+    ".jpg": "JPEG",
+    ".jpeg": "JPEG",
+    ".webp": "WEBP",
+    ".tif": "TIFF",
+    ".tiff": "TIFF",
+    ".bmp": "BMP",
+}
+
+SceneFile = Annotated[
+    Path, typer.Argument(metavar="SCENE.py", help="A Python file that leaves a module-level `scene`.")
+]
+
+
+class CommandError(RaymarchError):
+    """Wrong use of the command line; it has no line in a file."""
+
+    def __init__(self, what: str, *, legal: str = "") -> None:
+        super().__init__(what, legal=legal)
+        self.where = None
+        self.args = (str(self),)
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command line and exit."""
+    try:
+        app(args=args, standalone_mode=False)
+        code = 0
+    except click.exceptions.Exit as stop:
+        code = stop.exit_code
+    except click.exceptions.Abort:
+        errors.print("stopped", markup=False)
+        code = 130
+    except click.ClickException as fault:
+        errors.print(f"raymarch: {fault.format_message()}", markup=False)
+        code = 2
+    except RaymarchError as fault:
+        errors.print(f"raymarch: {fault}", markup=False)
+        code = 2
+    except KeyboardInterrupt:
+        errors.print("stopped", markup=False)
+        code = 130
+    sys.exit(code)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(raymarch.__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def render(
+    scene: SceneFile,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Picture to write; its ending chooses the format. [SCENE.png]")
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "640x360",
+    time: Annotated[float | None, typer.Option(help="Seconds that `time` stands for. [0]")] = None,
+    frames: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Frames A to B-1; the output then needs a field such as {:04d}.")
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second, with --frames.")] = 30.0,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
+    ] = None,
+    view: Annotated[str, typer.Option(help=f"What to show: {', '.join(VIEWS)}.")] = "final",
+    backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
+    device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
+) -> None:
+    """Draw a scene into a picture file, without a screen."""
+    if view not in VIEWS:
+        raise CommandError(f"--view {view}", legal=", ".join(VIEWS))
+    width, height = _parse_size(size)
+    found = load(scene)
+    params = _parse_settings(set_ or [])
+    target = output if output is not None else Path(scene.with_suffix(".png").name)
+    moments = _moments(target, time, frames, fps)
+    with Renderer((width, height), backend, device) as renderer, _progress(len(moments)) as progress:
+        for i, (moment, file) in enumerate(moments):
+            start = clock_time.perf_counter()
+            outputs = VIEWS[view]
+            frame = renderer.render(found, moment, params, outputs, lambda share, i=i: progress(i + share))  # type: ignore[misc]
+            with _written(file) as partial:
+                picture(frame, view, found).save(partial, FORMATS[file.suffix.lower()])
+            spent = 1e3 * (clock_time.perf_counter() - start)
+            errors.print(
+                f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
+                f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}",
+                markup=False,
+            )
+
+
+def _parse_size(text: str) -> tuple[int, int]:
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(p.isdecimal() for p in parts) or not all(int(p) > 0 for p in parts):
+        raise CommandError(f"--size {text}", legal="WxH in whole pixels, both at least 1, such as 640x360")
+    return int(parts[0]), int(parts[1])
+
+
+def _parse_settings(settings: Sequence[str]) -> dict[str, Any]:
+    """NAME=VALUE pairs; a value is one number, or several with commas between."""
+    values: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        try:
+            numbers = [float(part) for part in text.split(",")]
+        except ValueError:
+            numbers = []
+        if not equals or not numbers:
+            raise CommandError(f"--set {setting}", legal="NAME=VALUE, where VALUE is a number or several: 1,0.5,0")
+        values[name.strip()] = numbers[0] if len(numbers) == 1 else tuple(numbers)
+    return values
+
+
+def _moments(target: Path, time: float | None, frames: str | None, fps: float) -> list[tuple[float, Path]]:
+    """When to draw, and into which file."""
+    if target.suffix.lower() not in FORMATS:
+        raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {', '.join(FORMATS)}")
+    if frames is None:
+        return [(0.0 if time is None else time, target)]
+    if time is not None:
+        raise CommandError("--time together with --frames", legal="one of them")
+    first, colon, last = frames.partition(":")
+    if not colon or not first.isdecimal() or not last.isdecimal() or int(first) >= int(last):
+        raise CommandError(f"--frames {frames}", legal="A:B with 0 <= A < B, such as 0:90")
+    if not 0 < fps < float("inf"):
+        raise CommandError(f"--fps {fps}", legal="a number > 0")
+    files = []
+    for i in range(int(first), int(last)):
+        try:
+            name = target.name.format(i)
+        except (IndexError, KeyError, ValueError):
+            name = target.name
+        if name == target.name:
+            raise CommandError(f"--frames with the output '{target}'", legal="a field for the number: frame-{:04d}.png")
+        files.append((i / fps, target.with_name(name)))
+    return files
+
+
+@contextmanager
+def _progress(frames: int) -> Iterator[Callable[[float], None]]:
+    """A bar on the error stream that appears once drawing has taken over a second."""
+    bar = Progress(
+        *Progress.get_default_columns()[:-1], TextColumn("{task.elapsed:.0f} s"), console=errors, transient=True
+    )
+    task = bar.add_task("drawing", total=frames)
+    start = clock_time.perf_counter()
+    shown = False
+
+    def report(done: float) -> None:
+        nonlocal shown
+        bar.update(task, completed=done)
+        if not shown and clock_time.perf_counter() - start > 1.0 and done < frames:
+            bar.start()
+            shown = True
+
+    try:
+        yield report
+    finally:
+        if shown:
+            bar.stop()
+
+
+@contextmanager
+def _written(file: Path) -> Iterator[Path]:
+    """A temporary file beside the wanted one, renamed to it at the end; after a failure neither is left."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent or Path())
+        os.close(handle)
+    except OSError as fault:
+        raise CommandError(
+            f"cannot write '{file}': {fault.strerror or fault}", legal="a folder that can be written"
+        ) from None
+    partial = Path(name)
+    try:
+        yield partial
+        mask = os.umask(0)
+        os.umask(mask)
+        partial.chmod(0o666 & ~mask)
+        partial.replace(file)
+    except OSError as fault:
+        raise CommandError(
+            f"cannot write '{file}': {fault.strerror or fault}", legal="a file that can be written"
+        ) from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _unwritable(file: Path, fault: OSError) -> CommandError:
+    return CommandError(
+        f"cannot write '{file}': {fault.strerror or fault}", legal="a file in a folder that can be written"
+    )
+
+
+@app.command(name="explain")
+def explain_command(
+    scene: SceneFile,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    glsl: Annotated[bool, typer.Option("--glsl", help="Print the GLSL of the fragment shader.")] = False,
+) -> None:
+    """Show what a scene calls for (facts, passes, modules, effects), each with its reason, and what was left out."""
+    if json and glsl:
+        raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
+    made = plan(load(scene))
+    shader = assemble(made)
+    if glsl:
+        sys.stdout.write(shader.text())
+    elif json:
+        typer.echo(json_format.dumps({**explain.as_dict(made), "glsl": shader.text()}, indent=2))
+    else:
+        explain.show(made, len(shader.text().encode()), Console(highlight=False, soft_wrap=True))
+
+
+@app.command()
+def doctor(json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """Show which OpenGL contexts work here, with their driver, limits and clock, and what to install for the others."""
+    reports = examine()
+    if json:
+        typer.echo(json_format.dumps([report.to_dict() for report in reports], indent=2))
+    else:
+        for report in reports:
+            _show_report(report)
+    if not any(report.works for report in reports):
+        raise CommandError("no OpenGL context works here", legal="see above for what to install")
+
+
+def _show_report(report: Any) -> None:
+    out = Console(highlight=False, soft_wrap=True)
+    out.print(f"[bold]{report.backend}[/bold]  {'works' if report.works else 'does not work'}")
+    rows: list[tuple[str, Any]] = []
+    if report.works:
+        limits = report.limits
+        rows = [
+            ("driver", f"{report.driver.renderer}, {report.driver.vendor}"),
+            ("version", report.driver.version),
+            ("runs on", "the CPU" if report.driver.is_software else "the GPU"),
+            ("largest picture", "{}x{}".format(*limits.picture)),
+            ("texture size", limits.texture_size),
+            ("uniform components", limits.fragment_uniform_components),
+            ("loops", report.loops.words),
+            ("clock", report.clock.verdict),
+        ]
+    else:
+        rows = [("fault", report.error), ("cure", report.cure)]
+    for name, value in rows:
+        out.print(f"  {name:<20}{value}", markup=False)
+    out.print()

@@ -1,0 +1,83 @@
+"""The plan in words and as plain data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raymarch.plan.plan import Plan
+
+
+def as_dict(plan: Plan) -> dict[str, Any]:
+    """The plan as plain data for JSON. Infinite bounds are None."""
+    facts = plan.scene.node.facts
+    return {
+        "field": {
+            "exactness": plan.scene.node.exactness,
+            "lipschitz": _finite(plan.scene.node.lipschitz),
+            "bounds": [[_finite(v) for v in corner] for corner in (facts.lower, facts.upper)],
+            "nodes": plan.nodes,
+            "shapes": plan.shapes,
+            "operations": plan.operations,
+        },
+        "passes": [{"name": p.name, "textures": p.textures, "reason": p.reason} for p in plan.passes],
+        "modules": [{"name": name, "reason": reason} for name, reason in plan.modules],
+        "features": [
+            {"name": f.name, "used": f.used, "reason": f.reason, "where": str(f.where) if f.where else None}
+            for f in plan.features
+        ],
+        "parameters": [
+            {"name": s.name, "value": s.value, "min": s.min, "max": s.max, "where": str(s.where) if s.where else None}
+            for s in plan.parameters.values()
+        ],
+        "warnings": list(plan.warnings),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def show(plan: Plan, shader_bytes: int, console: Any) -> None:
+    """Print the plan, a reason a line. `console` is a rich console."""
+    node = plan.scene.node
+
+    def heading(text: str) -> None:
+        console.print(f"\n[bold]{text}[/bold]")
+
+    def row(name: str, text: str) -> None:
+        console.print(f"  {name:<20}{text}", markup=False)
+
+    heading("Field")
+    lower, upper = (", ".join(f"{v:.4g}" for v in corner) for corner in node.bounds)
+    row("exactness", f"{node.exactness}: {_MEANING[node.exactness]}")
+    row("lipschitz", f"{node.lipschitz:.4g}")
+    row("bounds", f"({lower}) to ({upper})")
+    row("nodes", f"{plan.nodes}, with {plan.shapes} distinct shapes")
+    row("operations", f"{plan.operations} in one evaluation")
+    heading("Passes")
+    for chosen in plan.passes:
+        row(chosen.name, f"{chosen.textures} texture{'s' * (chosen.textures > 1)}: {chosen.reason}")
+    heading(f"Modules ({shader_bytes} bytes of shader)")
+    for name, reason in plan.modules:
+        row(name, reason)
+    for used, title in ((True, "Called for"), (False, "Left out")):
+        heading(title)
+        for feature in plan.features:
+            if feature.used == used:
+                row(feature.name, feature.reason + (f" ({feature.where})" if feature.where else ""))
+    if plan.parameters:
+        heading("Parameters")
+        for spec in plan.parameters.values():
+            row(spec.name, f"{spec.value}, {spec.legal}")
+    for warning in plan.warnings:
+        console.print("\n[bold]Warning[/bold]", end=" ")
+        console.print(warning, markup=False)
+
+
+_MEANING = {
+    "exact": "the Euclidean distance everywhere",
+    "bound": "never larger than the distance, so no step goes through a surface",
+    "estimate": "no guarantee",
+}

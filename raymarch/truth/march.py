@@ -1,0 +1,292 @@
+"""The first root of many functions of one variable, each of which never changes faster than its argument.
+
+Along a unit ray a 1-Lipschitz field is such a function f(t). A sample r = f(c) > 0 proves (c - r, c + r) free of
+roots, and that is all that is ever relied on: what lies before a ray's `front` is proved free, sample by sample.
+Guesses (the slope so far) only choose where to ask next. A guess that leaps too far leaves an `island`, a free
+stretch that the front does not touch yet; the gap before it is then halved until it is closed, after which the
+front goes on behind the island, so no sample is wasted.
+
+Next to a root of slope -k a front gains a factor (1 - k) / (1 + k) a sample, twice what plain sphere tracing gains,
+and no method that sees values alone gains more. The proof therefore stops at a gap of `GAP` times the distance:
+if the sign changes inside, the root is taken by bracketing. A ray that is not done after `PATIENCE` samples
+(it touches a surface, or grazes it below a tenth of a degree) may leave larger gaps, which are reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[Any]
+Value: TypeAlias = Callable[[Array, Array], Array]
+"""Value of the functions `rows`, shape (n,), at the arguments t, shape (n,)."""
+
+ULP = float(np.finfo(np.float64).eps)
+NOISE = 8 * ULP
+"""Values up to this many times the size of the coordinates are 0: what rounding leaves of a sum of a few terms."""
+GAP = math.sqrt(ULP)
+"""Widest stretch before a root that needs no proof, over the distance: 1.5e-8. Bracketing halves the digits that
+are left to find, so a root is exact after two or three secant steps from here."""
+PATIENCE = 4000
+"""Samples after which a ray may leave larger gaps: enough for a gap of `GAP` at 0.13 degrees."""
+DOUBLING = 250
+"""Samples after which that allowance doubles; all rays are done by `PATIENCE` + 26 * `DOUBLING`."""
+RISE = 0.9
+"""Largest slope that a guess relies on; the true one stays below 1, where the next sample would be at infinity."""
+HALF = 0.5
+"""Share of an estimated distance that `first_root_of_estimate` walks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """The stretch of each line that is searched, and the lengths that its tolerances are measured in.
+
+    Attributes
+    ----------
+    start, end : the stretch, each of shape (N,), finite; nothing is found where end <= start.
+    size : size of the coordinates at t = 0: rounding errors are measured in size + t.
+    travelled : length of the way to t = 0: gaps are measured in travelled + t.
+    """
+
+    start: Array
+    end: Array
+    size: Array
+    travelled: Array
+
+    def noise(self, rows: Array, t: Array) -> Array:
+        """Values up to this are 0."""
+        return NOISE * (self.size[rows] + t)
+
+    def gap(self, rows: Array, t: Array) -> Array:
+        """The widest stretch before a root that needs no proof."""
+        return np.maximum(GAP * (self.travelled[rows] + t), 8 * self.noise(rows, t))
+
+
+@dataclass(frozen=True, slots=True)
+class Roots:
+    """The first root on each line.
+
+    Attributes
+    ----------
+    t : where it is, inf where there is none; shape (N,).
+    evaluations : how many values were asked for, integers of shape (N,).
+    gap : length before the root that was not proved free; shape (N,).
+    """
+
+    t: Array
+    evaluations: Array
+    gap: Array
+
+
+@dataclass(slots=True)
+class _Rays:
+    """Those still under way. All arrays have shape (n,).
+
+    row : their number. front : up to here there is no root. near, near_value : the sample that set the front.
+    slope : df/dt as far as it is known. end : where the search ends; end_value : the value there, once a
+    sample has found it to be 0 or less. low : where the island starts, inf for none; island, island_value :
+    the sample at its far side. skipped : length of the gaps left so far.
+    """
+
+    row: Array
+    front: Array
+    near: Array
+    near_value: Array
+    slope: Array
+    end: Array
+    end_value: Array
+    low: Array
+    island: Array
+    island_value: Array
+    skipped: Array
+
+    def only(self, mask: Array) -> _Rays:
+        return _Rays(*[getattr(self, f.name)[mask] for f in fields(self)])
+
+    @property
+    def bracketed(self) -> Array:
+        return self.end_value <= 0.0
+
+    def next_sample(self, widest: Array, bold: bool) -> Array:
+        """Where the sphere of the next sample is expected to just touch the front; `widest` is the gap allowed."""
+        slope = np.clip(self.slope, -1.0, RISE)
+        at_front = self.near_value * (1.0 + slope)
+        ask = self.front + at_front / (1.0 - slope)
+        root_is_near = (slope < 0.0) & (at_front <= 0.5 * widest * -slope)
+        ask = np.where(root_is_near | bold, np.maximum(ask, self.front + widest), ask)
+        ask = np.where(self.low < np.inf, 0.5 * (self.front + self.low), ask)
+        return np.where(ask < self.end, ask, np.where(self.bracketed, 0.5 * (self.front + self.end), self.end))
+
+    def take(self, c: Array, r: Array, noise: Array) -> None:
+        """Learn from the samples r = f(c)."""
+        zero = r <= noise
+        touches = ~zero & (c - r <= self.front + ULP * c)
+        apart = ~zero & ~touches
+        old, old_value = self.near, self.near_value
+        self.slope = np.where(c != old, (r - old_value) / (c - old), self.slope)
+
+        self.end = np.where(zero, c, self.end)
+        self.end_value = np.where(zero, np.minimum(r, 0.0), self.end_value)
+        self.low = np.where(zero, np.inf, self.low)
+
+        moved = touches & (c + r > self.front)
+        self.front = np.where(moved, c + r, self.front)
+        self.near = np.where(moved, c, old)
+        self.near_value = np.where(moved, r, old_value)
+        self._cross(touches & (self.front >= self.low))
+
+        joined = apart & (c + r >= self.low)
+        self.island = np.where(apart & ~joined, c, self.island)
+        self.island_value = np.where(apart & ~joined, r, self.island_value)
+        self.low = np.where(apart, c - r, self.low)
+
+    def skip(self, widest: Array) -> None:
+        """Leave gaps of the width allowed."""
+        open_gap = (self.low < np.inf) & (self.low - self.front <= widest)
+        self.skipped = np.where(open_gap, self.skipped + (self.low - self.front), self.skipped)
+        self._cross(open_gap)
+
+    def _cross(self, now: Array) -> None:
+        """Let the front go on behind the island."""
+        further = now & (self.island + self.island_value > self.front)
+        rise = (self.island_value - self.near_value) / (self.island - self.near)
+        self.slope = np.where(further & (self.island > self.near), rise, self.slope)
+        self.front = np.where(further, self.island + self.island_value, self.front)
+        self.near = np.where(further, self.island, self.near)
+        self.near_value = np.where(further, self.island_value, self.near_value)
+        self.low = np.where(now, np.inf, self.low)
+
+
+def first_root(value: Value, lines: Lines) -> Roots:
+    """The first root of each function, proved to be the first up to `Roots.gap`.
+
+    value : functions that start above 0 and never change faster than t. A value that is 0 to rounding is a root.
+    """
+    found = _Found(lines)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        rays = found.start(value)
+        while rays.row.size:
+            samples = int(found.evaluations[rays.row[0]])
+            late = samples >= PATIENCE
+            widest = lines.gap(rays.row, rays.front) * 2.0 ** (max(samples - PATIENCE, 0) // DOUBLING)
+            c = rays.next_sample(widest, bold=late and samples % 2 == 0)
+            r = value(rays.row, c)
+            found.evaluations[rays.row] += 1
+            rays.take(c, r, lines.noise(rays.row, c))
+            if late:
+                rays.skip(widest)
+            hit = rays.bracketed & (rays.end - rays.front <= widest)
+            over = hit | (rays.front >= rays.end)
+            if over.any():
+                found.keep(rays.only(over & rays.bracketed))
+                found.roots.gap[rays.row[over]] += rays.skipped[over]
+                rays = rays.only(~over)
+        return found.finish(value)
+
+
+def first_root_of_estimate(value: Value, lines: Lines) -> Roots:
+    """The same where nothing is promised: plain steps of half the value. Nothing is proved; `Roots.gap` is inf.
+
+    A ray that is not done after `PATIENCE` samples has a root where it is if the value there is below the gap
+    allowed, else none.
+    """
+    found = _Found(lines)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        rays = found.start(value, share=HALF)
+        for _ in range(PATIENCE):
+            if not rays.row.size:
+                break
+            c = rays.front
+            r = value(rays.row, c)
+            found.evaluations[rays.row] += 1
+            zero = r <= lines.noise(rays.row, c)
+            rays.end, rays.end_value = np.where(zero, c, rays.end), np.where(zero, np.minimum(r, 0.0), rays.end_value)
+            found.keep(rays.only(zero))
+            rays.near, rays.near_value, rays.front = c, r, c + HALF * r
+            rays = rays.only(~zero & (rays.front < rays.end))
+        close = rays.only(rays.near_value <= lines.gap(rays.row, rays.near))
+        found.roots.t[close.row] = close.near
+        roots = found.finish(value)
+    roots.gap[:] = np.inf
+    return roots
+
+
+class _Found:
+    """Results as they come in."""
+
+    def __init__(self, lines: Lines) -> None:
+        n = lines.start.shape[0]
+        self.lines = lines
+        self.evaluations = np.zeros(n, np.int64)
+        self.roots = Roots(np.full(n, np.inf), self.evaluations, np.zeros(n))
+        self._brackets: list[_Rays] = []
+
+    def start(self, value: Value, share: float = 1.0) -> _Rays:
+        """The first sample of each line, and the rays that go on from there."""
+        row = np.flatnonzero(self.lines.end > self.lines.start)
+        t = self.lines.start[row]
+        r = value(row, t)
+        self.evaluations[row] += 1
+        zero = r <= self.lines.noise(row, t)
+        self.roots.t[row[zero]] = t[zero]
+        nowhere, unknown = np.full(row.shape, np.inf), np.full(row.shape, np.nan)
+        rays = _Rays(
+            row=row,
+            front=t + share * r,
+            near=t,
+            near_value=r,
+            slope=np.full(row.shape, -1.0),  # the first step is a plain one
+            end=self.lines.end[row],
+            end_value=unknown,
+            low=nowhere,
+            island=nowhere,
+            island_value=unknown,
+            skipped=np.zeros(row.shape),
+        )
+        return rays.only(~zero & (rays.front < rays.end))
+
+    def keep(self, rays: _Rays) -> None:
+        """Rays with a bracket: positive at `near`, free up to `front`, 0 or less at `end`."""
+        if rays.row.size:
+            self.roots.gap[rays.row] = np.maximum(rays.end - rays.front, 0.0)
+            self._brackets.append(rays)
+
+    def finish(self, value: Value) -> Roots:
+        """Narrow all brackets to a root."""
+        if self._brackets:
+            parts = [(b.row, b.near, b.near_value, b.end, b.end_value) for b in self._brackets]
+            row, a, fa, b, fb = (np.concatenate(column) for column in zip(*parts, strict=True))
+            self.roots.t[row] = self._narrow(value, row, a, fa, b, fb)
+        return self.roots
+
+    def _narrow(self, value: Value, row: Array, a: Array, fa: Array, b: Array, fb: Array) -> Array:
+        """A root between a (where the value is positive) and b (0 or less): regula falsi after Illinois.
+
+        It ends at a value below rounding, or at a bracket of a few units in the last place.
+        """
+        best, best_value = b.copy(), np.abs(fb)
+        active = np.flatnonzero(fb < 0.0)
+        side = np.zeros(row.shape)
+        for _ in range(100):
+            if not active.size:
+                break
+            x0, x1, f0, f1 = a[active], b[active], fa[active], fb[active]
+            x = x0 + (x1 - x0) * (f0 / (f0 - f1))
+            x = np.where((x > x0) & (x < x1), x, 0.5 * (x0 + x1))
+            f = value(row[active], x)
+            self.evaluations[row[active]] += 1
+            better = np.abs(f) < best_value[active]
+            best[active[better]], best_value[active[better]] = x[better], np.abs(f[better])
+            up = f > 0.0
+            stuck_up, stuck_down = up & (side[active] > 0), ~up & (side[active] < 0)
+            a[active], fa[active] = np.where(up, x, x0), np.where(up, f, np.where(stuck_down, 0.5 * f0, f0))
+            b[active], fb[active] = np.where(up, x1, x), np.where(up, np.where(stuck_up, 0.5 * f1, f1), f)
+            side[active] = np.where(up, 1.0, -1.0)
+            grain = ULP * (self.lines.size[row[active]] + x)
+            active = active[(np.abs(f) > grain) & (b[active] - a[active] > 4 * grain)]
+        return best

@@ -1,0 +1,78 @@
+"""Rays: one through each pixel, and where they meet a box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.scene.camera import Pose
+from raymarch.sdf.facts import Facts
+from raymarch.truth.march import Lines
+
+BOX_MARGIN = 1e-9
+"""What a box is grown by, over its own size and place: above rounding, far below a pixel."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """Rays of unit direction.
+
+    Attributes
+    ----------
+    origins, directions : shape (N, 3); one origin of shape (1, 3) serves all rays.
+    """
+
+    origins: NDArray[np.float64]
+    directions: NDArray[np.float64]
+
+    def at(self, rows: NDArray[Any], t: NDArray[Any]) -> NDArray[np.float64]:
+        """Points at the distances t on some of the rays, shape (n, 3)."""
+        origins = self.origins if len(self.origins) == 1 else self.origins[rows]
+        points: NDArray[np.float64] = origins + t[:, None] * self.directions[rows]
+        return points
+
+    def lines(self, box: Facts, end: NDArray[Any] | float, travelled: NDArray[Any] | float = 0.0) -> Lines:
+        """The stretches of the rays, up to `end`, in a box outside of which nothing is."""
+        n = len(self.directions)
+        enter, leave = _slabs(self, box)
+        size = np.linalg.norm(self.origins, axis=1)
+        return Lines(
+            start=np.maximum(enter, 0.0),
+            end=np.minimum(leave, end),
+            size=np.broadcast_to(size, (n,)),
+            travelled=np.broadcast_to(np.asarray(travelled, np.float64), (n,)),
+        )
+
+
+def camera_rays(pose: Pose, width: int, height: int) -> Rays:
+    """Rays through the centres of all pixels, row by row from the top of the picture."""
+    x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * (width / height) * pose.slope
+    y = (1.0 - 2.0 * (np.arange(height) + 0.5) / height) * pose.slope
+    inside = np.stack([*np.meshgrid(x, y), np.full((height, width), -1.0)], axis=-1).reshape(-1, 3)
+    return Rays(pose.position[None, :], unit(inside @ pose.frame.T))
+
+
+def unit(vectors: NDArray[Any]) -> NDArray[np.float64]:
+    """Vectors of shape (N, 3) at length 1; a zero vector stays zero."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    result: NDArray[np.float64] = vectors / np.where(lengths > 0.0, lengths, 1.0)
+    return result
+
+
+def _slabs(rays: Rays, box: Facts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where rays enter and leave a box, each of shape (N,); infinite sides do not clip."""
+    if box.empty:
+        return np.full(len(rays.directions), np.inf), np.full(len(rays.directions), -np.inf)
+    ends = np.concatenate([box.lower, box.upper])
+    margin = BOX_MARGIN * np.max(np.abs(ends[np.isfinite(ends)]), initial=0.0)
+    o, d = rays.origins, rays.directions
+    lower, upper = box.lower - margin - o, box.upper + margin - o
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, last = lower / d, upper / d
+    beside = (lower > 0.0) | (upper < 0.0)
+    near = np.where(d == 0.0, np.where(beside, np.inf, -np.inf), np.fmin(first, last))
+    far = np.where(d == 0.0, np.where(beside, -np.inf, np.inf), np.fmax(first, last))
+    return near.max(axis=1), far.min(axis=1)

@@ -1,0 +1,56 @@
+"""What rays meet first in a field."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.sdf.facts import Facts
+from raymarch.truth.field import Field
+from raymarch.truth.march import Lines, Roots, first_root, first_root_of_estimate
+from raymarch.truth.rays import Rays
+
+
+def first_hits(field: Field, rays: Rays, lines: Lines, inside: bool) -> Roots:
+    """The first surface on each ray.
+
+    inside : the rays start in the solid, and look for the way out of it.
+
+    Outside, planes of an outermost union are met in closed form, so that the rest need not creep along them;
+    a plane's root then is where the search in the rest ends.
+    """
+    search = first_root if field.certified else first_root_of_estimate
+    if inside:
+        return search(lambda rows, t: -field.distance(rays.at(rows, t)), lines)
+    plane = _planes(field, rays, lines)
+    if not field.has_rest:
+        nothing = np.zeros(plane.shape)
+        return Roots(plane, nothing.astype(np.int64), nothing)
+    shorter = Lines(lines.start, np.minimum(lines.end, plane), lines.size, lines.travelled)
+    roots = search(lambda rows, t: field.rest(rays.at(rows, t)), shorter)
+    return Roots(np.minimum(roots.t, plane), roots.evaluations, roots.gap)
+
+
+def _planes(field: Field, rays: Rays, lines: Lines) -> NDArray[np.float64]:
+    """Where each ray first meets a plane, inf where it meets none; shape (N,)."""
+    height = field.planes(rays.origins)
+    sinking = -field.plane_normals @ rays.directions.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.where(height <= 0.0, 0.0, np.where(sinking > 0.0, height / sinking, np.inf))
+    first = np.min(t, axis=0, initial=np.inf)
+    return np.where((first <= lines.end) & (lines.end > lines.start), first, np.inf)
+
+
+def is_inside(field: Field, point: NDArray[Any]) -> bool:
+    """Whether a point, of shape (3,), lies in the solid."""
+    return bool(field.distance(point[None, :])[0] < 0.0)
+
+
+def unblocked(
+    field: Field, rays: Rays, box: Facts, end: NDArray[Any] | float, travelled: NDArray[Any], inside: bool
+) -> NDArray[Any]:
+    """Whether each ray meets nothing up to `end`; booleans of shape (N,)."""
+    lines = rays.lines(box, end, travelled)
+    return ~np.isfinite(first_hits(field, rays, lines, inside).t)
