@@ -69,7 +69,7 @@ class DeviceError(RaymarchError):
 
 
 def user_location() -> Location | None:
-    """The innermost line of the call stack that is neither this package's nor an installed library's, if there is one."""
+    """The innermost line of the call stack that is neither this package's nor an installed library's, if any."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         file = frame.f_code.co_filename

@@ -88,11 +88,7 @@ def Param(name: str, value: Any, min: Any = None, max: Any = None) -> Expr:
     Returns an expression, to be used wherever a number is. Two parameters of one name must be equal.
     Raises SceneError for a value outside its range or an empty name.
     """
-    if (
-        not isinstance(name, str)
-        or not name.strip()
-        or not name.replace("_", "").replace("-", "").replace(" ", "").isalnum()
-    ):
+    if not isinstance(name, str) or not re.fullmatch(r"[^\W_][\w -]*", name):
         raise SceneError(f"Param: name = {name!r}", legal="a letter or digit, then letters, digits, space, _ and -")
     default = _plain(value, f"Param '{name}': value")
     low = None if min is None else _plain(min, f"Param '{name}': min")

@@ -127,9 +127,20 @@ def _split(root: Expr, p: Expr) -> tuple[list[Expr], list[Expr]]:
         seen.add(part)
         if part.op == "min" and part.type is FLOAT:
             pending.extend(reversed(part.args))
+            continue
+        plain = _inlined(part)
+        if _is_affine(plain, p):
+            affine.append(plain)
         else:
-            (affine if _is_affine(part, p) else other).append(part)
+            other.append(part)
     return affine, other
+
+
+def _inlined(part: Expr) -> Expr:
+    """The expression with the bodies of all functions in place of their calls."""
+    while calls := [node for node in topological([part]) if node.op == "call"]:
+        (part,) = substitute([part], {call: call.data.inline(*call.args) for call in calls})
+    return part
 
 
 def _is_affine(part: Expr, p: Expr) -> bool:
@@ -141,8 +152,6 @@ def _is_affine(part: Expr, p: Expr) -> bool:
 
 def _material_shares(scene: Scene) -> tuple[Sequence[Any], Evaluate]:
     """The material of each marked part, and an evaluator of how much its distance moves the field."""
-    marked = Lowering(marking=True).field(scene.node, label=scene.materials[0])
+    marked = Lowering().field(scene.node, label=scene.materials[0])
     marks = [node for node in topological([marked.body]) if node.op == "mark"]
-    # A mark means nothing to any reading: its distance stands for it once the shares are known.
-    shares = substitute(sensitivities(marked.body, marks), {mark: mark.args[0] for mark in marks})
-    return [mark.data for mark in marks], evaluator(shares, marked.params)
+    return [mark.data for mark in marks], evaluator(sensitivities(marked.body, marks), marked.params)

@@ -1,0 +1,31 @@
+"""Fixtures and settings that all tests share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from raymarch.errors import DeviceError
+from raymarch.gpu.context import Context, open_context
+
+# The same examples in every run: a red test must be red again for whoever looks into it.
+settings.register_profile(
+    "repeatable", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("repeatable")
+
+
+@pytest.fixture(scope="session")
+def egl() -> Iterator[Context]:
+    """A context without a screen. CI installs all that it needs, so there its absence is a fault."""
+    try:
+        context = open_context("egl")
+    except DeviceError as error:
+        if os.environ.get("CI"):
+            pytest.fail(str(error))
+        pytest.skip(str(error))
+    with context:
+        yield context

@@ -1,0 +1,96 @@
+"""What README and docs show is run: every Python block, every prompt, every command, every name of a room."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from raymarch import glsl
+from raymarch.cli.main import app, main
+from raymarch.expr import arrays, derivative, intervals
+from raymarch.expr import glsl as printer
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+
+
+PYTHON = [(page, i, text) for page in PAGES for i, text in enumerate(blocks(page, "python"))]
+
+
+@pytest.mark.parametrize(("page", "i", "text"), PYTHON, ids=[f"{p.stem}-{i}" for p, i, _ in PYTHON])
+def test_python_block_runs(page, i, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if ">>>" in text:
+        test = doctest.DocTestParser().get_doctest(text, {}, f"{page.name} {i}", str(page), 0)
+        report = []
+        doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test, out=report.append)
+        assert not report, "".join(report)
+        return
+    # A file of its own, so that definitions have a source and a line.
+    file = tmp_path / f"block_{i}.py"
+    file.write_text(text)
+    namespace = {"__name__": "block", "__file__": str(file)}
+    exec(compile(text, str(file), "exec"), namespace)
+
+
+def test_there_is_something_to_run():
+    assert len(PYTHON) >= 8
+
+
+def test_the_readme_shows_the_example_as_it_is():
+    shown = blocks(ROOT / "README.md", "python")
+    example = (ROOT / "examples" / "csg.py").read_text().partition('"""\n\n')[2]
+    assert example in shown
+
+
+def test_the_new_shape_takes_fifteen_lines_at_most():
+    block = blocks(ROOT / "docs" / "extending.md", "python")[0]
+    definition = block[block.index("@rm.shape") : block.index("\n\n\nprint")]
+    assert len(definition.splitlines()) <= 15
+
+
+def test_the_readme_commands_exist(tmp_path, monkeypatch):
+    """Each `raymarch ...` line of the README parses: its command and options are those of the program."""
+    monkeypatch.chdir(tmp_path)
+    scene = tmp_path / "SCENE.py"
+    scene.write_text('import raymarch as rm\nscene = rm.sphere(rm.Param("gap", 1, 0.5, 5))\n')
+    lines = [line for block in blocks(ROOT / "README.md", "sh") for line in block.splitlines()]
+    commands = [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("raymarch ")]
+    assert len(commands) >= 5
+    assert {c[0] for c in commands} == {c.callback.__name__.removesuffix("_command") for c in app.registered_commands}
+    for command in commands:
+        small = ["16x9" if part == "1280x720" else "0:2" if part == "0:90" else part for part in command]
+        with pytest.raises(SystemExit) as stop:
+            main(small)
+        assert stop.value.code == 0, command
+
+
+def test_the_rooms_are_those_on_disk():
+    page = (ROOT / "docs" / "how-it-is-built.md").read_text()
+    named = set(re.findall(r"^\| `raymarch/([\w.]+)`", page, re.MULTILINE))
+    inside = (ROOT / "raymarch").iterdir()
+    rooms = {p.name for p in inside if p.is_dir() and (p / "__init__.py").exists()} | {"errors.py"}
+    assert named == rooms
+
+
+def test_the_tables_and_files_that_the_page_names_exist():
+    page = (ROOT / "docs" / "how-it-is-built.md").read_text()
+    tables = {"arrays": arrays, "intervals": intervals, "glsl": printer, "derivative": derivative}
+    for module, name in re.findall(r"`(arrays|intervals|glsl|derivative)\.([A-Z]+)`", page):
+        assert hasattr(tables[module], name)
+    text = "\n".join(p.read_text() for p in PAGES)
+    for file in re.findall(r"`((?:raymarch|tests|examples|docs)/[\w./-]+)`", text):
+        assert (ROOT / file).exists(), file
+
+
+def test_every_module_has_a_header():
+    for file in (ROOT / "raymarch" / "glsl").glob("*/*.glsl"):
+        glsl.load(f"{file.parent.name}/{file.stem}")

@@ -1,0 +1,136 @@
+"""Evaluates GLSL functions of points on the GPU, and checks GLSL text against the ES grammar.
+
+Points go in as texels of float textures and values come back as texels of another, so that a function
+is run by the same compiler and the same float32 units that draw pictures.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import Text, print_functions
+from raymarch.expr.node import Expr
+from raymarch.expr.types import Type
+from raymarch.gpu.context import Context
+from raymarch.gpu.program import FULL_SCREEN, Program
+from raymarch.gpu.targets import Target
+
+DESKTOP = "#version 330 core\n"
+ES = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n"
+
+_COMPONENTS = ("x", "xy", "xyz", "xyzw")
+
+
+def text_of(printed: Text) -> str:
+    """Uniforms and functions, without a version line and without main."""
+    uniforms = [f"uniform {leaf.type} {name};\n" for name, leaf in printed.uniforms.items()]
+    if printed.uses_time:
+        uniforms.append("uniform float u_time;\n")
+    return "".join(uniforms) + "\n".join(line.text for line in printed.lines()) + "\n"
+
+
+def shader(text: str, call: str, types: Sequence[Type], size: int, version: str = DESKTOP) -> str:
+    """A fragment shader that stores `call`, in which {0}, {1}, ... stand for the inputs, for each texel."""
+    samplers = "".join(f"uniform sampler2D harness_input_{i};\n" for i in range(len(types)))
+    inputs = [f"texelFetch(harness_input_{i}, texel, 0).{_COMPONENTS[t.size - 1]}" for i, t in enumerate(types)]
+    padding = "".join(", 0.0" for _ in range(4 - size))
+    return (
+        f"{version}{samplers}out vec4 harness_output;\n{text}"
+        "void main() {\n"
+        "    ivec2 texel = ivec2(gl_FragCoord.xy);\n"
+        f"    harness_output = vec4({call.format(*inputs)}{padding});\n"
+        "}\n"
+    )
+
+
+def run(
+    context: Context,
+    text: str,
+    call: str,
+    inputs: Sequence[tuple[Type, ArrayLike]],
+    size: int = 1,
+    uniforms: Mapping[str, Any] | None = None,
+) -> NDArray[np.float32]:
+    """Values of a GLSL expression for many points.
+
+    Parameters
+    ----------
+    text : functions and uniform declarations.
+    call : the expression, such as "field({0})"; {i} is input i.
+    inputs : a float, vec2, vec3 or vec4 and its values, shape (N,) or (N, n), for each input.
+    size : components of the expression's value.
+
+    Returns
+    -------
+    float32, shape (N,) for size 1, else (N, size).
+    """
+    count = len(np.asarray(inputs[0][1]))
+    width = min(count, 1024)
+    height = -(-count // width)
+    made: list[Target] = []
+    try:
+        values: dict[str, Any] = dict(uniforms or {})
+        for i, (type, data) in enumerate(inputs):
+            texels = np.zeros((width * height, 4), np.float32)
+            texels[:count, : type.size] = np.asarray(data, np.float32).reshape(count, type.size)
+            made.append(Target(context, (width, height)))
+            made[-1].write(texels.reshape(height, width, 4))
+            values[f"harness_input_{i}"] = made[-1]
+        made.append(Target(context, (width, height)))
+        source = shader(text, call, [type for type, _ in inputs], size)
+        with Program(context, FULL_SCREEN, source, lambda line: (source.splitlines()[line - 1], None), call) as program:
+            program.draw(made[-1], values)
+            result = made[-1].read().reshape(-1, 4)[:count, :size]
+    finally:
+        for target in made:
+            target.release()
+    return result[:, 0] if size == 1 else result
+
+
+def evaluate(
+    context: Context, function: Function, inputs: Sequence[ArrayLike], uniforms: Mapping[str, Any] | None = None
+) -> NDArray[np.float32]:
+    """Values of a function of the expression language, as the GPU computes them from its printed text."""
+    arguments = ", ".join(f"{{{i}}}" for i in range(len(inputs)))
+    printed = print_functions([function])
+    return run(
+        context,
+        text_of(printed),
+        f"{printed.names[function]}({arguments})",
+        [(p.type, values) for p, values in zip(function.params, inputs, strict=True)],
+        function.type.size,
+        uniforms,
+    )
+
+
+def assert_es(text: str, call: str, types: Sequence[Type], size: int = 1) -> None:
+    """The same text must be valid in `#version 300 es`, by the reference compiler."""
+    compiler = shutil.which("glslangValidator")
+    if compiler is None:
+        if os.environ.get("CI"):
+            pytest.fail("glslangValidator is not installed: install the package glslang-tools")
+        pytest.skip("glslangValidator is not installed: install the package glslang-tools")
+    source = shader(text, call, types, size, ES)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "shader.frag")
+        file.write_text(source, encoding="utf-8")
+        done = subprocess.run([compiler, str(file)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{done.stdout}\n{source}"
+
+
+def symbols(*types: tuple[str, Type]) -> tuple[Expr, ...]:
+    """Variables to write an expression over, in the order of a function's parameters."""
+    from raymarch.expr.node import var
+
+    return tuple(var(name, type) for name, type in types)
