@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-import click
 import typer
 from rich.console import Console
 from rich.progress import Progress, TextColumn
@@ -59,25 +58,12 @@ class CommandError(RaymarchError):
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line and exit."""
+    """Run the command line and exit; wrong usage is typer's to report, also with code 2."""
     try:
-        app(args=args, standalone_mode=False)
-        code = 0
-    except click.exceptions.Exit as stop:
-        code = stop.exit_code
-    except click.exceptions.Abort:
-        errors.print("stopped", markup=False)
-        code = 130
-    except click.ClickException as fault:
-        errors.print(f"raymarch: {fault.format_message()}", markup=False)
-        code = 2
+        app(args=args, prog_name="raymarch")
     except RaymarchError as fault:
         errors.print(f"raymarch: {fault}", markup=False)
-        code = 2
-    except KeyboardInterrupt:
-        errors.print("stopped", markup=False)
-        code = 130
-    sys.exit(code)
+        sys.exit(2)
 
 
 def _version(asked: bool) -> None:
