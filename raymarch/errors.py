@@ -73,7 +73,12 @@ def user_location() -> Location | None:
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         file = frame.f_code.co_filename
-        if not file.startswith(_NOT_THE_USERS) and os.path.basename(file) != "raymarch":  # the installed command
+        if is_users(file) and os.path.basename(file) != "raymarch":  # the installed command
             return Location(file, frame.f_lineno)
         frame = frame.f_back
     return None
+
+
+def is_users(file: str) -> bool:
+    """True if a Python file is neither this package's nor an installed library's."""
+    return not file.startswith(_NOT_THE_USERS)

@@ -20,23 +20,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Text, print_functions
-from raymarch.expr.node import Expr
+from raymarch.expr.samples import Samples
 from raymarch.expr.types import Type
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
-from raymarch.gpu.targets import Target
+from raymarch.gpu.targets import Target, upload
 
 DESKTOP = "#version 330 core\n"
-ES = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n"
+ES = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\nprecision highp sampler3D;\n"
 
 _COMPONENTS = ("x", "xy", "xyz", "xyzw")
 
 
 def text_of(printed: Text) -> str:
-    """Uniforms and functions, without a version line and without main."""
+    """Uniforms, samplers and functions, without a version line and without main."""
     uniforms = [f"uniform {leaf.type} {name};\n" for name, leaf in printed.uniforms.items()]
     if printed.uses_time:
         uniforms.append("uniform float u_time;\n")
+    uniforms += [f"uniform sampler{data.dimension}D {name};\n" for name, data in printed.samples.items()]
     return "".join(uniforms) + "\n".join(line.text for line in printed.lines()) + "\n"
 
 
@@ -61,6 +62,7 @@ def run(
     inputs: Sequence[tuple[Type, ArrayLike]],
     size: int = 1,
     uniforms: Mapping[str, Any] | None = None,
+    samples: Mapping[str, Samples] | None = None,
 ) -> NDArray[np.float32]:
     """Values of a GLSL expression for many points.
 
@@ -70,6 +72,7 @@ def run(
     call : the expression, such as "field({0})"; {i} is input i.
     inputs : a float, vec2, vec3 or vec4 and its values, shape (N,) or (N, n), for each input.
     size : components of the expression's value.
+    uniforms, samples : values of uniforms, and data of samplers, by their names.
 
     Returns
     -------
@@ -78,12 +81,15 @@ def run(
     count = len(np.asarray(inputs[0][1]))
     width = min(count, 1024)
     height = -(-count // width)
-    made: list[Target] = []
+    made: list[Any] = []
     try:
         values: dict[str, Any] = dict(uniforms or {})
-        for i, (type, data) in enumerate(inputs):
+        for name, data in (samples or {}).items():
+            made.append(upload(context, data))
+            values[name] = made[-1]
+        for i, (type, given) in enumerate(inputs):
             texels = np.zeros((width * height, 4), np.float32)
-            texels[:count, : type.size] = np.asarray(data, np.float32).reshape(count, type.size)
+            texels[:count, : type.size] = np.asarray(given, np.float32).reshape(count, type.size)
             made.append(Target(context, (width, height)))
             made[-1].write(texels.reshape(height, width, 4))
             values[f"harness_input_{i}"] = made[-1]
@@ -93,8 +99,8 @@ def run(
             program.draw(made[-1], values)
             result = made[-1].read().reshape(-1, 4)[:count, :size]
     finally:
-        for target in made:
-            target.release()
+        for texture in made:
+            texture.release()
     return result[:, 0] if size == 1 else result
 
 
@@ -111,6 +117,7 @@ def evaluate(
         [(p.type, values) for p, values in zip(function.params, inputs, strict=True)],
         function.type.size,
         uniforms,
+        printed.samples,
     )
 
 
@@ -128,9 +135,3 @@ def assert_es(text: str, call: str, types: Sequence[Type], size: int = 1) -> Non
         done = subprocess.run([compiler, str(file)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{source}"
 
-
-def symbols(*types: tuple[str, Type]) -> tuple[Expr, ...]:
-    """Variables to write an expression over, in the order of a function's parameters."""
-    from raymarch.expr.node import var
-
-    return tuple(var(name, type) for name, type in types)

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from raymarch.expr import samples
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
@@ -22,7 +23,11 @@ Array: TypeAlias = Any
 """A NumPy array of any shape and precision."""
 
 SMALLEST = float(np.finfo(np.float32).tiny)
-"""Smallest normal float32: the floor of divisors and logarithms, the same in every reading."""
+"""Smallest normal float32: the floor of divisors, logarithms and powers, the same in every reading."""
+
+SHORTEST = float(np.sqrt(SMALLEST))
+"""Shortest length whose square is a normal float32. A floor any lower would let a shorter vector, whose length
+underflows to 0, come out of `normalize` longer than 1."""
 
 
 def lift(value: Array, own: Type, wanted: Type) -> Array:
@@ -57,7 +62,15 @@ def _length(v: Array) -> Array:
 
 
 def _normalize(_node: Expr, v: Array) -> Array:
-    return v / np.maximum(_length(v), v.dtype.type(SMALLEST))[..., None]
+    return v / np.maximum(_length(v), v.dtype.type(SHORTEST))[..., None]
+
+
+def _atan2(y: Array, x: Array) -> Array:
+    return np.where((x == 0) & (y == 0), x.dtype.type(0), np.arctan2(y, x))  # arctan2(0, -0) would be pi
+
+
+def _pow(x: Array, y: Array) -> Array:
+    return np.power(np.maximum(x, x.dtype.type(SMALLEST)), y)
 
 
 def _dot(_node: Expr, a: Array, b: Array) -> Array:
@@ -116,11 +129,11 @@ RULES: Mapping[str, Rule] = {
     "asin": each(lambda x: np.arcsin(np.clip(x, -1, 1))),
     "acos": each(lambda x: np.arccos(np.clip(x, -1, 1))),
     "atan": each(np.arctan),
-    "atan2": each(np.arctan2),
+    "atan2": each(_atan2),
     "sinh": each(np.sinh),
     "cosh": each(np.cosh),
     "tanh": each(np.tanh),
-    "pow": each(lambda x, y: np.power(np.maximum(x, 0), y)),
+    "pow": each(_pow),
     "min": each(np.minimum),
     "max": each(np.maximum),
     "step": each(lambda edge, x: np.where(x < edge, 0, 1).astype(x.dtype)),
@@ -142,6 +155,8 @@ RULES: Mapping[str, Rule] = {
     "columns": _columns,
     "matmul": _matmul,
     "transpose": lambda _node, m: np.swapaxes(m, -1, -2),
+    "sample": samples.evaluate,
+    "sample_slope": samples.evaluate_slope,
 }
 
 

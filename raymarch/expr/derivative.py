@@ -15,12 +15,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import Function, close_loop, sum_of
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
-from raymarch.expr.types import BOOL, FLOAT, STATE, Type
+from raymarch.expr.samples import sample_slope
+from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
 from raymarch.expr.walk import depends_on, rebuild, rewrite, substitute, topological
 
 Partial: TypeAlias = Callable[[Expr], Expr]
@@ -38,6 +41,11 @@ def _indicator(low: Expr, high: Expr) -> Expr:
 def _safe_inverse(x: Expr) -> Expr:
     """1 / x for x > 0, 0 at x = 0."""
     return v.sign(x) / v.max(x, SMALLEST)
+
+
+def _inverse_where_positive(x: Expr) -> Expr:
+    """1 / x for x > 0, else 0: the slope of log, which is constant below its floor."""
+    return _safe_inverse(v.max(x, 0.0))
 
 
 def _arg(i: int) -> Partial:
@@ -70,8 +78,8 @@ PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
     "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
     "exp": (lambda e: e,),
     "exp2": (lambda e: math.log(2) * e,),
-    "log": (lambda e: 1.0 / v.max(e.args[0], SMALLEST),),
-    "log2": (lambda e: 1.0 / (math.log(2) * v.max(e.args[0], SMALLEST)),),
+    "log": (lambda e: _inverse_where_positive(e.args[0]),),
+    "log2": (lambda e: _inverse_where_positive(e.args[0]) / math.log(2),),
     "sin": (lambda e: v.cos(e.args[0]),),
     "cos": (lambda e: -v.sin(e.args[0]),),
     "tan": (lambda e: 1.0 + e * e,),
@@ -85,7 +93,7 @@ PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
     "sinh": (lambda e: v.cosh(e.args[0]),),
     "cosh": (lambda e: v.sinh(e.args[0]),),
     "tanh": (lambda e: 1.0 - e * e,),
-    "pow": (lambda e: e.args[1] * v.pow(e.args[0], e.args[1] - 1.0), lambda e: e * v.log(e.args[0])),
+    "pow": (lambda e: e.args[1] * e * _inverse_where_positive(e.args[0]), lambda e: e * v.log(e.args[0])),
     "min": (lambda e: _indicator(*e.args), lambda e: 1.0 - _indicator(*e.args)),
     "max": (lambda e: _indicator(*e.args[::-1]), lambda e: 1.0 - _indicator(*e.args[::-1])),
     "step": (None, None),
@@ -101,7 +109,15 @@ PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
 
 
 def _outer(a: Expr, b: Expr) -> Expr:
-    return v.columns(*[a * b[i] for i in range(len(b))])
+    return a @ v.transpose(b) if b.type.is_matrix else v.columns(*[a * b[i] for i in range(len(b))])
+
+
+def _inner(a: Expr, b: Expr) -> Expr:
+    """The sum of the products of all components of two vectors or matrices."""
+    if not a.type.is_matrix:
+        return v.dot(a, b)
+    axes = [const(row) for row in np.eye(a.type.size)]
+    return sum_of([v.dot(a @ axis, b @ axis) for axis in axes])
 
 
 def _scatter(adjoint: Expr, e: Expr) -> Expr:
@@ -144,6 +160,8 @@ BACKWARD: Mapping[str, Back] = {
     "call": lambda adj, e, i: adj[e.type.size - 1] * _slope_of_call(e) if i == e.data.derived["along"] else None,
     "columns": lambda adj, e, i: adj @ const([1.0 if k == i else 0.0 for k in range(adj.type.size)]),
     "transpose": lambda adj, e, i: v.transpose(adj),
+    "sample": lambda adj, e, i: adj * sample_slope(e),
+    "sample_slope": lambda adj, e, i: None,
 }
 """Operations that mix components: the adjoint of argument i from the adjoint of the result."""
 
@@ -160,6 +178,8 @@ FORWARD: Mapping[str, Forward] = {
     "call": lambda e, t: construct(*[0.0] * (e.type.size - 1), v.dot(_slope_of_call(e), t[e.data.derived["along"]])),
     "columns": lambda e, t: v.columns(*t),
     "transpose": lambda e, t: v.transpose(t[0]),
+    "sample": lambda e, t: v.dot(sample_slope(e), t[0]),
+    "sample_slope": lambda e, t: zero(e.type),
 }
 """The same operations forwards: the tangent of the result from the tangents of the arguments."""
 
@@ -247,8 +267,8 @@ def _backward(adjoint: Expr, node: Expr, i: int) -> Expr | None:
     if node.args[i].type is node.type:
         return _scaled(adjoint, slope)
     if slope.type is FLOAT:  # a scalar that was stretched over a vector gathers from all components
-        return slope * sum_of(list(adjoint))
-    return v.dot(adjoint, slope)
+        return slope * _inner(adjoint, const(np.ones(adjoint.type.shape)))
+    return _inner(adjoint, slope)
 
 
 def _scaled(adjoint: Expr, slope: Expr) -> Expr:
@@ -275,7 +295,7 @@ def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
         moving = tuple(arg in dependent for arg in node.args)
         definition: Function = node.data
         along = moving.index(True)
-        if definition.type is FLOAT and sum(moving) == 1 and 2 <= node.args[along].type.size <= 3:
+        if definition.type is FLOAT and sum(moving) == 1 and node.args[along].type in (VEC2, VEC3):
             whole = companion(definition, along)(*args)
             return whole[whole.type.size - 1]
         return substitute([_opened_body(definition, moving)], dict(zip(definition.params, args, strict=True)))[0]

@@ -16,6 +16,7 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr, var
+from raymarch.expr.samples import GLSL_HELPERS, Samples
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import depends_on, find, substitute, topological
 
@@ -198,13 +199,15 @@ def _helper(name: str, text: str) -> Template:
 
 
 def _atan2(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    if node.type is FLOAT:
-        return _scalar_atan2(printer, node, pieces)
-    raise SceneError("atan2 of vectors", legal="scalars; take components first")
+    return (_scalar_atan2 if node.type is FLOAT else _vector_atan2)(printer, node, pieces)
 
 
 _scalar_atan2 = _helper(
     "atan2", "float atan2(float y, float x) {\n    return x == 0.0 && y == 0.0 ? 0.0 : atan(y, x);\n}"
+)
+_vector_atan2 = _helper(
+    "atan2",
+    "TYPE atan2(TYPE y, TYPE x) {\n    return mix(atan(y, x), TYPE(0.0), equal(abs(x) + abs(y), TYPE(0.0)));\n}",
 )
 
 
@@ -249,6 +252,20 @@ def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]
     return Piece(f"floor({_wrap(pieces[0], PLUS)} + 0.5)", ATOM, _depth(pieces))
 
 
+def _sample(component: str) -> Template:
+    """Interpolated data: value, or slope; both come from one helper."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        dimension = node.data.dimension
+        printer.helpers["interpolated", str(dimension)] = GLSL_HELPERS[dimension]
+        printer.text.samples[node.data.name] = node.data
+        call = call_text("interpolated", [Piece(node.data.name, ATOM, 0), *pieces], [node, *node.args])
+        picked = "xyzw"[dimension] if component == "value" else "xyz"[:dimension]
+        return Piece(f"{call.text}.{picked}", POSTFIX, call.depth)
+
+    return template
+
+
 TEMPLATES: Mapping[str, Template] = {
     "add": _infix("+", PLUS),
     "sub": _infix("-", PLUS),
@@ -277,7 +294,7 @@ TEMPLATES: Mapping[str, Template] = {
     "sinh": _call("sinh"),
     "cosh": _call("cosh"),
     "tanh": _call("tanh"),
-    "pow": _guarded("pow", "max({}, 0.0)", is_nonnegative),
+    "pow": _guarded("pow", "max({}, 1.1754944e-38)", _positive_constant),
     "min": _commutative("min"),
     "max": _commutative("max"),
     "step": _stepped,
@@ -293,12 +310,14 @@ TEMPLATES: Mapping[str, Template] = {
     "dot": _call("dot"),
     "cross": _call("cross"),
     "length": _call("length"),
-    "normalize": _helper("unit", "TYPE unit(TYPE v) {\n    return v / max(length(v), 1.1754944e-38);\n}"),
+    "normalize": _helper("unit", "TYPE unit(TYPE v) {\n    return v / max(length(v), 1.0842022e-19);\n}"),
     "swizzle": _swizzle,
     "construct": _construct,
     "columns": _construct,
     "matmul": _linear,
     "transpose": _call("transpose"),
+    "sample": _sample("value"),
+    "sample_slope": _sample("slope"),
 }
 
 # Names
@@ -309,7 +328,7 @@ centroid flat smooth noperspective patch sample break continue do for while swit
 in out inout float double int void bool true false invariant precise discard return lowp mediump highp precision
 struct common partition active asm class union enum typedef template this resource goto inline noinline public
 static extern external interface long short half fixed unsigned superp input output filter cast namespace using
-main texture textureLod textureSize texelFetch atan2 unit radians degrees sin cos tan asin acos atan sinh cosh tanh
+main texture textureLod textureSize texelFetch interpolated atan2 unit radians degrees sin cos tan asin acos atan sinh cosh tanh
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
 not lessThan greaterThan equal dFdx dFdy fwidth uint field
@@ -358,6 +377,7 @@ class Text:
     helpers: dict[tuple[str, str], str]
     uniforms: dict[str, Expr]
     uses_time: bool
+    samples: dict[str, Samples] = field(default_factory=dict)
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""

@@ -12,7 +12,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr.arrays import SMALLEST, lift
+from raymarch.expr import samples
+from raymarch.expr.arrays import SHORTEST, SMALLEST, lift
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
@@ -100,7 +101,7 @@ def _length(_node: Expr, a: Interval) -> Interval:
 
 def _normalize(node: Expr, a: Interval) -> Interval:
     if np.array_equal(*a):
-        v = a[0] / max(float(np.linalg.norm(a[0])), SMALLEST)
+        v = a[0] / max(float(np.linalg.norm(a[0])), SHORTEST)
         return v, v
     return np.full(node.type.shape, -1.0), np.full(node.type.shape, 1.0)
 
@@ -167,7 +168,7 @@ def _param(node: Expr) -> Interval:
 
 
 def _pow(a: Interval, b: Interval) -> Interval:
-    base = np.maximum(a[0], 0), np.maximum(a[1], 0)
+    base = np.maximum(a[0], SMALLEST), np.maximum(a[1], SMALLEST)
     corners = [np.power(x, y) for x in base for y in b]
     return np.fmin.reduce(np.broadcast_arrays(*corners)), np.fmax.reduce(np.broadcast_arrays(*corners))
 
@@ -229,6 +230,8 @@ RULES: Mapping[str, Rule] = {
     "columns": _stack,
     "matmul": _matmul,
     "transpose": lambda _node, m: (m[0].T, m[1].T),
+    "sample": samples.interval,
+    "sample_slope": _unknown,
 }
 
 

@@ -1,7 +1,8 @@
 """The words that fields are written in, in GLSL's own names. All take and give expressions; numbers are welcome.
 
-Where GLSL leaves a result undefined, these define it: `sqrt` and `pow` take a negative base as 0, `log` stops at
-the smallest normal float32, `asin` and `acos` clamp to [-1, 1], `atan2(0, 0)` is 0 and `normalize(0)` is 0.
+Where GLSL leaves a result undefined, these define it: `sqrt` takes a negative number as 0, the base of `pow` and the
+argument of `log` stop at the smallest normal float32, `asin` and `acos` clamp to [-1, 1], `atan2(0, 0)` is 0 and
+`normalize(0)` is 0.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ def tanh(x: Operand) -> Expr:
 
 
 def pow(x: Operand, y: Operand) -> Expr:
-    """max(x, 0) to the power of y; for whole powers of signed numbers multiply."""
+    """max(x, 1.1754944e-38) to the power of y, so x**0 is 1 everywhere; for powers of signed numbers multiply."""
     return elementwise("pow", x, y)
 
 
@@ -199,7 +200,7 @@ def distance(a: Vec, b: Vec) -> Expr:
 
 
 def normalize(v: Vec) -> Expr:
-    """v / |v|; the zero vector stays zero."""
+    """v / |v|; the zero vector stays zero, vectors shorter than 1.1e-19 stay shorter than 1."""
     args = _vectors("normalize", v)
     return simplify("normalize", args[0].type, args)
 

@@ -195,10 +195,10 @@ def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:
     )
 
 
-def _as_texture(value: Any) -> moderngl.Texture | None:
+def _as_texture(value: Any) -> moderngl.Texture | moderngl.Texture3D | None:
     """The texture that a sampler is to read, or None where `value` is a number."""
     match value:
-        case moderngl.Texture():
+        case moderngl.Texture() | moderngl.Texture3D():
             return value
         case Target():
             return value.textures[0]

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import time as clock_time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
+import moderngl
 from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, SceneError
+from raymarch.expr.samples import Samples
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.program import FULL_SCREEN, Program
-from raymarch.gpu.targets import Target
+from raymarch.gpu.targets import Target, upload
 from raymarch.plan import OUTPUTS, Plan, plan
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
@@ -49,6 +51,7 @@ class Renderer:
         self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
         self._drawn: set[Program] = set()
         self._targets: dict[int, Target] = {}
+        self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._size = size
         try:
             self._target(1)
@@ -94,7 +97,7 @@ class Renderer:
         """
         if not isinstance(scene, Scene):
             raise SceneError(f"render of {scene!r} ({type(scene).__name__})", legal="a Scene")
-        values = set_values(scene.parameters, params or {}, time)
+        values = set_values(scene.parameters, params or {}, time, scene.where)
 
         def render_for(name: str) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
             return self._render_passes(scene, values, _passes_for([name]), None)
@@ -110,6 +113,7 @@ class Renderer:
         made = plan(scene, passes)
         shader = assemble(made)
         uniforms = frame_uniforms(made, shader, values, self.size)
+        uniforms.update({name: self._texture(data) for name, data in shader.samples.items()})
         arrays: dict[str, NDArray[Any]] = {}
         timings = []
         for i, chosen in enumerate(made.passes):
@@ -156,12 +160,26 @@ class Renderer:
             self._targets[textures] = Target(self.context, self._size, textures)
         return self._targets[textures]
 
+    def _texture(self, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
+        """Sampled data on the device; those used longest ago are freed."""
+        if data.key not in self._textures:
+            self._textures[data.key] = upload(self.context, data)
+            while len(self._textures) > KEPT:
+                self._textures.popitem(last=False)[1].release()
+        self._textures.move_to_end(data.key)
+        return self._textures[data.key]
+
     def close(self) -> None:
         """Free everything. Idempotent."""
         for target in self._targets.values():
             target.release()
         for program in self._programs.values():
             program.release()
+        if self._textures and not self.context.released:
+            self.context.make_current()
+            for texture in self._textures.values():
+                texture.release()
+        self._textures.clear()
         self._targets.clear()
         self._programs.clear()
         self._drawn.clear()
@@ -178,6 +196,8 @@ class Renderer:
 
 def _passes_for(outputs: Sequence[str]) -> list[str]:
     """The passes that yield some outputs."""
+    if not isinstance(outputs, Iterable):
+        raise SceneError(f"outputs = {outputs!r} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
     names = [outputs] if isinstance(outputs, str) else list(outputs)
     for name in names:
         if name not in OUTPUTS:
@@ -203,7 +223,7 @@ def _tiles(size: tuple[int, int]) -> Iterator[tuple[int, int, int, int]]:
 
 def frame_uniforms(made: Plan, shader: Shader, values: Values, size: tuple[int, int]) -> dict[str, Any]:
     """What changes without a recompile: camera, size, parameters, time. Worked out in float64."""
-    pose = made.scene.pose(values)
+    pose = made.scene.pose(values, size[0] / size[1])
     uniforms: dict[str, Any] = {
         "u_camera_position": pose.position,
         "u_camera_frame": pose.frame,

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import DeviceError
+from raymarch.expr.samples import Samples
 from raymarch.gpu.context import Context
 
 _COMPONENTS = 4
@@ -191,6 +192,18 @@ class PingPong:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.release()
+
+
+def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
+    """Sampled data as a one-channel float32 texture, to be read by texelFetch; DeviceError if it does not fit."""
+    context.make_current()
+    try:
+        make = context.gl.texture if data.dimension == 2 else context.gl.texture3d
+        texture = make(data.size, 1, data.values.tobytes(), alignment=1, dtype="f4")
+    except moderngl.Error as fault:
+        raise DeviceError(f"no texture for samples of {data.size}: {fault}", legal="smaller data") from fault
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
 
 
 def confine(framebuffer: Any, tile: tuple[int, int, int, int] | None) -> None:

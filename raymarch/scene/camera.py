@@ -83,14 +83,18 @@ class Camera:
             )
         return float(np.tan(np.radians(fov) / 2))
 
-    def pose(self, values: Values, subject: Facts | None) -> Pose:
-        """The camera of one frame; `subject` is the box to look at where position or target is not given."""
+    def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0) -> Pose:
+        """The camera of one frame.
+
+        subject : the box to look at where position or target is not given.
+        aspect : width over height of the picture; an unplaced camera of a narrow one stands farther away.
+        """
         slope = self._slope(values)
         centre, radius = _sphere_around(subject)
         target = centre if self.target is None else values.of(self.target)
         if self.position is None:
             away = VIEW / np.linalg.norm(VIEW)
-            position = target + away * radius * 1.1 * np.hypot(1.0, 1.0 / slope)
+            position = target + away * radius * 1.1 * np.hypot(1.0, 1.0 / (slope * min(aspect, 1.0)))
         else:
             position = values.of(self.position)
         up = values.of(self.up)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import linecache
 import os
 import sys
 import traceback
 import types
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from raymarch.errors import Location, RaymarchError, SceneError
+from raymarch.errors import Location, RaymarchError, SceneError, is_users
 from raymarch.scene.scene import Scene
 from raymarch.sdf.node import Node
-
-_PACKAGE = str(Path(__file__).resolve().parent.parent) + os.sep
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
@@ -32,15 +34,15 @@ def load(path: str | os.PathLike[str]) -> Scene:
     namespace = types.ModuleType("__raymarch_scene__")
     namespace.__file__ = name
     linecache.checkcache(name)
-    folder = str(file.resolve().parent)
-    sys.path.insert(0, folder)
     try:
-        exec(compile(source, name, "exec"), namespace.__dict__)
-        found = _find(namespace, name)
+        with _module_beside(namespace, str(file.resolve().parent)):
+            exec(compile(source, name, "exec"), namespace.__dict__)
+            return _find(namespace, name)
     except RaymarchError:
         raise
     except SyntaxError as fault:
-        where = Location(fault.filename or name, fault.lineno or 0)
+        in_a_file = fault.filename and not fault.filename.startswith("<")
+        where = Location(str(fault.filename), fault.lineno or 1) if in_a_file else _line_in(fault, name)
         raise SceneError(f"{type(fault).__name__}: {fault.msg}", where=where) from fault
     except SystemExit as fault:
         raise SceneError(
@@ -48,9 +50,31 @@ def load(path: str | os.PathLike[str]) -> Scene:
         ) from None
     except Exception as fault:
         raise SceneError(f"{type(fault).__name__}: {fault}", where=_line_in(fault, name)) from fault
+
+
+@contextmanager
+def _module_beside(namespace: types.ModuleType, folder: str) -> Iterator[None]:
+    """While a scene file runs: it is a module that libraries can look up (dataclasses do), and the modules of its
+    folder can be imported.
+
+    Those are forgotten afterwards: the next load sees what they hold then, and does not take them for
+    modules of the same name beside another scene.
+    """
+    before, writes = dict(sys.modules), sys.dont_write_bytecode
+    sys.modules[namespace.__name__] = namespace
+    sys.path.insert(0, folder)
+    sys.dont_write_bytecode = True  # leaves no files in the user's folder
+    importlib.invalidate_caches()
+    try:
+        yield
     finally:
-        sys.path.remove(folder)
-    return found
+        sys.dont_write_bytecode = writes
+        with suppress(ValueError):
+            sys.path.remove(folder)
+        for name in [n for n in sys.modules if n not in before]:
+            source = str(getattr(sys.modules[name], "__file__", None) or "")
+            if sys.modules[name] is namespace or (source.startswith(folder + os.sep) and is_users(source)):
+                del sys.modules[name]
 
 
 def _find(namespace: types.ModuleType, name: str) -> Scene:
@@ -61,9 +85,11 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
         )
     found: Any = namespace.scene
     if callable(found) and not isinstance(found, Node | Scene | type):
-        found = found()
+        found = _called(found, where)
     if isinstance(found, Node):
-        found = Scene(found)
+        wrapped = Scene(found)
+        wrapped.where = found.where
+        found = wrapped
     if not isinstance(found, Scene):
         raise SceneError(
             f"'scene' is {found!r} ({type(found).__name__})",
@@ -73,9 +99,21 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
     return found
 
 
+def _called(make: Callable[..., Any], where: Location) -> Any:
+    """What a scene function gives; SceneError, at its own line, if it asks for parameters."""
+    code = getattr(make, "__code__", None)
+    with suppress(ValueError):  # some built-in functions do not tell what they take
+        try:
+            inspect.signature(make).bind()
+        except TypeError as fault:
+            where = Location(code.co_filename, code.co_firstlineno) if code else where
+            raise SceneError(f"'scene' is a function: {fault}", legal="one without parameters", where=where) from None
+    return make()
+
+
 def _line_in(fault: BaseException, name: str) -> Location:
     """The innermost line of the user's own code in a traceback."""
     frames = traceback.extract_tb(fault.__traceback__)
-    own = [f for f in frames if f.filename == name] or [f for f in frames if not f.filename.startswith(_PACKAGE)]
+    own = [f for f in frames if f.filename == name] or [f for f in frames if is_users(f.filename)]
     frame = own[-1] if own else None
-    return Location(frame.filename, frame.lineno or 0) if frame else Location(name, 0)
+    return Location(frame.filename, frame.lineno or 1) if frame else Location(name, 1)

@@ -65,13 +65,24 @@ def _shown(value: Value) -> str:
     return f"({', '.join(f'{v:g}' for v in value)})" if isinstance(value, tuple) else f"{value:g}"
 
 
+LARGEST = float(np.finfo(np.float32).max)
+"""The largest number that the shader can hold: values reach it as float32."""
+
+
+def _holdable(value: Any) -> bool:
+    """True if every component is a number that float32 can hold; NaN and infinity are not."""
+    return bool(np.all(np.abs(value) <= LARGEST))
+
+
 def _plain(value: Any, what: str, where: Location | None = None) -> Value:
     try:
         array = np.asarray(value, np.float64)
     except (TypeError, ValueError):
         array = np.empty((0,))
-    if array.shape not in ((), (2,), (3,), (4,)) or not np.all(np.isfinite(array)):
-        raise SceneError(f"{what} = {value!r}", legal="a finite number, or 2 to 4 of them", where=where)
+    if array.shape not in ((), (2,), (3,), (4,)) or not _holdable(array):
+        raise SceneError(
+            f"{what} = {value!r}", legal="a finite number up to 3.4e38 in size, or 2 to 4 of them", where=where
+        )
     return float(array) if array.shape == () else tuple(float(v) for v in array)
 
 
@@ -134,16 +145,23 @@ class Values:
             return np.asarray(value_of(expr(value)), np.float64)
 
 
-def set_values(specs: Mapping[str, Spec], given: Mapping[str, Any], time: float = 0.0) -> Values:
-    """Defaults, with some replaced; SceneError for an unknown name or a value out of range."""
+def set_values(
+    specs: Mapping[str, Spec], given: Mapping[str, Any], time: float = 0.0, where: Location | None = None
+) -> Values:
+    """Defaults, with some replaced; SceneError for an unknown name or a value out of range.
+
+    `where` is the scene's line, for a name that it does not have.
+    """
     params = {name: spec.value for name, spec in specs.items()}
+    if not isinstance(given, Mapping):
+        raise SceneError(f"params = {given!r} ({type(given).__name__})", legal="a dict of values by name", where=where)
     for name, value in given.items():
         if name not in specs:
             known = ", ".join(sorted(specs)) or "none; this scene has no Param"
-            raise SceneError(f"unknown parameter '{name}'", legal=f"one of: {known}")
-        params[name] = specs[name].accept(value)
-    if not np.isfinite(time):
-        raise SceneError(f"time = {time!r}", legal="a finite number of seconds")
+            raise SceneError(f"unknown parameter '{name}' = {value!r}", legal=f"one of: {known}", where=where)
+        params[name] = specs[name].accept(value, specs[name].where)
+    if not isinstance(time, int | float | np.integer | np.floating) or not _holdable(time):
+        raise SceneError(f"time = {time!r}", legal="a finite number of seconds, up to 3.4e38", where=where)
     return Values(params, float(time))
 
 
@@ -158,7 +176,8 @@ def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf)
 
 
 def _checked(what: str, value: Any, size: int, low: float, high: float) -> Expr:
-    legal = "a number" if size == 1 else f"{size} numbers"
+    """The value as an expression. One that reads parameters must be legal at their defaults."""
+    legal = "a finite number" if size == 1 else f"{size} finite numbers"
     if low > -np.inf:
         legal += f" >= {low:g}"
     if high < np.inf:
@@ -169,8 +188,9 @@ def _checked(what: str, value: Any, size: int, low: float, high: float) -> Expr:
         raise SceneError(f"{what} = {value!r}", legal=legal) from None
     if given.type is not vector(size):
         raise SceneError(f"{what} = {value!r}", legal=legal)
-    if given.is_constant:
-        d = given.data
-        if not np.all(np.isfinite(d)) or not np.all((d >= low) & (d <= high)):
-            raise SceneError(f"{what} = {value!r}", legal=legal)
+    if not find([given], "time"):
+        d = Values({}).of(given)
+        if not _holdable(d) or not np.all((d >= low) & (d <= high)):
+            shown = f"{value!r}" if given.is_constant else f"{d.tolist()} with its parameters at their defaults"
+            raise SceneError(f"{what} = {shown}", legal=legal)
     return given

@@ -60,8 +60,9 @@ class Scene:
         self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
         self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
         self.quality = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
-        for label in self._labels():
-            _instance("material", label, Material, "Material(...)")
+        for part in all_nodes(node):
+            if part.label is not None:
+                _instance("material", part.label, Material, "Material(...)", part.where)
 
     def _labels(self) -> list[Any]:
         return list(dict.fromkeys(n.label for n in all_nodes(self.node) if n.label is not None))
@@ -81,10 +82,8 @@ class Scene:
         found: list[Expr] = []
         for node in all_nodes(self.node):
             found += [v for v in node.params.values() if isinstance(v, Expr) and not v.is_constant]
-            if node.children and node.label is None:
-                continue
-            if not node.children:
-                found.append(node.definition.template(0, node.params).body)
+            if node.definition.arity != "many":  # a user's own definition may read parameters by itself
+                found.append(node.definition.template(len(node.children), node.params).body)
         for part in (self.camera, *self.lights, *self.materials, self.sky, *((self.fog,) if self.fog else ())):
             found += part.expressions
         return found
@@ -94,9 +93,9 @@ class Scene:
         """The box around all that has an end: what an unplaced camera looks at."""
         return _bounded_part(self.node)
 
-    def pose(self, values: Values) -> Pose:
-        """The camera of one frame."""
-        return self.camera.pose(values, self.subject)
+    def pose(self, values: Values, aspect: float = 1.0) -> Pose:
+        """The camera of one frame; `aspect` is width over height of the picture."""
+        return self.camera.pose(values, self.subject, aspect)
 
     def far(self, pose: Pose) -> float:
         """How far rays are traced: beyond the scene's box, or to the horizon where it has no end."""
@@ -112,9 +111,9 @@ class Scene:
         return HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
 
 
-def _instance(name: str, value: Any, kind: Any, legal: str) -> Any:
+def _instance(name: str, value: Any, kind: Any, legal: str, where: Location | None = None) -> Any:
     if not isinstance(value, kind):
-        raise SceneError(f"Scene: {name} = {value!r} ({type(value).__name__})", legal=legal)
+        raise SceneError(f"Scene: {name} = {value!r} ({type(value).__name__})", legal=legal, where=where)
     return value
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.intervals import Interval, interval_of
 from raymarch.expr.node import Expr, const, expr
+from raymarch.expr.samples import Samples
 from raymarch.expr.types import FLOAT, MAT3, MAT4, VEC2, VEC3, VECTORS, Type
 from raymarch.expr.vocabulary import normalize
 from raymarch.expr.walk import find
@@ -32,6 +33,7 @@ class Domain:
     unit : what the number counts, for documentation: "length", "radians", ...
     direction : a vector that must not be zero and arrives normalised.
     stretch : a single number stands for a vector of equal components.
+    holds : for a static value, the Python type that it has; it must be hashable.
     """
 
     type: Type | None
@@ -41,10 +43,13 @@ class Domain:
     unit: str = ""
     direction: bool = False
     stretch: bool = False
+    holds: type = int
 
     @property
     def legal(self) -> str:
         """The legal range in words."""
+        if self.holds is not int:
+            return f"a {self.holds.__name__}"
         kind = "an integer" if self.type is None else "a number" if self.type is FLOAT else f"{self.type.size} numbers"
         if self.type is not None and self.type.is_matrix:
             kind = f"a {self.type.size}x{self.type.size} matrix"
@@ -74,7 +79,11 @@ class Domain:
         self._check(node, name, value, given)
         return normalize(given) if self.direction else given
 
-    def _accept_static(self, node: str, name: str, value: Any) -> int:
+    def _accept_static(self, node: str, name: str, value: Any) -> Any:
+        if self.holds is not int:
+            if not isinstance(value, self.holds):
+                raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
+            return value
         if isinstance(value, bool) or not isinstance(value, int | np.integer):
             raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
         if not self.low <= value <= self.high:
@@ -113,6 +122,7 @@ Size3 = Annotated[Any, Domain(VEC3, low=0.0, open=True, unit="length", stretch=T
 Direction = Annotated[Any, Domain(VEC3, direction=True)]
 Matrix3 = Annotated[Any, Domain(MAT3)]
 Matrix4 = Annotated[Any, Domain(MAT4)]
+Data = Annotated[Any, Domain(None, holds=Samples)]
 Count = Annotated[int, Domain(None, low=1, high=65535, unit="count")]
 Whole = Annotated[int, Domain(None, unit="integer")]
 

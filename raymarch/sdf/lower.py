@@ -185,5 +185,6 @@ def print_field(node: Node) -> str:
     uniforms = [f"uniform {leaf.type} {name};" for name, leaf in text.uniforms.items()]
     if text.uses_time:
         uniforms.append("uniform float u_time;")
+    uniforms += [f"uniform sampler{data.dimension}D {name};" for name, data in text.samples.items()]
     lines = [line.text for line in text.lines()]
     return "\n".join([*uniforms, *([""] if uniforms else []), *lines]) + "\n"

@@ -15,8 +15,9 @@ import numpy as np
 from raymarch import glsl
 from raymarch.errors import Location
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Line, Printable, constant, literal, print_functions, uniform_name
+from raymarch.expr.glsl import Line, Printable, Text, constant, literal, print_functions, uniform_name
 from raymarch.expr.node import Expr
+from raymarch.expr.samples import Samples
 from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.light import Light, PointLight, Sun
@@ -24,7 +25,13 @@ from raymarch.scene.scene import all_nodes
 
 HEADERS = {
     "330 core": ["#version 330 core"],
-    "300 es": ["#version 300 es", "precision highp float;", "precision highp int;"],
+    "300 es": [
+        "#version 300 es",
+        "precision highp float;",
+        "precision highp int;",
+        "precision highp sampler2D;",
+        "precision highp sampler3D;",
+    ],
 }
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
@@ -59,12 +66,14 @@ class Shader:
     passes : names of the passes in it; with more than one, `PASS` chooses.
     parameters : GLSL name of the uniform of each parameter, by the parameter's own name.
     uses_time : whether it has a uniform u_time.
+    samples : sampled data by the name of its texture.
     """
 
     body: tuple[Mapped, ...]
     passes: tuple[str, ...]
     parameters: Mapping[str, str]
     uses_time: bool
+    samples: Mapping[str, Samples]
 
     def text(self, chosen: str | None = None, version: str = "330 core") -> str:
         """The whole text for one pass (the first by default), ready for the compiler.
@@ -101,11 +110,11 @@ def assemble(plan: Plan) -> Shader:
             values.add("fog_color", plan.scene.fog.color)
             values.add("fog_density", plan.scene.fog.density)
     taken = {name for chunk in [*modules, *mains, *generated] for name in chunk.gives}
-    fields, parameters, uses_time = _fields(plan, values, taken)
+    fields, parameters, text = _fields(plan, values, taken)
     order = _in_order([*modules, fields, *generated])
     body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
     body += _main(mains)
-    return Shader(tuple(body), tuple(p.name for p in plan.passes), parameters, uses_time)
+    return Shader(tuple(body), tuple(p.name for p in plan.passes), parameters, text.uses_time, text.samples)
 
 
 def _module(name: str) -> Chunk:
@@ -246,7 +255,7 @@ def _light_call(i: int, light: Light, values: _Values) -> tuple[str, set[str]]:
     return f"{kind}_light({before}, {place}, {radiance}, {visibility})", used
 
 
-def _fields(plan: Plan, values: _Values, taken: set[str]) -> tuple[Chunk, dict[str, str], bool]:
+def _fields(plan: Plan, values: _Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions that are made from expressions, printed together so that each definition stands once."""
     optional = (plan.gradient, plan.material, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
@@ -256,13 +265,15 @@ def _fields(plan: Plan, values: _Values, taken: set[str]) -> tuple[Chunk, dict[s
     lines = [Mapped(f"uniform {leaf.type} {name};", "a Param", leaf.data.where) for name, leaf in text.uniforms.items()]
     if text.uses_time:
         lines.append(Mapped("uniform float u_time;", "time"))
+    for name, data in text.samples.items():
+        lines.append(Mapped(f"uniform sampler{data.dimension}D {name};", "sampled data"))
     if lines:
         lines.append(Mapped("", "parameters"))
     first_use = _first_use(plan)
     lines += [_mapped(line, plan.origins, first_use) for line in text.lines()]
     gives = frozenset(root.name for root in roots)
     needs = frozenset({"Material"}) if plan.material is not None else frozenset[str]()
-    return Chunk("field", needs, gives, tuple(lines)), parameters, text.uses_time
+    return Chunk("field", needs, gives, tuple(lines)), parameters, text
 
 
 def _first_use(plan: Plan) -> dict[str, Location | None]:

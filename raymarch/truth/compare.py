@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.truth.tracer import Truth
 
 JUMP = 0.25
-"""Distance between tangent planes, in pixels at that depth, from which neighbours lie on different surfaces."""
+"""Distance from each other's tangent plane, in pixels at that depth, that no curvature need explain."""
 CREASE = 3.0
 """How many times more the normal turns across a crease than beside it."""
 TURN = np.radians(1.0)
@@ -95,7 +95,10 @@ def silhouettes(truth: Truth, width: int = 1) -> NDArray[np.bool_]:
     if width == 0:
         return mask
     for a, b, before, after in _neighbours(truth.hit.shape):
-        edge = _edge(truth, a, b) | _crease(truth, a, b, before, after)
+        turn = _turn(truth, a, b)
+        beside = np.maximum(_turn(truth, before, a), _turn(truth, b, after))
+        crease = (turn > CORNER) | (turn > TURN + CREASE * beside)
+        edge = crease | _border(truth, a, b) | _jump(truth, a, b, turn)
         mask[a] |= edge
         mask[b] |= edge
     for _ in range(width - 1):
@@ -130,15 +133,26 @@ def _neighbours(shape: tuple[int, ...]) -> Iterator[tuple[Window, Window, Window
         yield moved(0), moved(1), moved(-1), moved(2)
 
 
-def _edge(truth: Truth, a: Window, b: Window) -> NDArray[np.bool_]:
-    """Hit beside miss, another material, or a jump in depth."""
+def _border(truth: Truth, a: Window, b: Window) -> NDArray[np.bool_]:
+    """Hit beside miss, or another material."""
+    result: NDArray[np.bool_] = (truth.hit[a] != truth.hit[b]) | (truth.material[a] != truth.material[b])
+    return result
+
+
+def _jump(truth: Truth, a: Window, b: Window, turn: Any) -> NDArray[np.bool_]:
+    """Neither point is as near to the tangent plane of the other as one surface can make it.
+
+    If the normal turns by `turn` over a pixel of width w, seen at an angle of cosine c, the surface leaves the
+    tangent plane by turn w / (2 c^2) along the ray; twice that is allowed for.
+    """
     both = truth.hit[a] & truth.hit[b]
-    edge = (truth.hit[a] != truth.hit[b]) | (both & (truth.material[a] != truth.material[b]))
     depth_a, depth_b = np.where(both, truth.depth[a], 1.0), np.where(both, truth.depth[b], 1.0)
+    along = [np.einsum("ij,ij->i", truth.direction[i], truth.normal[i]) for i in (a, b)]
     apart = np.minimum(_off_plane(truth, a, depth_a, b, depth_b), _off_plane(truth, b, depth_b, a, depth_a))
-    pixel = np.linalg.norm(truth.direction[a] - truth.direction[b], axis=-1)
-    jump = both & (apart > JUMP * pixel * np.minimum(depth_a, depth_b))
-    result: NDArray[np.bool_] = edge | jump
+    pixel = np.linalg.norm(truth.direction[a] - truth.direction[b], axis=-1) * np.minimum(depth_a, depth_b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bend = turn / np.minimum(*np.square(along))
+    result: NDArray[np.bool_] = both & (apart > pixel * (JUMP + np.where(turn > 0.0, bend, 0.0)))
     return result
 
 
@@ -150,14 +164,6 @@ def _off_plane(truth: Truth, a: Window, depth_a: Any, b: Window, depth_b: Any) -
     with np.errstate(divide="ignore", invalid="ignore"):
         expected = depth_a * along_a / along_b
     return np.where(along_a * along_b > 0.0, np.abs(depth_b - expected), np.inf)
-
-
-def _crease(truth: Truth, a: Window, b: Window, before: Window, after: Window) -> NDArray[np.bool_]:
-    """The normal turns far more from a to b than just before and after."""
-    turn = _turn(truth, a, b)
-    beside = np.maximum(_turn(truth, before, a), _turn(truth, b, after))
-    result: NDArray[np.bool_] = (turn > CORNER) | (turn > TURN + CREASE * beside)
-    return result
 
 
 def _turn(truth: Truth, a: Window, b: Window) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ front goes on behind the island, so no sample is wasted.
 
 Next to a root of slope -k a front gains a factor (1 - k) / (1 + k) a sample, twice what plain sphere tracing gains,
 and no method that sees values alone gains more. The proof therefore stops at a gap of `GAP` times the distance:
-if the sign changes inside, the root is taken by bracketing. A ray that is not done after `PATIENCE` samples
+if the sign changes inside, the root is taken by bracketing. A ray that creeps on after `PATIENCE` samples
 (it touches a surface, or grazes it below a tenth of a degree) may leave larger gaps, which are reported.
 """
 
@@ -32,10 +32,13 @@ NOISE = 8 * ULP
 GAP = math.sqrt(ULP)
 """Widest stretch before a root that needs no proof, over the distance: 1.5e-8. Bracketing halves the digits that
 are left to find, so a root is exact after two or three secant steps from here."""
-PATIENCE = 4000
-"""Samples after which a ray may leave larger gaps: enough for a gap of `GAP` at 0.13 degrees."""
+PATIENCE = 6000
+"""Samples after which a ray may leave larger gaps: enough for a gap of `GAP` at 0.1 degrees."""
+CREEPING = 1e-5
+"""A ray creeps while its values are below this share of the distance, 1/100 of a pixel of a picture 1,000 high. One
+that keeps farther away is never allowed a larger gap: it reaches its end in some 1 / `CREEPING` samples at most."""
 DOUBLING = 250
-"""Samples after which that allowance doubles; all rays are done by `PATIENCE` + 26 * `DOUBLING`."""
+"""Samples of creeping after which the gap allowed doubles; 26 times that many make it the whole distance."""
 RISE = 0.9
 """Largest slope that a guess relies on; the true one stays below 1, where the next sample would be at infinity."""
 HALF = 0.5
@@ -90,7 +93,8 @@ class _Rays:
     row : their number. front : up to here there is no root. near, near_value : the sample that set the front.
     slope : df/dt as far as it is known. end : where the search ends; end_value : the value there, once a
     sample has found it to be 0 or less. low : where the island starts, inf for none; island, island_value :
-    the sample at its far side. skipped : length of the gaps left so far.
+    the sample at its far side. creeping : samples below `CREEPING` after `PATIENCE`. skipped : length of the gaps
+    left so far.
     """
 
     row: Array
@@ -103,6 +107,7 @@ class _Rays:
     low: Array
     island: Array
     island_value: Array
+    creeping: Array
     skipped: Array
 
     def only(self, mask: Array) -> _Rays:
@@ -112,8 +117,11 @@ class _Rays:
     def bracketed(self) -> Array:
         return self.end_value <= 0.0
 
-    def next_sample(self, widest: Array, bold: bool) -> Array:
-        """Where the sphere of the next sample is expected to just touch the front; `widest` is the gap allowed."""
+    def next_sample(self, widest: Array, bold: Array) -> Array:
+        """Where the sphere of the next sample is expected to just touch the front.
+
+        widest : the gap allowed before a root; one expected there is asked for beyond it. bold : leap over as much.
+        """
         slope = np.clip(self.slope, -1.0, RISE)
         at_front = self.near_value * (1.0 + slope)
         ask = self.front + at_front / (1.0 - slope)
@@ -145,11 +153,10 @@ class _Rays:
         self.island_value = np.where(apart & ~joined, r, self.island_value)
         self.low = np.where(apart, c - r, self.low)
 
-    def skip(self, widest: Array) -> None:
-        """Leave gaps of the width allowed."""
-        open_gap = (self.low < np.inf) & (self.low - self.front <= widest)
-        self.skipped = np.where(open_gap, self.skipped + (self.low - self.front), self.skipped)
-        self._cross(open_gap)
+    def skip(self, now: Array) -> None:
+        """Leave the gap before the island."""
+        self.skipped = np.where(now, self.skipped + (self.low - self.front), self.skipped)
+        self._cross(now)
 
     def _cross(self, now: Array) -> None:
         """Let the front go on behind the island."""
@@ -171,15 +178,18 @@ def first_root(value: Value, lines: Lines) -> Roots:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rays = found.start(value)
         while rays.row.size:
-            samples = int(found.evaluations[rays.row[0]])
-            late = samples >= PATIENCE
-            widest = lines.gap(rays.row, rays.front) * 2.0 ** (max(samples - PATIENCE, 0) // DOUBLING)
-            c = rays.next_sample(widest, bold=late and samples % 2 == 0)
+            late = found.evaluations[rays.row[0]] >= PATIENCE  # every ray under way has taken as many samples
+            widest = lines.gap(rays.row, rays.front)
+            creeps = late & (rays.near_value < CREEPING * (lines.travelled[rays.row] + rays.near))
+            if late:
+                rays.creeping += creeps
+                widest = np.where(creeps, widest * 2.0 ** (rays.creeping // DOUBLING), widest)
+            c = rays.next_sample(widest, bold=creeps & (rays.creeping % 2 == 0))
             r = value(rays.row, c)
             found.evaluations[rays.row] += 1
             rays.take(c, r, lines.noise(rays.row, c))
             if late:
-                rays.skip(widest)
+                rays.skip(creeps & (rays.low - rays.front <= widest))
             hit = rays.bracketed & (rays.end - rays.front <= widest)
             over = hit | (rays.front >= rays.end)
             if over.any():
@@ -246,6 +256,7 @@ class _Found:
             low=nowhere,
             island=nowhere,
             island_value=unknown,
+            creeping=np.zeros(row.shape, np.int64),
             skipped=np.zeros(row.shape),
         )
         return rays.only(~zero & (rays.front < rays.end))

@@ -112,7 +112,7 @@ def truth(
         if name not in OUTPUTS:
             raise SceneError(f"truth: output {name!r}", legal=", ".join(OUTPUTS))
     values = set_values(scene.parameters, params or {}, time)
-    pose = scene.pose(values)
+    pose = scene.pose(values, width / height)
     far = scene.far(pose)
     moment = Field(scene, values)
     rays = camera_rays(pose, width, height)

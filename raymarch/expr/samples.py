@@ -1,0 +1,168 @@
+"""Sampled data as a function of position: an array that is interpolated linearly.
+
+Coordinates count texels: 0 is the centre of the first one, n - 1 of the last. Outside, the value at the edge stays.
+GLSL fetches the texels and interpolates in float32 itself, because texture units round the weights to 8 bits.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, Operand, expr, make
+from raymarch.expr.types import FLOAT, VEC2, VEC3
+from raymarch.expr.vocabulary import clamp
+
+Array = NDArray[Any]
+
+
+class Samples:
+    """Numbers on a regular grid, float32: shape (ny, nx) or (nz, ny, nx), each side 2 to 2048. Equal data are equal."""
+
+    __slots__ = ("key", "values")
+
+    def __init__(self, values: ArrayLike) -> None:
+        array = np.ascontiguousarray(values, np.float32)
+        if array.ndim not in (2, 3) or min(array.shape) < 2 or max(array.shape) > 2048:
+            raise SceneError(f"samples of shape {array.shape}", legal="(ny, nx) or (nz, ny, nx), each from 2 to 2048")
+        if not np.all(np.isfinite(array)):
+            raise SceneError("samples hold values that are not finite", legal="finite numbers")
+        array.setflags(write=False)
+        self.values = array
+        shape = ",".join(map(str, array.shape)).encode()
+        self.key = hashlib.sha256(shape + array.tobytes()).hexdigest()[:12]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Samples) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    @property
+    def name(self) -> str:
+        """The GLSL name of the texture."""
+        return f"u_samples_{self.key}"
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.values.ndim
+
+    @property
+    def size(self) -> tuple[int, ...]:
+        """Texels along x, y (and z)."""
+        return self.values.shape[::-1]
+
+    @property
+    def steepest(self) -> float:
+        """An upper bound of the interpolated function's slope, per texel: cell by cell, the largest difference
+        along each axis, taken together."""
+        values = self.values.astype(np.float64)
+        total = np.zeros(tuple(n - 1 for n in values.shape))
+        for axis in range(values.ndim):
+            step = np.abs(np.diff(values, axis=axis))
+            for other in range(values.ndim):
+                if other != axis:
+                    low = [slice(None)] * values.ndim
+                    high = [slice(None)] * values.ndim
+                    low[other], high[other] = slice(None, -1), slice(1, None)
+                    step = np.maximum(step[tuple(low)], step[tuple(high)])
+            total += step**2
+        return float(np.sqrt(total.max()))
+
+
+def sample(data: Samples, at: Operand) -> Expr:
+    """The data at a position in texels, interpolated linearly; the edge's value outside.
+
+    data : 2D or 3D. at : vec2 (x, y) or vec3 (x, y, z).
+    """
+    point = expr(at)
+    wanted = VEC2 if data.dimension == 2 else VEC3
+    if point.type is not wanted:
+        raise SceneError(f"{data.dimension}D samples at a {point.type}", legal=f"a {wanted}")
+    inside = clamp(point, 0.0, tuple(float(n - 1) for n in data.size))
+    return make("sample", FLOAT, (inside,), data)
+
+
+def sample_slope(e: Expr) -> Expr:
+    """The gradient of a `sample`, per texel."""
+    return make("sample_slope", e.args[0].type, e.args, e.data)
+
+
+# Readings
+
+
+def _corners(data: Samples, at: Array) -> tuple[Array, list[tuple[tuple[int, ...], Array]]]:
+    """Weights along each axis, and the value at each corner of the cell that holds a position."""
+    size = np.array(data.size)
+    cell = np.clip(np.nan_to_num(np.floor(at)), 0, size - 2).astype(np.int64)
+    weight = at - cell.astype(at.dtype)
+    corners = []
+    for corner in np.ndindex(*(2,) * data.dimension):
+        index = cell + np.array(corner)
+        texel = data.values[tuple(index[..., k] for k in reversed(range(data.dimension)))]
+        corners.append((corner, texel.astype(at.dtype)))
+    return weight, corners
+
+
+def evaluate(node: Expr, at: Array) -> Array:
+    """NumPy row of "sample"."""
+    weight, corners = _corners(node.data, at)
+    total: Array = np.zeros(at.shape[:-1], at.dtype)
+    for corner, value in corners:
+        total = total + value * np.prod(np.where(np.array(corner) == 1, weight, 1 - weight), axis=-1)
+    return total
+
+
+def evaluate_slope(node: Expr, at: Array) -> Array:
+    """NumPy row of "sample_slope"."""
+    weight, corners = _corners(node.data, at)
+    parts: list[Array] = []
+    for axis in range(node.data.dimension):
+        total: Array = np.zeros(at.shape[:-1], at.dtype)
+        for corner, value in corners:
+            share = np.where(np.array(corner) == 1, weight, 1 - weight)
+            share[..., axis] = 1 if corner[axis] else -1
+            total = total + value * np.prod(share, axis=-1)
+        parts.append(total)
+    return np.stack(parts, axis=-1)
+
+
+def interval(node: Expr, *_at: Any) -> tuple[Array, Array]:
+    """Interval row of "sample": the smallest and the largest value of the data."""
+    return np.asarray(node.data.values.min(), np.float64), np.asarray(node.data.values.max(), np.float64)
+
+
+GLSL_HELPERS = {
+    2: """vec3 interpolated(sampler2D data, vec2 at) {
+    // (d/dx, d/dy, value), per texel
+    ivec2 cell = ivec2(clamp(floor(at), vec2(0.0), vec2(textureSize(data, 0) - 2)));
+    vec2 w = at - vec2(cell);
+    float a = texelFetch(data, cell, 0).r;
+    float b = texelFetch(data, cell + ivec2(1, 0), 0).r;
+    float c = texelFetch(data, cell + ivec2(0, 1), 0).r;
+    float d = texelFetch(data, cell + ivec2(1, 1), 0).r;
+    return vec3(mix(b - a, d - c, w.y), mix(c - a, d - b, w.x), mix(mix(a, b, w.x), mix(c, d, w.x), w.y));
+}""",
+    3: """vec4 interpolated(sampler3D data, vec3 at) {
+    // (d/dx, d/dy, d/dz, value), per texel
+    ivec3 cell = ivec3(clamp(floor(at), vec3(0.0), vec3(textureSize(data, 0) - 2)));
+    vec3 w = at - vec3(cell);
+    vec4 low, high;  // the four corners of the near and of the far face: x runs first, then y
+    for (int i = 0; i < 4; i++) {
+        ivec3 corner = cell + ivec3(i & 1, i >> 1, 0);
+        low[i] = texelFetch(data, corner, 0).r;
+        high[i] = texelFetch(data, corner + ivec3(0, 0, 1), 0).r;
+    }
+    vec4 face = mix(low, high, w.z);
+    vec2 rows = mix(face.xz, face.yw, w.x);
+    vec4 rise = high - low;
+    vec2 rises = mix(rise.xz, rise.yw, w.x);
+    return vec4(
+        mix(face.y - face.x, face.w - face.z, w.y), rows.y - rows.x, mix(rises.x, rises.y, w.y), mix(rows.x, rows.y, w.y));
+}""",
+}
