@@ -190,6 +190,7 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     quality = scene.quality
     add(("view/camera", "every picture has a camera"))
     add(("march/epsilon", f"a hit is within {quality.epsilon:g} pixel widths of the surface"))
+    add(("march/hit", "the last step towards a surface is along the measured slope"))
     add((f"march/{quality.tracer}", f"Quality(tracer={quality.tracer!r})"))
     if made.clipped:
         add(("march/slab", "the scene's box ends on some side"))

@@ -44,7 +44,7 @@ def test_no_root_is_stepped_over(kind: str) -> None:
     if kind == "any slope":
         slopes, lengths = random.uniform(-1, 1, shape), random.exponential(0.3, shape)
     elif kind == "saw":
-        slopes, lengths = random.choice([-1, 1, 0.99, -0.02, 0.0], shape), random.exponential(0.3, shape) ** 2 + 1e-9
+        slopes, lengths = random.choice([-1, 1, 0.99, -0.99, -0.02], shape), random.exponential(0.3, shape) ** 2 + 1e-9
     else:  # flat, but for a dip of a hair's breadth that goes just below 0
         slopes = np.tile([0.0, -1.0, 1.0], 20) * np.ones(shape)
         lengths = np.where(slopes == 0.0, random.exponential(0.3, shape), 1e-3)

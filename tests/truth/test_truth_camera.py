@@ -12,7 +12,7 @@ from raymarch.sdf import box, sphere
 from raymarch.truth import silhouettes, truth
 
 POSITION, TARGET, UP, FOV = (2.0, 1.5, 4.5), (0.3, 0.4, -0.2), (0.25, 1.0, 0.1), 38.0
-SIZE = (72, 40)
+SIZE = (96, 54)
 CENTRE, RADIUS = (-0.8, 0.2, 0.3), 0.7
 PLACE, EXTENT, ANGLE = (0.9, 0.9, -0.5), (0.8, 1.6, 0.5), 0.6
 

@@ -25,7 +25,9 @@ def scene() -> Truth:
 def border(mask: Any) -> Any:
     """Pixels with one of their eight neighbours on the other side of a mask."""
     padded = np.pad(mask, 1, mode="edge")
-    shifted = [padded[1 + i : padded.shape[0] - 1 + i, 1 + j : padded.shape[1] - 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    shifted = [
+        padded[1 + i : padded.shape[0] - 1 + i, 1 + j : padded.shape[1] - 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)
+    ]
     return np.any([s != mask for s in shifted], axis=0)
 
 
@@ -44,7 +46,9 @@ def test_a_jump_in_depth_is_an_edge_and_a_slope_is_not() -> None:
     """A floor runs on behind a step of its own kind; its far end gets steep, but nowhere jumps."""
     step = box((4, 0.3, 1)).translate((0, -1, 0))
     made = picture(plane(offset=-1.0) | step, (0, 1.5, 6))
-    on_step = np.abs((made.position + np.where(made.hit, made.depth, 0)[..., None] * made.direction)[..., 1] + 0.85) < 1e-9
+    on_step = (
+        np.abs((made.position + np.where(made.hit, made.depth, 0)[..., None] * made.direction)[..., 1] + 0.85) < 1e-9
+    )
     top = np.where(made.hit, on_step, -1)
     edges = silhouettes(made)
     assert np.all(edges[border(top)])  # behind the top edge the floor has the same normal and material
@@ -55,7 +59,9 @@ def test_a_jump_in_depth_is_an_edge_and_a_slope_is_not() -> None:
 
 def test_a_change_of_material_is_an_edge() -> None:
     left, right = (Material(c) for c in ((1, 0, 0), (0, 1, 0)))
-    halves = box((1, 1, 1)).translate((-0.5, 0, 0)).material(left) | box((1, 1, 1)).translate((0.5, 0, 0)).material(right)
+    halves = box((1, 1, 1)).translate((-0.5, 0, 0)).material(left) | box((1, 1, 1)).translate((0.5, 0, 0)).material(
+        right
+    )
     made = picture(halves)
     assert np.array_equal(silhouettes(made), border(made.material))
 

@@ -12,11 +12,11 @@ from raymarch.sdf import box, plane, sphere
 from raymarch.truth import truth
 
 WHITE = Material((1, 1, 1), specular=0.0, ambient=0.0)
-ABOVE = Camera((0.3, 6, 5), (0, 0, 0))
+ABOVE = Camera((0.3, 6, 5), (0, 0, 0), fov=25.0)
 
 
 def points(made: Any) -> Any:
-    return (made.position + made.depth[..., None] * made.direction)[made.hit]
+    return made.position + made.depth[made.hit][:, None] * made.direction[made.hit]
 
 
 def unit(v: Any) -> Any:
@@ -33,8 +33,10 @@ def test_phong_of_one_sun() -> None:
     r = 2 * cosine[:, None] * n - light
     highlight = np.maximum(np.einsum("ij,ij->i", r, v), 0) ** 20 * (cosine > 0)
     tint = np.array([0.7, 0.4, 0.2])
-    wanted = 1.5 * np.array([1.0, 0.9, 0.8]) * (
-        0.15 * tint + np.maximum(cosine, 0)[:, None] * tint + 0.6 * highlight[:, None]
+    wanted = (
+        1.5
+        * np.array([1.0, 0.9, 0.8])
+        * (0.15 * tint + np.maximum(cosine, 0)[:, None] * tint + 0.6 * highlight[:, None])
     )
     np.testing.assert_allclose(made.color[made.hit], wanted, atol=1e-12)
     assert highlight.max() > 0.9
@@ -98,7 +100,10 @@ def test_a_lone_convex_solid_does_not_shadow_itself() -> None:
     """Its light with a shadow is that without, up to the edge where the light only grazes it."""
     for node in (sphere(1.0), box((1, 2, 1)), sphere(1e4).translate((0, -1e4, 0))):
         pictures = [
-            truth(Scene(node.material(WHITE), camera=Camera((2, 2, 3), (0, 0, 0)), lights=[Sun((1, 1, 0), shadow=s)]), (60, 40))
+            truth(
+                Scene(node.material(WHITE), camera=Camera((2, 2, 3), (0, 0, 0)), lights=[Sun((1, 1, 0), shadow=s)]),
+                (60, 40),
+            )
             for s in (False, True)
         ]
         np.testing.assert_allclose(pictures[0].color, pictures[1].color, atol=1e-6)

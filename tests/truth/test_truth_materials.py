@@ -30,7 +30,7 @@ def blended(reds: float, greens: float, blues: float) -> Node:
 
 def test_shares_are_how_much_each_distance_moves_the_field() -> None:
     made = shares(blended(0, 0, 0))
-    points = (made.position + made.depth[..., None] * made.direction)[made.hit] if made.hit.any() else np.empty((0, 3))
+    points = made.position + made.depth[made.hit][:, None] * made.direction[made.hit]
     lit = np.einsum("ij,j->i", made.normal[made.hit], np.array([-1.0, -2.0, -5.0])) > 0
     step = 1e-6
     moves = []

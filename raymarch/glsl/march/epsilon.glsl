@@ -1,6 +1,6 @@
 // How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
 // needs: epsilon_pixels
-// gives: epsilon
+// gives: u_pixel epsilon
 uniform float u_pixel;  // width of a pixel at distance 1
 
 float epsilon(vec3 p, float t) {
