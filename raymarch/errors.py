@@ -73,7 +73,9 @@ def user_location() -> Location | None:
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         file = frame.f_code.co_filename
-        if is_users(file) and os.path.basename(file) != "raymarch":  # the installed command
+        # Methods that dataclasses generate have no file of their own, but the names of their module.
+        generated_here = str(frame.f_globals.get("__name__")).startswith("raymarch.")
+        if is_users(file) and not generated_here and os.path.basename(file) != "raymarch":  # the installed command
             return Location(file, frame.f_lineno)
         frame = frame.f_back
     return None

@@ -24,6 +24,7 @@ WIDTH = 100
 DEPTH = 16
 
 UNIFORM_PREFIX = "u_"
+TIME = "u_time"
 
 
 class Line(NamedTuple):
@@ -160,28 +161,30 @@ def _guarded(name: str, guard: str, is_safe: Callable[[Expr], bool]) -> Template
     return template
 
 
-def is_nonnegative(e: Expr) -> bool:
-    """True where the form of the expression shows that no component is negative."""
+def is_nonnegative(e: Expr, depth: int = 4) -> bool:
+    """True where the form of the expression, seen to some depth, shows that no component is negative."""
+    if depth == 0:
+        return False
+
+    def shown(arg: Expr) -> bool:
+        return is_nonnegative(arg, depth - 1)
+
     match e.op:
         case "const":
             return e.type is not BOOL and bool(np.all(e.data >= 0))
         case "abs" | "length" | "exp" | "exp2" | "sqrt" | "pow" | "step" | "fract":
             return True
         case "mul" | "dot":
-            return e.args[0] is e.args[1] or (e.op == "mul" and all(map(is_nonnegative, e.args)))
+            return e.args[0] is e.args[1] or (e.op == "mul" and all(map(shown, e.args)))
         case "add" | "min":
-            return all(_shallow_nonnegative(a) for a in e.args)
+            return all(map(shown, e.args))
         case "max":
-            return any(_shallow_nonnegative(a) for a in e.args)
+            return any(map(shown, e.args))
         case "clamp":
-            return is_nonnegative(e.args[1])
+            return all(map(shown, e.args[1:]))
         case "param":
             return e.data.min is not None and bool(np.all(np.asarray(e.data.min) >= 0))
     return False
-
-
-def _shallow_nonnegative(e: Expr) -> bool:
-    return e.op not in ("add", "min", "max") and is_nonnegative(e)
 
 
 def _positive_constant(e: Expr) -> bool:
@@ -328,13 +331,17 @@ centroid flat smooth noperspective patch sample break continue do for while swit
 in out inout float double int void bool true false invariant precise discard return lowp mediump highp precision
 struct common partition active asm class union enum typedef template this resource goto inline noinline public
 static extern external interface long short half fixed unsigned superp input output filter cast namespace using
+packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch interpolated atan2 unit radians degrees sin cos tan asin acos atan sinh cosh tanh
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
-not lessThan greaterThan equal dFdx dFdy fwidth uint field
+not lessThan greaterThan equal dFdx dFdy fwidth uint field asinh acosh atanh roundEven faceforward outerProduct
+matrixCompMult lessThanEqual greaterThanEqual notEqual floatBitsToInt floatBitsToUint intBitsToFloat uintBitsToFloat
+packSnorm2x16 unpackSnorm2x16 packUnorm2x16 unpackUnorm2x16 packHalf2x16 unpackHalf2x16
 """
 RESERVED = frozenset(_WORDS.split())
-_TYPE_LIKE = re.compile(r"([iubd]?vec[234]|mat[234](x[234])?|[iu]?(sampler|image)\w*)$")
+_TYPE_LIKE = re.compile(r"([iubdhf]?vec[234]|d?mat[234](x[234])?|[iu]?(sampler|image)\w*|texture\w*|noise[1-4])$")
+_PREFIXES = ("gl_", "webgl_")  # of OpenGL itself and of browsers
 
 
 def identifier(name: str, taken: Iterable[str]) -> str:
@@ -342,8 +349,10 @@ def identifier(name: str, taken: Iterable[str]) -> str:
     clean = re.sub(r"_{2,}", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).strip("_") or "value"
     if clean[0].isdigit():
         clean = f"n{clean}"
-    if clean in RESERVED or _TYPE_LIKE.match(clean) or clean.startswith("gl_"):
-        clean = f"{clean}_value" if not clean.startswith("gl_") else f"v{clean}"
+    if clean.startswith(_PREFIXES):
+        clean = f"v{clean}"
+    if clean in RESERVED or _TYPE_LIKE.match(clean):
+        clean = f"{clean}_value"
     result, number = clean, 2
     while result in taken or result in RESERVED:
         result, number = f"{clean}{number}" if not clean[-1].isdigit() else f"{clean}_{number}", number + 1
@@ -393,23 +402,37 @@ def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Te
     """GLSL of some functions and of all that they call, each once."""
     order = _callees_first(roots)
     names: dict[Printable, str] = {}
-    occupied = set(taken)
+    expressions = [e for f in roots for e in f.inner]
+    uniforms = _uniforms(expressions)
+    occupied = {*taken, *uniforms}
     for definition in [*roots, *order]:  # the roots keep the names that they ask for
         if definition not in names:
             names[definition] = identifier(definition.name, occupied) if definition not in roots else definition.name
             occupied.add(names[definition])
-    text = Text(names, [], {}, {}, False)
+    text = Text(names, [], {}, uniforms, bool(find(expressions, "time")))
+    occupied.add(TIME)
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
-    for leaf in find([e for f in roots for e in f.inner], "param"):
-        text.uniforms.setdefault(uniform_name(leaf), leaf)
-    text.uses_time = bool(find([e for f in roots for e in f.inner], "time"))
     return text
+
+
+def _uniforms(expressions: Sequence[Expr]) -> dict[str, Expr]:
+    """The parameters that some expressions read, by their GLSL names."""
+    uniforms: dict[str, Expr] = {}
+    for leaf in find(expressions, "param"):
+        other = uniforms.setdefault(uniform_name(leaf), leaf)
+        if other is not leaf:
+            raise SceneError(
+                f"the parameters '{other.data.name}' and '{leaf.data.name}' would both be {uniform_name(leaf)} in GLSL",
+                legal="one Param, used twice, or names that differ in letters or digits",
+                where=leaf.data.where,
+            )
+    return uniforms
 
 
 def uniform_name(leaf: Expr) -> str:
     """The GLSL name of a parameter or of the time."""
-    return "u_time" if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, ())
+    return TIME if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, (TIME,))
 
 
 def _callees_first(roots: Sequence[Printable]) -> list[Printable]:

@@ -17,12 +17,14 @@ from raymarch.expr.arrays import SHORTEST, SMALLEST, lift
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
-from raymarch.expr.types import FLOAT
+from raymarch.expr.types import BOOL, FLOAT
 
 Interval: TypeAlias = tuple[NDArray[Any], NDArray[Any]]
 
 
 def _unknown(node: Expr, *_args: Interval) -> Interval:
+    if node.type is BOOL:
+        return np.asarray(False), np.asarray(True)
     return np.full(node.type.shape, -np.inf), np.full(node.type.shape, np.inf)
 
 

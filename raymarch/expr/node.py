@@ -85,6 +85,9 @@ class Expr:
     def __matmul__(self, other: Operand) -> Expr:
         return product(self, other)
 
+    def __rmatmul__(self, other: Operand) -> Expr:
+        return product(other, self)
+
     def __truediv__(self, other: Operand) -> Expr:
         return elementwise("div", self, other)
 
@@ -238,25 +241,37 @@ def expr(value: Operand) -> Expr:
     """Any operand as an expression: numbers become constants, sequences that hold expressions become vectors."""
     if isinstance(value, Expr):
         return value
-    if isinstance(value, bool | int | float | np.ndarray | np.generic):
+    if isinstance(value, bool | int | float):
         return const(value)
-    if isinstance(value, tuple | list):
-        if any(isinstance(item, Expr) for item in value):
-            return construct(*value)
-        try:
-            return const(value)
-        except (TypeError, ValueError):
-            pass
+    if isinstance(value, tuple | list) and any(isinstance(item, Expr) for item in value):
+        return construct(*value)
+    if isinstance(value, tuple | list | np.ndarray | np.generic) and _is_numeric(value):
+        return const(value)
     raise SceneError(
         f"{value!r} ({type(value).__name__}) is no number, vector or expression",
         legal="a number, a sequence of 2 to 4 numbers, or an expression",
     )
 
 
+def _is_numeric(value: Any) -> bool:
+    """False for texts, which NumPy would read as numbers, and for rows of different lengths."""
+    try:
+        return np.asarray(value).dtype.kind in "biuf"
+    except ValueError:
+        return False
+
+
+_LINEAR = {"add", "sub", "mul", "div", "neg"}
+"""The operations by component that GLSL has for matrices too."""
+
+
 def elementwise(op: str, *operands: Operand) -> Expr:
     """An operation on each component; scalars work with every component of the widest operand."""
     args = tuple(map(expr, operands))
-    return simplify(op, _widest(op, args), args)
+    type = _widest(op, args)
+    if type.is_matrix and op not in _LINEAR:
+        raise SceneError(f"{op} does not take a {type}", legal="numbers and vectors")
+    return simplify(op, type, args)
 
 
 def _widest(op: str, args: tuple[Expr, ...]) -> Type:

@@ -7,6 +7,8 @@ argument of `log` stop at the smallest normal float32, `asin` and `acos` clamp t
 
 from __future__ import annotations
 
+import numpy as np
+
 from raymarch.errors import SceneError
 from raymarch.expr.node import Expr, Operand, construct, elementwise, expr, simplify
 from raymarch.expr.types import BOOL, FLOAT, MATRICES, VEC3
@@ -157,10 +159,10 @@ def step(edge: Operand, x: Operand) -> Expr:
 
 
 def smoothstep(low: Operand, high: Operand, x: Operand) -> Expr:
-    """Hermite step from 0 at `low` to 1 at `high`; the edges must differ."""
+    """Hermite step from 0 at `low` to 1 at `high`; low < high."""
     first, last = expr(low), expr(high)
-    if first is last:
-        raise SceneError("smoothstep with equal edges", legal="low < high")
+    if first is last or (first.is_constant and last.is_constant and not np.all(first.data < last.data)):
+        raise SceneError(f"smoothstep with the edges {low!r} and {high!r}", legal="low < high")
     return elementwise("smoothstep", first, last, x)
 
 

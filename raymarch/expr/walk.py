@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from raymarch.expr.node import Expr, make, simplify
 
-_UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop"}
+_UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop", "item", "apply", "mark"}
 
 
 def topological(

@@ -71,6 +71,8 @@ class Plan:
     modules: list[tuple[str, str]]
     features: list[Feature]
     parameters: dict[str, Spec]
+    tracer: str
+    tracer_reason: str
     shapes: int
     nodes: int
     operations: int
@@ -98,6 +100,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
     lit = bool(scene.lights)
     chosen = [PASSES[name] for name in passes]
     geometry = any(p.name == "geometry" for p in chosen)
+    tracer, reason = _choose_tracer(scene)
     made = Plan(
         scene=scene,
         field=definition,
@@ -109,6 +112,8 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
         modules=[],
         features=[],
         parameters=scene.parameters,
+        tracer=tracer,
+        tracer_reason=reason,
         shapes=shapes,
         nodes=len(all_nodes(scene.node)),
         operations=_operations(definition),
@@ -123,6 +128,22 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
     _describe_effects(made, shaded)
     made.warnings += _warnings(scene)
     return made
+
+
+MODULES = {"relaxed_again": "relaxed"}
+"""Tracers whose module has another name."""
+
+
+def _choose_tracer(scene: Scene) -> tuple[str, str]:
+    """The tracer and why."""
+    asked = scene.quality.tracer
+    if scene.node.exactness == "estimate":
+        if asked not in ("auto", "plain"):
+            return "plain", f"the field is an estimate, on which Quality(tracer={asked!r}) would be fooled"
+        return "plain", "the field is an estimate, which proves no longer step"
+    if asked == "auto":
+        return "auto_relaxed", "the field is certified, so a step is as long as its spheres prove"
+    return asked, f"Quality(tracer={asked!r})"
 
 
 def _operations(definition: Function) -> int:
@@ -191,7 +212,7 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     add(("view/camera", "every picture has a camera"))
     add(("march/epsilon", f"a hit is within {quality.epsilon:g} pixel widths of the surface"))
     add(("march/hit", "the last step towards a surface is along the measured slope"))
-    add((f"march/{quality.tracer}", f"Quality(tracer={quality.tracer!r})"))
+    add((f"march/{MODULES.get(made.tracer, made.tracer)}", made.tracer_reason))
     if made.clipped:
         add(("march/slab", "the scene's box ends on some side"))
         add(("march/clipped", "rays are marched inside the scene's box only"))

@@ -94,7 +94,8 @@ class Camera:
         target = centre if self.target is None else values.of(self.target)
         if self.position is None:
             away = VIEW / np.linalg.norm(VIEW)
-            position = target + away * radius * 1.1 * np.hypot(1.0, 1.0 / (slope * min(aspect, 1.0)))
+            reach = radius + float(np.linalg.norm(centre - target))
+            position = target + away * reach * 1.1 * np.hypot(1.0, 1.0 / (slope * min(aspect, 1.0)))
         else:
             position = values.of(self.position)
         up = values.of(self.up)

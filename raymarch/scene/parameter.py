@@ -76,10 +76,10 @@ def _holdable(value: Any) -> bool:
 
 def _plain(value: Any, what: str, where: Location | None = None) -> Value:
     try:
-        array = np.asarray(value, np.float64)
+        array = np.asarray(value)
     except (TypeError, ValueError):
         array = np.empty((0,))
-    if array.shape not in ((), (2,), (3,), (4,)) or not _holdable(array):
+    if array.shape not in ((), (2,), (3,), (4,)) or array.dtype.kind not in "biuf" or not _holdable(array):
         raise SceneError(
             f"{what} = {value!r}", legal="a finite number up to 3.4e38 in size, or 2 to 4 of them", where=where
         )

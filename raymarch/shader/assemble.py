@@ -21,6 +21,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.light import Light, PointLight, Sun
+from raymarch.scene.quality import RELAXATION
 from raymarch.scene.scene import all_nodes
 
 HEADERS = {
@@ -168,12 +169,23 @@ def _main(mains: Sequence[Chunk]) -> list[Mapped]:
 
 
 def _constants(plan: Plan) -> Chunk:
+    """The numbers of the quality that the chosen tracer reads."""
     quality = plan.scene.quality
+    values = {
+        "max_steps": ("int", str(quality.max_steps)),
+        "epsilon_pixels": ("float", literal(quality.epsilon)),
+        "step_scale": ("float", literal(quality.step_scale)),
+        "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.tracer, 1.0))),
+        "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),
+        "smoothing": ("float", literal(quality.beta)),
+    }
+    needed = {name for module, _ in plan.modules for name in glsl.load(module).needs}
     lines = [
-        Mapped(f"const int max_steps = {quality.max_steps};", "Quality(max_steps=...)"),
-        Mapped(f"const float epsilon_pixels = {literal(quality.epsilon)};", "Quality(epsilon=...)"),
+        Mapped(f"const {kind} {name} = {value};", "Quality(...)")
+        for name, (kind, value) in values.items()
+        if name in needed
     ]
-    return Chunk("constants", frozenset(), frozenset({"max_steps", "epsilon_pixels"}), tuple(lines))
+    return Chunk("constants", frozenset(), frozenset(values) & needed, tuple(lines))
 
 
 def _scene_box(plan: Plan) -> Chunk:

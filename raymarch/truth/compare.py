@@ -95,10 +95,11 @@ def silhouettes(truth: Truth, width: int = 1) -> NDArray[np.bool_]:
     if width == 0:
         return mask
     for a, b, before, after in _neighbours(truth.hit.shape):
+        border = truth.material[a] != truth.material[b]  # that of a miss is -1
         turn = _turn(truth, a, b)
         beside = np.maximum(_turn(truth, before, a), _turn(truth, b, after))
         crease = (turn > CORNER) | (turn > TURN + CREASE * beside)
-        edge = crease | _border(truth, a, b) | _jump(truth, a, b, turn)
+        edge = border | crease | _jump(truth, a, b, turn)
         mask[a] |= edge
         mask[b] |= edge
     for _ in range(width - 1):
@@ -131,12 +132,6 @@ def _neighbours(shape: tuple[int, ...]) -> Iterator[tuple[Window, Window, Window
             return np.where(there, y, i + home * down), np.where(there, x, j + home * right)
 
         yield moved(0), moved(1), moved(-1), moved(2)
-
-
-def _border(truth: Truth, a: Window, b: Window) -> NDArray[np.bool_]:
-    """Hit beside miss, or another material."""
-    result: NDArray[np.bool_] = (truth.hit[a] != truth.hit[b]) | (truth.material[a] != truth.material[b])
-    return result
 
 
 def _jump(truth: Truth, a: Window, b: Window, turn: Any) -> NDArray[np.bool_]:

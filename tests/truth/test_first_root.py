@@ -74,6 +74,13 @@ def test_samples_on_a_straight_descent(slope: float) -> None:
     assert found.gap[0] <= GAP * 3.0 * 1.001
 
 
+def test_a_kink_beside_the_root() -> None:
+    """One secant step over the last bracket would end at the wrong place."""
+    f = Polygons(np.array([[-1.0, -0.2, -1.0]]), np.array([[3.0 - 4e-9, 4e-8, 1.0]]), np.array([3.0]))
+    found = first_root(f, lines(np.zeros(1), f.x[:, -1]))
+    assert abs(found.t[0] - (3.0 + 1.6e-8)) < 1e-14
+
+
 def test_a_root_beyond_the_end_is_none() -> None:
     found = first_root(lambda _rows, t: 3.0 - t, lines([0.0, 0.0, 3.5, 1.0], [2.999, 3.001, 3.4, 1.0]))
     assert found.t[0] == np.inf and abs(found.t[1] - 3.0) < 1e-15

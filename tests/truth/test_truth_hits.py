@@ -9,10 +9,10 @@ import pytest
 
 from raymarch.errors import SceneError
 from raymarch.expr.node import Expr
-from raymarch.expr.vocabulary import length
+from raymarch.expr.vocabulary import floor, length
 from raymarch.scene import Camera, Material, Param, Scene, Sun, time
 from raymarch.sdf import Node, box, plane, shape, sphere, torus, union
-from raymarch.sdf.definition import cube
+from raymarch.sdf.definition import EVERYWHERE, cube
 from raymarch.truth import Truth, truth
 from raymarch.truth.march import GAP, PATIENCE
 
@@ -176,7 +176,7 @@ def test_far_from_the_origin_nothing_changes() -> None:
     node = sphere(0.7) | box((1, 0.3, 2))
     place = np.array([3e6, -2e6, 5e6])
     here = truth(looking(node, (1.5, 2, 2.5), (0, 0, 0)), (40, 30), outputs=GEOMETRY)
-    there = truth(looking(node.translate(place), place + (1.5, 2, 2.5), place), (40, 30), outputs=GEOMETRY)
+    there = truth(looking(node.translate(place), place + np.array([1.5, 2, 2.5]), place), (40, 30), outputs=GEOMETRY)
     assert np.mean(here.hit != there.hit) < 0.002
     both = here.hit & there.hit
     assert np.median(np.abs(here.depth[both] - there.depth[both])) < 1e-8
@@ -212,6 +212,17 @@ def test_an_estimate_is_traced_and_says_that_nothing_is_proved() -> None:
     assert np.array_equal(made.hit, np.isfinite(enter))
     np.testing.assert_allclose(made.depth[made.hit], enter[made.hit], rtol=1e-12)
     assert np.all(made.gap == np.inf)
+
+
+@shape(exactness="estimate", bounds=lambda: EVERYWHERE)
+def terraces(p: Expr) -> Expr:
+    """Steps of height 0.25 and width 1: not a plane, although its gradient is the same everywhere."""
+    return 0.9 * (p.y - 0.25 * floor(p.x))
+
+
+def test_steps_are_not_taken_for_a_plane() -> None:
+    made = one_ray(terraces() | sphere(0.1).translate((0, 9, 0)), (0.3, 4, 0), (2.2, -3.5, 0))
+    assert abs(made.depth[0, 0] - np.hypot(2.2, 3.5)) < 1e-12
 
 
 @shape(exactness="estimate", bounds=lambda: cube(1.0))

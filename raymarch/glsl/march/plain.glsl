@@ -1,38 +1,31 @@
 // Plain sphere tracing (Hart 1996): each step is the distance itself, so no surface is stepped over.
 // A camera inside a solid sees its inner wall: the field is marched with the sign that it has at the start.
 // A ray that runs out of steps takes the point where it came nearest, if that is within a pixel.
-// needs: field Ray Hit settle u_pixel epsilon max_steps
+// needs: field Ray Hit missed nearer settle u_pixel epsilon max_steps step_scale
 // gives: march
 Hit march(Ray ray, float near, float far) {
-    Hit hit = Hit(false, 1.0, near, 0.0, 0.0, 0.0);
+    Hit hit = missed(near);
     float t = near;
     float last = 0.0;
     float slope = 0.0;
-    float nearest = 1.0e30;  // smallest residual so far, as an angle
     for (int i = 0; i < max_steps; i++) {
         vec3 p = ray.origin + t * ray.direction;
         float r = field(p);
         if (i == 0 && r < 0.0) hit.side = -1.0;
         r *= hit.side;
-        if (i > 0) slope = (r - last) / last;  // `last` is not 0: it would have been a hit
+        if (i > 0) slope = (r - last) / (step_scale * last);  // `last` is not 0: it would have been a hit
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
-        if (r < nearest * t) {
-            nearest = r / t;
-            hit.t = t;
-            hit.residual = r;
-        }
+        nearer(hit, t, r);
         if (r < epsilon(p, t)) {
-            hit.found = true;
-            hit.t = t;
-            hit.residual = r;
-            settle(hit, ray, slope);
+            settle(hit, ray, t, r, slope);
             return hit;
         }
         last = r;
-        t += r;
+        t += step_scale * r;
         if (t > far) return hit;
     }
-    hit.found = nearest < u_pixel;
+    hit.certified = 0.0;
+    hit.found = hit.residual < u_pixel * hit.t;
     return hit;
 }
