@@ -27,7 +27,7 @@ from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target, upload
 
 DESKTOP = "#version 330 core\n"
-ES = "#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\nprecision highp sampler3D;\n"
+ES = "#version 300 es\n" + "".join(f"precision highp {t};\n" for t in ("float", "int", "sampler2D", "sampler3D"))
 
 _COMPONENTS = ("x", "xy", "xyz", "xyzw")
 
@@ -134,4 +134,3 @@ def assert_es(text: str, call: str, types: Sequence[Type], size: int = 1) -> Non
         file.write_text(source, encoding="utf-8")
         done = subprocess.run([compiler, str(file)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{source}"
-

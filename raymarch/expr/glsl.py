@@ -26,6 +26,8 @@ DEPTH = 16
 UNIFORM_PREFIX = "u_"
 TIME = "u_time"
 
+_LARGEST = float(np.finfo(np.float32).max)
+
 
 class Line(NamedTuple):
     """A line of GLSL and the expression that it computes, if it computes one."""
@@ -50,7 +52,7 @@ Template: TypeAlias = Callable[["FunctionPrinter", Expr, Sequence[Piece]], Piece
 
 def literal(number: float) -> str:
     """A finite float32 literal with a decimal point, as short as it can be without losing a bit."""
-    if not np.isfinite(number) or abs(number) > np.finfo(np.float32).max:
+    if not np.isfinite(number) or abs(number) > _LARGEST:
         raise SceneError(f"{number} cannot be written in GLSL", legal="finite numbers up to 3.4e38")
     text = repr(float(str(np.float32(number))))
     if "e" in text and "." not in text:
@@ -344,8 +346,11 @@ _TYPE_LIKE = re.compile(r"([iubdhf]?vec[234]|d?mat[234](x[234])?|[iu]?(sampler|i
 _PREFIXES = ("gl_", "webgl_")  # of OpenGL itself and of browsers
 
 
-def identifier(name: str, taken: Iterable[str]) -> str:
-    """A legal GLSL name close to the wanted one, and not among those taken."""
+def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None = None) -> str:
+    """A legal GLSL name close to the wanted one, and not among those taken.
+
+    `numbers` remembers where counting went for each name, so that thousands of equal wishes stay quick.
+    """
     clean = re.sub(r"_{2,}", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).strip("_") or "value"
     if clean[0].isdigit():
         clean = f"n{clean}"
@@ -353,9 +358,11 @@ def identifier(name: str, taken: Iterable[str]) -> str:
         clean = f"v{clean}"
     if clean in RESERVED or _TYPE_LIKE.match(clean):
         clean = f"{clean}_value"
-    result, number = clean, 2
+    result, number = clean, (numbers or {}).get(clean, 2)
     while result in taken or result in RESERVED:
         result, number = f"{clean}{number}" if not clean[-1].isdigit() else f"{clean}_{number}", number + 1
+    if numbers is not None:
+        numbers[clean] = number
     return result
 
 
@@ -387,6 +394,7 @@ class Text:
     uniforms: dict[str, Expr]
     uses_time: bool
     samples: dict[str, Samples] = field(default_factory=dict)
+    uniform_names: dict[Expr, str] = field(default_factory=dict)
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -403,36 +411,40 @@ def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Te
     order = _callees_first(roots)
     names: dict[Printable, str] = {}
     expressions = [e for f in roots for e in f.inner]
-    uniforms = _uniforms(expressions)
+    uniforms = _uniforms(expressions, frozenset(taken))
     occupied = {*taken, *uniforms}
+    numbers: dict[str, int] = {}
     for definition in [*roots, *order]:  # the roots keep the names that they ask for
         if definition not in names:
-            names[definition] = identifier(definition.name, occupied) if definition not in roots else definition.name
+            wanted = definition.name
+            names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
             occupied.add(names[definition])
     text = Text(names, [], {}, uniforms, bool(find(expressions, "time")))
+    text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     occupied.add(TIME)
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
     return text
 
 
-def _uniforms(expressions: Sequence[Expr]) -> dict[str, Expr]:
+def _uniforms(expressions: Sequence[Expr], taken: frozenset[str]) -> dict[str, Expr]:
     """The parameters that some expressions read, by their GLSL names."""
     uniforms: dict[str, Expr] = {}
     for leaf in find(expressions, "param"):
-        other = uniforms.setdefault(uniform_name(leaf), leaf)
+        name = uniform_name(leaf, taken)
+        other = uniforms.setdefault(name, leaf)
         if other is not leaf:
             raise SceneError(
-                f"the parameters '{other.data.name}' and '{leaf.data.name}' would both be {uniform_name(leaf)} in GLSL",
+                f"the parameters '{other.data.name}' and '{leaf.data.name}' would both be {name} in GLSL",
                 legal="one Param, used twice, or names that differ in letters or digits",
                 where=leaf.data.where,
             )
     return uniforms
 
 
-def uniform_name(leaf: Expr) -> str:
-    """The GLSL name of a parameter or of the time."""
-    return TIME if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, (TIME,))
+def uniform_name(leaf: Expr, taken: frozenset[str] = frozenset()) -> str:
+    """The GLSL name of a parameter, none of those taken, or of the time."""
+    return TIME if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, taken | {TIME})
 
 
 def _callees_first(roots: Sequence[Printable]) -> list[Printable]:
@@ -474,6 +486,7 @@ class FunctionPrinter:
     lines: list[Line] = field(default_factory=list)
     names: dict[Expr, str] = field(default_factory=dict)
     taken: set[str] = field(default_factory=set)
+    numbers: dict[str, int] = field(default_factory=dict)
     wanted: dict[Expr, str] = field(default_factory=dict)
     indent: int = 1
 
@@ -507,7 +520,7 @@ class FunctionPrinter:
         return [Line(f"{record.type_name} {name}({params}) {{", None), *self.lines, Line("}", None)]
 
     def _name(self, wanted: str) -> str:
-        name = identifier(wanted, self.taken)
+        name = identifier(wanted, self.taken, self.numbers)
         self.taken.add(name)
         return name
 
@@ -563,7 +576,7 @@ class FunctionPrinter:
             text = constant(node)
             return Piece(text, UNARY if text.startswith("-") else ATOM, 0)
         if node.op in ("param", "time"):
-            return Piece(uniform_name(node), ATOM, 0)
+            return Piece(self.text.uniform_names.get(node) or uniform_name(node), ATOM, 0)
         args = [pieces[arg] for arg in node.args]
         if node.op == "call":
             return call_text(self.text.names[node.data], args, node.args)

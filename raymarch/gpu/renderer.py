@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, SceneError
+from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.samples import Samples
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
@@ -232,10 +233,18 @@ def frame_uniforms(made: Plan, shader: Shader, values: Values, size: tuple[int, 
         "u_pixel": pose.pixel(size[1]),
         "u_far": made.scene.far(pose),
         "u_time": values.time,
+        "u_side": side_of(made, values, pose.position),
     }
     for name, uniform in shader.parameters.items():
         uniforms[uniform] = values.params[name]
     return uniforms
+
+
+def side_of(made: Plan, values: Values, position: NDArray[Any]) -> float:
+    """-1 if a position is inside a solid, else 1; in float64, once a frame."""
+    with bound(values.params, values.time):
+        distance = evaluator([made.field.body], made.field.params)(position)[0]
+    return -1.0 if distance < 0.0 else 1.0
 
 
 def render(

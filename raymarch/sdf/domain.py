@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.arrays import bound, value_of
 from raymarch.expr.intervals import Interval, interval_of
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.samples import Samples
@@ -115,6 +117,9 @@ Length = Annotated[Any, Domain(FLOAT, unit="length")]
 Positive = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="length")]
 NonNegative = Annotated[Any, Domain(FLOAT, low=0.0, unit="length")]
 Angle = Annotated[Any, Domain(FLOAT, unit="radians")]
+Acute = Annotated[Any, Domain(FLOAT, low=0.0, high=np.pi / 2, open=True, unit="radians")]
+HalfTurn = Annotated[Any, Domain(FLOAT, low=0.0, high=np.pi, open=True, unit="radians")]
+Turn = Annotated[Any, Domain(FLOAT, low=0.0, high=2 * np.pi, open=True, unit="radians")]
 Vec2 = Annotated[Any, Domain(VEC2, unit="length")]
 Vec3 = Annotated[Any, Domain(VEC3, unit="length")]
 Size2 = Annotated[Any, Domain(VEC2, low=0.0, open=True, unit="length", stretch=True)]
@@ -140,3 +145,32 @@ def domain_of(annotation: Any, default: Any) -> Domain:
 def interval_of_value(value: Any) -> Interval:
     """Range of an accepted value; static integers are their own."""
     return interval_of(value if isinstance(value, Expr) else const(float(value)))
+
+
+def shown(value: Expr) -> str:
+    """A parameter's value for a message."""
+    low, high = interval_of(value)
+    return f"{low.tolist()}" if value.is_constant else f"an expression between {low.tolist()} and {high.tolist()}"
+
+
+def require(condition: Expr, what: str, legal: str) -> None:
+    """SceneError(what, legal) unless a relation between parameters holds over the whole of their ranges.
+
+    What the intervals cannot show, because both sides read the same `Param`, the corners of the ranges decide.
+    Time without a range only must leave it possible.
+    """
+    always, possible = interval_of(condition)
+    if not always and not (possible and (find([condition], "time") or _holds_at_corners(condition))):
+        raise SceneError(what, legal=legal)
+
+
+def _holds_at_corners(condition: Expr) -> bool:
+    specs = [leaf.data for leaf in find([condition], "param")]
+    if not 0 < len(specs) <= 8 or any(s.min is None or s.max is None for s in specs):
+        return False
+    ends = [(s.min, s.value, s.max) for s in specs]
+    for corner in product(*ends):
+        with bound({s.name: v for s, v in zip(specs, corner, strict=True)}, 0.0):
+            if not value_of(condition):
+                return False
+    return True

@@ -15,10 +15,9 @@ import numpy as np
 from raymarch import glsl
 from raymarch.errors import Location
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Line, Printable, Text, constant, literal, print_functions, uniform_name
+from raymarch.expr.glsl import Line, Printable, Text, constant, literal, print_functions
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
-from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.light import Light, PointLight, Sun
 from raymarch.scene.quality import RELAXATION
@@ -231,10 +230,10 @@ def _shade(plan: Plan, values: _Values) -> Chunk:
     lines = [Mapped("vec3 shade(Ray ray, Hit hit) {", "the scene's lights")]
     lit = plan.material is not None and bool(plan.scene.lights)
     if lit:
-        needs |= {"surface_normal", "material_at"}
+        needs |= {"surface_normal", "material_at", "u_side"}
         for text in (
             "    vec3 p = ray.origin + hit.t * ray.direction;",
-            "    vec3 normal = hit.side * surface_normal(p, ray.direction);",
+            "    vec3 normal = u_side * surface_normal(p, ray.direction);",
             "    Material material = material_at(p);",
         ):
             lines.append(Mapped(text, "the scene's lights"))
@@ -272,8 +271,7 @@ def _fields(plan: Plan, values: _Values, taken: set[str]) -> tuple[Chunk, dict[s
     optional = (plan.gradient, plan.material, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
     text = print_functions(roots, taken)
-    expressions = [e for root in roots for e in root.inner]
-    parameters = {leaf.data.name: uniform_name(leaf) for leaf in find(expressions, "param")}
+    parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}
     lines = [Mapped(f"uniform {leaf.type} {name};", "a Param", leaf.data.where) for name, leaf in text.uniforms.items()]
     if text.uses_time:
         lines.append(Mapped("uniform float u_time;", "time"))

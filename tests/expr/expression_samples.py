@@ -268,7 +268,9 @@ sample("sin_vector", v.sin, by_component(math.sin), ulps=2, absolute=2, gpu=4, a
 sample("tan", v.tan, math.tan, ulps=8, absolute=4, gpu=8, a=Pool(-1.4, 1.4, (0.0, 0.785, -0.785)))
 sample("asin", v.asin, lambda a: math.asin(p_clip(a)), ulps=2, absolute=2, gpu=2000, a=BEYOND)
 sample("acos", v.acos, lambda a: math.acos(p_clip(a)), ulps=2, absolute=2, gpu=2000, a=BEYOND)
-sample("acos_vector", v.acos, by_component(lambda a: math.acos(p_clip(a))), ulps=2, absolute=2, gpu=2000, a=of(2, BEYOND))
+sample(
+    "acos_vector", v.acos, by_component(lambda a: math.acos(p_clip(a))), ulps=2, absolute=2, gpu=2000, a=of(2, BEYOND)
+)
 sample("atan", v.atan, math.atan, ulps=2, gpu=128, a=REAL)
 sample("atan2", v.atan2, p_atan2, ulps=2, gpu=128, period=2 * math.pi, a=REAL, b=REAL)
 sample("atan2_vectors", v.atan2, by_component(p_atan2), ulps=2, gpu=128, period=2 * math.pi, a=of(3), b=of(3))
@@ -309,7 +311,16 @@ sample("step_vector", v.step, by_component(p_step), a=REAL, b=of(3))
 sample("step_vectors", v.step, by_component(p_step), a=of(2), b=of(2))
 sample("step_scalar_last", v.step, by_component(p_step), a=of(3), b=REAL)
 sample("smoothstep", lambda x: v.smoothstep(-1.0, 2.0, x), lambda x: p_smoothstep(-1, 2, x), absolute=4, x=REAL)
-sample("smoothstep_vector", v.smoothstep, by_component(p_smoothstep), absolute=16, a=_LOW, b=_HIGH, x=of(3), fixed=("a", "b"))
+sample(
+    "smoothstep_vector",
+    v.smoothstep,
+    by_component(p_smoothstep),
+    absolute=16,
+    a=_LOW,
+    b=_HIGH,
+    x=of(3),
+    fixed=("a", "b"),
+)
 sample(
     "smoothstep_vectors",
     v.smoothstep,
@@ -344,7 +355,7 @@ sample(
 sample("lt", lambda a, b: v.where(a < b, 1.0, 0.0), lambda a, b: number(a < b), a=REAL, b=REAL)
 sample("le", lambda a, b: v.where(a <= b, 1.0, 0.0), lambda a, b: number(a <= b), a=REAL, b=REAL)
 sample("gt", lambda a, b: v.where(a > b, 1.0, 0.0), lambda a, b: number(a > b), a=REAL, b=REAL)
-sample("ge_number", lambda a: v.where(1.0 >= a, 1.0, 0.0), lambda a: number(1.0 >= a), a=REAL)
+sample("ge_constant", lambda a: v.where(expr(1.0) >= a, 1.0, 0.0), lambda a: number(a <= 1.0), a=REAL)
 sample(
     "logic",
     lambda a, b: v.where(((a < b) & ~(a < 0.0)) | ~((a <= b) | (b < 0.5)), 1.0, 0.0),
@@ -418,8 +429,7 @@ sample(
     "matrix_arithmetic",
     lambda a, b, x, s: (s * v.columns(a, b) - v.columns(b, a) / 2.0 + 1.0 * v.columns(b, b)) @ x,
     lambda a, b, x, s: tuple(
-        s * m - n / 2 + o
-        for m, n, o in zip(p_times((a, b), x), p_times((b, a), x), p_times((b, b), x), strict=True)
+        s * m - n / 2 + o for m, n, o in zip(p_times((a, b), x), p_times((b, a), x), p_times((b, b), x), strict=True)
     ),
     absolute=1024,
     a=of(2),
@@ -529,7 +539,9 @@ def p_swirl(q: Plain, s: float) -> Plain:
 
 
 sample("call", lambda p, r: ball(p, r), p_ball, ulps=4, absolute=16, p=of(3), r=REAL)
-sample("call_in_call", lambda p: two_balls(p * 2.0), lambda p: p_two_balls(each(lambda x: 2 * x, p)), absolute=64, p=of(3))
+sample(
+    "call_in_call", lambda p: two_balls(p * 2.0), lambda p: p_two_balls(each(lambda x: 2 * x, p)), absolute=64, p=of(3)
+)
 sample("call_of_vector", lambda q, s: swirl(q, s), p_swirl, absolute=64, gpu=4, q=of(2), s=REAL)
 sample(
     "call_twice",
@@ -660,9 +672,23 @@ _LOOPED = Pool(-2, 2, (0.0, 1.0, -1.0, 0.5))
 sample("loop", lambda a: loop(5, (0.0,), lambda i, t: (t + a * i,))[0], p_sum, absolute=64, a=REAL)
 sample("loop_once", lambda a: loop(1, (a,), lambda i, t: (t * t + i,))[0], lambda a: a * a, ulps=2, a=REAL)
 sample("loop_left_early", _fold, p_fold, absolute=64, p=of(3, _LOOPED))
-sample("loop_swap", lambda a, b: v.vec2(*loop(5, (a, b), lambda i, x, y: (y, x + y))), p_swapped, absolute=64, a=REAL, b=REAL)
+sample(
+    "loop_swap",
+    lambda a, b: v.vec2(*loop(5, (a, b), lambda i, x, y: (y, x + y))),
+    p_swapped,
+    absolute=64,
+    a=REAL,
+    b=REAL,
+)
 sample("loop_nested", _nested, p_nested, absolute=1024, a=_LOOPED, p=of(2, _LOOPED))
-sample("loop_in_function", lambda a, b: powers(a, b) + powers(b, b), lambda a, b: p_powers(a, b) + p_powers(b, b), absolute=512, a=_LOOPED, b=_LOOPED)
+sample(
+    "loop_in_function",
+    lambda a, b: powers(a, b) + powers(b, b),
+    lambda a, b: p_powers(a, b) + p_powers(b, b),
+    absolute=512,
+    a=_LOOPED,
+    b=_LOOPED,
+)
 sample("loops_in_a_row", _two_loops, p_two_loops, absolute=128, a=REAL)
 sample("loop_counted", _counted, p_counted, a=Pool(0.3, 7, (0.1, 1.0, 5.0, 6.0)))
 sample("loop_flagged", _flagged, p_flagged, absolute=16, a=TILED)

@@ -47,7 +47,10 @@ def test_a_literal_has_a_point_and_loses_nothing(number: float) -> None:
     assert np.signbit(np.float32(written)) == np.signbit(np.float32(number))
 
 
-@pytest.mark.parametrize(("number", "written"), [(1, "1.0"), (0.1, "0.1"), (-2.5, "-2.5"), (1e-7, "1.0e-07"), (1e20, "1.0e+20"), (1 / 3, "0.33333334")])
+@pytest.mark.parametrize(
+    ("number", "written"),
+    [(1, "1.0"), (0.1, "0.1"), (-2.5, "-2.5"), (1e-7, "1.0e-07"), (1e20, "1.0e+20"), (1 / 3, "0.33333334")],
+)
 def test_literals_are_as_short_as_they_can_be(number: float, written: str) -> None:
     assert literal(number) == written
 
@@ -65,7 +68,7 @@ def test_literals_arrive_on_the_device_bit_by_bit(egl: Context) -> None:
     numbers = (random.uniform(1, 10, 60) * 10.0 ** random.integers(-30, 30, 60)).astype(np.float32)
     picked = const(0.0)
     for i, number in enumerate(numbers):
-        picked = v.where(A > i - 0.5, const(float(number)), picked)
+        picked = v.where(const(i - 0.5) < A, const(float(number)), picked)
     values = evaluate(egl, Function("pick", (A,), picked), [np.arange(60.0)])
     np.testing.assert_array_equal(values, numbers)
 
@@ -105,7 +108,7 @@ def test_constants_of_each_type() -> None:
         (lambda a, p: v.pow(abs(p) + 1.0, 2.0), "pow(max(abs(p) + 1.0, 1.1754944e-38), vec3(2.0))"),
         (lambda a, p: v.sqrt(a), "sqrt(max(a, 0.0))"),
         (lambda a, p: v.sqrt(a * a + p.x * p.x + 1.0), "sqrt(a * a + p.x * p.x + 1.0)"),
-        (lambda a, p: v.where(1.0 < a, a, p.x), "a > 1.0 ? a : p.x"),
+        (lambda a, p: v.where(const(1.0) < a, a, p.x), "a > 1.0 ? a : p.x"),
         (lambda a, p: v.where((a < 1.0) | (a > 2.0) & (p.x < a), a, 1.0), "a < 1.0 || a > 2.0 && p.x < a ? a : 1.0"),
         (lambda a, p: v.where(~(a < 1.0), a, 1.0) * 2.0, "(a < 1.0 ? 1.0 : a) * 2.0"),
         (lambda a, p: v.mod(a, p), "mod(vec3(a), p)"),

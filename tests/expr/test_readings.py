@@ -103,7 +103,9 @@ def test_one_glsl_text_serves_es_too() -> None:
         f"{printed.names[f]}({', '.join(given)}){'.x' if f.type.is_vector else ''}"
         for f, given in zip(functions, inputs, strict=True)
     ]
-    types = [p.type for size in (1, 2, 3, 4) for p in [next(q for f in functions for q in f.params if q.type.size == size)]]
+    types = [
+        p.type for size in (1, 2, 3, 4) for p in [next(q for f in functions for q in f.params if q.type.size == size)]
+    ]
     assert_es(text_of(printed), " + ".join(calls), types)
 
 
@@ -115,10 +117,10 @@ def test_intervals_contain_every_value(sample: Sample) -> None:
     random = np.random.default_rng(7)
     run = evaluator([function.body], function.params)
     program = Program([function.body], list(function.params), INTERVALS)
-    for _ in range(24):
+    for turn in range(24):
         i, j = random.integers(0, PER_SAMPLE, 2)
         boxes = [(np.minimum(p[i], p[j]), np.maximum(p[i], p[j])) for p in points]
-        if _ < 4:  # boxes without volume
+        if turn < 4:  # boxes without volume
             boxes = [(p[i], p[i]) for p in points]
         with np.errstate(all="ignore"):
             low, high = program(*boxes)[0]

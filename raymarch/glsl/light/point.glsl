@@ -1,5 +1,5 @@
 // A light from one point; it falls off with the inverse square of the distance.
-// needs: phong
+// needs: Material phong
 // gives: point_light
 vec3 point_light(
     Material material, vec3 p, vec3 normal, vec3 view, vec3 position, vec3 radiance, float visibility) {

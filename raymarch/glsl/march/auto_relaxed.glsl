@@ -1,14 +1,12 @@
 // Auto-relaxed sphere tracing (Bán and Valasek 2023): as the enhanced tracer, but with a slope averaged over the
 // steps, and no factor to choose: the step is the whole way to where the spheres would touch. A step that proved too
 // long forgets the slope and is taken again as a plain one.
-// needs: field Ray Hit missed nearer settle u_pixel epsilon max_steps smoothing
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps smoothing
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
     float t = near;
-    float r = field(ray.origin + t * ray.direction);
-    if (r < 0.0) hit.side = -1.0;
-    r *= hit.side;
+    float r = u_side * field(ray.origin + t * ray.direction);
     hit.evaluations = 1.0;
     nearer(hit, t, r);
     float mean = -1.0;  // slope, averaged
@@ -22,7 +20,7 @@ Hit march(Ray ray, float near, float far) {
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
         float z = max(r, min(2.0 * r / (1.0 - mean), far - t + r));
-        float next = hit.side * field(ray.origin + (t + z) * ray.direction);
+        float next = u_side * field(ray.origin + (t + z) * ray.direction);
         if (z > r + abs(next) && mean > -1.0) {
             mean = -1.0;
             hit.fallbacks += 1.0;

@@ -1,6 +1,6 @@
 // A ray is marched only where it is inside the scene's box; outside there is nothing to hit.
 // needs: Ray Hit missed march scene_box
-// gives: trace
+// gives: trace u_far
 uniform float u_far;
 
 Hit trace(Ray ray) {

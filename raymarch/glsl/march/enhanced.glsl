@@ -2,14 +2,12 @@
 // surface were the plane that the last two distances suggest, shortened by a factor. The first step is a plain one, for
 // there is no slope yet. Where the ray recedes the plane is never met; the step then ends at the far end of the range.
 // After a step that proved too long, the plain step taken in its place counts as the previous one.
-// needs: field Ray Hit missed nearer settle u_pixel epsilon max_steps relaxation
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps relaxation
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
     float t = near;
-    float r = field(ray.origin + t * ray.direction);
-    if (r < 0.0) hit.side = -1.0;
-    r *= hit.side;
+    float r = u_side * field(ray.origin + t * ray.direction);
     hit.evaluations = 1.0;
     nearer(hit, t, r);
     float slope = -1.0;
@@ -26,7 +24,7 @@ Hit march(Ray ray, float near, float far) {
         // With the slope m = (r - r_before) / d, (d - r_before + r) / (d + r_before - r) = (1 + m) / (1 - m).
         z = plain ? r : r + relaxation * r * (1.0 + slope) / max(1.0 - slope, 1.0e-6);
         z = max(r, min(z, far - t + r));
-        float next = hit.side * field(ray.origin + (t + z) * ray.direction);
+        float next = u_side * field(ray.origin + (t + z) * ray.direction);
         if (!plain && z > r + abs(next)) {
             plain = true;
             hit.fallbacks += 1.0;

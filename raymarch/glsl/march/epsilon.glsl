@@ -1,10 +1,11 @@
 // How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
+// A point at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
 // needs: epsilon_pixels
 // gives: u_pixel epsilon
 uniform float u_pixel;  // width of a pixel at distance 1
 
 float epsilon(vec3 p, float t) {
     vec3 size = abs(p);
-    float ulps = 2.3841858e-7 * max(size.x, max(size.y, size.z));  // 2 ulp of the largest coordinate
+    float ulps = 2.3841858e-7 * max(max(size.x, size.y), max(size.z, t));  // 2 ulp of the largest
     return max(epsilon_pixels * u_pixel * t, ulps);
 }

@@ -3,14 +3,12 @@
 // only the gap before it is not known yet. The gap is halved until it closes, and then the front jumps to the kept
 // sphere's far end, so that a step that was too long is not wasted. A kept sphere inside the solid holds no surface
 // either, and ends the gap for good: the first surface lies before it.
-// needs: field Ray Hit missed nearer settle u_pixel epsilon max_steps smoothing
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps smoothing
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
     float t = near;
-    float r = field(ray.origin + t * ray.direction);
-    if (r < 0.0) hit.side = -1.0;
-    r *= hit.side;
+    float r = u_side * field(ray.origin + t * ray.direction);
     hit.evaluations = 1.0;
     nearer(hit, t, r);
     float front = t + r;
@@ -31,7 +29,7 @@ Hit march(Ray ray, float near, float far) {
         float low = kept_t - abs(kept_r);
         if (kept && c >= low) c = 0.5 * (front + low);
         c = max(c, front);
-        float next = hit.side * field(ray.origin + c * ray.direction);
+        float next = u_side * field(ray.origin + c * ray.direction);
         if (c - next > front && c > front) {
             hit.fallbacks += 1.0;
             kept = true;

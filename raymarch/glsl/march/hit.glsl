@@ -1,9 +1,10 @@
 // What a ray found, and what it took.
-// needs: field Ray u_pixel
-// gives: Hit missed nearer settle
+// needs: field Ray u_pixel epsilon
+// gives: Hit u_side missed nearer settle
+uniform float u_side;  // -1 if the camera is inside a solid, else 1: the sign with which the field is marched
+
 struct Hit {
     bool found;
-    float side;  // -1 if the ray started inside a solid, else 1
     float t;
     float residual;
     float iterations;
@@ -13,7 +14,7 @@ struct Hit {
 };
 
 Hit missed(float near) {
-    return Hit(false, 1.0, near, 0.0, 0.0, 0.0, 0.0, 1.0);
+    return Hit(false, near, 0.0, 0.0, 0.0, 0.0, 1.0);
 }
 
 // Keeps the sample with the smallest residual as seen from the camera: what a ray that runs out of steps falls back on.

@@ -1,7 +1,7 @@
 // Plain sphere tracing (Hart 1996): each step is the distance itself, so no surface is stepped over.
-// A camera inside a solid sees its inner wall: the field is marched with the sign that it has at the start.
+// A camera inside a solid sees its inner wall: the field is marched with the sign that it has at the camera.
 // A ray that runs out of steps takes the point where it came nearest, if that is within a pixel.
-// needs: field Ray Hit missed nearer settle u_pixel epsilon max_steps step_scale
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps step_scale
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
@@ -10,9 +10,7 @@ Hit march(Ray ray, float near, float far) {
     float slope = 0.0;
     for (int i = 0; i < max_steps; i++) {
         vec3 p = ray.origin + t * ray.direction;
-        float r = field(p);
-        if (i == 0 && r < 0.0) hit.side = -1.0;
-        r *= hit.side;
+        float r = u_side * field(p);
         if (i > 0) slope = (r - last) / (step_scale * last);  // `last` is not 0: it would have been a hit
         hit.iterations += 1.0;
         hit.evaluations += 1.0;

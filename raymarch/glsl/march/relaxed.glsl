@@ -1,14 +1,12 @@
 // Over-relaxed sphere tracing (Keinert et al. 2014): steps are longer than the distance by a fixed factor. A step whose
 // spheres do not touch may have passed a surface; it is undone and a plain step taken in its place. After that the
 // ray goes on with plain steps (Keinert), or relaxes again (Bálint and Valasek 2018), as `relax_again` says.
-// needs: field Ray Hit missed nearer settle u_pixel epsilon max_steps relaxation relax_again
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps relaxation relax_again
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
     float t = near;  // last sample that is certified
-    float r = field(ray.origin + t * ray.direction);
-    if (r < 0.0) hit.side = -1.0;
-    r *= hit.side;
+    float r = u_side * field(ray.origin + t * ray.direction);
     hit.evaluations = 1.0;
     nearer(hit, t, r);
     float slope = 0.0;
@@ -22,7 +20,7 @@ Hit march(Ray ray, float near, float far) {
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
         float z = omega * r;
-        float next = hit.side * field(ray.origin + (t + z) * ray.direction);
+        float next = u_side * field(ray.origin + (t + z) * ray.direction);
         if (omega > 1.0 && z > r + abs(next)) {
             omega = 1.0;
             hit.fallbacks += 1.0;

@@ -1,6 +1,6 @@
 // A ray is marched from the camera to the far end.
-// needs: Ray march
-// gives: trace
+// needs: Ray Hit march
+// gives: trace u_far
 uniform float u_far;
 
 Hit trace(Ray ray) {

@@ -1,6 +1,6 @@
 // The ray through a point of the picture; a right-handed camera that looks along its own -z.
 // needs:
-// gives: Ray camera_ray
+// gives: Ray camera_ray u_camera_position u_camera_frame u_camera_slope u_resolution
 struct Ray {
     vec3 origin;
     vec3 direction;

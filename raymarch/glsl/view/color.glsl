@@ -1,6 +1,6 @@
 // Pass: the linear colour of each pixel.
-// needs: camera_ray trace shade sky
-// gives: pass_color
+// needs: Ray Hit camera_ray trace shade sky
+// gives: main out_color
 layout(location = 0) out vec4 out_color;
 
 void main() {

@@ -1,6 +1,6 @@
 // Pass: what was hit, and what it took to find it. Depth is -1 where nothing was hit.
-// needs: camera_ray trace surface_normal material_index
-// gives: pass_geometry
+// needs: Ray Hit camera_ray trace surface_normal material_index
+// gives: main out_march out_surface
 layout(location = 0) out vec4 out_march;  // depth along the ray, residual, iterations, evaluations
 layout(location = 1) out vec4 out_surface;  // normal, index of the material
 
