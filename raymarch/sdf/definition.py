@@ -272,7 +272,7 @@ def _require(name: str, exactness: Any, bounds: Any) -> None:
 
 def shape(
     *,
-    exactness: Exactness | None = None,
+    exactness: Exactness | Rule | None = None,
     bounds: Rule | None = None,
     lipschitz: float | Rule = 1.0,
     symmetry: str | Rule = "",
@@ -284,7 +284,7 @@ def shape(
     Parameters
     ----------
     exactness : "exact" if the function gives the signed Euclidean distance, "bound" if it never exceeds it
-        in size, "estimate" if nothing is known.
+        in size, "estimate" if nothing is known; or a function of the parameters that gives one of these.
     bounds : function of the parameters that gives the corners (lower, upper) of a box around the solid.
     lipschitz : how steep the function is at most; a number or a function of the parameters. A field steeper
         than 1 is divided by this, so that marching is safe.

@@ -166,7 +166,7 @@ def require(condition: Expr, what: str, legal: str) -> None:
 
 def _holds_at_corners(condition: Expr) -> bool:
     specs = [leaf.data for leaf in find([condition], "param")]
-    if not 0 < len(specs) <= 8 or any(s.min is None or s.max is None for s in specs):
+    if not 0 < len(specs) <= 4 or any(s.min is None or s.max is None for s in specs):
         return False
     ends = [(s.min, s.value, s.max) for s in specs]
     for corner in product(*ends):

@@ -105,7 +105,7 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
 
 def mesh(
     file: str | os.PathLike[str],
-    height: float | None = None,
+    extent: float | None = None,
     resolution: int = 64,
     progress: Progress | None = None,
     cache: str | os.PathLike[str] | None = None,
@@ -115,7 +115,7 @@ def mesh(
     Parameters
     ----------
     file : what trimesh reads: STL, OBJ, PLY, GLB, ...
-    height : scale it so that its largest extent is this, centred at the origin; None keeps it where it is.
+    extent : scale it so that its largest extent is this, centred at the origin; None keeps it where it is.
     resolution : samples along its largest extent, 8 to 256.
     progress : called with the share done, 0 to 1.
     cache : folder in which the samples are kept by content; default ~/.cache/raymarch, or RAYMARCH_CACHE.
@@ -128,13 +128,13 @@ def mesh(
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{height} {resolution} 1".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} 1".encode()).hexdigest()[:24]
     folder = Path(cache or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
     kept = folder / f"mesh-{key}.npz"
     if kept.exists():
         with np.load(kept) as found:
             return sampled_grid(Samples(found["values"]), found["size"], found["centre"])
-    solid = _load_mesh(Path(file), height)
+    solid = _load_mesh(Path(file), extent)
     values, size, centre = _sample_mesh(solid, resolution, progress)
     folder.mkdir(parents=True, exist_ok=True)
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
@@ -143,7 +143,7 @@ def mesh(
     return sampled_grid(Samples(values), size, centre)
 
 
-def _load_mesh(file: Path, height: float | None) -> Any:
+def _load_mesh(file: Path, extent: float | None) -> Any:
     try:
         import trimesh
     except ImportError:
@@ -154,11 +154,11 @@ def _load_mesh(file: Path, height: float | None) -> Any:
         raise SceneError(f"mesh: cannot read '{file}': {fault}", legal="a mesh file that trimesh reads") from fault
     if len(solid.faces) == 0 or not solid.is_watertight:
         raise SceneError(f"mesh: '{file}' is not closed", legal="a watertight mesh, which has an inside")
-    if height is not None:
-        if not 0 < height < np.inf:
-            raise SceneError(f"mesh: height = {height!r}", legal="a number > 0, or None")
+    if extent is not None:
+        if not 0 < extent < np.inf:
+            raise SceneError(f"mesh: extent = {extent!r}", legal="a number > 0, or None")
         solid.apply_translation(-solid.bounds.mean(axis=0))
-        solid.apply_scale(height / solid.extents.max())
+        solid.apply_scale(extent / solid.extents.max())
     return solid
 
 
@@ -192,7 +192,7 @@ def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[
         except OSError as fault:
             raise SceneError(f"{what}: cannot read '{source}': {fault}", legal="an image file") from None
     array = np.asarray(source, np.float64)
-    if array.ndim != 2 or min(array.shape) < 2 or not np.all(np.isfinite(array)):
+    if array.ndim != 2 or np.min(array.shape) < 2 or not np.all(np.isfinite(array)):
         raise SceneError(f"{what}: heights of shape {array.shape}", legal="(rows, columns), finite, at least 2x2")
     return array
 

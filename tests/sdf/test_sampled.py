@@ -1,0 +1,153 @@
+"""Fields from data: grids, meshes and height maps keep their promises and look the same on the device."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.expr.samples import Samples
+from raymarch.gpu.renderer import Renderer
+from raymarch.sdf.sampled import displace_by_image, displace_by_samples, grid, heightmap, mesh, terrain
+from raymarch.truth import compare, truth
+
+
+def points_in(reach: float, n: int) -> np.ndarray:
+    return np.random.default_rng(7).uniform(-reach, reach, (n, 3))
+
+
+def ball(n: int = 24, radius: float = 0.7) -> np.ndarray:
+    axis = np.linspace(-1, 1, n)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    return np.sqrt(x**2 + y**2 + z**2) - radius
+
+
+def steepest(node, n=200_000, reach=3.0):
+    rng = np.random.default_rng(8)
+    p = points_in(reach, n)
+    q = p + rng.normal(size=p.shape) * 10 ** rng.uniform(-4, 0, (n, 1))
+    return np.max(np.abs(node.distance(p) - node.distance(q)) / np.linalg.norm(p - q, axis=1))
+
+
+NODES = {
+    "grid": lambda: grid(ball(), size=2, centre=(0.3, -0.2, 0.1)),
+    "oblong grid": lambda: grid(np.maximum(np.abs(ball(13, 0.0)) - 0.6, ball(13, 0.5)), size=(2, 3, 4)),
+    "terrain": lambda: terrain(),
+    "displaced sphere": lambda: displace_by_samples(rm.sphere(), height=0.3),
+    "random heights": lambda: heightmap(np.random.default_rng(1).uniform(0, 1, (7, 11)), size=(3, 2), height=0.3),
+}
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_slope_bounds_gradient_and_twin(name):
+    node = NODES[name]()
+    assert steepest(node) <= 1 + 1e-9
+    points = points_in(3, 20_000)
+    lower, upper = node.bounds
+    inside = points[node.distance(points) < 0]
+    assert np.all(inside >= lower - 1e-12)
+    assert np.all(inside <= upper + 1e-12)
+    h = 1e-6
+    axes = np.eye(3)
+    differences = np.stack(
+        [(node.distance(points + h * a) - node.distance(points - h * a)) / (2 * h) for a in axes], axis=-1
+    )
+    error = np.abs(differences - node.gradient(points)).max(axis=1)
+    assert np.mean(error < 1e-6) > 0.99  # the rest straddle a cell's border or an edge
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_picture_against_truth(name):
+    scene = rm.Scene(NODES[name](), camera=rm.Camera((2.5, 2, 4), (0, 0, 0)))
+    size = (240, 160)
+    expected = truth(scene, size=size)
+    with Renderer(size) as renderer:
+        frame = renderer.render(scene, outputs=("depth",))
+        found = compare(frame.depth, frame.normal, expected)
+    assert found.compared > 300  # creases between cells are left out
+    assert found.missed_hits == 0
+    assert found.false_hits == 0
+    assert found.depth_p99 <= 1e-3
+
+
+def test_outside_its_box_a_grid_never_exceeds_the_distance():
+    node = grid(ball(40), size=2)
+    points = points_in(6, 50_000)
+    true = np.linalg.norm(points, axis=1) - 0.7
+    cell = 2 / 39
+    assert np.max(np.abs(node.distance(points)) - np.abs(true)) <= cell  # the sampled ball lies within a cell of the true one
+    far = np.linalg.norm(points, axis=1) > 4
+    assert np.min(node.distance(points)[far] / true[far]) > 0.6
+
+
+def test_the_order_of_a_grids_axes():
+    values = np.full((5, 6, 7), 1.0)
+    values[3, 2, 1] = -0.5
+    node = grid(values, size=(4, 5, 6))
+    at = np.array([-2 + 3, -2.5 + 2, -3 + 1.0])
+    assert node.distance(at) < 0
+    assert np.all(node.distance(at + 1.9 * np.vstack([np.eye(3), -np.eye(3)])) > 0)
+
+
+def test_a_mesh_is_sampled_once_and_kept(tmp_path):
+    file = tmp_path / "box.stl"
+    trimesh.creation.box((1, 2, 1)).export(file)
+    shares = []
+    node = mesh(file, resolution=24, cache=tmp_path / "kept", progress=shares.append)
+    assert shares[-1] == 1.0
+    again = []
+    same = mesh(file, resolution=24, cache=tmp_path / "kept", progress=again.append)
+    assert again == []
+    points = points_in(1.5, 2000)
+    np.testing.assert_array_equal(node.distance(points), same.distance(points))
+    box = rm.box((1, 2, 1)).distance(points) / node.facts.divisor
+    cell = 2 / 19
+    assert np.max(node.distance(points) - box) < cell
+    near = np.abs(box) < 0.2
+    assert np.max(np.abs(node.distance(points) - box)[near]) < cell
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda p: mesh(p / "nosuch.stl"), "nosuch.stl"),
+        (lambda p: mesh(p / "broken.stl", cache=p), "broken.stl"),
+        (lambda p: mesh(p / "open.stl", cache=p), "not closed"),
+        (lambda p: mesh(p / "open.stl", resolution=3), "8 to 256"),
+        (lambda p: heightmap(p / "nosuch.png"), "nosuch.png"),
+        (lambda p: heightmap(p / "broken.png"), "broken.png"),
+        (lambda p: heightmap(np.zeros(4)), "(4,)"),
+        (lambda p: displace_by_image(rm.sphere(), np.array([[0, np.nan], [0, 0]])), "finite"),
+        (lambda p: grid(np.zeros((4, 4))), "(4, 4)"),
+        (lambda p: grid(-np.ones((4, 4, 4))), "larger box"),
+        (lambda p: grid(ball(8), size=-1), "> 0"),
+    ],
+)
+def test_bad_data_is_refused(make, words, tmp_path):
+    (tmp_path / "broken.stl").write_bytes(b"solid nothing")
+    (tmp_path / "broken.png").write_bytes(b"not a picture")
+    sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    sheet.export(tmp_path / "open.stl")
+    with pytest.raises(SceneError) as fault:
+        make(tmp_path)
+    assert words in str(fault.value)
+    assert __file__ in str(fault.value)
+
+
+def test_an_image_lies_the_right_way_round(tmp_path):
+    """Row 0 of the file is the far side, column 0 the left."""
+    pixels = np.zeros((8, 8), np.uint8)
+    pixels[0, -1] = 255
+    Image.fromarray(pixels).save(tmp_path / "corner.png")
+    node = heightmap(tmp_path / "corner.png", size=(2, 2), height=1.0)
+    corners = {(x, z): float(node.distance((x, 0.5, z))) for x in (-0.99, 0.99) for z in (-0.99, 0.99)}
+    assert min(corners, key=corners.__getitem__) == (0.99, -0.99)
+
+
+def test_equal_data_are_one_texture():
+    a, b = Samples(ball(8)), Samples(ball(8).copy())
+    assert a == b
+    assert a.name == b.name
