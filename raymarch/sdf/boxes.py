@@ -93,7 +93,7 @@ def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15
     wall = max(q + thickness, 0.0)
     low, high = min(wall.x, wall.y), max(wall.x, wall.y)
     hole = length(vec2(min(low, wall.z), max(low, min(high, wall.z))))
-    return outside - max(min(-largest(q), hole), 0.0)
+    return where(outside > 0.0, outside, -min(-largest(q), hole))
 
 
 def _slab_bounds(normal: Any, thickness: Any, offset: Any) -> tuple[Expr, Expr]:

@@ -116,6 +116,8 @@ class Lowering:
                     new[part] = yield from self._ask(children[part.data], args[0], label)
                 else:
                     new[part] = rebuild(part, args)
+                if new[part].args and node.where is not None:
+                    self.origins.setdefault(new[part], node.where)
             value = new[template.body]
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value
 

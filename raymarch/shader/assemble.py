@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from raymarch import glsl
-from raymarch.errors import Location
+from raymarch.errors import Location, is_users
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Line, Printable, Text, constant, literal, print_functions
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
+from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.light import Light, PointLight, Sun
 from raymarch.scene.quality import RELAXATION
@@ -34,7 +35,7 @@ HEADERS = {
     ],
 }
 
-_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__))) + os.sep
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))) + os.sep
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,35 +280,69 @@ def _fields(plan: Plan, values: _Values, taken: set[str]) -> tuple[Chunk, dict[s
         lines.append(Mapped(f"uniform sampler{data.dimension}D {name};", "sampled data"))
     if lines:
         lines.append(Mapped("", "parameters"))
-    first_use = _first_use(plan)
-    lines += [_mapped(line, plan.origins, first_use) for line in text.lines()]
+    lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
     needs = frozenset({"Material"}) if plan.material is not None else frozenset[str]()
     return Chunk("field", needs, gives, tuple(lines)), parameters, text
 
 
-def _first_use(plan: Plan) -> dict[str, Location | None]:
-    """Where the user first used each definition, by the file and line of the definition."""
-    used: dict[str, Location | None] = {}
-    for node in all_nodes(plan.scene.node):
-        used.setdefault(node.definition.where.file, node.where)
-    return used
+class _Places:
+    """The user's line for each part of the field.
+
+    An expression stands where the node that became it was written. A definition's own function serves all nodes that
+    use it, and stands where the first of them was written.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.origins: Mapping[Expr, Location] = plan.origins
+        self._slopes = {  # a gradient asks the companions of what the field asks, with the same arguments
+            (e.data.derived.get(("companion", 0)), e.args): where for e, where in plan.origins.items() if e.op == "call"
+        }
+        self._first_use: dict[Location | None, Location | None] = {}
+        for node in all_nodes(plan.scene.node):
+            definition = node.definition
+            if definition.where not in self._first_use:
+                self._first_use[definition.where] = node.where
+                for call in find([definition.template(len(node.children), node.params).body], "call"):
+                    self._first_use.setdefault(call.data.where, node.where)
+
+    def of(self, source: Expr) -> Location | None:
+        """Of an expression in the field or its gradient."""
+        found = self.origins.get(source)
+        return self._slopes.get((source.data, source.args)) if found is None and source.op == "call" else found
+
+    def around(self, owner: Printable) -> Location | None:
+        """Of a function as a whole."""
+        where = owner.where if isinstance(owner, Function) else None
+        if where in self._first_use:
+            return self._first_use[where]
+        return where if where is not None and is_users(where.file) else None
 
 
-def _mapped(line: Line, origins: Mapping[Expr, Location], first_use: Mapping[str, Location | None]) -> Mapped:
+def _mapped(text: Text, places: _Places) -> list[Mapped]:
+    """The printed functions, each line with what made it."""
+    lines: list[Mapped] = []
+    owners = {name: owner for owner, name in text.names.items()}
+    for helper in text.helpers.values():
+        lines += [Mapped(line, "a helper of the vocabulary") for line in [*helper.split("\n"), ""]]
+    for printed in text.functions:
+        name = printed[0].text.partition("(")[0].split()[-1]
+        around = places.around(owners[name])
+        lines += [_mapped_line(line, name, around, places) for line in printed]
+        lines.append(Mapped("", name, around))
+    return lines[:-1]
+
+
+def _mapped_line(line: Line, name: str, around: Location | None, places: _Places) -> Mapped:
     source = line.source
-    if source is None:
-        return Mapped(line.text, "generated code")
-    if source in origins:
-        return Mapped(line.text, f"{_called(source)} in the field", origins[source])
-    where = source.where
-    if where is None:
-        return Mapped(line.text, "generated code")
-    if where.file.startswith(_PACKAGE):
-        short = where.file[len(_PACKAGE) :].replace(os.sep, "/")
-        return Mapped(line.text, f"raymarch/{short}:{where.line}", first_use.get(where.file))
-    return Mapped(line.text, "an expression", where)
-
-
-def _called(source: Expr) -> str:
-    return str(source.data.name) if source.op == "call" else source.op
+    if source is None or source.where is None or source.is_constant:
+        return Mapped(line.text, name, around)
+    place = places.of(source)
+    if place is not None:
+        return Mapped(line.text, f"{source.data.name if source.op == 'call' else source.op} in {name}", place)
+    # Equal expressions are one, so that this one may have been written first in another scene.
+    written = source.where
+    if is_users(written.file):
+        return Mapped(line.text, f"{name}, {written}", around or written)
+    short = written.file.removeprefix(_PACKAGE).replace(os.sep, "/")
+    return Mapped(line.text, f"{name}, {short}:{written.line}", around)

@@ -1,0 +1,260 @@
+"""Sample nodes of every definition of the package, found through the registry.
+
+A new shape or operator needs nothing here: parameters are drawn from their domains, children are chosen to
+be centred, off centre, without symmetry and inexact. Only definitions whose parameters must fit each other in
+a way that no domain can say (a matrix and its inverse) are built by a line in SPECIAL.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import raymarch.sdf
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.derivative import companion
+from raymarch.expr.types import FLOAT
+from raymarch.sdf import Node, box, capsule, material, repeat, shape, sphere, transform
+from raymarch.sdf.definition import REGISTRY, Definition, cube
+from raymarch.sdf.domain import Domain, Positive
+from raymarch.sdf.lower import lower
+
+PACKAGE = Path(raymarch.sdf.__file__).parent
+POINTS = 100_000
+"""Points at which each sample is looked at."""
+
+for _module in pkgutil.iter_modules([str(PACKAGE)]):
+    importlib.import_module(f"raymarch.sdf.{_module.name}")
+
+
+def definitions() -> list[Definition]:
+    """Those of the package; tests define some too."""
+    return [d for d in REGISTRY.values() if Path(d.where.file).parent == PACKAGE]
+
+
+# Children
+
+
+@shape(exactness="exact", bounds=lambda radius: cube((radius, radius)), symmetry="xy", dimension=2)
+def specimen_disc(p: Any, radius: Positive = 0.6) -> Any:
+    """A flat child for operators, in case that the package has no flat shape."""
+    from raymarch.expr.vocabulary import length
+
+    return length(p) - radius
+
+
+def _off_centre_flat() -> Node:
+    """A flat shape that lies beside the origin, by way of whatever moves flat shapes; else the disc."""
+    return specimen_disc(0.5)
+
+
+CHILDREN: dict[int, dict[str, Callable[[], Node]]] = {
+    3: {
+        "brick": lambda: box((0.9, 0.5, 0.7)),
+        "ball aside": lambda: sphere(0.4).translate((0.5, 0.3, -0.2)),
+        "slanted": lambda: capsule((-0.3, -0.2, 0.05), (0.4, 0.3, 0.2), 0.2),
+        "bitten": lambda: box((0.9, 0.6, 0.7)) - sphere(0.4).translate((0.4, 0.2, 0.1)),
+        "stretched": lambda: sphere(0.4).scale((1.7, 0.6, 1.0)).translate((0.2, 0.1, 0.0)),
+    },
+    2: {"disc": lambda: specimen_disc(0.6), "other disc": lambda: specimen_disc(0.4)},
+}
+
+
+def children_of(definition: Definition) -> dict[str, Callable[[], Node]]:
+    """Children by name; the package's own flat shapes are among the flat ones."""
+    found = dict(CHILDREN[definition.child_dimension])
+    if definition.child_dimension == 2:
+        for flat in definitions():
+            if flat.arity == "none" and flat.dimension == 2 and len(flat.defaults) == len(flat.domains):
+                found[flat.name] = lambda flat=flat: flat.make((), (), {})
+    return found
+
+
+# Parameters
+
+
+def draw(domain: Domain, random: np.random.Generator) -> Any:
+    """A value of a domain, of moderate size."""
+    if domain.type is None:
+        return int(random.integers(max(int(domain.low), 1) if domain.low > -np.inf else 1, min(domain.high, 4) + 1))
+    if domain.type.is_matrix:
+        return np.linalg.qr(random.normal(size=(domain.type.size,) * 2))[0]
+    size = domain.type.shape
+    if domain.direction:
+        return random.normal(size=size)
+    low = domain.low if domain.low > -np.inf else -1.0
+    high = min(domain.high, 1.2)
+    values = random.uniform(low + 0.2 * (high - low), high - 0.05 * (high - low), size)
+    return float(values) if domain.type is FLOAT else values
+
+
+def parameters(definition: Definition, variant: int, random: np.random.Generator) -> dict[str, Any]:
+    """The defaults for variant 0, drawn values for the others. Data and what has no legal range keep their default."""
+    given: dict[str, Any] = {}
+    for name, domain in definition.domains.items():
+        fixed = domain.type is None and domain.holds is not int
+        if name in definition.defaults and (variant == 0 or fixed):
+            continue
+        given[name] = draw(domain, random)
+    return given
+
+
+# Samples
+
+
+@dataclass(frozen=True)
+class NodeSample:
+    """A node to be tested, by the name of its definition and what it is made of."""
+
+    definition: Definition
+    name: str
+    build: Callable[[], Node]
+
+    @property
+    def id(self) -> str:
+        return f"{self.definition.name}-{self.name}"
+
+
+def _drawn(definition: Definition, children: Sequence[Callable[[], Node]], name: str, variant: int) -> NodeSample:
+    def build() -> Node:
+        random = np.random.default_rng(zlib.crc32(f"{definition.name} {name} {variant}".encode()))
+        refused: SceneError | None = None
+        for attempt in range(40):
+            given = parameters(definition, variant if attempt == 0 else max(variant, 1), random)
+            try:
+                return definition.make([child() for child in children], (), given)
+            except SceneError as error:  # parameters that do not fit each other or the child
+                refused = error
+        raise AssertionError(f"no legal parameters found for {definition.name}: add a line to SPECIAL") from refused
+
+    return NodeSample(definition, f"{name}{variant or ''}", build)
+
+
+def _chosen(definition: Definition) -> Iterator[NodeSample]:
+    if definition.name in SPECIAL:
+        for name, build in SPECIAL[definition.name].items():
+            yield NodeSample(definition, name, build)
+    elif definition.arity == "none":
+        for variant in range(3 if definition.domains else 1):
+            yield _drawn(definition, (), "shape", variant)
+    elif definition.arity == "one":
+        for i, (name, child) in enumerate(children_of(definition).items()):
+            yield _drawn(definition, (child,), name, i % 3)
+    else:
+        kinds = children_of(definition)
+        names = list(kinds)
+        for count in (2, 3, len(kinds)):
+            yield _drawn(definition, [kinds[n] for n in names[-count:]], f"{count} children", count)
+
+
+@cache
+def samples() -> list[NodeSample]:
+    """All samples of all definitions of the package."""
+    return [s for definition in definitions() for s in _chosen(definition)]
+
+
+_kind = CHILDREN[3]
+_slanting = np.array([[0.8, 0.6, 0.0, 0.0], [-0.6, 0.8, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.3, -0.2, 0.5, 1.0]])
+_shearing = np.array([[1.5, 0.4, 0.0, 0.0], [0.0, 0.7, 0.3, 0.0], [0.1, 0.0, -1.0, 0.0], [0.0, 0.4, 0.0, 1.0]])
+
+SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
+    "affine": {
+        "rigid": lambda: transform(_kind["brick"](), _slanting),
+        "rigid bitten": lambda: transform(_kind["bitten"](), _slanting),
+        "enlarged": lambda: transform(_kind["slanted"](), np.diag([1.5, 1.5, 1.5, 1.0])),
+        "sheared": lambda: transform(_kind["brick"](), _shearing),
+        "sheared stretched": lambda: transform(_kind["stretched"](), _shearing),
+    },
+    "labelled": {"brick": lambda: material(_kind["brick"](), "red")},
+    "repeat_cells": {
+        "without end": lambda: repeat(_kind["brick"](), 1.5),
+        "ball aside": lambda: repeat(_kind["ball aside"](), (1.0, None, 1.3), (3, 1, 2)),
+        "even count": lambda: repeat(_kind["slanted"](), (1.4, 1.2, None), (4, 2, 1)),
+        "bitten": lambda: repeat(_kind["bitten"](), (1.1, 1.0, 1.2), (2, 3, None)),
+        "stretched": lambda: repeat(_kind["stretched"](), (1.8, None, None)),
+    },
+}
+
+
+# Looking at a node
+
+
+class Field:
+    """A node's field, ready to be evaluated at many points, and where it is worth looking at."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        definition = lower(node)
+        self._value = evaluator([definition.body], definition.params)
+        whole = companion(definition)
+        self._whole = evaluator([whole.body], whole.params)
+        self.dimension = node.dimension
+        low, high = node.bounds
+        finite = np.isfinite(low) & np.isfinite(high)
+        extent = float(np.max((high - low)[finite], initial=0.0)) or 2.0
+        middle = np.where(finite, 0.5 * (np.where(finite, low, 0) + np.where(finite, high, 0)), 0.0)
+        half = np.where(finite, 0.5 * np.where(finite, high - low, 0.0), extent)
+        self.size = max(extent, 1e-3)
+        """Edge of the solid's box, the unit that errors are measured in."""
+        self.low, self.high = middle - half - 0.4 * self.size, middle + half + 0.4 * self.size
+        """The region looked at: the box and its surroundings."""
+
+    def value(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.broadcast_to(self._value(points)[0], points.shape[:-1])
+
+    def gradient(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.broadcast_to(self._whole(points)[0], (*points.shape[:-1], self.dimension + 1))[..., :-1]
+
+    def draw(self, random: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Points of the region, float32 numbers."""
+        drawn = random.uniform(self.low, self.high, (count, self.dimension))
+        return drawn.astype(np.float32).astype(np.float64)
+
+    def surface(self, random: np.random.Generator, points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+        """Points on the surface, by bisection of segments from inside to outside."""
+        values = self.value(points)
+        inside, outside = points[values < 0], points[values > 0]
+        if not len(inside) or not len(outside):
+            return np.empty((0, self.dimension))
+        a = inside[random.integers(len(inside), size=count)]
+        b = outside[random.integers(len(outside), size=count)]
+        near = outside[random.integers(len(outside), size=(count, 8))]  # short segments find more of the details
+        best = np.argmin(np.linalg.norm(near - a[:, None], axis=-1), axis=1)
+        b[::2] = near[np.arange(count), best][::2]
+        for _ in range(46):
+            middle = 0.5 * (a + b)
+            negative = (self.value(middle) < 0)[:, None]
+            a, b = np.where(negative, middle, a), np.where(negative, b, middle)
+        return 0.5 * (a + b)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A sample's node with its field at many points: made once for all tests."""
+
+    node: Node
+    field: Field
+    points: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+@cache
+def _seen(index: int) -> Seen:
+    node = samples()[index].build()
+    field = Field(node)
+    points = field.draw(np.random.default_rng(11), POINTS)
+    return Seen(node, field, points, field.value(points))
+
+
+def seen(sample: NodeSample) -> Seen:
+    return _seen(samples().index(sample))
