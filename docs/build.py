@@ -1,0 +1,163 @@
+"""Builds the pages that come from the code: docs/nodes.md and the pictures of all nodes.
+
+    python docs/build.py            # everything
+    python docs/build.py --text     # the text alone, without drawing
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+import raymarch as rm
+from raymarch.errors import RaymarchError
+from raymarch.sdf.definition import REGISTRY, Definition
+from raymarch.sdf.node import Node
+
+HERE = Path(__file__).parent
+SIZE = (200, 150)
+COLUMNS = 8
+PAINT = rm.Material(color=(0.75, 0.42, 0.2), shininess=60)
+SKY = (0.93, 0.94, 0.96)
+
+
+def brick() -> Node:
+    return rm.box((1.4, 0.9, 1.1))
+
+
+def pair() -> tuple[Node, Node]:
+    return rm.box((1.2, 0.8, 1.0)).translate((-0.3, -0.2, 0)), rm.sphere(0.6).translate((0.4, 0.3, 0.1))
+
+
+SPECIMENS: dict[str, Callable[[], Node]] = {
+    "hard_union": lambda: rm.union(*pair()),
+    "hard_intersection": lambda: rm.intersection(*pair()),
+    "hard_difference": lambda: rm.difference(*pair()),
+    "smooth_union": lambda: rm.union(*pair(), k=0.5),
+    "smooth_intersection": lambda: rm.intersection(*pair(), k=0.3),
+    "smooth_difference": lambda: rm.difference(*pair(), k=0.3),
+    "translate": lambda: brick().translate((0.5, 0.3, 0)) | rm.sphere(0.1),
+    "rotate_about": lambda: brick().rotate(0.6, (0, 0, 1)),
+    "scale_evenly": lambda: brick().scale(0.6),
+    "scale_axes": lambda: rm.sphere().scale((1.3, 0.5, 0.8)),
+    "affine": lambda: brick().transform([[1, 0.5, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+    "mirror_across": lambda: rm.capsule((0.2, -0.5, 0), (1, 0.6, 0.2), 0.25).mirror("x"),
+    "labelled": lambda: brick().material(rm.Material(color=(0.2, 0.5, 0.8))),
+    "repeat_cells": lambda: rm.box(0.5).round(0.05).repeat(0.8, 3),
+    "round": lambda: brick().round(0.25),
+    "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
+}
+"""What shows an operator, by the name of its definition; shapes show themselves with their defaults."""
+
+
+def definitions() -> list[Definition]:
+    """Those of the package, by file and line: as one would read them."""
+    own = [d for d in REGISTRY.values() if "raymarch" in Path(d.where.file).parts and d.doc]
+    return sorted(own, key=lambda d: (Path(d.where.file).stem, d.where.line))
+
+
+def specimen(definition: Definition) -> Node | None:
+    """A node that shows a definition; None if there is no way to make one without arguments."""
+    try:
+        if definition.name in SPECIMENS:
+            return SPECIMENS[definition.name]()
+        if definition.arity == "none":
+            return definition.make((), (), {})
+        if definition.arity == "one":
+            child = brick() if definition.child_dimension == 3 else REGISTRY["star"].make((), (), {})
+            return definition.make((child,), (), {})
+        return definition.make(pair(), (), {})
+    except RaymarchError:
+        return None
+
+
+def solid(node: Node) -> Node:
+    """Something to look at: flat shapes get a thickness, endless ones an end."""
+    if node.dimension == 2:
+        node = REGISTRY["extrude"].make((node,), (0.3,), {})
+    if not node.facts.bounded:
+        node = node & rm.box(2.4)
+    return node
+
+
+def draw(node: Node, renderer: rm.Renderer) -> Image.Image:
+    shown = solid(node)
+    shown = shown if shown.labelled else shown.material(PAINT)
+    lights = [rm.Sun((0.6, 1.2, 0.9), intensity=0.85), rm.Sun((-1, 0.2, 0.3), (0.6, 0.7, 1), 0.25)]
+    return renderer.render(rm.Scene(shown, lights=lights, sky=SKY)).image()
+
+
+def row(definition: Definition) -> str:
+    """One line of the table."""
+    node = specimen(definition)
+    first = definition.doc.splitlines()[0].rstrip(".").replace("|", "\\|")
+    facts = "—"
+    if node is not None:
+        lower, upper = node.bounds
+        extent = " × ".join("∞" if not np.isfinite(s) else f"{s:.3g}" for s in upper - lower)
+        facts = f"{node.exactness} | {node.facts.divisor:.3g} | {extent}"
+    else:
+        facts = "— | — | —"
+    picture = f"![{definition.name}](pictures/nodes/{definition.name}.png)" if node is not None else ""
+    return f"| {picture} | `{definition.usage}` | {first} | {facts} |"
+
+
+def page() -> str:
+    """docs/nodes.md."""
+    text = [
+        "# All nodes",
+        "",
+        "Made from the code by `python docs/build.py`. Facts are those of the specimen in the picture: its exactness, by",
+        "what its field is divided so that no step is too long, and the extents of its box. `help(raymarch.NAME)` says more.",
+        "",
+        "![all nodes](pictures/nodes.png)",
+    ]
+    room = ""
+    for definition in definitions():
+        here = Path(definition.where.file).stem
+        if here != room:
+            room = here
+            module = sys.modules[f"raymarch.sdf.{here}"]
+            summary = (module.__doc__ or "").strip().split("\n\n")[0].replace("\n", " ")
+            text += ["", f"## {here}", "", summary, ""]
+            text += ["| | call | | exactness | divisor | extents |", "|---|---|---|---|---|---|"]
+        text.append(row(definition))
+    return "\n".join(text) + "\n"
+
+
+def pictures() -> None:
+    """A picture of each node, and all of them on one sheet."""
+    folder = HERE / "pictures" / "nodes"
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn: list[tuple[str, Image.Image]] = []
+    with rm.Renderer(SIZE) as renderer:
+        for definition in definitions():
+            node = specimen(definition)
+            if node is None:
+                continue
+            image = draw(node, renderer)
+            image.quantize(64).save(folder / f"{definition.name}.png", optimize=True)
+            drawn.append((definition.name, image))
+    rows = -(-len(drawn) // COLUMNS)
+    width, height = SIZE[0], SIZE[1] + 16
+    sheet = Image.new("RGB", (COLUMNS * width, rows * height), "white")
+    pen = ImageDraw.Draw(sheet)
+    for i, (name, image) in enumerate(drawn):
+        x, y = i % COLUMNS * width, i // COLUMNS * height
+        sheet.paste(image, (x, y))
+        pen.text((x + 4, y + SIZE[1] + 1), name, fill="black")
+    sheet.quantize(128).save(HERE / "pictures" / "nodes.png", optimize=True)
+
+
+def main() -> None:
+    (HERE / "nodes.md").write_text(page(), encoding="utf-8")
+    if "--text" not in sys.argv:
+        pictures()
+
+
+if __name__ == "__main__":
+    main()
