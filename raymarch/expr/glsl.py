@@ -343,7 +343,7 @@ packSnorm2x16 unpackSnorm2x16 packUnorm2x16 unpackUnorm2x16 packHalf2x16 unpackH
 """
 RESERVED = frozenset(_WORDS.split())
 _TYPE_LIKE = re.compile(r"([iubdhf]?vec[234]|d?mat[234](x[234])?|[iu]?(sampler|image)\w*|texture\w*|noise[1-4])$")
-_PREFIXES = ("gl_", "webgl_")  # of OpenGL itself and of browsers
+_PREFIXES = ("gl_", "GL_", "webgl_")  # of OpenGL itself, its macros, and browsers
 
 
 def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None = None) -> str:
@@ -412,7 +412,7 @@ def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Te
     names: dict[Printable, str] = {}
     expressions = [e for f in roots for e in f.inner]
     uniforms = _uniforms(expressions, frozenset(taken))
-    occupied = {*taken, *uniforms}
+    occupied = {*taken, *uniforms, TIME}
     numbers: dict[str, int] = {}
     for definition in [*roots, *order]:  # the roots keep the names that they ask for
         if definition not in names:
@@ -421,7 +421,6 @@ def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Te
             occupied.add(names[definition])
     text = Text(names, [], {}, uniforms, bool(find(expressions, "time")))
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
-    occupied.add(TIME)
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
     return text

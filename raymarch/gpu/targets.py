@@ -198,8 +198,8 @@ def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Textu
     """Sampled data as a one-channel float32 texture, to be read by texelFetch; DeviceError if it does not fit."""
     context.make_current()
     try:
-        make = context.gl.texture if data.dimension == 2 else context.gl.texture3d
-        texture = make(data.size, 1, data.values.tobytes(), alignment=1, dtype="f4")
+        make: Any = context.gl.texture if data.dimension == 2 else context.gl.texture3d
+        texture: moderngl.Texture | moderngl.Texture3D = make(data.size, 1, data.values.tobytes(), alignment=1, dtype="f4")
     except moderngl.Error as fault:
         raise DeviceError(f"no texture for samples of {data.size}: {fault}", legal="smaller data") from fault
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)

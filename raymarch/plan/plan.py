@@ -89,8 +89,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
     """Plan a scene. PlanError for clashing parameters or a field that is too large."""
     lowering = Lowering()
     definition = lowering.field(scene.node)
-    calls = [e for e in topological([definition.body]) if e.op == "call"]
-    shapes = sum(1 for call in calls if not call.data.name.endswith("_field"))
+    shapes = len(lowering.shapes)
     if shapes > LARGEST:
         raise PlanError(
             f"the field has {shapes} shapes, too many to compile as text",
@@ -214,7 +213,12 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     add(("march/hit", "the last step towards a surface is along the measured slope"))
     add((f"march/{MODULES.get(made.tracer, made.tracer)}", made.tracer_reason))
     if made.clipped:
-        add(("march/slab", "the scene's box ends on some side"))
+        below, above = np.isfinite(scene.node.facts.upper), np.isfinite(scene.node.facts.lower)
+        add(("march/below", "the scene's box ends on some side"))
+        if np.any(above):
+            add(("march/above", "the scene's box ends below on some axis"))
+        if np.any(above & below):
+            add(("march/slab", "the scene's box has two ends on some axis"))
         add(("march/clipped", "rays are marched inside the scene's box only"))
     else:
         add(("march/whole", "the scene's box has no end on any side"))
@@ -227,9 +231,13 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
             first = next((light for light in scene.lights if isinstance(light, kind)), None)
             if first is not None:
                 add((module, f"{kind.__name__} at {first.where}"))
-        caster = next((light for light in scene.lights if light.shadow), None)
-        if caster is not None:
-            add(("light/shadow", f"{type(caster).__name__} at {caster.where} casts a shadow"))
+        casters = [light for light in scene.lights if light.shadow]
+        if casters:
+            add(("light/shadow", f"{len(casters)} of {len(scene.lights)} lights cast a shadow"))
+        for kind, module in ((Sun, "light/sun_shadow"), (PointLight, "light/point_shadow")):
+            first = next((light for light in casters if isinstance(light, kind)), None)
+            if first is not None:
+                add((module, f"{kind.__name__} at {first.where} casts a shadow"))
     if any(p.name == "color" for p in made.passes):
         add(("sky/constant", "what is seen where nothing is hit"))
         if scene.fog is not None:

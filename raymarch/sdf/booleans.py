@@ -52,9 +52,17 @@ def _overlap(children: Sequence[ChildFacts]) -> tuple[Expr, Expr]:
 
 
 def _grown_hull(children: Sequence[ChildFacts], k: Expr) -> tuple[Expr, Expr]:
-    lower, upper = _hull(children)
-    margin = _levels(len(children)) * 0.25 * k
-    return lower - margin, upper + margin
+    corners = [child.grown(_levels(len(children)) * 0.25 * k) for child in children]
+    return balanced([lower for lower, _ in corners], min), balanced([upper for _, upper in corners], max)
+
+
+def _widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
+    return balanced([c.spread for c in children], max)
+
+
+def _of_the_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
+    """What is cut out makes the field no smaller."""
+    return children[0].spread
 
 
 def _exact_if_apart(*children: Facts) -> Exactness:
@@ -64,37 +72,41 @@ def _exact_if_apart(*children: Facts) -> Exactness:
     return worst(*[c.exactness for c in children]) if disjoint(*children) else "bound"
 
 
-@combination(bounds=_hull, exactness=_exact_if_apart, associative=True)
+@combination(bounds=_hull, exactness=_exact_if_apart, spread=_widest, associative=True, dimension="any")
 def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
     """All solids together."""
     return balanced([child(p) for child in children], min)
 
 
-@combination(bounds=_overlap, associative=True, cuts=True)
+@combination(bounds=_overlap, spread=_widest, convex=True, associative=True, cuts=True, dimension="any")
 def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
     """What all solids share."""
     return balanced([child(p) for child in children], max)
 
 
-@combination(bounds=lambda children: (children[0].lower, children[0].upper), cuts=True)
+@combination(
+    bounds=lambda children: (children[0].lower, children[0].upper), spread=_of_the_first, cuts=True, dimension="any"
+)
 def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
     """The first solid without the others."""
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
 
 
-@combination(bounds=_grown_hull)
+@combination(bounds=_grown_hull, spread=_widest, dimension="any")
 def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """All solids together, joined by a fillet."""
     return balanced([child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
-@combination(bounds=lambda children, k: _overlap(children), cuts=True)
+@combination(bounds=lambda children, k: _overlap(children), spread=_widest, cuts=True, dimension="any")
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """What all solids share, its new edges rounded."""
     return -balanced([-child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
-@combination(bounds=lambda children, k: (children[0].lower, children[0].upper), cuts=True)
+@combination(
+    bounds=lambda children, k: (children[0].lower, children[0].upper), spread=_of_the_first, cuts=True, dimension="any"
+)
 def smooth_difference(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """The first solid without the others, its new edges rounded."""
     tools = balanced([child(p) for child in children[1:]], lambda a, b: smooth_min(a, b, k))

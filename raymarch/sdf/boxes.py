@@ -54,7 +54,13 @@ def _check_rounded_box(size: Any, radius: Any) -> None:
     )
 
 
-@shape(exactness="exact", bounds=lambda size, radius: cube(0.5 * size), symmetry="xyz", check=_check_rounded_box)
+@shape(
+    exactness="exact",
+    bounds=lambda size, radius: cube(0.5 * size),
+    symmetry="xyz",
+    convex=True,
+    check=_check_rounded_box,
+)
 def rounded_box(p: Expr, size: Size3 = (1.6, 1.0, 1.2), radius: NonNegative = 0.2) -> Expr:
     """Box about the origin with rounded edges and corners.
 
@@ -91,8 +97,7 @@ def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15
     bars = [vec3(*[beyond[i] if i == along else across[i] for i in range(3)]) for along in range(3)]
     outside = sqrt(min(*[dot(bar, bar) for bar in bars]))
     wall = max(q + thickness, 0.0)
-    low, high = min(wall.x, wall.y), max(wall.x, wall.y)
-    hole = length(vec2(min(low, wall.z), max(low, min(high, wall.z))))
+    hole = sqrt(min(dot(wall.xy, wall.xy), dot(wall.yz, wall.yz), dot(wall.zx, wall.zx)))
     return where(outside > 0.0, outside, -min(-largest(q), hole))
 
 
@@ -115,7 +120,7 @@ def _slab_symmetry(normal: Any, thickness: Any, offset: Any) -> str:
     return "".join(axis for axis, n in zip("xyz", normal.data, strict=True) if n == 0.0 or along)
 
 
-@shape(exactness="exact", bounds=_slab_bounds, symmetry=_slab_symmetry)
+@shape(exactness="exact", bounds=_slab_bounds, symmetry=_slab_symmetry, convex=True)
 def slab(p: Expr, normal: Direction = (0.0, 1.0, 0.0), thickness: Positive = 1.0, offset: Length = 0.0) -> Expr:
     """All points between two parallel planes.
 
@@ -155,6 +160,7 @@ def _refuse_flat(name: str, a: Any, b: Any, c: Any) -> None:
 @shape(
     exactness="exact",
     bounds=lambda a, b, c, radius: (min(a, b, c) - radius, max(a, b, c) + radius),
+    convex=True,
     check=_check_triangle,
 )
 def triangle(
@@ -195,6 +201,7 @@ def _check_quad(a: Any, b: Any, c: Any, d: Any, radius: Any) -> None:
 @shape(
     exactness=_quad_exactness,
     bounds=lambda a, b, c, d, radius: (min(a, b, c, d) - radius, max(a, b, c, d) + radius),
+    spread=1.0,
     check=_check_quad,
 )
 def quad(
@@ -218,6 +225,7 @@ def quad(
     exactness="exact",
     bounds=lambda diagonals, height: cube(vec3(0.5 * diagonals.x, 0.5 * height, 0.5 * diagonals.y)),
     symmetry="xyz",
+    convex=True,
 )
 def rhombus(p: Expr, diagonals: Size2 = (2.0, 1.2), height: Positive = 0.5) -> Expr:
     """Upright prism over a rhombus, about the y axis.
@@ -234,7 +242,8 @@ def rhombus(p: Expr, diagonals: Size2 = (2.0, 1.2), height: Positive = 0.5) -> E
     beyond = dot(from_corner, vec2(corner.y, corner.x)) / side
     along = dot(from_corner, vec2(-corner.x, corner.y)) / side
     r = vec3(beyond, max(-along, along - side), q.y - 0.5 * height)
-    return length(max(r, 0.0)) + min(max(r.x, r.z), 0.0)
+    inside = max(r.x, r.z)
+    return where(inside > 0.0, length(max(r, 0.0)), inside)
 
 
 _ROOT_3 = math.sqrt(3.0)
@@ -244,6 +253,7 @@ _ROOT_3 = math.sqrt(3.0)
     exactness="exact",
     bounds=lambda width, height: cube(vec3(width / _ROOT_3, 0.5 * height, 0.5 * width)),
     symmetry="xyz",
+    convex=True,
 )
 def hexagonal_prism(p: Expr, width: Positive = 1.5, height: Positive = 1.0) -> Expr:
     """Upright prism over a regular hexagon, about the y axis, with two sides square to z.
@@ -257,7 +267,8 @@ def hexagonal_prism(p: Expr, width: Positive = 1.5, height: Positive = 1.0) -> E
     flat = vec2(q.x, q.z)
     flat = flat - 2.0 * min(dot(flat, fold), 0.0) * fold
     r = vec3(flat.y - 0.5 * width, abs(flat.x) - 0.5 * width / _ROOT_3, q.y - 0.5 * height)
-    return length(max(r, 0.0)) + min(max(r.x, r.z), 0.0)
+    inside = max(r.x, r.z)
+    return where(inside > 0.0, length(max(r, 0.0)), inside)
 
 
 @shape(
@@ -267,6 +278,7 @@ def hexagonal_prism(p: Expr, width: Positive = 1.5, height: Positive = 1.0) -> E
         vec3(0.5 * side, 0.5 * height, side / _ROOT_3),
     ),
     symmetry="xy",
+    convex=True,
 )
 def triangular_prism(p: Expr, side: Positive = 1.6, height: Positive = 1.0) -> Expr:
     """Upright prism over an equilateral triangle, about the y axis, with a corner towards z.
@@ -279,13 +291,15 @@ def triangular_prism(p: Expr, side: Positive = 1.6, height: Positive = 1.0) -> E
     fold = vec2(0.5, 0.5 * _ROOT_3)
     flat = flat - 2.0 * max(dot(flat, fold), 0.0) * fold
     r = vec3(-flat.y - 0.5 * side / _ROOT_3, abs(flat.x) - 0.5 * side, abs(p.y) - 0.5 * height)
-    return length(max(r, 0.0)) + min(max(r.x, r.z), 0.0)
+    inside = max(r.x, r.z)
+    return where(inside > 0.0, length(max(r, 0.0)), inside)
 
 
 @shape(
     exactness="exact",
     bounds=lambda width, height: cube(vec3(0.5 * width, 0.5 * height, 0.5 * width)),
     symmetry="xz",
+    convex=True,
 )
 def pyramid(p: Expr, width: Positive = 1.6, height: Positive = 1.4) -> Expr:
     """Square pyramid, its tip up the y axis, its box centred at the origin.
@@ -298,7 +312,8 @@ def pyramid(p: Expr, width: Positive = 1.6, height: Positive = 1.4) -> Expr:
     half = 0.5 * width
     slant = length(vec2(half, height))
     edge = length(vec2(half, slant))
-    side, front = min(abs(p.x), abs(p.z)), max(abs(p.x), abs(p.z))
+    q = where(abs(p.x) < abs(p.z), abs(p.xz), abs(p.zx))
+    side, front = q
     up = p.y + 0.5 * height
     beyond = dot(vec2(up, front - half), vec2(half, height)) / slant
     climb = dot(vec2(up, front - half), vec2(height, -half)) / slant

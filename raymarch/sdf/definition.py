@@ -10,8 +10,8 @@ import functools
 import inspect
 import typing
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Concatenate, ParamSpec, TypeAlias, cast
+from dataclasses import dataclass, field, replace
+from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, cast
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, make, var
-from raymarch.expr.types import FLOAT, Type, vector
+from raymarch.expr.types import FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
 from raymarch.sdf.domain import Domain, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
 from raymarch.sdf.node import Node
@@ -28,6 +28,7 @@ from raymarch.sdf.node import Node
 P = ParamSpec("P")
 Child: TypeAlias = Callable[[Expr], Expr]
 Rule: TypeAlias = Callable[..., Any]
+Dimension: TypeAlias = Literal[2, 3, "any"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +36,19 @@ class ChildFacts:
     """A child as the facts of an operator see it: expressions in place of numbers.
 
     `box` stands for any point of the child's box at once, so `child.box + offset` is the moved box;
-    `lower` and `upper` are its corners, `lipschitz` its Lipschitz constant.
+    `lower` and `upper` are its corners, `lipschitz` and `spread` are those of `Facts`.
     """
 
     box: Expr
     lower: Expr
     upper: Expr
     lipschitz: Expr
+    spread: Expr
+
+    def grown(self, distance: Any) -> tuple[Expr, Expr]:
+        """Corners of a box around all points at which the child's field is no larger than a distance >= 0."""
+        margin = self.spread * distance
+        return self.lower - margin, self.upper + margin
 
 
 @dataclass(eq=False, slots=True)
@@ -57,6 +64,8 @@ class Definition:
     lipschitz: float | Rule | None
     bounds: Rule
     symmetry: str | Rule
+    spread: float | Rule | None
+    convex: bool | Rule
     check: Rule | None
     associative: bool
     cuts: bool
@@ -64,18 +73,22 @@ class Definition:
     defaults: Mapping[str, Any]
     where: Location
     doc: str
+    flat: Definition | None = None
+    """The same definition for flat children, where it serves both; this one then serves the solid ones."""
     _templates: dict[Any, Function] = field(default_factory=dict)
     _facts: dict[Any, tuple[Program, Any]] = field(default_factory=dict)
 
     def make(self, children: Sequence[Node], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Node:
         """A node: parameters checked, facts derived."""
+        if self.flat is not None and children and all(isinstance(c, Node) and c.dimension == 2 for c in children):
+            return self.flat.make(children, args, kwargs)
         for child in children:
             if not isinstance(child, Node):
                 raise SceneError(f"{self.name} of {child!r} ({type(child).__name__})", legal="a node such as sphere()")
             if child.dimension != self.child_dimension:
                 raise SceneError(
                     f"{self.name} of a {child.dimension}D field ({child.name})",
-                    legal=f"a {self.child_dimension}D field",
+                    legal="fields of one dimension" if self.flat is not None else f"a {self.child_dimension}D field",
                 )
         params = self._bind(args, kwargs)
         facts = self.derive(children, params)
@@ -151,9 +164,10 @@ class Definition:
         inputs: list[Interval] = [interval_of_value(params[n]) for n, d in self.domains.items() if d.type is not None]
         for child in children:
             f = child.facts
-            inputs += [(f.lower, f.upper), (f.lower, f.lower), (f.upper, f.upper), interval_of_value(f.lipschitz)]
+            inputs += [(f.lower, f.upper), (f.lower, f.lower), (f.upper, f.upper)]
+            inputs += [interval_of_value(f.lipschitz), interval_of_value(f.spread)]
         with np.errstate(all="ignore"):
-            low, high, steepness = program(*inputs)
+            low, high, steepness, spread = program(*inputs)
         lower = np.where(np.isnan(low[0]), -np.inf, low[0])
         upper = np.where(np.isnan(high[1]), np.inf, high[1])
         steepest = max((c.facts.lipschitz for c in children), default=1.0)
@@ -163,13 +177,16 @@ class Definition:
                 f"{self.name} has no finite Lipschitz bound here ({steep})",
                 legal="a bounded child, and parameters with a finite range",
             )
+        exactness = self._exactness(children, params)
         return Facts(
-            self._exactness(children, params),
+            exactness,
             min(steep, 1.0),
             np.asarray(lower, np.float64),
             np.asarray(upper, np.float64),
             self._symmetry(children, params),
             max(steep, 1.0),
+            1.0 if exactness == "exact" else float(spread[1]) * max(steep, 1.0),
+            self._convex(children, params),
         )
 
     def _exactness(self, children: Sequence[Node], params: Mapping[str, Any]) -> Exactness:
@@ -184,6 +201,11 @@ class Definition:
         common = set("xyz").intersection(*[c.facts.symmetry for c in children])
         return "".join(sorted(common))
 
+    def _convex(self, children: Sequence[Node], params: Mapping[str, Any]) -> bool:
+        if not callable(self.convex):
+            return self.convex and all(c.facts.convex for c in children)
+        return bool(self.convex(*[c.facts for c in children], **params))
+
     def _trace_facts(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool]:
         symbols = {n: var(n, t) for n, t in self._symbols()}
         box = vector(self.child_dimension)
@@ -191,9 +213,13 @@ class Definition:
         children = []
         for i in range(n_children):
             facts = ChildFacts(
-                var(f"box {i}", box), var(f"lower {i}", box), var(f"upper {i}", box), var(f"lipschitz {i}", FLOAT)
+                var(f"box {i}", box),
+                var(f"lower {i}", box),
+                var(f"upper {i}", box),
+                var(f"lipschitz {i}", FLOAT),
+                var(f"spread {i}", FLOAT),
             )
-            inputs += [facts.box, facts.lower, facts.upper, facts.lipschitz]
+            inputs += [facts.box, facts.lower, facts.upper, facts.lipschitz, facts.spread]
             children.append(facts)
         statics = {n: params[n] for n, d in self.domains.items() if d.type is None}
         arguments = {**symbols, **statics}
@@ -201,7 +227,13 @@ class Definition:
         region = self.bounds(*extra, **arguments)
         lower, upper = region if isinstance(region, tuple) else (region, region)
         steep = self.lipschitz(*extra, **arguments) if callable(self.lipschitz) else self.lipschitz
-        roots = [expr(lower), expr(upper), expr(0.0 if steep is None else steep)]
+        spread = self.spread(*extra, **arguments) if callable(self.spread) else self.spread
+        roots = [
+            expr(lower),
+            expr(upper),
+            expr(0.0 if steep is None else steep),
+            expr(np.inf if spread is None else spread),
+        ]
         return Program(roots, inputs, INTERVALS), steep is not None
 
 
@@ -222,13 +254,44 @@ REGISTRY: dict[str, Definition] = {}
 """Every definition by name. A user's own definition of the same name replaces the entry, not the nodes made before."""
 
 
+FLAT: Mapping[Type | None, Type] = {VEC3: VEC2, MAT3: MAT2}
+"""What a parameter in space becomes in the plane."""
+
+
 def _define(
     source: Callable[..., Any],
     *,
     arity: str,
-    dimension: int,
-    child_dimension: int,
+    dimension: Dimension,
+    child_dimension: Dimension,
     **declared: Any,
+) -> Definition:
+    """The definition; one of any dimension gets a flat twin, whose vectors have two components."""
+    if dimension != "any" and child_dimension != "any":
+        definition = _define_one(source, arity, dimension, child_dimension, declared)
+        REGISTRY[definition.name] = definition
+        return definition
+    definition = _define_one(source, arity, 3, 3, declared)
+    domains = {name: replace(d, type=FLAT.get(d.type, d.type)) for name, d in definition.domains.items()}
+    shorter = {name: v[:2] for name, v in definition.defaults.items() if domains[name].type is VEC2 and len(v) == 3}
+    definition.flat = replace(
+        definition,
+        name=f"{definition.name}_2d",
+        dimension=2,
+        child_dimension=2,
+        domains=domains,
+        defaults={**definition.defaults, **shorter},
+        flat=None,
+        _templates={},
+        _facts={},
+    )
+    for made in (definition, definition.flat):
+        REGISTRY[made.name] = made
+    return definition
+
+
+def _define_one(
+    source: Callable[..., Any], arity: str, dimension: int, child_dimension: int, declared: Mapping[str, Any]
 ) -> Definition:
     code = source.__code__
     where = Location(code.co_filename, code.co_firstlineno)
@@ -244,7 +307,7 @@ def _define(
     own = signature[skip:]
     domains = {q.name: domain_of(hints.get(q.name), q.default) for q in own}
     defaults = {q.name: q.default for q in own if q.default is not q.empty}
-    definition = Definition(
+    return Definition(
         name=source.__name__,
         source=source,
         arity=arity,
@@ -256,8 +319,6 @@ def _define(
         doc=inspect.getdoc(source) or "",
         **declared,
     )
-    REGISTRY[definition.name] = definition
-    return definition
 
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:
@@ -276,8 +337,10 @@ def shape(
     bounds: Rule | None = None,
     lipschitz: float | Rule = 1.0,
     symmetry: str | Rule = "",
+    spread: float | Rule | None = None,
+    convex: bool | Rule = False,
     check: Rule | None = None,
-    dimension: int = 3,
+    dimension: Literal[2, 3] = 3,
 ) -> Callable[[Callable[Concatenate[Any, P], Any]], Callable[P, Node]]:
     """Decorator: a function of a point and parameters becomes a shape.
 
@@ -289,6 +352,9 @@ def shape(
     lipschitz : how steep the function is at most; a number or a function of the parameters. A field steeper
         than 1 is divided by this, so that marching is safe.
     symmetry : axes along which the field is its own mirror image about the origin, such as "xz".
+    spread : see `Facts`, of the function before it is divided; None if it is not known, which is safe, but leaves what
+        is grown or blended from the shape without bounds. Need not be given for what is exact.
+    convex : True if the solid is convex for all parameters, or a function of the parameters.
     check : function of the parameters that raises SceneError for combinations that are not legal.
     dimension : 3, or 2 for a shape to extrude or revolve.
 
@@ -307,6 +373,8 @@ def shape(
             bounds=bounds,
             lipschitz=lipschitz,
             symmetry=symmetry,
+            spread=spread,
+            convex=convex,
             check=check,
             associative=False,
             cuts=False,
@@ -328,9 +396,11 @@ def operator(
     exactness: Exactness | Rule = "bound",
     lipschitz: float | Rule | None = None,
     symmetry: str | Rule = "",
+    spread: float | Rule | None = None,
+    convex: bool | Rule = False,
     check: Rule | None = None,
-    dimension: int = 3,
-    child_dimension: int | None = None,
+    dimension: Dimension = 3,
+    child_dimension: Literal[2, 3] | None = None,
 ) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Node, P], Node]]:
     """Decorator: a function of a point, a child and parameters becomes an operator on one node.
 
@@ -342,8 +412,11 @@ def operator(
         facts and the parameters.
     lipschitz : how steep the result is at most; None if it is no steeper than the child.
     symmetry : "keep" for the child's, axes such as "xz", or a function.
+    spread : as for `shape`, or a function of the child's facts and the parameters, often `child.spread`.
+    convex : True if it makes a convex solid of a convex child, or a function of the child's facts and the parameters.
     check : function of the child's facts and the parameters that raises SceneError.
-    dimension, child_dimension : 2 or 3, of the result and of the child.
+    dimension, child_dimension : 2 or 3, of the result and of the child. dimension="any" serves solid and flat
+        children alike; for flat ones p, and parameters that are a vec3 (mat3) in space, become a vec2 (mat2).
     """
 
     def decorate(source: Callable[Concatenate[Any, Any, P], Any]) -> Callable[Concatenate[Node, P], Node]:
@@ -357,6 +430,8 @@ def operator(
             bounds=bounds,
             lipschitz=lipschitz,
             symmetry=symmetry,
+            spread=spread,
+            convex=convex,
             check=check,
             associative=False,
             cuts=False,
@@ -378,9 +453,12 @@ def combination(
     exactness: Exactness | Rule = "bound",
     lipschitz: float | Rule | None = None,
     symmetry: str | Rule = "keep",
+    spread: float | Rule | None = None,
+    convex: bool | Rule = False,
     associative: bool = False,
     cuts: bool = False,
-    dimension: int = 3,
+    dimension: Dimension = 3,
+    child_dimension: Literal[2, 3] | None = None,
 ) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Sequence[Node], P], Node]]:
     """Decorator: a function of a point, a list of children and parameters becomes an operator on many nodes.
 
@@ -395,11 +473,13 @@ def combination(
             source,
             arity="many",
             dimension=dimension,
-            child_dimension=dimension,
+            child_dimension=child_dimension or dimension,
             exactness=exactness,
             bounds=bounds,
             lipschitz=lipschitz,
             symmetry=symmetry,
+            spread=spread,
+            convex=convex,
             check=None,
             associative=associative,
             cuts=cuts,
@@ -426,7 +506,7 @@ def _show_signature(build: Any, source: Callable[..., Any], skip: int, first: st
 
 
 def cube(half: Any) -> tuple[Expr, Expr]:
-    """Bounds of what reaches `half` (a number or a vec3) from the origin on each side."""
+    """Bounds of what reaches `half` (a number or a vec3; a vec2 for flat shapes) from the origin on each side."""
     corner = expr(half)
     corner = expr((corner,) * 3) if corner.type is FLOAT else corner
     return -corner, corner

@@ -23,6 +23,9 @@ from raymarch.expr.types import FLOAT, MAT3, MAT4, VEC2, VEC3, VECTORS, Type
 from raymarch.expr.vocabulary import normalize
 from raymarch.expr.walk import find
 
+Kind: TypeAlias = type[Any]
+"""A Python type; under a name of its own, because a Domain's `type` is a GLSL type."""
+
 
 @dataclass(frozen=True, slots=True)
 class Domain:
@@ -36,6 +39,7 @@ class Domain:
     direction : a vector that must not be zero and arrives normalised.
     stretch : a single number stands for a vector of equal components.
     holds : for a static value, the Python type that it has; it must be hashable.
+    points : for a static sequence of points, how many numbers each has; it arrives as a tuple of tuples.
     """
 
     type: Type | None
@@ -45,11 +49,14 @@ class Domain:
     unit: str = ""
     direction: bool = False
     stretch: bool = False
-    holds: type = int
+    holds: Kind = int
+    points: int = 0
 
     @property
     def legal(self) -> str:
         """The legal range in words."""
+        if self.points:
+            return f"two points or more, each {self.points} finite numbers"
         if self.holds is not int:
             return f"a {self.holds.__name__}"
         kind = "an integer" if self.type is None else "a number" if self.type is FLOAT else f"{self.type.size} numbers"
@@ -82,6 +89,8 @@ class Domain:
         return normalize(given) if self.direction else given
 
     def _accept_static(self, node: str, name: str, value: Any) -> Any:
+        if self.points:
+            return self._accept_points(node, name, value)
         if self.holds is not int:
             if not isinstance(value, self.holds):
                 raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
@@ -91,6 +100,15 @@ class Domain:
         if not self.low <= value <= self.high:
             raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
         return int(value)
+
+    def _accept_points(self, node: str, name: str, value: Any) -> tuple[tuple[float, ...], ...]:
+        try:
+            array = np.asarray(value, np.float64)
+        except (TypeError, ValueError, SceneError):
+            array = np.empty(0)
+        if array.ndim != 2 or array.shape[1] != self.points or len(array) < 2 or not np.all(np.isfinite(array)):
+            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
+        return tuple(tuple(map(float, point)) for point in array)
 
     def _check(self, node: str, name: str, value: Any, given: Expr) -> None:
         low, high = interval_of(given)
@@ -128,6 +146,9 @@ Direction = Annotated[Any, Domain(VEC3, direction=True)]
 Matrix3 = Annotated[Any, Domain(MAT3)]
 Matrix4 = Annotated[Any, Domain(MAT4)]
 Data = Annotated[Any, Domain(None, holds=Samples)]
+Word = Annotated[str, Domain(None, holds=str)]
+Points2 = Annotated[Any, Domain(None, holds=tuple, points=2, unit="length")]
+Points3 = Annotated[Any, Domain(None, holds=tuple, points=3, unit="length")]
 Count = Annotated[int, Domain(None, low=1, high=65535, unit="count")]
 Whole = Annotated[int, Domain(None, unit="integer")]
 

@@ -24,6 +24,9 @@ class Facts:
     lower, upper : corners of an axis-aligned box that holds the solid, each of shape (dimension,); infinite
         where it has no end.
     symmetry : axes among "xyz" along which the field is its own mirror image about the origin.
+    spread : a point whose distance is m > 0 lies in the box grown by `spread` times m on each side. 1 if exact; a
+        bound may rise more slowly, so that what moves its surface outwards moves it farther.
+    convex : True if the solid is known to be convex.
     """
 
     exactness: Exactness
@@ -32,6 +35,8 @@ class Facts:
     upper: NDArray[np.float64]
     symmetry: str = ""
     divisor: float = 1.0
+    spread: float = float("inf")
+    convex: bool = False
 
     @property
     def bounded(self) -> bool:

@@ -39,9 +39,11 @@ class Lowering:
     Attributes
     ----------
     origins : the user's line for each expression that a node became.
+    shapes : the expressions that shapes became, each once, those inside of functions too.
     """
 
     origins: dict[Expr, Location] = field(default_factory=dict)
+    shapes: set[Expr] = field(default_factory=set)
     _sites: dict[Node, int] = field(default_factory=dict)
     _done: dict[Request, Expr] = field(default_factory=dict)
     _functions: dict[Node, Function] = field(default_factory=dict)
@@ -106,6 +108,7 @@ class Lowering:
         params = [v for v in node.params.values() if isinstance(v, Expr)]
         if not children:
             value = template(point, *params)
+            self.shapes.add(value)
         else:
             new = dict(zip(template.params, (point, *params), strict=True))
             for part in topological([template.body]):

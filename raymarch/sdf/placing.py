@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raymarch.errors import SceneError
-from raymarch.expr.node import Expr, expr
+from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import columns, cos, dot, max, min, sin, transpose, vec3
+from raymarch.expr.vocabulary import abs, columns, cos, dot, max, min, sin, transpose, vec2, vec3
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector
 from raymarch.sdf.facts import Exactness, Facts
@@ -21,26 +21,47 @@ from raymarch.sdf.registry import method
 AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
-def axis_vector(name: str, axis: Vector | str) -> Vector:
-    """The direction that "x", "y", "z" or a vec3 stands for."""
+def axis_vector(name: str, axis: Vector | str, dimension: int = 3) -> Vector:
+    """The direction that "x", "y", "z" or a vector stands for."""
     if not isinstance(axis, str):
         return axis
-    if axis not in AXES:
-        raise SceneError(f"{name}: axis = {axis!r}", legal="'x', 'y', 'z' or 3 numbers, not all zero")
-    return AXES[axis]
+    known = [*AXES][:dimension]
+    if axis not in known:
+        legal = f"{', '.join(map(repr, known))} or {dimension} numbers, not all zero"
+        raise SceneError(f"{name}: axis = {axis!r}", legal=legal)
+    return AXES[axis][:dimension]
 
 
 def _unmoved(child: Facts, offset: Expr) -> str:
-    still = [axis for axis, o in zip("xyz", offset, strict=True) if o.is_constant and not o.data]
+    still = [axis for axis, o in zip("xyz", offset, strict=False) if o.is_constant and not o.data]
     return "".join(axis for axis in still if axis in child.symmetry)
 
 
+def _axes(dimension: int) -> list[Expr]:
+    return [const(row) for row in np.eye(dimension)]
+
+
+def _spread_through(matrix: Expr) -> Expr:
+    """By how much, along an axis, a cube about the origin grows when a matrix is applied to it."""
+    first, *others = [abs(matrix @ axis) for axis in _axes(matrix.type.size)]
+    for reach in others:
+        first = first + reach
+    return max(*first)
+
+
 @method
-@operator(exactness="exact", bounds=lambda child, offset: child.box + offset, symmetry=_unmoved)
+@operator(
+    exactness="exact",
+    bounds=lambda child, offset: child.box + offset,
+    symmetry=_unmoved,
+    spread=lambda child, offset: child.spread,
+    convex=True,
+    dimension="any",
+)
 def translate(p: Expr, child: Child, offset: Vec3) -> Expr:
     """Moved.
 
-    offset : vec3, length.
+    offset : vec3 (vec2 for a flat shape), length.
     """
     return child(p - offset)
 
@@ -57,38 +78,82 @@ def rotation_matrix(axis: Expr, angle: Expr) -> Expr:
     )
 
 
-@operator(exactness="exact", bounds=lambda child, axis, angle: rotation_matrix(axis, angle) @ child.box)
+@operator(
+    exactness="exact",
+    bounds=lambda child, axis, angle: rotation_matrix(axis, angle) @ child.box,
+    spread=lambda child, axis, angle: child.spread * _spread_through(rotation_matrix(axis, angle)),
+    convex=True,
+)
 def rotate_about(p: Expr, child: Child, axis: Direction, angle: Angle) -> Expr:
     """Turned about an axis through the origin."""
     return child(transpose(rotation_matrix(axis, angle)) @ p)
 
 
+def _turning(angle: Expr) -> Expr:
+    c, s = cos(angle), sin(angle)
+    return columns(vec2(c, s), vec2(-s, c))
+
+
+@operator(
+    exactness="exact",
+    bounds=lambda child, angle: _turning(angle) @ child.box,
+    spread=lambda child, angle: child.spread * _spread_through(_turning(angle)),
+    convex=True,
+    dimension=2,
+)
+def turn(p: Expr, child: Child, angle: Angle) -> Expr:
+    """A flat shape turned about the origin, counter-clockwise."""
+    c, s = cos(angle), sin(angle)
+    return child(vec2(c * p.x + s * p.y, c * p.y - s * p.x))
+
+
 @method
-def rotate(node: Node, angle: Scalar, axis: Vector | str = "y") -> Node:
+def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     """Turned about an axis through the origin, counter-clockwise seen from the axis' tip.
 
-    angle : radians. axis : "x", "y", "z" or a direction of any length but 0.
+    angle : radians. axis : "x", "y", "z" or a direction of any length but 0; None is "y". A flat shape turns in its
+        plane, counter-clockwise, and takes no axis.
     """
-    return rotate_about(node, axis_vector("rotate", axis), angle)
+    if isinstance(node, Node) and node.dimension == 2:
+        if axis not in (None, "y", "z"):
+            raise SceneError(f"rotate: axis = {axis!r} for a flat shape", legal="the angle alone")
+        return turn(node, angle)
+    return rotate_about(node, axis_vector("rotate", "y" if axis is None else axis), angle)
 
 
-@operator(exactness="exact", bounds=lambda child, factor: child.box * factor, symmetry="keep")
+@operator(
+    exactness="exact",
+    bounds=lambda child, factor: child.box * factor,
+    symmetry="keep",
+    spread=lambda child, factor: child.spread,
+    convex=True,
+    dimension="any",
+)
 def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
     """Enlarged by one factor; distances grow with it, so they stay exact."""
     return factor * child(p / factor)
 
 
-@operator(bounds=lambda child, factors: child.box * factors, symmetry="keep")
+@operator(
+    bounds=lambda child, factors: child.box * factors,
+    symmetry="keep",
+    spread=lambda child, factors: child.spread * max(*factors) / min(*factors),
+    convex=True,
+    dimension="any",
+)
 def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
     """Enlarged along each axis by its own factor; the smallest one scales distances, which gives a bound."""
-    return min(factors.x, min(factors.y, factors.z)) * child(p / factors)
+    *others, smallest = factors
+    for factor in reversed(others):
+        smallest = min(factor, smallest)
+    return smallest * child(p / factors)
 
 
 @method
 def scale(node: Node, factor: Scalar | Vector) -> Node:
     """Enlarged about the origin.
 
-    factor : one number > 0, which keeps exactness, or three, which leave a bound.
+    factor : one number > 0, which keeps exactness, or one for each axis, which leave a bound.
     """
     value = expr(factor)
     if value.type is FLOAT:
@@ -101,6 +166,8 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
 @operator(
     exactness=lambda child, linear, inverse, offset, stretch: "exact" if _is_rigid(linear) else "bound",
     bounds=lambda child, linear, inverse, offset, stretch: linear @ child.box + offset,
+    spread=lambda child, linear, inverse, offset, stretch: child.spread * _spread_through(linear) / stretch,
+    convex=True,
 )
 def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec3, stretch: Positive) -> Expr:
     """Placed by x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
@@ -141,27 +208,40 @@ def transform(node: Node, matrix: ArrayLike) -> Node:
 
 
 def _exact_if_one_sided(child: Facts, normal: Expr) -> Exactness:
-    """A part that reaches over the mirror is cut off, and distances to what was cut are too small."""
+    """A part that reaches over the mirror is cut off, and distances to what was cut are too small. A part that
+    touches the mirror grows together with its image, and what was its surface there is inside."""
     if not normal.is_constant:
         return "bound"
     n = np.asarray(normal.data)
     with np.errstate(invalid="ignore"):
         nearest = np.where(n == 0, 0.0, np.where(n > 0, n * child.lower, n * child.upper)).sum()
-    return "exact" if nearest >= 0 else "bound"
+    return "exact" if nearest > 0 else "bound"
+
+
+def _reflection(normal: Expr) -> Expr:
+    """The matrix of the reflection in the plane through the origin."""
+    return columns(*[axis - 2.0 * n * normal for axis, n in zip(_axes(len(normal)), normal, strict=True)])
 
 
 def _mirrored_bounds(child: ChildFacts, normal: Expr) -> tuple[Expr, Expr]:
     """The box and its reflection."""
-    image = child.box - 2.0 * normal * dot(normal, child.box)
+    image = _reflection(normal) @ child.box
     return min(child.lower, image), max(child.upper, image)
 
 
 def _mirrored_symmetry(child: Facts, normal: Expr) -> str:
-    along = [a for a, v in AXES.items() if normal.is_constant and np.array_equal(np.abs(normal.data), v)]
+    n = len(normal)
+    along = [a for a, v in AXES.items() if normal.is_constant and np.array_equal(np.abs(normal.data), v[:n])]
     return "".join(sorted({*child.symmetry, *along})) if along else ""
 
 
-@operator(exactness=_exact_if_one_sided, bounds=_mirrored_bounds, symmetry=_mirrored_symmetry)
+@operator(
+    exactness=_exact_if_one_sided,
+    bounds=_mirrored_bounds,
+    symmetry=_mirrored_symmetry,
+    spread=lambda child, normal: child.spread * _spread_through(_reflection(normal)),
+    dimension="any",
+)
 def mirror_across(p: Expr, child: Child, normal: Direction) -> Expr:
     """Points behind the plane through the origin are asked at their reflection."""
     return child(p - 2.0 * min(dot(p, normal), 0.0) * normal)
@@ -171,12 +251,19 @@ def mirror_across(p: Expr, child: Child, normal: Direction) -> Expr:
 def mirror(node: Node, axis: Vector | str) -> Node:
     """What lies on the side that the axis points to, and its reflection in the plane through the origin.
 
-    axis : "x", "y", "z" or a normal of any length but 0.
+    axis : "x", "y", "z" or a normal of any length but 0; in the plane "x", "y" or a vec2.
     """
-    return mirror_across(node, axis_vector("mirror", axis))
+    return mirror_across(node, axis_vector("mirror", axis, node.dimension if isinstance(node, Node) else 3))
 
 
-@operator(exactness="exact", bounds=lambda child: child.box, symmetry="keep")
+@operator(
+    exactness="exact",
+    bounds=lambda child: child.box,
+    symmetry="keep",
+    spread=lambda child: child.spread,
+    convex=True,
+    dimension="any",
+)
 def labelled(p: Expr, child: Child) -> Expr:
     """The same field, with a label that materials are found by."""
     return child(p)

@@ -38,11 +38,19 @@ def _keep_if_centred(child: Facts, centre: Expr, **_: Any) -> str:
     return "".join(a for a, c in zip("xyz", centre.data, strict=True) if a in child.symmetry and c == 0.0)
 
 
-def _exact_if_complete(child: Facts, guard: int, **_: Any) -> Exactness:
-    return "bound" if guard else "exact"
+def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guard: int, **_: Any) -> Exactness:
+    """Copies that touch grow together, and what was their surface there is inside."""
+    repeated = np.array([n != 1 for n in (nx, ny, nz)])
+    touching = child.size >= interval_of(spacing)[0]
+    return "bound" if guard or np.any(repeated & touching) else "exact"
 
 
-@operator(exactness=_exact_if_complete, bounds=_bounds, symmetry=_keep_if_centred)
+def _spread(child: ChildFacts, guard: int, **_: Any) -> Any:
+    """Where the distance to the cells not asked is what counts, the field rises no more."""
+    return np.inf if guard else child.spread
+
+
+@operator(exactness=_exact_if_apart, bounds=_bounds, symmetry=_keep_if_centred, spread=_spread)
 def repeat_cells(
     p: Expr,
     child: Child,

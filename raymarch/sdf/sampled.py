@@ -209,14 +209,14 @@ def _some_hills() -> Samples:
 
 
 def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[Expr, Expr]:
-    reach = max(float(data.values.max()), 0.0) * height
-    return child.lower - reach, child.upper + reach
+    return child.grown(max(float(data.values.max()), 0.0) * height)
 
 
 @method
 @operator(
     bounds=_raised,
     lipschitz=lambda child, data, size, height: child.lipschitz + _carpet(data, size, height),
+    spread=lambda child, data, size, height: child.spread,
 )
 def displace_by_samples(
     p: Expr, child: Child, data: Data = _some_hills(), size: Size2 = (2.0, 2.0), height: NonNegative = 0.2
@@ -251,6 +251,7 @@ def displace_by_image(
         vec3(0.5 * size.x, height * float(np.max(data.values)), 0.5 * size.y),
     ),
     lipschitz=lambda data, size, height, base: _terrain(data, size, height),
+    spread=1.0,
 )
 def terrain(
     p: Expr,

@@ -15,7 +15,7 @@ from raymarch.sdf.domain import Direction, Length, Positive, Size3, Vec3
 _FAR = const(np.inf)
 
 
-@shape(exactness="exact", bounds=lambda radius: cube(radius), symmetry="xyz")
+@shape(exactness="exact", bounds=lambda radius: cube(radius), symmetry="xyz", convex=True)
 def sphere(p: Expr, radius: Positive = 1.0) -> Expr:
     """Ball about the origin.
 
@@ -24,7 +24,7 @@ def sphere(p: Expr, radius: Positive = 1.0) -> Expr:
     return length(p) - radius
 
 
-@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xyz")
+@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xyz", convex=True)
 def box(p: Expr, size: Size3 = (1.0, 1.0, 1.0)) -> Expr:
     """Box about the origin.
 
@@ -43,7 +43,7 @@ def _half_space_bounds(normal: Any, offset: Any) -> tuple[Expr, Expr]:
     return vec3(*lower), vec3(*upper)
 
 
-@shape(exactness="exact", bounds=_half_space_bounds)
+@shape(exactness="exact", bounds=_half_space_bounds, convex=True)
 def plane(p: Expr, normal: Direction = (0.0, 1.0, 0.0), offset: Length = 0.0) -> Expr:
     """Solid half-space dot(normal, p) <= offset.
 
@@ -75,7 +75,12 @@ def torus(p: Expr, major: Positive = 1.0, minor: Positive = 0.25) -> Expr:
     return length(vec2(length(p.xz) - major, p.y)) - minor
 
 
-@shape(exactness="exact", bounds=lambda radius, height: cube(vec3(radius, 0.5 * height, radius)), symmetry="xyz")
+@shape(
+    exactness="exact",
+    bounds=lambda radius, height: cube(vec3(radius, 0.5 * height, radius)),
+    symmetry="xyz",
+    convex=True,
+)
 def cylinder(p: Expr, radius: Positive = 1.0, height: Positive = 2.0) -> Expr:
     """Capped cylinder about the y axis, centred at the origin.
 
@@ -93,6 +98,7 @@ def _check_capsule(a: Any, b: Any, radius: Any) -> None:
 @shape(
     exactness="exact",
     bounds=lambda a, b, radius: (min(a, b) - radius, max(a, b) + radius),
+    convex=True,
     check=_check_capsule,
 )
 def capsule(p: Expr, a: Vec3 = (0.0, -0.5, 0.0), b: Vec3 = (0.0, 0.5, 0.0), radius: Positive = 0.5) -> Expr:

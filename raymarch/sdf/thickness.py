@@ -5,28 +5,44 @@ from __future__ import annotations
 from raymarch.expr.node import Expr
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import NonNegative, Positive
+from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.registry import method
 
 
+def _exact_if_convex(child: Facts, radius: Expr) -> Exactness:
+    """What grows about a hollow may close it or meet itself, and what was its surface there is inside."""
+    return "exact" if child.convex else "bound"
+
+
 @method
-@operator(exactness="exact", bounds=lambda child, radius: (child.lower - radius, child.upper + radius), symmetry="keep")
+@operator(
+    exactness=_exact_if_convex,
+    bounds=lambda child, radius: child.grown(radius),
+    symmetry="keep",
+    spread=lambda child, radius: child.spread,
+    convex=lambda child, radius: child.convex and child.exactness == "exact",
+    dimension="any",
+)
 def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
     """Grown by a radius on all sides; convex edges become round.
 
-    radius : length, >= 0. Exact on an exact child; on a bound the surface moves by the radius at most.
+    radius : length, >= 0. Exact on an exact, convex child; on a bound the surface moves by the radius at least.
     """
     return child(p) - radius
 
 
 @method
 @operator(
-    exactness="exact",
-    bounds=lambda child, thickness: (child.lower - 0.5 * thickness, child.upper + 0.5 * thickness),
+    bounds=lambda child, thickness: child.grown(0.5 * thickness),
     symmetry="keep",
+    spread=lambda child, thickness: child.spread,
+    dimension="any",
 )
 def shell(p: Expr, child: Child, thickness: Positive) -> Expr:
     """Only a skin about the surface, half of it outside.
 
     thickness : full thickness, a length > 0.
+
+    A bound: within the skin along an edge, the nearest surface lies off the edge's normals.
     """
     return abs(child(p)) - 0.5 * thickness

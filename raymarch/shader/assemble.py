@@ -106,11 +106,11 @@ def assemble(plan: Plan) -> Shader:
         generated.append(_scene_box(plan))
     if shade is not None:
         generated.append(shade)
-        values.add("sky_color", plan.scene.sky.color)
+        values.add("sky_color", plan.scene.sky.color, plan.scene.where)
         if plan.scene.fog is not None:
-            values.add("fog_color", plan.scene.fog.color)
-            values.add("fog_density", plan.scene.fog.density)
-    taken = {name for chunk in [*modules, *mains, *generated] for name in chunk.gives}
+            values.add("fog_color", plan.scene.fog.color, plan.scene.where)
+            values.add("fog_density", plan.scene.fog.density, plan.scene.where)
+    taken = {"PASS"}.union(*(chunk.gives for chunk in [*modules, *mains, *generated]))
     fields, parameters, text = _fields(plan, values, taken)
     order = _in_order([*modules, fields, *generated])
     body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
@@ -191,22 +191,21 @@ def _constants(plan: Plan) -> Chunk:
 def _scene_box(plan: Plan) -> Chunk:
     """The part of a ray inside the scene's box, padded so that rounding cannot cut the surface off."""
     facts = plan.scene.node.facts
-    steps = []
+    steps, needs = [], {"Ray"}
     for i, axis in enumerate("xyz"):
         ends = [float(facts.lower[i]), float(facts.upper[i])]
         largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
         pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's own coordinates
         at = f"ray.origin.{axis}, ray.direction.{axis}"
         low, high = (literal(e + d) if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
-        if low is not None and high is not None:
-            steps.append(f"    range = slab(range, {at}, {low}, {high});")
-        elif high is not None:
-            steps.append(f"    range = below(range, {at}, {high});")
-        elif low is not None:
-            steps.append(f"    range = above(range, {at}, {low});")
+        planes = ", ".join(end for end in (low, high) if end is not None)
+        if planes:
+            clip = "above" if high is None else "below" if low is None else "slab"
+            steps.append(f"    range = {clip}(range, {at}, {planes});")
+            needs.add(clip)
     text = ["vec2 scene_box(Ray ray, vec2 range) {", *steps, "    return range;", "}"]
     lines = tuple(Mapped(line, "the scene's bounds", plan.scene.node.where) for line in text)
-    return Chunk("scene box", frozenset({"Ray", *(["slab"] if steps else [])}), frozenset({"scene_box"}), lines)
+    return Chunk("scene box", frozenset(needs), frozenset({"scene_box"}), lines)
 
 
 class _Values:
@@ -215,13 +214,13 @@ class _Values:
     def __init__(self) -> None:
         self.functions: list[Function] = []
 
-    def add(self, name: str, value: Expr) -> None:
-        self.functions.append(Function(name, (), value))
+    def add(self, name: str, value: Expr, where: Location | None) -> None:
+        self.functions.append(Function(name, (), value, where=where))
 
-    def text(self, name: str, value: Expr) -> str:
+    def text(self, name: str, value: Expr, where: Location | None) -> str:
         if value.is_constant:
             return constant(value)
-        self.add(name, value)
+        self.add(name, value, where)
         return f"{name}()"
 
 
@@ -251,13 +250,13 @@ def _shade(plan: Plan, values: _Values) -> Chunk:
 
 
 def _light_call(i: int, light: Light, values: _Values) -> tuple[str, set[str]]:
-    radiance = values.text(f"light_{i}_radiance", light.radiance)
+    radiance = values.text(f"light_{i}_radiance", light.radiance, light.where)
     if isinstance(light, Sun):
-        kind, place = "sun", values.text(f"light_{i}_direction", light.direction)
+        kind, place = "sun", values.text(f"light_{i}_direction", light.direction, light.where)
         before = "material, normal, -ray.direction"
     else:
         assert isinstance(light, PointLight)
-        kind, place = "point", values.text(f"light_{i}_position", light.position)
+        kind, place = "point", values.text(f"light_{i}_position", light.position, light.where)
         before = "material, p, normal, -ray.direction"
     used = {f"{kind}_light"}
     visibility = "1.0"
@@ -295,11 +294,13 @@ class _Places:
 
     def __init__(self, plan: Plan) -> None:
         self.origins: Mapping[Expr, Location] = plan.origins
+        self._scene = plan.scene.where
         self._slopes = {  # a gradient asks the companions of what the field asks, with the same arguments
             (e.data.derived.get(("companion", 0)), e.args): where for e, where in plan.origins.items() if e.op == "call"
         }
         self._first_use: dict[Location | None, Location | None] = {}
-        for node in all_nodes(plan.scene.node):
+        placed = [node for node in all_nodes(plan.scene.node) if node.where is not None]
+        for node in sorted(placed, key=lambda node: (node.where.file, node.where.line)):  # type: ignore[union-attr]
             definition = node.definition
             if definition.where not in self._first_use:
                 self._first_use[definition.where] = node.where
@@ -316,7 +317,7 @@ class _Places:
         where = owner.where if isinstance(owner, Function) else None
         if where in self._first_use:
             return self._first_use[where]
-        return where if where is not None and is_users(where.file) else None
+        return where if where is not None and is_users(where.file) else self._scene
 
 
 def _mapped(text: Text, places: _Places) -> list[Mapped]:

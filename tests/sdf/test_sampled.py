@@ -78,7 +78,9 @@ def test_outside_its_box_a_grid_never_exceeds_the_distance():
     points = points_in(6, 50_000)
     true = np.linalg.norm(points, axis=1) - 0.7
     cell = 2 / 39
-    assert np.max(np.abs(node.distance(points)) - np.abs(true)) <= cell  # the sampled ball lies within a cell of the true one
+    assert (
+        np.max(np.abs(node.distance(points)) - np.abs(true)) <= cell
+    )  # the sampled ball lies within a cell of the true one
     far = np.linalg.norm(points, axis=1) > 4
     # sqrt(e^2 + s^2) >= (e + s) / sqrt(2), and e + s is no less than the distance, up to a cell
     assert np.min(node.distance(points)[far] / (true[far] - cell)) > 1 / (np.sqrt(2) * node.facts.divisor)

@@ -2,8 +2,8 @@
 // The ray starts two epsilons off the surface and counts as blocked half an epsilon before a surface, so that
 // it does not meet the surface that it comes from; or at half of the field's value where it starts, if that is less,
 // because a bound may be flat there. A surface that faces away from the light needs no ray.
-// needs: field Ray epsilon max_steps scene_box u_far u_side
-// gives: shadow_ray sun_shadow point_shadow
+// needs: field Ray epsilon max_steps scene_box u_side
+// gives: shadow_ray
 float shadow_ray(vec3 p, vec3 normal, float t, vec3 direction, float far) {
     if (dot(normal, direction) <= 0.0) return 0.0;
     float offset = 2.0 * epsilon(p, t);
@@ -19,14 +19,4 @@ float shadow_ray(vec3 p, vec3 normal, float t, vec3 direction, float far) {
         s += r;
     }
     return 1.0;
-}
-
-float sun_shadow(vec3 p, vec3 normal, float t, vec3 direction) {
-    return shadow_ray(p, normal, t, direction, u_far);
-}
-
-float point_shadow(vec3 p, vec3 normal, float t, vec3 position) {
-    vec3 way = position - p;
-    float far = length(way);
-    return shadow_ray(p, normal, t, way / max(far, 1.1754944e-38), far);
 }

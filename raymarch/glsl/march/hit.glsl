@@ -1,5 +1,5 @@
 // What a ray found, and what it took.
-// needs: field Ray u_pixel epsilon
+// needs: field Ray u_pixel
 // gives: Hit u_side missed nearer settle
 uniform float u_side;  // -1 if the camera is inside a solid, else 1: the sign with which the field is marched
 

@@ -1,20 +1,6 @@
-// The part of a ray's range that lies between two parallel planes, or on one side of one.
-// needs:
-// gives: steep below above slab
-float steep(float direction) {
-    // keeps a ray that runs along the planes from dividing by 0
-    return abs(direction) < 1.0e-20 ? 1.0e-20 : direction;
-}
-
-vec2 below(vec2 range, float origin, float direction, float upper) {
-    float t = (upper - origin) / steep(direction);
-    return direction > 0.0 ? vec2(range.x, min(range.y, t)) : vec2(max(range.x, t), range.y);
-}
-
-vec2 above(vec2 range, float origin, float direction, float lower) {
-    return below(range, -origin, -direction, -lower);
-}
-
+// The part of a ray's range that lies between two planes across one axis.
+// needs: below above
+// gives: slab
 vec2 slab(vec2 range, float origin, float direction, float lower, float upper) {
     return above(below(range, origin, direction, upper), origin, direction, lower);
 }

@@ -1,0 +1,403 @@
+"""Flat shapes with straight edges, the disc, and strokes. Each is one short function of a vec2 in the xy plane.
+
+Where a shape has mirror lines, a point is folded into one of the sectors between them first: of a shape that is its
+own mirror image, the nearest point of the boundary lies in the point's own sector.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.function import function
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import VEC2
+from raymarch.expr.vocabulary import clamp, dot, length, max, min, sqrt, vec2, where
+from raymarch.sdf.definition import cube, shape
+from raymarch.sdf.domain import Domain, NonNegative, Points2, Positive, Size2, Vec2, require, shown
+from raymarch.sdf.facts import Exactness
+
+__all__ = [
+    "circle",
+    "cross",
+    "flat_triangle",
+    "polygon",
+    "polyline",
+    "rectangle",
+    "regular_polygon",
+    "rounded_rectangle",
+    "star",
+    "stroke",
+    "trapezoid",
+]
+
+Sides = Annotated[int, Domain(None, low=3, high=65535, unit="count")]
+Points = tuple[tuple[float, float], ...]
+
+
+@shape(exactness="exact", bounds=lambda radius: cube(vec2(radius)), symmetry="xy", dimension=2)
+def circle(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Disc about the origin.
+
+    radius : length, > 0. Exact.
+    """
+    return length(p) - radius
+
+
+@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", dimension=2)
+def rectangle(p: Expr, size: Size2 = (1.6, 1.0)) -> Expr:
+    """Rectangle about the origin.
+
+    size : full extents along x and y, each > 0; one number gives a square. Exact.
+    """
+    q = abs(p) - 0.5 * size
+    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0)
+
+
+def _check_rounded_rectangle(size: Any, radius: Any) -> None:
+    require(
+        2.0 * radius <= min(size.x, size.y),
+        f"rounded_rectangle: radius = {shown(radius)} for size = {shown(size)}",
+        "radius <= half the smaller extent",
+    )
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda size, radius: cube(0.5 * size),
+    symmetry="xy",
+    check=_check_rounded_rectangle,
+    dimension=2,
+)
+def rounded_rectangle(p: Expr, size: Size2 = (1.6, 1.0), radius: NonNegative = 0.2) -> Expr:
+    """Rectangle about the origin with rounded corners.
+
+    size : full extents along x and y, rounding included, each > 0; one number gives a square.
+    radius : of the corners, >= 0 and at most half the smaller extent.
+
+    All points within the radius of a smaller rectangle (Minkowski sum), so exact outside and inside.
+    """
+    q = abs(p) - 0.5 * size + radius
+    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0) - radius
+
+
+# Shapes given by their corners
+
+
+@function(p=VEC2, a=VEC2, b=VEC2)
+def segment_squared(p: Expr, a: Expr, b: Expr) -> Expr:
+    """Squared distance to the segment from a to b, which may be the same point."""
+    along, w = b - a, p - a
+    gap = w - along * clamp(dot(w, along) / max(dot(along, along), SMALLEST), 0.0, 1.0)
+    return dot(gap, gap)
+
+
+@function(p=VEC2, a=VEC2, b=VEC2)
+def crossing(p: Expr, a: Expr, b: Expr) -> Expr:
+    """-1 if the ray from p along +x crosses the edge from a to b, else 1. Edges that share a corner count it once."""
+    left = (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x)
+    rises = (a.y <= p.y) & (p.y < b.y) & (left > 0.0)
+    falls = (b.y <= p.y) & (p.y < a.y) & (left < 0.0)
+    return where(rises | falls, -1.0, 1.0)
+
+
+def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
+    """Signed distance to the region that a closed line encloses: the nearest edge, and the parity of crossings."""
+    edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
+    nearest, *others = [segment_squared(p, a, b) for a, b in edges]
+    side = crossing(p, *edges[0])
+    for (a, b), squared in zip(edges[1:], others, strict=True):
+        nearest, side = min(nearest, squared), side * crossing(p, a, b)
+    return side * sqrt(nearest)
+
+
+def mirrors(corners: NDArray[np.float64]) -> str:
+    """The axes along which a closed line is its own mirror image."""
+    found = ""
+    for axis, flip in zip("xy", ((-1.0, 1.0), (1.0, -1.0)), strict=True):
+        image = (corners * flip)[::-1]
+        if any(np.array_equal(np.roll(image, k, axis=0), corners) for k in range(len(corners))):
+            found += axis
+    return found
+
+
+def _turns(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
+    """1 where a, b, c turn left, -1 where right, 0 where they lie on one line."""
+    u, v = b - a, c - a
+    first, second = u[..., 0] * v[..., 1], u[..., 1] * v[..., 0]
+    rounding = 4 * np.finfo(np.float64).eps * (np.abs(first) + np.abs(second))
+    return np.where(np.abs(first - second) <= rounding, 0, np.sign(first - second))
+
+
+def _between(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
+    """Whether c, on one line with a and b, lies between them."""
+    inside: NDArray[Any] = np.all((np.minimum(a, b) <= c) & (c <= np.maximum(a, b)), axis=-1)
+    return inside
+
+
+def _check_polygon(points: Points) -> None:
+    """No edge may meet another but the next one in their common corner."""
+    corners = np.array(points)
+    n = len(corners)
+    if n < 3:
+        raise SceneError(f"polygon of {n} points", legal="three points or more")
+    following = np.roll(corners, -1, axis=0)
+    for i in range(n):
+        if np.array_equal(corners[i], following[i]):
+            raise SceneError(f"polygon: point {i} = {points[i]} is given twice in a row", legal="each corner once")
+    for i in range(n):
+        j = (i + 1) % n
+        back = _turns(corners[i], corners[j], following[j]) == 0 and np.dot(
+            corners[j] - corners[i], following[j] - corners[j]
+        )
+        if back < 0:
+            raise SceneError(f"polygon: it turns back on itself at point {j} = {points[j]}", legal="a simple polygon")
+        others = np.array([k for k in range(i + 2, n) if (k + 1) % n != i], dtype=int)
+        met = others[_meet(corners[i], following[i], corners[others], following[others])]
+        if len(met):
+            raise SceneError(
+                f"polygon: the edge from point {i} = {points[i]} meets the edge from point {met[0]} = {points[met[0]]}",
+                legal="a simple polygon, one whose edges meet in its corners only",
+            )
+
+
+def _meet(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) -> NDArray[Any]:
+    """Whether the segment from a to b has a point in common with those from c to d."""
+    abc, abd, cda, cdb = _turns(a, b, c), _turns(a, b, d), _turns(c, d, a), _turns(c, d, b)
+    across = (abc * abd < 0) & (cda * cdb < 0)
+    touch = (abc == 0) & _between(a, b, c) | (abd == 0) & _between(a, b, d)
+    touch |= (cda == 0) & _between(c, d, a) | (cdb == 0) & _between(c, d, b)
+    met: NDArray[Any] = across | touch
+    return met
+
+
+def _corners_box(points: Points) -> tuple[Expr, Expr]:
+    corners = np.array(points)
+    return expr(corners.min(axis=0)), expr(corners.max(axis=0))
+
+
+@shape(
+    exactness="exact",
+    bounds=_corners_box,
+    symmetry=lambda points: mirrors(np.array(points)),
+    check=_check_polygon,
+    dimension=2,
+)
+def polygon(p: Expr, points: Points2 = ((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (0.1, 0.0), (-0.6, 0.8))) -> Expr:
+    """The region inside a closed line of straight edges.
+
+    points : its corners in order, either way round, three or more, each (x, y); the last is joined to the first.
+        Numbers, which become part of the shader. Edges may meet in their corners only.
+
+    Exact: the distance to the nearest edge, inside by the parity of crossings of a ray (Jordan's curve theorem). The
+    cost grows with the number of corners.
+    """
+    return enclosed(p, points)
+
+
+def _triangle_symmetry(a: Expr, b: Expr, c: Expr) -> str:
+    fixed = a.is_constant and b.is_constant and c.is_constant
+    return mirrors(np.array([a.data, b.data, c.data])) if fixed else ""
+
+
+def _check_triangle(a: Any, b: Any, c: Any) -> None:
+    if a.is_constant and b.is_constant and c.is_constant and _turns(a.data, b.data, c.data) == 0:
+        raise SceneError(
+            f"flat_triangle: {shown(a)}, {shown(b)}, {shown(c)} lie on one line", legal="three corners with an area"
+        )
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda a, b, c: (min(a, b, c), max(a, b, c)),
+    symmetry=_triangle_symmetry,
+    check=_check_triangle,
+    dimension=2,
+)
+def flat_triangle(p: Expr, a: Vec2 = (-0.8, -0.6), b: Vec2 = (0.9, -0.4), c: Vec2 = (0.1, 0.8)) -> Expr:
+    """Triangle.
+
+    a, b, c : its corners in any order, not on one line. Exact, as `polygon` is.
+    """
+    return enclosed(p, [a, b, c])
+
+
+def _check_trapezoid(bottom: Any, top: Any, height: Any) -> None:
+    require(bottom + top > 0.0, f"trapezoid: bottom = {shown(bottom)}, top = {shown(top)}", "at least one of them > 0")
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda bottom, top, height: cube(vec2(0.5 * max(bottom, top), 0.5 * height)),
+    symmetry=lambda bottom, top, height: "xy" if bottom is top else "x",
+    check=_check_trapezoid,
+    dimension=2,
+)
+def trapezoid(p: Expr, bottom: NonNegative = 1.8, top: NonNegative = 0.8, height: Positive = 1.2) -> Expr:
+    """Trapezoid about the origin, mirrored by the y axis.
+
+    bottom, top : lengths of its level edges, >= 0, not both 0; a 0 makes a triangle. height : > 0.
+
+    Exact: the nearest of the level edges and one slanted edge.
+    """
+    q = vec2(abs(p.x), p.y)
+    low, high = vec2(0.5 * bottom, -0.5 * height), vec2(0.5 * top, 0.5 * height)
+    level = vec2(max(q.x - where(q.y < 0.0, low.x, high.x), 0.0), abs(q.y) - high.y)
+    along, w = high - low, q - low
+    inside = (level.y < 0.0) & (along.x * w.y - along.y * w.x > 0.0)
+    return where(inside, -1.0, 1.0) * sqrt(min(dot(level, level), segment_squared(q, low, high)))
+
+
+# Shapes with many mirror lines
+
+
+def fold(p: Expr, n: int) -> Expr:
+    """A point mirrored into the sector between the y axis and the line at pi/n from it, towards +x.
+
+    The mirror lines of a regular n-gon are the walls of 2n such sectors. Each reflection halves the number of
+    those in which the point may be, rounded up: log2(n) of them in place of trigonometry.
+    """
+    q, sectors = vec2(abs(p.x), p.y), n
+    while sectors > 1:
+        sectors = (sectors + 1) // 2
+        angle = math.pi * sectors / n
+        beyond = (0.0 if 2 * sectors == n else math.cos(angle), -math.sin(angle))
+        q = q - 2.0 * max(dot(q, beyond), 0.0) * expr(beyond)
+    return q
+
+
+def _reach(n: int, shift: float = 0.0) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The box of n points on the unit circle, the first at an angle of `shift` steps from the y axis."""
+    angles = 2 * np.pi * (np.arange(n) + shift) / n
+    ends = [np.where(np.abs(f) < 1e-15, 0.0, f) for f in (np.sin(angles), np.cos(angles))]
+    (x0, x1), (y0, y1) = [(float(f.min()), float(f.max())) for f in ends]
+    return (x0, y0), (x1, y1)
+
+
+def _regular_bounds(sides: int, radius: Any) -> tuple[Expr, Expr]:
+    low, high = _reach(sides)
+    return radius * expr(low), radius * expr(high)
+
+
+@shape(
+    exactness="exact",
+    bounds=_regular_bounds,
+    symmetry=lambda sides, radius: "x" if sides % 2 else "xy",
+    dimension=2,
+)
+def regular_polygon(p: Expr, sides: Sides = 6, radius: Positive = 1.0) -> Expr:
+    """Polygon of n equal sides about the origin, one corner up.
+
+    sides : their number, an integer >= 3. radius : from the centre to a corner, > 0.
+
+    Exact: folded along its mirror lines until one half of an edge is left.
+    """
+    half = math.pi / sides
+    q = fold(p, sides)
+    over = dot(q, (math.sin(half), math.cos(half))) - radius * math.cos(half)
+    beside = dot(q, (-math.cos(half), math.sin(half))) - radius * math.sin(half)
+    return length(max(vec2(over, beside), 0.0)) + min(over, 0.0)
+
+
+def _star_bounds(points: int, outer: Any, inner: Any) -> tuple[Expr, Expr]:
+    (tips, hollows) = _reach(points), _reach(points, 0.5)
+    return (
+        min(outer * expr(tips[0]), inner * expr(hollows[0])),
+        max(outer * expr(tips[1]), inner * expr(hollows[1])),
+    )
+
+
+def _check_star(points: int, outer: Any, inner: Any) -> None:
+    require(inner < outer, f"star: inner = {shown(inner)}, outer = {shown(outer)}", "inner < outer")
+
+
+@shape(
+    exactness="exact",
+    bounds=_star_bounds,
+    symmetry=lambda points, outer, inner: "x" if points % 2 else "xy",
+    check=_check_star,
+    dimension=2,
+)
+def star(p: Expr, points: Sides = 5, outer: Positive = 1.0, inner: Positive = 0.45) -> Expr:
+    """Star about the origin, one tip up.
+
+    points : number of tips, an integer >= 3. outer, inner : radii of tips and hollows, 0 < inner < outer.
+
+    Exact: folded along its mirror lines until one edge is left.
+    """
+    q = fold(p, points)
+    tip, hollow = vec2(0.0, outer), inner * expr((math.sin(math.pi / points), math.cos(math.pi / points)))
+    along, w = hollow - tip, q - tip
+    gap = w - along * clamp(dot(w, along) / dot(along, along), 0.0, 1.0)
+    return where(along.x * w.y - along.y * w.x < 0.0, -1.0, 1.0) * length(gap)
+
+
+def _check_cross(size: Any, thickness: Any) -> None:
+    require(thickness < size, f"cross: thickness = {shown(thickness)}, size = {shown(size)}", "thickness < size")
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda size, thickness: cube(vec2(0.5 * size)),
+    symmetry="xy",
+    check=_check_cross,
+    dimension=2,
+)
+def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
+    """Two equal bars that cross at the origin, along x and y: a plus.
+
+    size : full length of the bars, > 0. thickness : full width of the bars, > 0 and below `size`.
+
+    Exact. Folded into the octant below y = x, where a bar's end, its side and the corner between the bars remain.
+    """
+    q = vec2(max(abs(p.x), abs(p.y)), min(abs(p.x), abs(p.y)))
+    over = q - 0.5 * vec2(size, thickness)
+    side = length(vec2(max(0.5 * thickness - q.x, 0.0), over.y))
+    return where(max(over.x, over.y) < 0.0, -min(-over.x, side), length(max(over, 0.0)))
+
+
+# Strokes
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda a, b, thickness: (min(a, b) - 0.5 * thickness, max(a, b) + 0.5 * thickness),
+    dimension=2,
+)
+def stroke(p: Expr, a: Vec2 = (-0.7, -0.4), b: Vec2 = (0.7, 0.5), thickness: Positive = 0.3) -> Expr:
+    """A line from a to b with round ends.
+
+    a, b : its ends; the same point twice gives a disc. thickness : full width, > 0. Exact.
+    """
+    return sqrt(segment_squared(p, a, b)) - 0.5 * thickness
+
+
+def _line_box(points: Points, thickness: Any) -> tuple[Expr, Expr]:
+    lower, upper = _corners_box(points)
+    return lower - 0.5 * thickness, upper + 0.5 * thickness
+
+
+def _exact_if_straight(points: Points, thickness: Any) -> Exactness:
+    return "exact" if len(points) == 2 else "bound"
+
+
+@shape(exactness=_exact_if_straight, bounds=_line_box, dimension=2)
+def polyline(
+    p: Expr, points: Points2 = ((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4)), thickness: Positive = 0.2
+) -> Expr:
+    """A line through some points with round ends and joints.
+
+    points : two or more, each (x, y); numbers, which become part of the shader. thickness : full width, > 0.
+
+    Exact outside. Inside a bound: on the inner side of a bend the corner of the outline is farther than the field says.
+    """
+    nearest, *others = [segment_squared(p, a, b) for a, b in zip(points[:-1], points[1:], strict=True)]
+    for squared in others:
+        nearest = min(nearest, squared)
+    return sqrt(nearest) - 0.5 * thickness

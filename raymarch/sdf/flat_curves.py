@@ -1,0 +1,351 @@
+"""Flat shapes with curved edges. Each is one short function of a vec2 in the xy plane.
+
+Most are made of circular arcs: the plane falls into regions whose nearest arc or corner is known, and the normals
+at the ends of the arcs are the borders of these regions.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.function import function, loop
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.node import Expr
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import (
+    abs,
+    clamp,
+    cos,
+    dot,
+    length,
+    max,
+    min,
+    normalize,
+    sin,
+    sqrt,
+    square,
+    vec2,
+    where,
+)
+from raymarch.sdf.definition import cube, shape
+from raymarch.sdf.domain import Positive, Size2, Turn, Vec2, require, shown
+from raymarch.sdf.facts import Exactness
+
+__all__ = ["arc", "bezier", "egg", "ellipse", "flat_vesica", "heart", "moon", "pie", "ring"]
+
+
+def _holds(condition: Expr) -> bool:
+    """Whether a condition on parameters holds over the whole of their ranges."""
+    return bool(interval_of(condition)[0])
+
+
+def _check_ring(radius: Any, thickness: Any) -> None:
+    require(
+        thickness <= 2.0 * radius,
+        f"ring: thickness = {shown(thickness)}, radius = {shown(radius)}",
+        "thickness <= twice the radius",
+    )
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda radius, thickness: cube(vec2(radius + 0.5 * thickness)),
+    symmetry="xy",
+    check=_check_ring,
+    dimension=2,
+)
+def ring(p: Expr, radius: Positive = 0.8, thickness: Positive = 0.3) -> Expr:
+    """The region between two circles about the origin.
+
+    radius : of the circle in the middle between them, > 0. thickness : full width, > 0 and at most twice the radius.
+    Exact.
+    """
+    return abs(length(p) - radius) - 0.5 * thickness
+
+
+def _arc_bounds(radius: Any, angle: Any, thickness: Any) -> tuple[Expr, Expr]:
+    half = min(0.5 * angle, math.pi)
+    wide = radius * where(half < 0.5 * math.pi, sin(half), 1.0) + 0.5 * thickness
+    return vec2(-wide, radius * cos(half) - 0.5 * thickness), vec2(wide, radius + 0.5 * thickness)
+
+
+def _check_arc(radius: Any, angle: Any, thickness: Any) -> None:
+    require(
+        thickness <= 2.0 * radius,
+        f"arc: thickness = {shown(thickness)}, radius = {shown(radius)}",
+        "thickness <= twice the radius",
+    )
+
+
+def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
+    """Where the round ends overlap, a point between them is deeper inside than the nearer end alone tells."""
+    apart = (angle <= math.pi) | (2.0 * radius * sin(0.5 * angle) >= thickness) | (angle >= 2.0 * math.pi)
+    return "exact" if _holds(apart) else "bound"
+
+
+@shape(exactness=_exact_if_open, bounds=_arc_bounds, symmetry="x", check=_check_arc, dimension=2)
+def arc(p: Expr, radius: Positive = 0.8, angle: Turn = 4.0, thickness: Positive = 0.3) -> Expr:
+    """A stroke along a circle about the origin, with round ends, open at the bottom.
+
+    radius : of the circle, > 0. angle : of the arc, half of it on either side of the y axis, in (0, 2 pi].
+    thickness : full width, > 0 and at most twice the radius.
+
+    Exact: the distance to the circle in front of the arc, else to its end. A bound inside if the two ends overlap.
+    """
+    q = vec2(abs(p.x), p.y)
+    end = vec2(sin(0.5 * angle), cos(0.5 * angle))
+    past = q.x * end.y - q.y * end.x > 0.0
+    return where(past, length(q - radius * end), abs(length(q) - radius)) - 0.5 * thickness
+
+
+def _pie_bounds(radius: Any, angle: Any) -> tuple[Expr, Expr]:
+    half = min(0.5 * angle, math.pi)
+    wide = radius * where(half < 0.5 * math.pi, sin(half), 1.0)
+    return vec2(-wide, radius * min(cos(half), 0.0)), vec2(wide, radius)
+
+
+def _exact_if_cut(radius: Expr, angle: Expr) -> Exactness:
+    """At the full turn the edges fall together and bound nothing."""
+    return "exact" if _holds(angle < 2.0 * math.pi) else "bound"
+
+
+@shape(exactness=_exact_if_cut, bounds=_pie_bounds, symmetry="x", dimension=2)
+def pie(p: Expr, radius: Positive = 1.0, angle: Turn = 2.0) -> Expr:
+    """Sector of a disc about the origin, about the +y axis.
+
+    radius : of the disc, > 0. angle : full opening of the sector, in (0, 2 pi].
+
+    Exact: inside what is nearer, the circle or a straight edge; beside the edge its distance, before the arc that of
+    the circle. A bound at the full turn, where the edge that remains is none.
+    """
+    q = vec2(abs(p.x), p.y)
+    edge = vec2(sin(0.5 * angle), cos(0.5 * angle))
+    aside = length(q - edge * clamp(dot(q, edge), 0.0, radius))
+    beyond = q.x * edge.y - q.y * edge.x > 0.0
+    return max(length(q) - radius, where(beyond, aside, -aside))
+
+
+_HEART_TOP = 0.75 + math.sqrt(0.125)
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda height: cube(vec2((0.25 + math.sqrt(0.125)) / _HEART_TOP, 0.5) * height),
+    symmetry="x",
+    dimension=2,
+)
+def heart(p: Expr, height: Positive = 1.6) -> Expr:
+    """A heart about the middle of its box, tip down: a square on its corner and a half disc on each upper side.
+
+    height : full height, > 0; the width is 1.094 times as much.
+
+    Exact. With the square's diagonal as unit, tip at 0: above the line x + y = 1 the nearest point lies on the arc
+    about (1/4, 3/4); below it on the straight side from the tip, or it is the notch at (0, 1).
+    """
+    unit = height / _HEART_TOP
+    q = vec2(abs(p.x), p.y + 0.5 * height) / unit
+    side = q - 0.5 * max(q.x + q.y, 0.0)
+    notch = vec2(q.x, q.y - 1.0)
+    straight = where(q.x < q.y, -1.0, 1.0) * sqrt(min(dot(side, side), dot(notch, notch)))
+    return unit * where(q.x + q.y > 1.0, length(q - vec2(0.25, 0.75)) - math.sqrt(0.125), straight)
+
+
+def _check_vesica(width: Any, height: Any) -> None:
+    require(width <= height, f"flat_vesica: width = {shown(width)}, height = {shown(height)}", "width <= height")
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda width, height: cube(0.5 * vec2(width, height)),
+    symmetry="xy",
+    check=_check_vesica,
+    dimension=2,
+)
+def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 1.8) -> Expr:
+    """A pointed lens about the origin, upright: what two equal discs share.
+
+    width, height : full extents, 0 < width <= height; equal ones give a disc.
+
+    Exact. With radius r = (w^2 + h^2) / 4w the arc's centre lies at (w/2 - r, 0) (a chord's sagitta); beyond the
+    arc's normal at the tip the tip is nearest.
+    """
+    q, tip = abs(p), vec2(0.0, 0.5 * height)
+    back = (height - width) * (height + width) / (4.0 * width)
+    at_tip = (q.y - tip.y) * back > q.x * tip.y
+    return where(at_tip, length(q - tip), length(q + vec2(back, 0.0)) - (back + 0.5 * width))
+
+
+@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", dimension=2)
+def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
+    """Ellipse about the origin.
+
+    size : full extents along x and y, each > 0.
+
+    Exact to rounding. The nearest point of an ellipse with half axes a >= b is (a^2 x / (t + a^2), b^2 y / (t + b^2))
+    for the largest root t of (a x / (t + a^2))^2 + (b y / (t + b^2))^2 = N^2 = 1 (Lagrange). 1/N is concave in t and
+    Newton's method on it climbs to the root from the left without overshooting. The normal n found so gives the
+    distance as p.n less the ellipse's support function |(a n_x, b n_y)|, which is stationary at the true n: an error
+    of the root enters by its square.
+    """
+    wide = size.x >= size.y
+    a, b = 0.5 * max(size.x, size.y), 0.5 * min(size.x, size.y)
+    x = where(wide, abs(p.x), abs(p.y))
+    y = max(where(wide, abs(p.y), abs(p.x)), 1e-15 * b)  # on the long axis the root runs into the pole
+    c = (a - b) * (a + b)
+
+    def climb(i: Expr, s: Expr) -> list[Expr]:
+        u, v = a * x / (s + c), b * y / s
+        squared = u * u + v * v
+        return [s + squared * (sqrt(squared) - 1.0) / (u * u / (s + c) + v * v / s)]
+
+    def arrived(i: Expr, s: Expr) -> Expr:
+        return square(a * x / (s + c)) + square(b * y / s) < 1.0 + 1e-6
+
+    (s,) = loop(24, [max(b * y, a * x - c)], climb, until=arrived)  # s = t + b^2
+    n = normalize(vec2(x / (s + c), y / s))
+    return dot(vec2(x, y), n) - length(vec2(a, b) * n)
+
+
+def _check_egg(width: Any, height: Any, tip: Any) -> None:
+    require(width <= height, f"egg: width = {shown(width)}, height = {shown(height)}", "width <= height")
+    require(2.0 * tip < width, f"egg: tip = {shown(tip)}, width = {shown(width)}", "tip < half the width")
+
+
+@shape(
+    exactness="exact",
+    bounds=lambda width, height, tip: cube(0.5 * vec2(width, height)),
+    symmetry="x",
+    check=_check_egg,
+    dimension=2,
+)
+def egg(p: Expr, width: Positive = 1.2, height: Positive = 1.6, tip: Positive = 0.3) -> Expr:
+    """An egg about the middle of its box, the narrow end up.
+
+    width, height : full extents, 0 < width <= height. tip : radius of the narrow end, > 0 and below half the width.
+
+    Exact. Four kinds of arcs that join smoothly: a half circle of radius R = width / 2 below, the tip's circle of
+    radius r about (0, h), and on each side an arc about (-c, 0) of radius R + c that touches both, for which
+    c^2 + h^2 = (R + c - r)^2.
+    """
+    radius = 0.5 * width
+    rise = height - radius - tip
+    back = (rise * rise - square(radius - tip)) / (2.0 * (radius - tip))
+    q = vec2(abs(p.x), p.y + 0.5 * height - radius)
+    at_tip = back * q.y > rise * (q.x + back)
+    side = length(vec2(q.x + back, q.y)) - (radius + back)
+    upper = where(at_tip, length(vec2(q.x, q.y - rise)) - tip, side)
+    return where(q.y < 0.0, length(q) - radius, upper)
+
+
+def _horn(radius: Any, bite: Any, offset: Any) -> tuple[Any, Any]:
+    """Where the two circles cross: x, and y >= 0."""
+    x = (radius * radius - bite * bite + offset * offset) / (2.0 * offset)
+    return x, sqrt(max((radius - x) * (radius + x), 0.0))
+
+
+def _moon_bounds(radius: Any, bite: Any, offset: Any) -> tuple[Expr, Expr]:
+    x, y = _horn(radius, bite, offset)
+    high = where(x < 0.0, min(y, radius), radius)
+    return vec2(-radius, -high), vec2(clamp(x, -radius, radius), high)
+
+
+def _check_moon(radius: Any, bite: Any, offset: Any) -> None:
+    require(
+        (offset < radius + bite) & (abs(radius - bite) < offset),
+        f"moon: radius = {shown(radius)}, bite = {shown(bite)}, offset = {shown(offset)}",
+        "circles that cross: |radius - bite| < offset < radius + bite",
+    )
+
+
+@shape(exactness="exact", bounds=_moon_bounds, symmetry="y", check=_check_moon, dimension=2)
+def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive = 0.6) -> Expr:
+    """A crescent: a disc about the origin from which another disc, aside on the +x axis, is taken.
+
+    radius : of the disc, > 0. bite : radius of what is taken away, > 0. offset : distance of the two centres; the
+    circles must cross, so it lies between the difference and the sum of the radii.
+
+    Exact. Between the normals of the two arcs at a horn the horn is nearest, elsewhere the hard difference.
+    """
+    x, y = _horn(radius, bite, offset)
+    q = vec2(p.x, abs(p.y))
+    at_horn = q.x * y - q.y * x > offset * max(y - q.y, 0.0)
+    apart = max(length(q) - radius, bite - length(q - vec2(offset, 0.0)))
+    return where(at_horn, length(q - vec2(x, y)), apart)
+
+
+# The quadratic Bézier curve
+
+
+def _extreme(a: Expr, b: Expr, c: Expr) -> Expr:
+    """The curve where its derivative along each axis is 0, or an end."""
+    bend = a - 2.0 * b + c
+    t = clamp((a - b) * bend / max(bend * bend, SMALLEST), 0.0, 1.0)
+    return a + 2.0 * t * (b - a) + t * t * bend
+
+
+def _bezier_bounds(a: Expr, b: Expr, c: Expr, thickness: Any) -> tuple[Expr, Expr]:
+    """The curve stays in the triangle of its points, whatever the intervals of the extreme points say."""
+    lowest, highest = min(a, b, c), max(a, b, c)
+    turn = clamp(_extreme(a, b, c), lowest, highest)
+    return min(a, c, turn) - 0.5 * thickness, max(a, c, turn) + 0.5 * thickness
+
+
+def _exact_if_wide(a: Expr, b: Expr, c: Expr, thickness: Expr) -> Exactness:
+    """Where the curve bends more tightly than its half width, the inner side of the bend overlaps itself."""
+    if not (a.is_constant and b.is_constant and c.is_constant):
+        return "bound"
+    first, bend = b.data - a.data, a.data - 2 * b.data + c.data
+    turn = math.fabs(first[0] * bend[1] - first[1] * bend[0])
+    slowest = first + bend * np.clip(-first @ bend / np.maximum(bend @ bend, SMALLEST), 0, 1)
+    tightest = 2 * np.linalg.norm(slowest) ** 3  # radius of curvature times `turn`
+    return "exact" if float(interval_of(thickness)[1]) / 2 * turn <= tightest else "bound"
+
+
+@function(rise=FLOAT, slope=FLOAT)
+def newton_step(rise: Expr, slope: Expr) -> Expr:
+    """rise / slope where that is below 1, else 1; 0 where nothing is to be climbed."""
+    steep = slope > rise
+    return where(rise > 0.0, where(steep, rise, 1.0) / where(steep, slope, 1.0), 0.0)
+
+
+@shape(exactness=_exact_if_wide, bounds=_bezier_bounds, dimension=2)
+def bezier(
+    p: Expr,
+    a: Vec2 = (-0.8, -0.5),
+    b: Vec2 = (0.0, 1.2),
+    c: Vec2 = (0.8, -0.3),
+    thickness: Positive = 0.25,
+) -> Expr:
+    """A stroke along a quadratic Bézier curve, with round ends.
+
+    a, b, c : the control points; the curve runs from a to c and leaves and arrives in the direction of b.
+    thickness : full width, > 0.
+
+    Exact where the curve bends no tighter than half the thickness, else a bound inside. Half the derivative of the
+    squared distance is a cubic in the curve's parameter with a positive leading coefficient, so it is concave before
+    its inflection and convex after it. Each side holds one minimum at most, and Newton's method reaches it from the
+    outer end without overshooting, whether the curve is straight, folded or neither.
+    """
+    w, first, bend = a - p, b - a, a - 2.0 * b + c
+    k0, k1, k2, k3 = dot(w, first), 2.0 * dot(first, first) + dot(w, bend), 3.0 * dot(first, bend), dot(bend, bend)
+    inflection = clamp(-k2 / max(3.0 * k3, SMALLEST), 0.0, 1.0)
+
+    def approach(i: Expr, low: Expr, high: Expr) -> list[Expr]:
+        at_low, at_high = [((k3 * t + k2) * t + k1) * t + k0 for t in (low, high)]
+        slope_low, slope_high = [(3.0 * k3 * t + 2.0 * k2) * t + k1 for t in (low, high)]
+        return [
+            min(low + newton_step(max(-at_low, 0.0), slope_low), inflection),
+            max(high - newton_step(max(at_high, 0.0), slope_high), inflection),
+        ]
+
+    def arrived(i: Expr, low: Expr, high: Expr) -> Expr:
+        next_low, next_high = approach(i, low, high)
+        return max(next_low - low, high - next_high) < 1e-6
+
+    low, high = loop(32, [0.0, 1.0], approach, until=arrived)
+    apart = [w + (2.0 * first + bend * t) * t for t in (low, high)]
+    return sqrt(min(*[dot(v, v) for v in apart])) - 0.5 * thickness

@@ -1,0 +1,318 @@
+"""Regular and semiregular polyhedra, all exact.
+
+Each is the hull of one vertex and its images under the mirrors of a cube, a tetrahedron or an icosahedron (the
+construction of Wythoff and Coxeter). Three mirrors bound a chamber of space, and a point is folded into it. There
+the solid has the one vertex V; an edge from V, square to each mirror that V does not lie on; and a face for each
+corner of the chamber. Because the solid is its own mirror image, its point nearest to a point of the chamber lies in
+the chamber too, so those few pieces decide the distance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.function import function
+from raymarch.expr.node import Expr, const, swizzle
+from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import abs, all_of, dot, length, max, min, sqrt, vec3, where
+from raymarch.sdf.definition import cube, shape
+from raymarch.sdf.domain import Positive
+
+__all__ = [
+    "cuboctahedron",
+    "dodecahedron",
+    "icosahedron",
+    "icosidodecahedron",
+    "octahedron",
+    "rhombicuboctahedron",
+    "tetrahedron",
+    "truncated_cube",
+    "truncated_dodecahedron",
+    "truncated_icosahedron",
+    "truncated_octahedron",
+    "truncated_tetrahedron",
+]
+
+Floats = NDArray[np.float64]
+
+_GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
+_OBLIQUE = (-0.5 * _GOLDEN, -0.5, 0.5 / _GOLDEN)
+"""The mirror of the icosahedron that meets x = 0 at 36 and y = 0 at 60 degrees."""
+
+
+@function(p=VEC3)
+def tetrahedral_fold(p: Expr) -> Expr:
+    """The image of p with x >= y >= |z| under the mirrors of the tetrahedron: swaps, and sign changes by pairs."""
+    q = where(p.x < 0.0, vec3(-p.x, p.y, -p.z), p)
+    q = where(q.y < 0.0, vec3(q.x, -q.y, -q.z), q)
+    q = where(q.x < q.y, swizzle(q, "yxz"), q)
+    q = where(q.y < abs(q.z), where(q.z < 0.0, vec3(q.x, -q.z, -q.y), swizzle(q, "xzy")), q)
+    return where(q.x < q.y, swizzle(q, "yxz"), q)
+
+
+@function(p=VEC3)
+def octahedral_fold(p: Expr) -> Expr:
+    """The image of p with x >= y >= z >= 0 under the mirrors of the cube."""
+    q = abs(p)
+    q = where(q.x < q.y, swizzle(q, "yxz"), q)
+    q = where(q.y < q.z, swizzle(q, "xzy"), q)
+    return where(q.x < q.y, swizzle(q, "yxz"), q)
+
+
+@function(p=VEC3)
+def icosahedral_fold(p: Expr) -> Expr:
+    """The image of p in one of the 120 chambers of the icosahedron. Of the 15 in an octant, none is farther than
+    three reflections in the oblique mirror."""
+    q = abs(p)
+    for _ in range(3):
+        q = abs(q - 2.0 * min(dot(q, _OBLIQUE), 0.0) * const(_OBLIQUE))
+    return q
+
+
+@dataclass(frozen=True)
+class Mirrors:
+    """Three mirrors, given by their unit normals into the chamber, and the fold of a point into it."""
+
+    fold: Callable[[Expr], Expr]
+    normals: tuple[tuple[float, float, float], ...]
+
+
+_HALF = math.sqrt(0.5)
+TETRAHEDRAL = Mirrors(tetrahedral_fold, ((0.0, _HALF, _HALF), (_HALF, -_HALF, 0.0), (0.0, _HALF, -_HALF)))
+OCTAHEDRAL = Mirrors(octahedral_fold, ((0.0, 0.0, 1.0), (0.0, _HALF, -_HALF), (_HALF, -_HALF, 0.0)))
+ICOSAHEDRAL = Mirrors(icosahedral_fold, ((1.0, 0.0, 0.0), _OBLIQUE, (0.0, 1.0, 0.0)))
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A polyhedron whose vertex keeps equal distances from the mirrors in `ringed` and lies on the others.
+
+    All lengths are for vertices on the unit sphere.
+    """
+
+    mirrors: Mirrors
+    ringed: tuple[int, ...]
+
+    @cached_property
+    def normals(self) -> Floats:
+        return np.array(self.mirrors.normals)
+
+    @cached_property
+    def vertex(self) -> Floats:
+        distances = [1.0 if i in self.ringed else 0.0 for i in range(3)]
+        v = np.linalg.solve(self.normals, distances)
+        return v / np.linalg.norm(v) + 0.0
+
+    def faces(self) -> list[tuple[Floats, list[Floats]]]:
+        """For each face of the chamber: its outward normal, and for each of its edges there the normal of the edge
+        in the face, inwards."""
+        found = []
+        for i, j in combinations(range(3), 2):
+            edges = [k for k in (i, j) if k in self.ringed]
+            if not edges or (len(edges) == 1 and abs_of_dot(self.normals[i], self.normals[j]) < 1e-9):
+                continue  # the vertex lies on the corner of the chamber, or the face is a single edge
+            out = np.cross(self.normals[i], self.normals[j])
+            out *= np.sign(out @ self.vertex) / np.linalg.norm(out)
+            to_centre = out * (out @ self.vertex) - self.vertex
+            inward = [to_centre - self.normals[k] * (self.normals[k] @ to_centre) for k in edges]
+            found.append((out + 0.0, [t / np.linalg.norm(t) + 0.0 for t in inward]))
+        return found
+
+    def vertices(self) -> Floats:
+        """All of them, of shape (N, 3)."""
+        known = self.vertex[None]
+        while True:
+            wider = np.concatenate([known, *[known - 2.0 * np.outer(known @ n, n) for n in self.normals]])
+            _, distinct = np.unique(np.round(wider, 6) + 0.0, axis=0, return_index=True)
+            if len(distinct) == len(known):
+                return known
+            known = wider[distinct]
+
+    def reach(self, radius: Any) -> tuple[Expr, Expr]:
+        """Bounds; on each axis they reach equally far to both sides."""
+        return cube(tuple(self.vertices().max(axis=0)) * radius)
+
+    def distance(self, p: Expr, radius: Expr) -> Expr:
+        """Signed distance for vertices on a sphere of the radius."""
+        from_vertex = self.mirrors.fold(p) - const(self.vertex) * radius
+        faces = self.faces()
+        if len(faces) == len(self.ringed) == 1:
+            return self._regular(from_vertex, *faces[0])
+        heights = [dot(from_vertex, const(out)) for out, _ in faces]
+        to_edges = []
+        for k in self.ringed:
+            edge = const(self.normals[k])
+            to_edges.append(from_vertex - min(dot(from_vertex, edge), 0.0) * edge)
+        nearest = smallest_of([dot(v, v) for v in to_edges])
+        for height, (_, inward) in zip(heights, faces, strict=True):
+            above = all_of(height > 0.0, *[dot(from_vertex, const(t)) >= 0.0 for t in inward])
+            nearest = where(above, height * height, nearest)
+        inside = max(*heights)
+        return where(inside > 0.0, sqrt(nearest), inside)
+
+    def _regular(self, from_vertex: Expr, out: Floats, inward: Sequence[Floats]) -> Expr:
+        """One face with one edge: how far a point lies above the face, beyond the edge and beyond the vertex."""
+        edge = self.normals[self.ringed[0]]
+        r = vec3(dot(from_vertex, const(out)), dot(from_vertex, const(0.0 - inward[0])), dot(from_vertex, const(edge)))
+        return where(r.x > 0.0, length(max(r, 0.0)), r.x)
+
+
+def abs_of_dot(a: Floats, b: Floats) -> float:
+    return float(np.abs(a @ b))
+
+
+def smallest_of(values: Sequence[Expr]) -> Expr:
+    """The smallest of one or more."""
+    return min(*values) if len(values) > 1 else values[0]
+
+
+_TETRAHEDRON = Solid(TETRAHEDRAL, (0,))
+
+
+@shape(exactness="exact", bounds=_TETRAHEDRON.reach, convex=True)
+def tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Regular tetrahedron; its vertices are four of the corners of a cube, (1, 1, 1) among them.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 1.633 times as long.
+    """
+    return _TETRAHEDRON.distance(p, radius)
+
+
+_OCTAHEDRON = Solid(OCTAHEDRAL, (2,))
+
+
+@shape(exactness="exact", bounds=_OCTAHEDRON.reach, symmetry="xyz", convex=True)
+def octahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Regular octahedron; its vertices lie on the axes.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 1.414 times as long.
+    """
+    return _OCTAHEDRON.distance(p, radius)
+
+
+_DODECAHEDRON = Solid(ICOSAHEDRAL, (0,))
+
+
+@shape(exactness="exact", bounds=_DODECAHEDRON.reach, symmetry="xyz", convex=True)
+def dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Regular dodecahedron: twelve pentagons.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.714 times as long.
+    """
+    return _DODECAHEDRON.distance(p, radius)
+
+
+_ICOSAHEDRON = Solid(ICOSAHEDRAL, (2,))
+
+
+@shape(exactness="exact", bounds=_ICOSAHEDRON.reach, symmetry="xyz", convex=True)
+def icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Regular icosahedron: twenty triangles.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 1.051 times as long.
+    """
+    return _ICOSAHEDRON.distance(p, radius)
+
+
+_TRUNCATED_TETRAHEDRON = Solid(TETRAHEDRAL, (0, 1))
+
+
+@shape(exactness="exact", bounds=_TRUNCATED_TETRAHEDRON.reach, convex=True)
+def truncated_tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Tetrahedron with its corners cut off: four triangles, four regular hexagons.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.853 times as long.
+    """
+    return _TRUNCATED_TETRAHEDRON.distance(p, radius)
+
+
+_TRUNCATED_CUBE = Solid(OCTAHEDRAL, (0, 1))
+
+
+@shape(exactness="exact", bounds=_TRUNCATED_CUBE.reach, symmetry="xyz", convex=True)
+def truncated_cube(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Cube with its corners cut off: eight triangles, six regular octagons.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.562 times as long.
+    """
+    return _TRUNCATED_CUBE.distance(p, radius)
+
+
+_TRUNCATED_OCTAHEDRON = Solid(OCTAHEDRAL, (1, 2))
+
+
+@shape(exactness="exact", bounds=_TRUNCATED_OCTAHEDRON.reach, symmetry="xyz", convex=True)
+def truncated_octahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Octahedron with its corners cut off: six squares, eight regular hexagons. Its copies fill space.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.632 times as long.
+    """
+    return _TRUNCATED_OCTAHEDRON.distance(p, radius)
+
+
+_CUBOCTAHEDRON = Solid(OCTAHEDRAL, (1,))
+
+
+@shape(exactness="exact", bounds=_CUBOCTAHEDRON.reach, symmetry="xyz", convex=True)
+def cuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Cube cut off to the middles of its edges: eight triangles, six squares.
+
+    radius : distance of the vertices from the origin, > 0; an edge is as long.
+    """
+    return _CUBOCTAHEDRON.distance(p, radius)
+
+
+_RHOMBICUBOCTAHEDRON = Solid(OCTAHEDRAL, (0, 2))
+
+
+@shape(exactness="exact", bounds=_RHOMBICUBOCTAHEDRON.reach, symmetry="xyz", convex=True)
+def rhombicuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Cube whose edges and corners are cut off: eight triangles, eighteen squares.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.715 times as long.
+    """
+    return _RHOMBICUBOCTAHEDRON.distance(p, radius)
+
+
+_TRUNCATED_DODECAHEDRON = Solid(ICOSAHEDRAL, (0, 1))
+
+
+@shape(exactness="exact", bounds=_TRUNCATED_DODECAHEDRON.reach, symmetry="xyz", convex=True)
+def truncated_dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Dodecahedron with its corners cut off: twenty triangles, twelve regular decagons.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.337 times as long.
+    """
+    return _TRUNCATED_DODECAHEDRON.distance(p, radius)
+
+
+_TRUNCATED_ICOSAHEDRON = Solid(ICOSAHEDRAL, (1, 2))
+
+
+@shape(exactness="exact", bounds=_TRUNCATED_ICOSAHEDRON.reach, symmetry="xyz", convex=True)
+def truncated_icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Icosahedron with its corners cut off, the football: twelve pentagons, twenty regular hexagons.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.404 times as long.
+    """
+    return _TRUNCATED_ICOSAHEDRON.distance(p, radius)
+
+
+_ICOSIDODECAHEDRON = Solid(ICOSAHEDRAL, (1,))
+
+
+@shape(exactness="exact", bounds=_ICOSIDODECAHEDRON.reach, symmetry="xyz", convex=True)
+def icosidodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+    """Icosahedron cut off to the middles of its edges: twenty triangles, twelve pentagons.
+
+    radius : distance of the vertices from the origin, > 0; an edge is 0.618 times as long.
+    """
+    return _ICOSIDODECAHEDRON.distance(p, radius)

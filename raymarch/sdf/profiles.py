@@ -1,0 +1,267 @@
+"""From 2D to 3D and back: extrusion along z, revolution about y, slices; and stretching and offsetting in both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.node import Expr
+from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
+from raymarch.expr.walk import find
+from raymarch.sdf.definition import Child, ChildFacts, combination, operator
+from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word
+from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.lower import lower
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+__all__ = ["EASINGS", "elongate", "extrude", "extrude_to", "offset", "revolve", "slice"]
+
+
+# Extrusion
+
+
+def _prism(profile: Expr, z: Expr, height: Expr) -> Expr:
+    """What two fields at right angles share: a profile in the xy plane, and the slab |z| <= height / 2."""
+    over = vec2(profile, abs(z) - 0.5 * height)
+    return length(max(over, 0.0)) + min(max(over.x, over.y), 0.0)
+
+
+def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
+    return vec3(lower, -0.5 * height), vec3(upper, 0.5 * height)
+
+
+@method
+@operator(
+    exactness="exact",
+    bounds=lambda child, height: _prism_bounds(child.lower, child.upper, height),
+    lipschitz=1.0,
+    symmetry=lambda child, height: child.symmetry + "z",
+    child_dimension=2,
+)
+def extrude(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
+    """A flat shape given thickness along z, half of it on either side of the xy plane.
+
+    height : full extent along z, > 0.
+
+    Exact on an exact shape: the profile's distance and that to the caps are at right angles (Pythagoras); inside,
+    the nearer of the two counts.
+    """
+    return _prism(child(p.xy), p.z, height)
+
+
+Easing: TypeAlias = Callable[[Expr], Expr]
+
+EASINGS: Mapping[str, tuple[Easing, float]] = {
+    "linear": (lambda t: t, 1.0),
+    "smooth": (lambda t: t * t * (3.0 - 2.0 * t), 1.5),
+    "smoother": (lambda t: t * t * t * (t * (6.0 * t - 15.0) + 10.0), 1.875),
+    "sine": (lambda t: 0.5 - 0.5 * cos(math.pi * t), 0.5 * math.pi),
+    "in_sine": (lambda t: 1.0 - cos(0.5 * math.pi * t), 0.5 * math.pi),
+    "out_sine": (lambda t: sin(0.5 * math.pi * t), 0.5 * math.pi),
+    "in_quad": (lambda t: t * t, 2.0),
+    "out_quad": (lambda t: t * (2.0 - t), 2.0),
+    "in_out_quad": (lambda t: where(t < 0.5, 2.0 * t * t, 1.0 - 2.0 * square(1.0 - t)), 2.0),
+    "in_cubic": (lambda t: t * t * t, 3.0),
+    "out_cubic": (lambda t: 1.0 - square(1.0 - t) * (1.0 - t), 3.0),
+    "in_out_cubic": (
+        lambda t: where(t < 0.5, 4.0 * t * t * t, 1.0 - 4.0 * square(1.0 - t) * (1.0 - t)),
+        3.0,
+    ),
+}
+"""How a share t from 0 to 1 eases from one profile to the next, and the steepest slope of that."""
+
+
+def _loft_bounds(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> tuple[Expr, Expr]:
+    """Where some profiles mix to a negative value, one of them is negative."""
+    lower, upper = children[0].lower, children[0].upper
+    for child in children[1:]:
+        lower, upper = min(lower, child.lower), max(upper, child.upper)
+    return _prism_bounds(lower, upper, height)
+
+
+def _loft_slope(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> Expr:
+    """The mix is 1-Lipschitz across; along z it changes by the gap, times the easing's slope, in one section."""
+    return sqrt(1.0 + square(EASINGS[easing][1] * (len(children) - 1) * gap / height))
+
+
+def _loft_symmetry(*children: Facts, **_: Any) -> str:
+    return "".join(sorted(set("xy").intersection(*[child.symmetry for child in children])))
+
+
+@combination(bounds=_loft_bounds, lipschitz=_loft_slope, symmetry=_loft_symmetry, child_dimension=2)
+def loft(
+    p: Expr, children: Sequence[Child], height: Positive = 1.0, gap: Positive = 1.0, easing: Word = "smooth"
+) -> Expr:
+    """Flat shapes at equal steps along z, each blended into the next.
+
+    gap : differences of two profiles are cut off at this, which keeps the field from growing steeper with distance.
+    """
+    ease, sections = EASINGS[easing][0], len(children) - 1
+    along = (p.z / height + 0.5) * float(sections)
+    profile, *others = [child(p.xy) for child in children]
+    for i, other in enumerate(others):
+        profile = profile + ease(clamp(along - float(i), 0.0, 1.0)) * clamp(other - profile, -gap, gap)
+    return _prism(profile, p.z, height)
+
+
+@method
+def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smooth") -> Node:
+    """A solid that runs along z from one flat shape to another.
+
+    Parameters
+    ----------
+    node, other : bounded flat shapes: the profile at z = -height / 2 and that at z = height / 2.
+    height : full extent along z, > 0.
+    easing : how the one becomes the other, by the name of an easing curve: "linear", "smooth", "sine", "in_quad", ...
+
+    A bound: between the ends the two distances are mixed, and the slope of the mix along z is at most their largest
+    difference times the easing's slope over the height. That difference is found on a grid whose spacing is added.
+    """
+    if easing not in EASINGS:
+        raise SceneError(f"extrude_to: easing = {easing!r}", legal=", ".join(map(repr, EASINGS)))
+    for each in (node, other):
+        if not isinstance(each, Node) or each.dimension != 2:
+            raise SceneError(f"extrude_to of {each!r}", legal="two flat shapes, such as circle() and rectangle()")
+        if not each.facts.bounded:
+            raise SceneError(f"extrude_to: {each.name} has no end", legal="flat shapes that are bounded")
+    return loft([node, other], height, _widest_gap(node, other), easing)
+
+
+def _widest_gap(node: Node, other: Node) -> float:
+    """An upper bound of the difference of two flat fields where one of them is negative.
+
+    Elsewhere it does not matter for the solid. Both fields are 1-Lipschitz, so between samples their difference
+    moves by twice the way at most. Where parameters move the shapes, their boxes decide: a field that is positive
+    is no larger than the distance to the farthest point of its box, one that is negative no deeper than half the
+    smaller side.
+    """
+    a, b = node.facts, other.facts
+    low, high = np.minimum(a.lower, b.lower), np.maximum(a.upper, b.upper)
+    smallest = 1e-6 * float((high - low).max()) or 1e-6
+    if find([lower(node).body, lower(other).body], "param", "time"):
+        deepest = 0.5 * float(np.maximum(a.size.min(), b.size.min()))
+        return float(np.linalg.norm(high - low)) + np.maximum(deepest, smallest)
+    n = 128
+    x, y = (np.linspace(start, end, n) for start, end in zip(low, high, strict=True))
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    between = float(np.linalg.norm((high - low) / (n - 1)))  # twice half a cell's diagonal
+    return float(np.abs(node.distance(points) - other.distance(points)).max()) + np.maximum(between, smallest)
+
+
+# Revolution
+
+
+def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
+    """What lies beyond the axis is cut off, and an edge on the axis bounds nothing: distances to both are too small.
+
+    Unless it is a mirror image: then the nearest point may be looked for on the near side alone.
+    """
+    low, high = interval_of(offset)
+    mirrored = "x" in child.symmetry and low == 0.0 == high
+    return "exact" if mirrored or child.lower[0] + low > 0.0 else "bound"
+
+
+def _turned_bounds(child: ChildFacts, offset: Any) -> tuple[Expr, Expr]:
+    reach = child.upper.x + offset
+    return vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)
+
+
+@method
+@operator(
+    exactness=_exact_if_clear,
+    bounds=_turned_bounds,
+    lipschitz=1.0,
+    symmetry=lambda child, offset: "xyz" if "y" in child.symmetry else "xz",
+    child_dimension=2,
+)
+def revolve(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
+    """A flat shape turned about the y axis.
+
+    offset : moves the shape along +x, away from the axis, before it is turned. What remains at x < 0 is cut off.
+
+    Exact on an exact shape that lies clear of the axis, or is its own mirror image about it (offset 0): all about the
+    axis the nearest point lies in the half plane of the point. Else a bound.
+    """
+    return child(vec2(length(p.xz) - offset, p.y))
+
+
+# From 3D to 2D
+
+
+def _slice_bounds(child: ChildFacts, z: Any) -> tuple[Expr, Expr]:
+    """The solid's box from above; turned inside out where the plane misses the box."""
+    missed = (z < child.lower.z) | (z > child.upper.z)
+    return where(missed, child.upper.xy, child.lower.xy), where(missed, child.lower.xy, child.upper.xy)
+
+
+@method
+@operator(
+    bounds=_slice_bounds,
+    symmetry=lambda child, z: child.symmetry.replace("z", ""),
+    dimension=2,
+    child_dimension=3,
+)
+def slice(p: Expr, child: Child, z: Length = 0.0) -> Expr:
+    """A flat shape: a solid's section by a plane parallel to the xy plane.
+
+    z : where the plane lies. A bound: the surface nearest in space may lie beside the plane.
+    """
+    return child(vec3(p, z))
+
+
+# In both
+
+
+Extent = Annotated[Any, Domain(VEC3, low=0.0, unit="length", stretch=True)]
+
+
+def _stretched_bounds(child: ChildFacts, extent: Any) -> tuple[Expr, Expr]:
+    """A side of the box moves outwards; one that lies beyond the middle moves with what it bounds."""
+    half = 0.5 * extent
+    sides = list(zip(child.lower, child.upper, half, strict=True))
+    lower = [low + where(low > 0.0, h, -h) for low, _, h in sides]
+    upper = [high + where(high < 0.0, -h, h) for _, high, h in sides]
+    return (vec2(*lower), vec2(*upper)) if len(sides) == 2 else (vec3(*lower), vec3(*upper))
+
+
+@method
+@operator(bounds=_stretched_bounds, symmetry="keep", dimension="any")
+def elongate(p: Expr, child: Child, extent: Extent = (0.5, 0.0, 0.0)) -> Expr:
+    """Cut at the planes through the origin, the pieces moved apart, and the section drawn out between them.
+
+    extent : how much longer it becomes along each axis, each >= 0; one number is for all axes.
+
+    A bound on an exact child: the map back to the child moves no two points apart, so the distance there is never the
+    larger. It is the distance outside where the child is convex and its own mirror image along the axes drawn out.
+    Inside, a child that is thinner along such an axis than across it has its nearest surface in a direction
+    in which the result has none.
+    """
+    half = 0.5 * extent
+    q = p - clamp(p, -half, half)
+    away = abs(p) - half
+    core = min(max(*away), 0.0)
+    value = child(q)
+    return value + where(value < 0.0, core, 0.0)
+
+
+@method
+@operator(
+    exactness=lambda child, distance: "exact" if interval_of(distance)[0] >= 0.0 else "bound",
+    bounds=lambda child, distance: (child.lower - distance, child.upper + distance),
+    symmetry="keep",
+    dimension="any",
+)
+def offset(p: Expr, child: Child, distance: Length = 0.1) -> Expr:
+    """Grown by a distance on all sides (as `round`), or shrunk by a negative one.
+
+    distance : length; shrinking by more than the solid's depth leaves nothing. Exact on an exact child when it grows;
+        shrunk, its sharp corners lie farther from a point outside than the field says.
+    """
+    return child(p) - distance

@@ -1,0 +1,271 @@
+"""What a scene calls for is planned, what it does not call for is left out, and both with a reason."""
+
+from __future__ import annotations
+
+import functools
+import io
+import json
+import operator
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+import raymarch as rm
+from raymarch.errors import PlanError
+from raymarch.plan import explain, plan
+from raymarch.plan.plan import LARGEST, Plan
+
+RED, BLUE = rm.Material((1, 0, 0)), rm.Material((0, 0, 1))
+
+
+def modules(made: Plan) -> list[str]:
+    return [name for name, _ in made.modules]
+
+
+def used(made: Plan) -> set[str]:
+    return {feature.name for feature in made.features if feature.used}
+
+
+def scene(node: Any = None, **parts: Any) -> rm.Scene:
+    return rm.Scene(rm.sphere() if node is None else node, **parts)
+
+
+# Features and modules.
+
+
+def test_nothing_is_planned_that_a_plain_scene_does_not_call_for() -> None:
+    made = plan(scene(lights=[]))
+    assert used(made) == {"ray clipping"}
+    named = " ".join(modules(made))
+    for word in ("light", "shadow", "material", "normal", "fog", "geometry"):
+        assert word not in named
+    assert made.gradient is None and made.material is None and made.material_index is None
+    assert [p.name for p in made.passes] == ["color"] and made.passes[0].textures == 1
+
+
+FEATURES: list[tuple[str, str | None, dict[str, Any]]] = [
+    ("sun light", "light/sun", {"lights": [rm.Sun()]}),
+    ("point lights", "light/point", {"lights": [rm.PointLight((0, 3, 0))]}),
+    ("hard shadows", "light/shadow", {"lights": [rm.Sun(shadow=True)]}),
+    ("hard shadows", "light/shadow", {"lights": [rm.Sun(), rm.PointLight((0, 3, 0), shadow=True)]}),
+    ("fog", "sky/fog", {"fog": rm.Fog()}),
+    ("materials", None, {"node": rm.sphere().material(RED)}),
+    ("parameters", None, {"node": rm.sphere(rm.Param("r", 1, 0.5, 2))}),
+    ("parameters", None, {"sky": (rm.Param("r", 1, 0.5, 2), 0, 0)}),
+    ("parameters", None, {"camera": rm.Camera(fov=rm.Param("fov", 45, 1, 90))}),
+    ("time", None, {"node": rm.sphere().translate((rm.time, 0, 0))}),
+    ("time", None, {"lights": [rm.Sun((rm.time, 1, 0))]}),
+    ("time", None, {"camera": rm.Camera((0, rm.time, 9))}),
+    ("ray clipping", "march/clipped", {"node": rm.plane()}),
+]
+
+
+@pytest.mark.parametrize(("feature", "module", "parts"), FEATURES)
+def test_a_feature_is_planned_where_it_is_called_for(feature: str, module: str | None, parts: dict[str, Any]) -> None:
+    with_it, without = plan(scene(**parts)), plan(scene(rm.plane((1, 2, 3)), lights=[]))
+    assert feature in used(with_it) and feature not in used(without)
+    if module is not None:
+        assert module in modules(with_it) and module not in modules(without)
+
+
+def test_light_without_shadow_plans_no_shadow() -> None:
+    made = plan(scene(lights=[rm.Sun(), rm.PointLight((0, 3, 0)), rm.PointLight((3, 0, 0), shadow=False)]))
+    assert "hard shadows" not in used(made) and "light/shadow" not in modules(made)
+
+
+@pytest.mark.parametrize("normals", ["analytic", "tetrahedron", "central", "forward"])
+def test_the_gradient_is_made_for_analytic_normals_only(normals: Any) -> None:
+    made = plan(scene(quality=rm.Quality(normals=normals)))
+    assert (made.gradient is not None) == (normals == "analytic")
+    assert f"normal/{normals}" in modules(made) and sum(m.startswith("normal/") for m in modules(made)) == 1
+
+
+def test_the_picture_of_an_unlit_scene_needs_no_normal_but_its_geometry_does() -> None:
+    unlit = scene(lights=[])
+    assert plan(unlit, ["color"]).gradient is None
+    made = plan(unlit, ["geometry"])
+    assert made.gradient is not None and made.material_index is not None and made.material is None
+    both = plan(scene(), ["color", "geometry"])
+    assert both.material is not None and both.material_index is not None
+    assert [p.name for p in both.passes] == ["color", "geometry"]
+
+
+@pytest.mark.parametrize(
+    ("node", "clipped"),
+    [
+        (rm.sphere(), True),
+        (rm.plane(), True),
+        (rm.plane((1, 1, 0)), False),
+        (rm.box().repeat((2, None, None)), True),
+        (rm.box().repeat(2), False),
+        (rm.sphere() | rm.plane((1, 1, 0)), False),
+        (rm.sphere() & rm.plane((1, 1, 0)), True),
+    ],
+)
+def test_rays_are_clipped_where_the_box_ends(node: Any, clipped: bool) -> None:
+    made = plan(scene(node))
+    assert made.clipped == clipped
+    assert ("march/clipped" in modules(made), "march/whole" in modules(made)) == (clipped, not clipped)
+
+
+def test_every_module_and_feature_has_a_reason() -> None:
+    rich = scene(
+        rm.sphere(rm.Param("r", 1, 0.5, 2)).material(RED),
+        lights=[rm.Sun(shadow=True), rm.PointLight((rm.time, 1, 0))],
+        fog=rm.Fog(),
+    )
+    for made in (plan(scene(lights=[])), plan(rich, ["color", "geometry"])):
+        assert len({name for name, _ in made.modules}) == len(made.modules)
+        assert len({feature.name for feature in made.features}) == len(made.features)
+        assert all(reason.strip() for _, reason in made.modules)
+        assert all(feature.reason.strip() for feature in made.features)
+        assert all(p.reason.strip() for p in made.passes)
+
+
+# Counts.
+
+
+def test_equal_shapes_count_once() -> None:
+    ball = rm.sphere(0.2)
+    assert plan(scene(ball | ball | rm.sphere(0.2))).shapes == 1
+    assert plan(scene(ball | ball.translate((1, 0, 0)) | ball.translate((1, 0, 0)))).shapes == 2
+
+
+def test_only_shapes_count_as_shapes() -> None:
+    """Not the blends between them, and not the functions that hold them."""
+    three = rm.union(rm.sphere(), rm.box(), rm.torus(), k=0.3)
+    assert plan(scene(three)).shapes == 3
+    inside = (rm.sphere().translate((0.3, 0, 0)) | rm.box()).repeat((4, None, None))
+    assert plan(scene(inside)).shapes == 2
+
+
+def test_more_is_more_work() -> None:
+    one, two = plan(scene(rm.sphere())), plan(scene(rm.sphere() | rm.box()))
+    assert 0 < one.operations < two.operations
+    copies = plan(scene((rm.sphere() | rm.box().translate((0.3, 0.2, 0.1))).repeat(5)))
+    assert copies.operations > 8 * two.operations  # as many look-ups of a child that is not its own mirror image
+
+
+# Limits.
+
+
+def balls(n: int) -> list[rm.Node]:
+    return [rm.sphere(0.1).translate((0.5 * i, 0, 0)) for i in range(n)]
+
+
+def test_a_field_up_to_the_limit_is_planned() -> None:
+    assert plan(scene(rm.union(*balls(LARGEST)))).shapes == LARGEST
+
+
+MANY = LARGEST + 1
+
+
+@pytest.mark.parametrize(
+    ("count", "make"),
+    [
+        (10_000, lambda: functools.reduce(operator.or_, balls(10_000))),
+        (MANY, lambda: rm.union(*balls(MANY))),
+        (MANY, lambda: rm.union(*balls(MANY), k=0.1)),
+        (MANY, lambda: rm.union(*balls(MANY)).rotate(0.1, "z").repeat((10_000, None, None))),
+    ],
+    ids=["chain", "union", "smooth union", "inside a repetition"],
+)
+def test_a_field_beyond_the_limit_is_refused(count: int, make: Any) -> None:
+    node = make()
+    with pytest.raises(PlanError, match=rf"{count} shapes.*{LARGEST} distinct shapes") as caught:
+        plan(scene(node))
+    assert caught.value.where == node.where
+
+
+def test_clashing_parameters_are_refused() -> None:
+    node = rm.sphere(rm.Param("r", 1, 0.5, 2)) | rm.sphere(rm.Param("r", 1, 0.5, 3)).translate((3, 0, 0))
+    with pytest.raises(PlanError, match="two parameters are named 'r'") as caught:
+        plan(scene(node))
+    assert caught.value.where is not None and caught.value.where.file == __file__
+
+
+# Warnings.
+
+
+def test_warnings_are_about_what_may_not_be_meant() -> None:
+    assert plan(scene()).warnings == []
+    (empty,) = plan(scene(rm.sphere() & rm.sphere().translate((5, 0, 0)))).warnings
+    assert "empty" in empty
+    cut = (rm.sphere() - rm.box()).shell(0.1)
+    (offset,) = plan(scene(cut)).warnings
+    assert f"shell at {cut.where}" in offset and "bound" in offset
+    assert plan(scene(rm.sphere().round(0.1))).warnings == []
+
+    @rm.shape(exactness="estimate", bounds=lambda: ((-1.0,) * 3, (1.0,) * 3))
+    def guess(p: Any) -> Any:
+        return p.x * p.y
+
+    (estimate,) = plan(scene(guess())).warnings
+    assert "estimate" in estimate
+
+
+# Explain.
+
+
+RICH = rm.Scene(
+    (rm.sphere(rm.Param("r", 1, 0.5, 2)) - rm.box()).shell(0.1).material(RED)
+    | rm.plane().translate((0, -2, 0)).material(BLUE),
+    lights=[rm.Sun((rm.time, 1, 0), shadow=True)],
+    fog=rm.Fog(),
+)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [scene(lights=[]), scene(rm.plane((1, 2, 3))), RICH, scene(rm.sphere() & rm.sphere().translate((5, 0, 0)))],
+)
+def test_explain_is_json(given: rm.Scene) -> None:
+    made = plan(given, ["color", "geometry"])
+    plain = explain.as_dict(made)
+    assert json.loads(json.dumps(plain, allow_nan=False)) == plain
+
+
+def test_explain_holds_the_plan() -> None:
+    made = plan(RICH)
+    plain = explain.as_dict(made)
+    assert plain["field"]["exactness"] == "bound" and plain["field"]["lipschitz"] == 1
+    assert plain["field"]["bounds"][0] == [None] * 3 and plain["field"]["bounds"][1][1] is not None
+    assert plain["field"]["shapes"] == 3
+    assert [m["name"] for m in plain["modules"]] == modules(made) and all(m["reason"] for m in plain["modules"])
+    assert [p["name"] for p in plain["passes"]] == ["color"]
+    by_name = {f["name"]: f for f in plain["features"]}
+    assert by_name["hard shadows"]["used"] and by_name["hard shadows"]["where"] == str(RICH.lights[0].where)
+    assert not by_name["point lights"]["used"] and by_name["point lights"]["reason"] == "no PointLight in the scene"
+    assert by_name["point lights"]["where"] is None
+    order = [f["used"] for f in plain["features"]]
+    assert order == sorted(order, reverse=True), "what is used comes first"
+    (parameter,) = plain["parameters"]
+    assert {k: parameter[k] for k in ("name", "value", "min", "max")} == {"name": "r", "value": 1, "min": 0.5, "max": 2}
+    assert __file__ in parameter["where"]
+    assert any("shell" in warning for warning in plain["warnings"])
+
+
+def test_an_estimate_has_no_number_for_its_slope() -> None:
+    @rm.shape(exactness="estimate", bounds=lambda: ((-1.0,) * 3, (1.0,) * 3))
+    def guess(p: Any) -> Any:
+        return p.x * p.y
+
+    assert explain.as_dict(plan(scene(guess())))["field"]["lipschitz"] is None
+
+
+def test_explain_in_words_says_all_that_the_data_says() -> None:
+    made = plan(RICH)
+    text = io.StringIO()
+    explain.show(made, 4321, Console(file=text, width=20, soft_wrap=True, force_terminal=False))
+    said = text.getvalue()
+    lines = [line.strip() for line in said.splitlines()]
+    for name, reason in made.modules:
+        assert any(line.startswith(name) and reason in line for line in lines), name
+    for feature in made.features:
+        assert any(line.startswith(feature.name) and feature.reason in line for line in lines), feature.name
+    called, left_out = said.index("Called for"), said.index("Left out")
+    assert called < said.index("hard shadows") < left_out < said.index("point lights")
+    assert "4321" in said and "inf" in said and "a number >= 0.5 and <= 2" in said
+    for warning in made.warnings:
+        assert warning in said
