@@ -26,7 +26,9 @@ def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Ex
         value = _RULES[op](node, *[arg.data for arg in args])
     if type is BOOL:
         return const(bool(value))
-    return const(np.broadcast_to(np.asarray(value, np.float64), type.shape), type)
+    if np.shape(value) != type.shape:
+        value = np.broadcast_to(value, type.shape)
+    return const(value, type)
 
 
 def _is(node: Expr, number: float) -> bool:

@@ -99,12 +99,12 @@ class Renderer:
         if not isinstance(scene, Scene):
             raise SceneError(f"render of {scene!r} ({type(scene).__name__})", legal="a Scene")
         values = set_values(scene.parameters, params or {}, time, scene.where)
-        size = self._size
+        size = self.size
 
         def render_for(name: str) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-            if self._size != size:
+            if self.size != size:
                 raise DeviceError(
-                    f"this renderer draws {self._size} now, the frame is {size}", legal="access what you need before"
+                    f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
                 )
             return self._render_passes(scene, values, _passes_for([name]), None)
 

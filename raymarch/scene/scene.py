@@ -22,6 +22,10 @@ HORIZON = 1e4
 """A scene without end is traced to this many times its own scale; a horizon then ends far below a pixel."""
 
 
+DEFAULT = Material()
+"""What parts without a material of their own are made of."""
+
+
 class Scene:
     """A solid with camera, lights, sky, fog and quality.
 
@@ -70,7 +74,7 @@ class Scene:
     @property
     def materials(self) -> tuple[Material, ...]:
         """Every material of the scene; index 0 is the default, for parts that have none of their own."""
-        return (Material(), *(m for m in self._labels() if m != Material()))
+        return (DEFAULT, *(m for m in self._labels() if m != DEFAULT))
 
     @property
     def parameters(self) -> dict[str, Spec]:

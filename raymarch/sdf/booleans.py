@@ -124,9 +124,16 @@ def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, hard: Any, s
     width = expr(k)
     if width.is_constant and width.type is FLOAT and not float(width.data) >= 0.0:
         raise SceneError(f"{name}: k = {k!r}", legal="a number >= 0; 0 gives the hard operation")
-    if len(nodes) == 1 and isinstance(nodes[0], Node):
+    for node in nodes:
+        if not isinstance(node, Node):
+            raise SceneError(f"{name} of {node!r} ({type(node).__name__})", legal="nodes such as sphere()")
+    if len(nodes) == 1:
         return nodes[0]
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0
+    if sharp and hard is not hard_difference:  # a solid united with itself is that solid
+        nodes = tuple({id(node): node for node in nodes}.values())
+        if len(nodes) == 1:
+            return nodes[0]
     made: Node = hard(nodes) if sharp else smooth(nodes, k)
     return made
 

@@ -16,7 +16,7 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import VEC3
-from raymarch.expr.vocabulary import all_of, clamp, cross, dot, length, max, min, sqrt, vec2, vec3, where
+from raymarch.expr.vocabulary import all_of, clamp, cross, dot, length, max, min, normalize, sqrt, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Direction, Length, NonNegative, Positive, Size2, Size3, Vec3, require, shown
 from raymarch.sdf.facts import Exactness
@@ -134,7 +134,7 @@ def slab(p: Expr, normal: Direction = (0.0, 1.0, 0.0), thickness: Positive = 1.0
 @function(p=VEC3, a=VEC3, b=VEC3, c=VEC3)
 def triangle_squared(p: Expr, a: Expr, b: Expr, c: Expr) -> Expr:
     """Squared distance to a triangle: to its plane above its inside, else to the nearest edge."""
-    n = cross(b - a, c - a)
+    n = normalize(cross(b - a, c - a))
     edges, inside = [], []
     for start, end in ((a, b), (b, c), (c, a)):
         along, away = end - start, p - start
@@ -142,7 +142,7 @@ def triangle_squared(p: Expr, a: Expr, b: Expr, c: Expr) -> Expr:
         away = away - along * clamp(dot(away, along) / max(dot(along, along), SMALLEST), 0.0, 1.0)
         edges.append(dot(away, away))
     above = dot(n, p - a)
-    return where(all_of(*inside), above * above / max(dot(n, n), SMALLEST), min(*edges))
+    return where(all_of(*inside), above * above, min(*edges))
 
 
 def _check_triangle(a: Any, b: Any, c: Any, radius: Any) -> None:

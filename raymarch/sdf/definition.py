@@ -21,6 +21,7 @@ from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, make, var
 from raymarch.expr.types import FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
+from raymarch.expr.walk import find
 from raymarch.sdf.domain import Domain, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
 from raymarch.sdf.node import Node
@@ -134,6 +135,13 @@ class Definition:
             traced = trace(self.name, on_symbols, symbols, self.source.__code__)
             if traced.type is not FLOAT:
                 raise SceneError(f"{self.name} gives a {traced.type}", legal="a distance, one number", where=self.where)
+            hidden = [loop for loop in find([traced.body], "loop") if find(loop.data.inner, "apply")]
+            if hidden:
+                raise SceneError(
+                    f"{self.name} asks its child inside a loop of the expression language",
+                    legal="a loop of Python, or the child asked after the loop",
+                    where=self.where,
+                )
             self._templates[key] = traced
         return self._templates[key]
 

@@ -113,7 +113,9 @@ class Domain:
     def _check(self, node: str, name: str, value: Any, given: Expr) -> None:
         low, high = interval_of(given)
         if given.is_constant:
-            if not np.all(np.isfinite(given.data)):
+            with np.errstate(over="ignore"):  # the shader computes in float32: what is infinite or 0 there, is so here
+                low = high = given.data.astype(np.float32)
+            if not np.all(np.isfinite(low)):
                 raise SceneError(f"{node}: {name} = {value!r} is not finite", legal=self.legal)
             if self.direction and not np.any(given.data):
                 raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
@@ -135,9 +137,10 @@ Length = Annotated[Any, Domain(FLOAT, unit="length")]
 Positive = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="length")]
 NonNegative = Annotated[Any, Domain(FLOAT, low=0.0, unit="length")]
 Angle = Annotated[Any, Domain(FLOAT, unit="radians")]
-Acute = Annotated[Any, Domain(FLOAT, low=0.0, high=np.pi / 2, open=True, unit="radians")]
-HalfTurn = Annotated[Any, Domain(FLOAT, low=0.0, high=np.pi, open=True, unit="radians")]
-Turn = Annotated[Any, Domain(FLOAT, low=0.0, high=2 * np.pi, open=True, unit="radians")]
+PI = float(np.float32(np.pi))  # a little more than pi, so that pi is legal in float32 too
+Acute = Annotated[Any, Domain(FLOAT, low=0.0, high=PI / 2, open=True, unit="radians")]
+HalfTurn = Annotated[Any, Domain(FLOAT, low=0.0, high=PI, open=True, unit="radians")]
+Turn = Annotated[Any, Domain(FLOAT, low=0.0, high=2 * PI, open=True, unit="radians")]
 Vec2 = Annotated[Any, Domain(VEC2, unit="length")]
 Vec3 = Annotated[Any, Domain(VEC3, unit="length")]
 Size2 = Annotated[Any, Domain(VEC2, low=0.0, open=True, unit="length", stretch=True)]

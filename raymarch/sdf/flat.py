@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -41,7 +42,7 @@ Sides = Annotated[int, Domain(None, low=3, high=65535, unit="count")]
 Points = tuple[tuple[float, float], ...]
 
 
-@shape(exactness="exact", bounds=lambda radius: cube(vec2(radius)), symmetry="xy", dimension=2)
+@shape(exactness="exact", bounds=lambda radius: cube(vec2(radius)), symmetry="xy", convex=True, dimension=2)
 def circle(p: Expr, radius: Positive = 1.0) -> Expr:
     """Disc about the origin.
 
@@ -50,7 +51,7 @@ def circle(p: Expr, radius: Positive = 1.0) -> Expr:
     return length(p) - radius
 
 
-@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", dimension=2)
+@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", convex=True, dimension=2)
 def rectangle(p: Expr, size: Size2 = (1.6, 1.0)) -> Expr:
     """Rectangle about the origin.
 
@@ -72,6 +73,7 @@ def _check_rounded_rectangle(size: Any, radius: Any) -> None:
     exactness="exact",
     bounds=lambda size, radius: cube(0.5 * size),
     symmetry="xy",
+    convex=True,
     check=_check_rounded_rectangle,
     dimension=2,
 )
@@ -177,6 +179,12 @@ def _meet(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) ->
     return met
 
 
+def _bulges(corners: NDArray[np.float64]) -> bool:
+    """Whether a simple polygon turns the same way at all of its corners."""
+    turns = _turns(np.roll(corners, 1, axis=0), corners, np.roll(corners, -1, axis=0))
+    return bool(np.all(turns >= 0) or np.all(turns <= 0))
+
+
 def _corners_box(points: Points) -> tuple[Expr, Expr]:
     corners = np.array(points)
     return expr(corners.min(axis=0)), expr(corners.max(axis=0))
@@ -186,6 +194,7 @@ def _corners_box(points: Points) -> tuple[Expr, Expr]:
     exactness="exact",
     bounds=_corners_box,
     symmetry=lambda points: mirrors(np.array(points)),
+    convex=lambda points: _bulges(np.array(points)),
     check=_check_polygon,
     dimension=2,
 )
@@ -217,6 +226,7 @@ def _check_triangle(a: Any, b: Any, c: Any) -> None:
     exactness="exact",
     bounds=lambda a, b, c: (min(a, b, c), max(a, b, c)),
     symmetry=_triangle_symmetry,
+    convex=True,
     check=_check_triangle,
     dimension=2,
 )
@@ -236,6 +246,7 @@ def _check_trapezoid(bottom: Any, top: Any, height: Any) -> None:
     exactness="exact",
     bounds=lambda bottom, top, height: cube(vec2(0.5 * max(bottom, top), 0.5 * height)),
     symmetry=lambda bottom, top, height: "xy" if bottom is top else "x",
+    convex=True,
     check=_check_trapezoid,
     dimension=2,
 )
@@ -289,6 +300,7 @@ def _regular_bounds(sides: int, radius: Any) -> tuple[Expr, Expr]:
     exactness="exact",
     bounds=_regular_bounds,
     symmetry=lambda sides, radius: "x" if sides % 2 else "xy",
+    convex=True,
     dimension=2,
 )
 def regular_polygon(p: Expr, sides: Sides = 6, radius: Positive = 1.0) -> Expr:
@@ -368,6 +380,7 @@ def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
 @shape(
     exactness="exact",
     bounds=lambda a, b, thickness: (min(a, b) - 0.5 * thickness, max(a, b) + 0.5 * thickness),
+    convex=True,
     dimension=2,
 )
 def stroke(p: Expr, a: Vec2 = (-0.7, -0.4), b: Vec2 = (0.7, 0.5), thickness: Positive = 0.3) -> Expr:
@@ -387,7 +400,13 @@ def _exact_if_straight(points: Points, thickness: Any) -> Exactness:
     return "exact" if len(points) == 2 else "bound"
 
 
-@shape(exactness=_exact_if_straight, bounds=_line_box, dimension=2)
+@shape(
+    exactness=_exact_if_straight,
+    bounds=_line_box,
+    spread=1.0,
+    convex=lambda points, thickness: len(points) == 2,
+    dimension=2,
+)
 def polyline(
     p: Expr, points: Points2 = ((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4)), thickness: Positive = 0.2
 ) -> Expr:
@@ -397,7 +416,7 @@ def polyline(
 
     Exact outside. Inside a bound: on the inner side of a bend the corner of the outline is farther than the field says.
     """
-    nearest, *others = [segment_squared(p, a, b) for a, b in zip(points[:-1], points[1:], strict=True)]
+    nearest, *others = [segment_squared(p, a, b) for a, b in pairwise(points)]
     for squared in others:
         nearest = min(nearest, squared)
     return sqrt(nearest) - 0.5 * thickness

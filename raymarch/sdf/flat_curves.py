@@ -87,7 +87,7 @@ def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
     return "exact" if _holds(apart) else "bound"
 
 
-@shape(exactness=_exact_if_open, bounds=_arc_bounds, symmetry="x", check=_check_arc, dimension=2)
+@shape(exactness=_exact_if_open, bounds=_arc_bounds, symmetry="x", spread=1.0, check=_check_arc, dimension=2)
 def arc(p: Expr, radius: Positive = 0.8, angle: Turn = 4.0, thickness: Positive = 0.3) -> Expr:
     """A stroke along a circle about the origin, with round ends, open at the bottom.
 
@@ -113,7 +113,14 @@ def _exact_if_cut(radius: Expr, angle: Expr) -> Exactness:
     return "exact" if _holds(angle < 2.0 * math.pi) else "bound"
 
 
-@shape(exactness=_exact_if_cut, bounds=_pie_bounds, symmetry="x", dimension=2)
+@shape(
+    exactness=_exact_if_cut,
+    bounds=_pie_bounds,
+    symmetry="x",
+    spread=1.0,
+    convex=lambda radius, angle: _holds(angle <= math.pi),
+    dimension=2,
+)
 def pie(p: Expr, radius: Positive = 1.0, angle: Turn = 2.0) -> Expr:
     """Sector of a disc about the origin, about the +y axis.
 
@@ -162,6 +169,7 @@ def _check_vesica(width: Any, height: Any) -> None:
     exactness="exact",
     bounds=lambda width, height: cube(0.5 * vec2(width, height)),
     symmetry="xy",
+    convex=True,
     check=_check_vesica,
     dimension=2,
 )
@@ -179,7 +187,7 @@ def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 1.8) -> Expr:
     return where(at_tip, length(q - tip), length(q + vec2(back, 0.0)) - (back + 0.5 * width))
 
 
-@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", dimension=2)
+@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", convex=True, dimension=2)
 def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
     """Ellipse about the origin.
 
@@ -219,6 +227,7 @@ def _check_egg(width: Any, height: Any, tip: Any) -> None:
     exactness="exact",
     bounds=lambda width, height, tip: cube(0.5 * vec2(width, height)),
     symmetry="x",
+    convex=True,
     check=_check_egg,
     dimension=2,
 )
@@ -312,7 +321,7 @@ def newton_step(rise: Expr, slope: Expr) -> Expr:
     return where(rise > 0.0, where(steep, rise, 1.0) / where(steep, slope, 1.0), 0.0)
 
 
-@shape(exactness=_exact_if_wide, bounds=_bezier_bounds, dimension=2)
+@shape(exactness=_exact_if_wide, bounds=_bezier_bounds, spread=1.0, dimension=2)
 def bezier(
     p: Expr,
     a: Vec2 = (-0.8, -0.5),

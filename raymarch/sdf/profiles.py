@@ -15,7 +15,7 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import Child, ChildFacts, combination, operator
-from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word
+from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word, shown
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node
@@ -43,6 +43,8 @@ def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
     bounds=lambda child, height: _prism_bounds(child.lower, child.upper, height),
     lipschitz=1.0,
     symmetry=lambda child, height: child.symmetry + "z",
+    spread=lambda child, height: child.spread,
+    convex=True,
     child_dimension=2,
 )
 def extrude(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
@@ -86,16 +88,24 @@ def _loft_bounds(children: Sequence[ChildFacts], height: Any, gap: Any, easing: 
     return _prism_bounds(lower, upper, height)
 
 
-def _loft_slope(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> Expr:
+def _loft_slope(sections: int, height: Any, gap: Any, easing: str) -> Expr:
     """The mix is 1-Lipschitz across; along z it changes by the gap, times the easing's slope, in one section."""
-    return sqrt(1.0 + square(EASINGS[easing][1] * (len(children) - 1) * gap / height))
+    return sqrt(1.0 + square(EASINGS[easing][1] * sections * gap / height))
 
 
 def _loft_symmetry(*children: Facts, **_: Any) -> str:
     return "".join(sorted(set("xy").intersection(*[child.symmetry for child in children])))
 
 
-@combination(bounds=_loft_bounds, lipschitz=_loft_slope, symmetry=_loft_symmetry, child_dimension=2)
+def _loft_spread(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> Expr:
+    """A mix is no smaller than the smallest of what is mixed."""
+    widest = children[0].spread
+    for child in children[1:]:
+        widest = max(widest, child.spread)
+    return widest * _loft_slope(len(children) - 1, height, gap, easing)
+
+
+@combination(bounds=_loft_bounds, lipschitz=1.0, symmetry=_loft_symmetry, spread=_loft_spread, child_dimension=2)
 def loft(
     p: Expr, children: Sequence[Child], height: Positive = 1.0, gap: Positive = 1.0, easing: Word = "smooth"
 ) -> Expr:
@@ -108,7 +118,7 @@ def loft(
     profile, *others = [child(p.xy) for child in children]
     for i, other in enumerate(others):
         profile = profile + ease(clamp(along - float(i), 0.0, 1.0)) * clamp(other - profile, -gap, gap)
-    return _prism(profile, p.z, height)
+    return _prism(profile / _loft_slope(sections, height, gap, easing), p.z, height)
 
 
 @method
@@ -121,8 +131,9 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
     height : full extent along z, > 0.
     easing : how the one becomes the other, by the name of an easing curve: "linear", "smooth", "sine", "in_quad", ...
 
-    A bound: between the ends the two distances are mixed, and the slope of the mix along z is at most their largest
-    difference times the easing's slope over the height. That difference is found on a grid whose spacing is added.
+    A bound: between the ends the two distances are mixed and divided by the slope of the mix. Along z it is at most
+    their largest difference times the easing's slope over the height. That difference is found on a grid, whose
+    spacing is added.
     """
     if easing not in EASINGS:
         raise SceneError(f"extrude_to: easing = {easing!r}", legal=", ".join(map(repr, EASINGS)))
@@ -158,14 +169,16 @@ def _widest_gap(node: Node, other: Node) -> float:
 # Revolution
 
 
-def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
-    """What lies beyond the axis is cut off, and an edge on the axis bounds nothing: distances to both are too small.
-
-    Unless it is a mirror image: then the nearest point may be looked for on the near side alone.
-    """
+def _mirrored(child: Facts, offset: Expr) -> bool:
+    """Whether both halves of the profile are alike, so that the nearest point may be looked for in one."""
     low, high = interval_of(offset)
-    mirrored = "x" in child.symmetry and low == 0.0 == high
-    return "exact" if mirrored or child.lower[0] + low > 0.0 else "bound"
+    return "x" in child.symmetry and bool(low == 0.0 == high)
+
+
+def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
+    """What lies beyond the axis is cut off, and an edge on the axis bounds nothing: distances to both are too small."""
+    clear = child.lower[0] + interval_of(offset)[0] > 0.0
+    return "exact" if clear or _mirrored(child, offset) else "bound"
 
 
 def _turned_bounds(child: ChildFacts, offset: Any) -> tuple[Expr, Expr]:
@@ -179,6 +192,8 @@ def _turned_bounds(child: ChildFacts, offset: Any) -> tuple[Expr, Expr]:
     bounds=_turned_bounds,
     lipschitz=1.0,
     symmetry=lambda child, offset: "xyz" if "y" in child.symmetry else "xz",
+    spread=lambda child, offset: child.spread,
+    convex=lambda child, offset: child.convex and _mirrored(child, offset),
     child_dimension=2,
 )
 def revolve(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
@@ -195,16 +210,22 @@ def revolve(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
 # From 3D to 2D
 
 
+def _missed(child: ChildFacts, z: Any) -> Expr:
+    return (z < child.lower.z) | (z > child.upper.z)
+
+
 def _slice_bounds(child: ChildFacts, z: Any) -> tuple[Expr, Expr]:
     """The solid's box from above; turned inside out where the plane misses the box."""
-    missed = (z < child.lower.z) | (z > child.upper.z)
-    return where(missed, child.upper.xy, child.lower.xy), where(missed, child.lower.xy, child.upper.xy)
+    low, high, missed = child.lower.xy, child.upper.xy, _missed(child, z)
+    return where(missed, high, low), where(missed, low, high)
 
 
 @method
 @operator(
     bounds=_slice_bounds,
     symmetry=lambda child, z: child.symmetry.replace("z", ""),
+    spread=lambda child, z: where(_missed(child, z), np.inf, child.spread),
+    convex=True,
     dimension=2,
     child_dimension=3,
 )
@@ -231,8 +252,25 @@ def _stretched_bounds(child: ChildFacts, extent: Any) -> tuple[Expr, Expr]:
     return (vec2(*lower), vec2(*upper)) if len(sides) == 2 else (vec3(*lower), vec3(*upper))
 
 
+def _stretched_spread(child: ChildFacts, extent: Any) -> Expr:
+    """Small values lie near the child's box; of a box beyond the middle they may lie on the other piece as well."""
+    widest = child.spread
+    for low, high, along in zip(child.lower, child.upper, extent, strict=True):
+        gap = max(low, -high)
+        widest = max(widest, where(gap > 0.0, child.spread * (1.0 + along / gap), child.spread))
+    return widest
+
+
+def _stretched_convex(child: Facts, extent: Expr) -> bool:
+    """A slope where it is cut goes on behind the drawn-out section, unless both pieces are alike."""
+    longer = np.broadcast_to(interval_of(extent)[1], len(extent)) > 0.0
+    return child.convex and all(axis in child.symmetry for axis, far in zip("xyz", longer, strict=False) if far)
+
+
 @method
-@operator(bounds=_stretched_bounds, symmetry="keep", dimension="any")
+@operator(
+    bounds=_stretched_bounds, symmetry="keep", spread=_stretched_spread, convex=_stretched_convex, dimension="any"
+)
 def elongate(p: Expr, child: Child, extent: Extent = (0.5, 0.0, 0.0)) -> Expr:
     """Cut at the planes through the origin, the pieces moved apart, and the section drawn out between them.
 
@@ -251,17 +289,36 @@ def elongate(p: Expr, child: Child, extent: Extent = (0.5, 0.0, 0.0)) -> Expr:
     return value + where(value < 0.0, core, 0.0)
 
 
+def _offset_bounds(child: ChildFacts, distance: Any) -> tuple[Expr, Expr]:
+    margin = where(distance > 0.0, child.spread, 1.0) * distance
+    return child.lower - margin, child.upper + margin
+
+
+def _exact_if_grown(child: Facts, distance: Expr) -> Exactness:
+    """As for `round`; what shrinks has its sharp corners farther from a point outside than the field says."""
+    return "exact" if child.convex and interval_of(distance)[0] >= 0.0 else "bound"
+
+
+def _check_offset(child: Facts, distance: Any) -> None:
+    deepest = 0.5 * float(child.size.min())
+    if not child.empty and -float(interval_of(distance)[1]) >= deepest:
+        raise SceneError(f"offset: distance = {shown(distance)} leaves nothing", legal=f"distance > {-deepest:g}")
+
+
 @method
 @operator(
-    exactness=lambda child, distance: "exact" if interval_of(distance)[0] >= 0.0 else "bound",
-    bounds=lambda child, distance: (child.lower - distance, child.upper + distance),
+    exactness=_exact_if_grown,
+    bounds=_offset_bounds,
     symmetry="keep",
+    spread=lambda child, distance: child.spread,
+    convex=lambda child, distance: child.convex and child.exactness == "exact",
+    check=_check_offset,
     dimension="any",
 )
 def offset(p: Expr, child: Child, distance: Length = 0.1) -> Expr:
     """Grown by a distance on all sides (as `round`), or shrunk by a negative one.
 
-    distance : length; shrinking by more than the solid's depth leaves nothing. Exact on an exact child when it grows;
-        shrunk, its sharp corners lie farther from a point outside than the field says.
+    distance : length; more than minus half the smallest extent, where nothing is left. Exact when an exact, convex
+        child grows, else a bound.
     """
     return child(p) - distance

@@ -82,7 +82,7 @@ def repeat_cells(
         cells: list[tuple[Expr, Expr | None]] = [(cell, None)]
         if both >> i & 1:
             cells.append((cell + side, (0.5 - abs(local)) * spacing[i]))
-            unseen.append((0.5 + abs(local)) * spacing[i])
+            unseen.append((0.5 + abs(along - _limited(cell, counts[i]))) * spacing[i])
         lookups[i] = [(p[i] - spacing[i] * (_limited(c, counts[i]) + shift), gap) for c, gap in cells]
     distances = [_lookup(child, choice, bool(guard)) for choice in product(*lookups)]
     if guard and unseen:
@@ -115,15 +115,17 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     The child must fit its cell: its box, wherever it stands, may not be larger than the spacing. Exact on an exact
     child. Asks 1 copy along an axis where the child mirrors itself, else 2.
     """
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"repeat of {node!r}", legal="a solid such as sphere()")
     steps = _each_axis("spacing", spacing)
     counts = _each_axis("count", count)
     lower, upper = node.bounds
     width, centre, numbers, both = [], [], [], 0
     for i, axis in enumerate("xyz"):
         n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
-        if isinstance(n, bool) or not isinstance(n, int) or n < 0 or (n == 0 and counts[i] is not None):
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if counts[i] is None else 1):
             raise SceneError(f"repeat: count = {count!r}", legal="integers >= 1, or None for no end")
-        numbers.append(n)
+        numbers.append(int(n))
         step = expr(1.0) if steps[i] is None else expr(steps[i])
         width.append(step)
         middle = 0.0

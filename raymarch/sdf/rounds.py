@@ -580,7 +580,8 @@ _ICOSAHEDRON_AXIS = (0.0, math.sqrt(0.5 - 0.1 * math.sqrt(5.0)), math.sqrt(0.5 +
 def blob(p: Expr, radius: Positive = 0.65, knob: Positive = 0.3, reach: Positive = 0.65, k: Positive = 0.25) -> Expr:
     """Ball with twelve soft knobs, towards the vertices of an icosahedron.
 
-    radius : of the ball, > 0. knob : radius of a knob, > 0. reach : distance of the knobs' centres from the origin, > 0.
+    radius : of the ball, > 0. knob : radius of a knob, > 0.
+    reach : distance of the knobs' centres from the origin, > 0.
     k : width of the quadratic blend between ball and knobs, > 0.
 
     A bound: a smooth minimum of distances is no steeper than they are. The point is mirrored to the knob nearest to

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Direction, Length, Positive, Size3, Vec3
+from raymarch.sdf.domain import Direction, Length, Positive, Size3, Vec3, require, shown
 
 _FAR = const(np.inf)
 
@@ -54,10 +55,7 @@ def plane(p: Expr, normal: Direction = (0.0, 1.0, 0.0), offset: Length = 0.0) ->
 
 
 def _check_torus(major: Any, minor: Any) -> None:
-    if isinstance(major, Expr) and major.is_constant and minor.is_constant and float(minor.data) > float(major.data):
-        raise SceneError(
-            f"torus: minor = {float(minor.data):g} exceeds major = {float(major.data):g}", legal="minor <= major"
-        )
+    require(minor <= major, f"torus: minor = {shown(minor)} for major = {shown(major)}", "minor <= major")
 
 
 @shape(
@@ -107,5 +105,5 @@ def capsule(p: Expr, a: Vec3 = (0.0, -0.5, 0.0), b: Vec3 = (0.0, 0.5, 0.0), radi
     a, b : ends of the segment, distinct points. radius : length, > 0.
     """
     pa, ba = p - a, expr(b) - a
-    h = clamp(dot(pa, ba) / dot(ba, ba), 0.0, 1.0)
+    h = clamp(dot(pa, ba) / max(dot(ba, ba), SMALLEST), 0.0, 1.0)  # two Params may meet, and 0/0 is NaN
     return length(pa - ba * h) - radius

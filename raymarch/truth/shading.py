@@ -109,13 +109,14 @@ class Surface:
         return result
 
     def _towards(self, light: Light) -> tuple[Array, Array]:
-        """Unit vectors to a light and its distance; to a sun it is how far rays are traced."""
+        """Unit vectors to a light and its distance; to a sun it is twice how far rays are traced from the camera,
+        for no two points of the scene are farther apart."""
         if isinstance(light, PointLight):
             way = self.values.of(light.position) - self.points
             return unit(way), np.linalg.norm(way, axis=1)
         assert isinstance(light, Sun)
         direction = self.values.of(light.direction)
-        return np.broadcast_to(direction, self.points.shape), np.full(len(self.points), self.far)
+        return np.broadcast_to(direction, self.points.shape), np.full(len(self.points), 2.0 * self.far)
 
     def _visible(self, to_light: Array, distance: Array, facing: NDArray[Any]) -> Array:
         """1 where a light is seen from the surface, else 0. What faces away is not asked."""

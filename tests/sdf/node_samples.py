@@ -12,7 +12,7 @@ import pkgutil
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +97,7 @@ def parameters(definition: Definition, variant: int, random: np.random.Generator
         if name in definition.defaults and (variant == 0 or fixed):
             continue
         value = draw(domain, random)
-        given[name] = value * shrink if isinstance(value, float) else value
+        given[name] = value * shrink ** random.uniform() if isinstance(value, float) else value
     return given
 
 
@@ -124,7 +124,7 @@ def _drawn(definition: Definition, children: Sequence[Callable[[], Node]], name:
         random = np.random.default_rng(zlib.crc32(f"{definition.name} {name} {variant}".encode()))
         refused: Exception | None = None
         for attempt in range(40):
-            given = parameters(definition, min(variant, 1) if attempt == 0 else 1, random, 0.9**attempt)
+            given = parameters(definition, min(variant, 1) if attempt == 0 else 1, random, 0.8**attempt)
             try:
                 node = definition.make([child() for child in children], (), given)
             except SceneError as error:
@@ -146,12 +146,15 @@ def _chosen(definition: Definition) -> Iterator[NodeSample]:
         for variant in range(2 if definition.domains else 1):
             yield _drawn(definition, (), "shape", variant)
     elif definition.arity == "one":
-        for variant, (name, child) in enumerate(CHILDREN[definition.child_dimension].items()):
-            yield _drawn(definition, (child,), name, variant)
+        kinds = CHILDREN[definition.child_dimension]
+        spared = zlib.crc32(definition.name.encode()) % (len(kinds) - 1)  # time is short: each operator leaves one out
+        for variant, name in enumerate(kinds):
+            if variant != spared + 1:
+                yield _drawn(definition, (kinds[name],), name, variant)
     else:
         kinds = CHILDREN[definition.child_dimension]
         names = list(kinds)
-        for variant, some in enumerate((names[:2], names[1:3][::-1], names[:3], names)):
+        for variant, some in enumerate((names[:2], names[1:3][::-1], names)):
             yield _drawn(definition, [kinds[n] for n in some], f"{len(some)} children", variant)
 
 
@@ -198,6 +201,8 @@ class Field:
         self._whole = evaluator([whole.body], whole.params)
         self.dimension = node.dimension
         low, high = node.bounds
+        if node.facts.empty:
+            low, high = np.minimum(low, high), np.maximum(low, high)
         finite = np.isfinite(low) & np.isfinite(high)
         extent = float(np.max((high - low)[finite], initial=0.0)) or 2.0
         middle = np.where(finite, 0.5 * (np.where(finite, low, 0) + np.where(finite, high, 0)), 0.0)
@@ -218,9 +223,10 @@ class Field:
         drawn = random.uniform(self.low, self.high, (count, self.dimension))
         return drawn.astype(np.float32).astype(np.float64)
 
-    def surface(self, random: np.random.Generator, points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-        """Points on the surface, by bisection of segments from inside to outside."""
-        values = self.value(points)
+    def surface(
+        self, random: np.random.Generator, points: NDArray[np.float64], values: NDArray[np.float64], count: int
+    ) -> NDArray[np.float64]:
+        """Points on the surface, by bisection of segments between points whose values are known."""
         inside, outside = points[values < 0], points[values > 0]
         if not len(inside) or not len(outside):
             return np.empty((0, self.dimension))
@@ -229,14 +235,14 @@ class Field:
         near = outside[random.integers(len(outside), size=(count, 8))]  # short segments find more of the details
         best = np.argmin(np.linalg.norm(near - a[:, None], axis=-1), axis=1)
         b[::2] = near[np.arange(count), best][::2]
-        for _ in range(46):
+        for _ in range(38):
             middle = 0.5 * (a + b)
             negative = (self.value(middle) < 0)[:, None]
             a, b = np.where(negative, middle, a), np.where(negative, b, middle)
         return 0.5 * (a + b)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Seen:
     """A sample's node, with its field at many points."""
 
@@ -245,6 +251,11 @@ class Seen:
     field: Field
     points: NDArray[np.float64]
     values: NDArray[np.float64]
+
+    @cached_property
+    def surface(self) -> NDArray[np.float64]:
+        """2000 points on the surface; none where the solid is empty."""
+        return self.field.surface(np.random.default_rng(14), self.points, self.values, 2000)
 
 
 def look_at(sample: NodeSample) -> Seen:

@@ -1,0 +1,222 @@
+"""Tubes along curves: all points within a radius of a broken line, a parabola arc, a helix.
+
+Outside, the distance of a tube is that of its curve less the radius. Inside, too, as long as the radius is at most the
+curve's reach (Federer): its smallest radius of curvature, and half of how near it comes to itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.function import function, loop
+from raymarch.expr.node import Expr, const
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import (
+    abs,
+    atan2,
+    ceil,
+    clamp,
+    cos,
+    dot,
+    floor,
+    length,
+    max,
+    min,
+    mix,
+    round,
+    sin,
+    sqrt,
+    vec2,
+    vec3,
+    where,
+)
+from raymarch.sdf.booleans import balanced
+from raymarch.sdf.definition import shape
+from raymarch.sdf.domain import Domain, Points3, Positive, Vec3
+from raymarch.sdf.facts import Exactness
+
+__all__ = ["bezier_tube", "helix", "polyline_tube"]
+
+Turns = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="turns")]
+
+
+@function(p=VEC3, a=VEC3, b=VEC3)
+def segment_squared(p: Expr, a: Expr, b: Expr) -> Expr:
+    """Squared distance to the segment from a to b, which are distinct."""
+    away, along = p - a, b - a
+    away = away - along * clamp(dot(away, along) / dot(along, along), 0.0, 1.0)
+    return dot(away, away)
+
+
+def _distinct(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
+    """The points, those that repeat the one before them left out."""
+    return [p for i, p in enumerate(points) if i == 0 or p != points[i - 1]]
+
+
+def _check_polyline(points: Any, radius: Any) -> None:
+    if len(_distinct(points)) < 2:
+        raise SceneError(f"polyline_tube: points = {points}", legal="two distinct points or more")
+
+
+def _polyline_bounds(points: Any, radius: Any) -> tuple[Expr, Expr]:
+    return const(np.min(points, axis=0)) - radius, const(np.max(points, axis=0)) + radius
+
+
+def _is_segment(points: Any, radius: Any) -> bool:
+    return len(_distinct(points)) == 2
+
+
+@shape(
+    exactness=lambda points, radius: "exact" if _is_segment(points, radius) else "bound",
+    bounds=_polyline_bounds,
+    spread=1.0,
+    convex=_is_segment,
+    check=_check_polyline,
+)
+def polyline_tube(
+    p: Expr,
+    points: Points3 = ((-0.8, -0.6, 0.3), (-0.3, 0.5, -0.3), (0.2, -0.3, -0.2), (0.8, 0.5, 0.4)),
+    radius: Positive = 0.12,
+) -> Expr:
+    """Round tube along straight pieces, with round joints and ends.
+
+    points : two or more, each three numbers; the first one again at the end closes the tube. They are part of
+        the shader's text: a `Param` may not stand in them, and every piece costs a segment's distance.
+    radius : of the tube, > 0.
+
+    Exact outside. Inside a bound, because behind a bend a point is deeper than within the radius of each piece.
+    """
+    corners = _distinct(points)
+    return sqrt(balanced([segment_squared(p, a, b) for a, b in pairwise(corners)], min)) - radius
+
+
+def _held(t: Expr) -> Expr:
+    """t itself, for derivatives a constant: where the distance is least it does not change with t, and the way by
+    which t was found does not matter. Rounded to 2^-40, which is nothing in float32, and squared nothing in float64."""
+    return round(t * 2.0**40) * 2.0**-40
+
+
+def _bezier_bounds(a: Any, b: Any, c: Any, radius: Any) -> tuple[Expr, Expr]:
+    """On each axis the curve turns back at most once, where its speed is zero."""
+    turning = []
+    for start, middle, end in zip(a, b, c, strict=True):
+        bend = start - 2.0 * middle + end
+        t = clamp((start - middle) / where(abs(bend) > 0.0, bend, 1.0), 0.0, 1.0)
+        turning.append(mix(mix(start, middle, t), mix(middle, end, t), t))
+    turn = vec3(*turning)
+    return min(a, c, turn) - radius, max(a, c, turn) + radius
+
+
+def _bezier_exactness(a: Any, b: Any, c: Any, radius: Any) -> Exactness:
+    """The reach of an arc of a parabola is at least the radius of curvature at its vertex."""
+    if not all(v.is_constant for v in (a, b, c, radius)):
+        return "bound"
+    speed, bend = b.data - a.data, a.data - 2.0 * b.data + c.data
+    area, size = np.linalg.norm(np.cross(speed, bend)), np.linalg.norm(bend)
+    return "exact" if radius.data * size**3 <= 2.0 * area**2 else "bound"
+
+
+def _check_bezier(a: Any, b: Any, c: Any, radius: Any) -> None:
+    if a is b and b is c:
+        raise SceneError(f"bezier_tube: all three points are {tuple(a.data)}", legal="points that are not all equal")
+
+
+@shape(exactness=_bezier_exactness, bounds=_bezier_bounds, spread=1.0, check=_check_bezier)
+def bezier_tube(
+    p: Expr,
+    a: Vec3 = (-0.8, -0.5, 0.2),
+    b: Vec3 = (0.1, 1.1, -0.6),
+    c: Vec3 = (0.8, -0.4, 0.3),
+    radius: Positive = 0.15,
+) -> Expr:
+    """Round tube along a quadratic Bezier curve, with round ends.
+
+    a, c : ends of the curve. b : control point; the curve leaves a and reaches c in its direction.
+    radius : of the tube, > 0.
+
+    Exact outside, and inside if the radius is at most the smallest radius of curvature of the curve's parabola.
+
+    The nearest point of the curve is at an end or at a root of a cubic, at which the distance stops falling. Between
+    its vertex and either end of the curve the cubic has at most one such root and bends only one way, so Newton's
+    method from that end reaches it without passing it (a straight curve, where the cubic is a line, takes one step;
+    Cardano's formula would divide by zero there). The nearer of the two finds is the distance.
+    """
+    speed, bend = b - a, a - 2.0 * b + c
+    from_p = a - p
+    k0, k1 = dot(from_p, speed), 2.0 * dot(speed, speed) + dot(from_p, bend)
+    k2, k3 = 3.0 * dot(speed, bend), dot(bend, bend)
+    least = max(1e-6 * (dot(speed, speed) + k3), SMALLEST)  # the slope is less only where the distance hardly changes
+
+    def newton(i: Expr, s: Expr, t: Expr, step: Expr) -> list[Expr]:
+        value = k0 + vec2(s, t) * (k1 + vec2(s, t) * (k2 + vec2(s, t) * k3))
+        slope = max(k1 + vec2(s, t) * (2.0 * k2 + vec2(s, t) * (3.0 * k3)), least)
+        low = clamp(s + max(-value.x, 0.0) / slope.x, 0.0, 1.0)
+        high = clamp(t - max(value.y, 0.0) / slope.y, 0.0, 1.0)
+        return [low, high, max(low - s, t - high)]
+
+    s, t, _ = loop(24, [0.0, 1.0, 1.0], newton, until=lambda i, s, t, step: step < 1e-6)
+    s, t = _held(s), _held(t)
+    to_s = from_p + s * (2.0 * speed + s * bend)
+    to_t = from_p + t * (2.0 * speed + t * bend)
+    return sqrt(min(dot(to_s, to_s), dot(to_t, to_t))) - radius
+
+
+def _helix_exactness(major: Any, minor: Any, pitch: Any, turns: Any) -> Exactness:
+    """The reach of a helix: its radius of curvature, or half of how near a turn comes to the next."""
+    if not all(v.is_constant for v in (major, minor, pitch, turns)):
+        return "bound"
+    radius, rise = float(major.data), float(pitch.data) / (2.0 * math.pi)
+    s = np.linspace(math.pi, 2.0 * math.pi, 4001)
+    chords = np.sqrt(2.0 * radius**2 * (1.0 - np.cos(s)) + (rise * s) ** 2)[s <= 2.0 * math.pi * turns.data]
+    reach = np.min(0.5 * chords, initial=(radius**2 + rise**2) / radius)
+    return "exact" if minor.data <= 0.9999 * reach else "bound"
+
+
+def _helix_bounds(major: Any, minor: Any, pitch: Any, turns: Any) -> tuple[Expr, Expr]:
+    """A helix of half a turn to either side or more goes all the way round."""
+    half = math.pi * turns
+    back = where(half < math.pi, cos(half), -1.0)
+    side = major * where(half < 0.5 * math.pi, sin(half), 1.0) + minor
+    high = 0.5 * pitch * turns + minor
+    return vec3(major * back - minor, -high, -side), vec3(major + minor, high, side)
+
+
+@shape(exactness=_helix_exactness, bounds=_helix_bounds, spread=1.0)
+def helix(p: Expr, major: Positive = 0.7, minor: Positive = 0.12, pitch: Positive = 0.5, turns: Turns = 3.0) -> Expr:
+    """Coil: a round tube that climbs about the y axis as a right-handed screw, with round ends.
+
+    major : distance of the tube's middle from the axis, > 0. minor : radius of the tube, > 0.
+    pitch : height of one turn, > 0. turns : how many, > 0, any number; half of them on either side of the x axis.
+
+    Exact outside, and inside if neighbouring turns do not touch and the tube is thinner than its bend.
+
+    The curve's nearest point, seen from the turn nearest in height, is at the root of a function that is concave
+    on the way there (the sine of at most half a turn and a line), so Newton's method reaches it without passing it.
+    Beyond an end of the curve, the last turn and both ends are asked as well.
+    """
+    rise, whole = pitch / (2.0 * math.pi), 2.0 * math.pi
+    last = math.pi * turns
+    level, angle = p.y / rise, atan2(-p.z, p.x)
+    pull = length(p.xz) * major
+    nearest = angle + whole * round((level - angle) / whole)
+    top, bottom = angle + whole * floor((last - angle) / whole), angle + whole * ceil((-last - angle) / whole)
+    first = vec2(nearest, where(nearest > last, top, where(nearest < -last, bottom, nearest)))
+    lift = rise * rise * abs(level - first)
+
+    def newton(i: Expr, s: Expr, step: Expr) -> list[Expr]:
+        slope = max(pull * cos(s) + rise * rise, 1e-3 * rise * rise)
+        after = clamp(s + max(lift - pull * sin(s) - rise * rise * s, 0.0) / slope, 0.0, math.pi)
+        return [after, max(*(after - s))]
+
+    s, _ = loop(24, [vec2(0.0), 1.0], newton, until=lambda i, s, step: step < 1e-6)
+    turned = first + s * vec2(*[where(level < start, -1.0, 1.0) for start in first])
+    found = _held(clamp(turned, -last, last))
+    away = [p - vec3(major * cos(t), rise * t, -major * sin(t)) for t in (found.x, found.y, last, -last)]
+    return sqrt(min(*[dot(v, v) for v in away])) - minor
