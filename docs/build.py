@@ -1,7 +1,7 @@
 """Builds the pages that come from the code: docs/nodes.md and the pictures of all nodes.
 
-    python docs/build.py            # everything
-    python docs/build.py --text     # the text alone, without drawing
+python docs/build.py            # everything
+python docs/build.py --text     # the text alone, without drawing
 """
 
 from __future__ import annotations
@@ -111,8 +111,9 @@ def page() -> str:
     text = [
         "# All nodes",
         "",
-        "Made from the code by `python docs/build.py`. Facts are those of the specimen in the picture: its exactness, by",
-        "what its field is divided so that no step is too long, and the extents of its box. `help(raymarch.NAME)` says more.",
+        "Made from the code by `python docs/build.py`. Facts are those of the specimen in the picture: its exactness,",
+        "by what its field is divided so that no step is too long, and the extents of its box.",
+        "`help(raymarch.NAME)` says more.",
         "",
         "![all nodes](pictures/nodes.png)",
     ]

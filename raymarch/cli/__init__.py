@@ -1,5 +1,5 @@
 """The command line: render, explain, doctor."""
 
-from raymarch.cli.main import main
+from raymarch.cli.commands import main
 
 __all__ = ["main"]

@@ -202,6 +202,7 @@ def _check_quad(a: Any, b: Any, c: Any, d: Any, radius: Any) -> None:
     exactness=_quad_exactness,
     bounds=lambda a, b, c, d, radius: (min(a, b, c, d) - radius, max(a, b, c, d) + radius),
     spread=1.0,
+    convex=lambda *corners, **named: _quad_exactness(*corners, **named) == "exact",
     check=_check_quad,
 )
 def quad(

@@ -39,7 +39,7 @@ from raymarch.expr.vocabulary import (
 )
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import shape
-from raymarch.sdf.domain import Domain, Points3, Positive, Vec3
+from raymarch.sdf.domain import Domain, Points3, Positive, Vec3, shown
 from raymarch.sdf.facts import Exactness
 
 __all__ = ["bezier_tube", "helix", "polyline_tube"]
@@ -125,7 +125,7 @@ def _bezier_exactness(a: Any, b: Any, c: Any, radius: Any) -> Exactness:
 
 def _check_bezier(a: Any, b: Any, c: Any, radius: Any) -> None:
     if a is b and b is c:
-        raise SceneError(f"bezier_tube: all three points are {tuple(a.data)}", legal="points that are not all equal")
+        raise SceneError(f"bezier_tube: all three points are {shown(a)}", legal="points that are not all equal")
 
 
 @shape(exactness=_bezier_exactness, bounds=_bezier_bounds, spread=1.0, check=_check_bezier)

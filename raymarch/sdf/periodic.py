@@ -110,7 +110,7 @@ def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr
         to five times as thick where the surface is flat.
 
     f = 3 (cos x + cos y + cos z) + 4 cos x cos y cos z. The squared slope is a polynomial of the three cosines. On
-    their cube it is less than 27.01 + 5 |f| (shown by interval arithmetic on 4 10^4 parts of the cube), and the
+    their cube it is at most 27.01 + 5 |f| (shown by interval arithmetic on ever smaller parts of the cube), and the
     integral of 1 / sqrt(27.01 + 5 f), 2 f / (sqrt 27.01 + sqrt(27.01 + 5 |f|)), rises no faster than q.
     """
     x, y, z = cos(_TURN / period * p)

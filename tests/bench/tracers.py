@@ -1,6 +1,6 @@
 """Evaluations a pixel of every tracer on the examples, beside the floor N*.
 
-    python -m tests.bench.tracers
+python -m tests.bench.tracers
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from raymarch import glsl
-from raymarch.cli.main import app, main
+from raymarch.cli.commands import app, main
 from raymarch.expr import arrays, derivative, intervals
 from raymarch.expr import glsl as printer
 

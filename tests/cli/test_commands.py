@@ -1,0 +1,278 @@
+"""The commands as a user types them: pictures, exit codes, one message, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from raymarch.cli.commands import main
+from raymarch.cli.views import VIEWS
+
+HELLO = "import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2)) | rm.box(1.5)\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hello.py").write_text(HELLO)
+    return tmp_path
+
+
+def run(*args: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        main(list(args))
+    return int(stop.value.code or 0)
+
+
+def files(folder: Path) -> set[str]:
+    return {p.name for p in folder.iterdir() if p.name != "__pycache__"}
+
+
+# What works
+
+
+def test_a_picture_of_the_size_asked_for(folder):
+    assert run("render", "hello.py", "--size", "64x40") == 0
+    with Image.open("hello.png") as picture:
+        assert picture.size == (64, 40)
+        assert picture.format == "PNG"
+        assert len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)) > 10
+    assert files(folder) == {"hello.py", "hello.png"}
+
+
+@pytest.mark.parametrize(("ending", "kind"), [("png", "PNG"), ("jpg", "JPEG"), ("webp", "WEBP"), ("TIFF", "TIFF")])
+def test_the_ending_chooses_the_format(folder, ending, kind):
+    assert run("render", "hello.py", "-o", f"a.{ending}", "--size", "16x9") == 0
+    with Image.open(f"a.{ending}") as picture:
+        assert picture.format == kind
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_every_view(folder, view):
+    assert run("render", "hello.py", "-o", "a.png", "--view", view, "--size", "48x32") == 0
+    with Image.open("a.png") as picture:
+        low, high = np.asarray(picture.convert("L"), int).min(), np.asarray(picture.convert("L"), int).max()
+    assert high > low
+
+
+def test_a_parameter_changes_the_picture_and_a_frame_depends_on_time(folder):
+    (folder / "moving.py").write_text("import raymarch as rm\nscene = rm.sphere(0.5).translate((rm.time, 0, 0))\n")
+    assert run("render", "hello.py", "-o", "small.png", "--set", "radius=0.5", "--size", "32x20") == 0
+    assert run("render", "hello.py", "-o", "large.png", "--set", "radius=2", "--size", "32x20") == 0
+    assert run("render", "moving.py", "-o", "at0.png", "--size", "32x20") == 0
+    assert run("render", "moving.py", "-o", "at1.png", "--time", "0.5", "--size", "32x20") == 0
+    pictures = {n: Path(f"{n}.png").read_bytes() for n in ("small", "large", "at0", "at1")}
+    assert pictures["small"] != pictures["large"]
+    assert pictures["at0"] != pictures["at1"]
+
+
+def test_frames(folder):
+    (folder / "moving.py").write_text("import raymarch as rm\nscene = rm.sphere(0.5).translate((rm.time, 0, 0))\n")
+    assert run("render", "moving.py", "-o", "f-{:03d}.png", "--frames", "2:5", "--fps", "10", "--size", "32x20") == 0
+    assert {f for f in files(folder) if f.startswith("f-")} == {"f-002.png", "f-003.png", "f-004.png"}
+    assert run("render", "moving.py", "-o", "one.png", "--time", "0.3", "--size", "32x20") == 0
+    assert Path("one.png").read_bytes() == Path("f-003.png").read_bytes()
+
+
+def test_explain_says_what_is_used_and_what_is_not(folder, capsys):
+    assert run("explain", "hello.py") == 0
+    text = capsys.readouterr().out
+    assert "sun light" in text.partition("Left out")[0]
+    assert "hard shadows        no light has shadow=True" in text.partition("Left out")[2]
+    assert "radius" in text
+    assert run("explain", "hello.py", "--glsl") == 0
+    glsl = capsys.readouterr().out
+    assert glsl.startswith("#version 330 core")
+    assert "shadow" not in glsl
+    assert run("explain", "hello.py", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["glsl"] == glsl
+    assert found["field"]["exactness"] == "bound"
+    assert [p["name"] for p in found["passes"]] == ["color"]
+    assert all(f["reason"] for f in found["features"])
+
+
+def test_doctor_names_each_backend(folder, capsys):
+    assert run("doctor", "--json") == 0
+    reports = {r["backend"]: r for r in json.loads(capsys.readouterr().out)}
+    assert set(reports) == {"egl", "osmesa", "window"}
+    assert reports["egl"]["works"]
+    assert run("doctor") == 0
+    assert "clock" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [[], ["render"], ["explain"], ["doctor"]])
+def test_help(folder, command, capsys):
+    assert run(*command, "--help") == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+# What does not
+
+
+def scene_with(body: str) -> dict[str, str]:
+    return {"bad.py": f"import raymarch as rm\nimport numpy as np\n{body}\n"}
+
+
+BAD_SCENES = {
+    "no scene": ("x = 1", 1, "no 'scene'"),
+    "python error": ("scene = rm.sphere(1 / 0)", 3, "ZeroDivisionError"),
+    "syntax error": ("scene = rm.sphere(", 3, "SyntaxError"),
+    "import error": ("import nosuchmodule", 3, "nosuchmodule"),
+    "wrong type": ("scene = rm.Scene(3)", 3, "3 (int)"),
+    "scene of a wrong type": ("scene = [1]", 1, "[1]"),
+    "not a number": ("scene = rm.sphere('big')", 3, "'big'"),
+    "zero size": ("scene = rm.box((1, 0, 1))", 3, "(1, 0, 1)"),
+    "negative size": ("scene = rm.sphere(-1)", 3, "-1"),
+    "negative k": ("scene = rm.union(rm.sphere(), rm.box(), k=-0.5)", 3, "-0.5"),
+    "nan": ("scene = rm.sphere(float('nan'))", 3, "nan"),
+    "infinity": ("scene = rm.sphere().translate((float('inf'), 0, 0))", 3, "inf"),
+    "singular matrix": ("scene = rm.sphere().transform(np.diag([1, 1, 0, 1]))", 3, "singular"),
+    "up parallel": ("scene = rm.Scene(rm.sphere(), rm.Camera((0, 5, 0), (0, 0, 0)))", 3, "parallel"),
+    "fov 0": ("scene = rm.Scene(rm.sphere(), rm.Camera(fov=0))", 3, "fov = 0"),
+    "fov 180": ("scene = rm.Scene(rm.sphere(), rm.Camera(fov=180))", 3, "fov = 180"),
+    "eye is target": ("scene = rm.Scene(rm.sphere(), rm.Camera((1, 1, 1), (1, 1, 1)))", 3, "target"),
+    "unknown parameter of a node": ("scene = rm.sphere(size=3)", 3, "'size'"),
+    "clashing parameters": (
+        "scene = rm.sphere(rm.Param('a', 1, 0.5, 2)) | rm.box(rm.Param('a', 1, 0.5, 3))",
+        3,
+        "'a'",
+    ),
+    "too many shapes": (
+        "scene = rm.union(*[rm.sphere(0.1).translate((i, 0, 0)) for i in range(3000)])",
+        3,
+        "3000",
+    ),
+    "light without a direction": ("scene = rm.Scene(rm.sphere(), lights=[rm.Sun((0, 0, 0))])", 3, "(0, 0, 0)"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_SCENES)
+def test_a_bad_scene_ends_with_its_own_line(folder, capsys, name):
+    body, line, words = BAD_SCENES[name]
+    for file, text in scene_with(body).items():
+        (folder / file).write_text(text)
+    (folder / "out.png").write_bytes(b"old")
+    assert run("render", "bad.py", "-o", "out.png", "--size", "16x9") == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"raymarch: bad.py:{line}: "), err
+    assert words in err
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) == 1
+    assert files(folder) == {"hello.py", "bad.py", "out.png"}
+    assert (folder / "out.png").read_bytes() == b"old"
+
+
+BAD_CALLS = {
+    "missing file": (["render", "nosuch.py"], "nosuch.py"),
+    "a folder": (["render", "."], "'.'"),
+    "size 0": (["render", "hello.py", "--size", "0x5"], "0x5"),
+    "size without x": (["render", "hello.py", "--size", "5"], "--size 5"),
+    "size beyond the driver": (["render", "hello.py", "--size", "99999x5"], "99999"),
+    "unknown parameter": (["render", "hello.py", "--set", "nosuch=1"], "hello.py:2: unknown parameter 'nosuch' = 1"),
+    "parameter out of range": (["render", "hello.py", "--set", "radius=9"], "hello.py:2: parameter 'radius' = 9"),
+    "parameter of a wrong size": (["render", "hello.py", "--set", "radius=1,2"], "radius"),
+    "parameter without value": (["render", "hello.py", "--set", "radius"], "NAME=VALUE"),
+    "parameter without number": (["render", "hello.py", "--set", "radius=big"], "radius=big"),
+    "unknown view": (["render", "hello.py", "--view", "x"], "--view x"),
+    "unknown backend": (["render", "hello.py", "--backend", "x"], "'x'"),
+    "no such folder": (["render", "hello.py", "-o", "nosuch/a.png"], "nosuch/a.png"),
+    "no such format": (["render", "hello.py", "-o", "a.xyz"], "a.xyz"),
+    "frames backwards": (["render", "hello.py", "-o", "a{}.png", "--frames", "5:2"], "5:2"),
+    "frames into one file": (["render", "hello.py", "-o", "a.png", "--frames", "0:2"], "a.png"),
+    "time is nan": (["render", "hello.py", "--time", "nan"], "time = nan"),
+    "frames and time": (["render", "hello.py", "-o", "a{}.png", "--frames", "0:2", "--time", "1"], "--time"),
+    "two outputs of explain": (["explain", "hello.py", "--json", "--glsl"], "--json"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_CALLS)
+def test_a_bad_call_says_what_is_wrong(folder, capsys, name):
+    call, words = BAD_CALLS[name]
+    assert run(*call) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+    assert files(folder) == {"hello.py"}
+
+
+@pytest.mark.parametrize(
+    "call", [["nosuch"], ["render"], ["render", "hello.py", "--nosuch"], ["render", "hello.py", "--time", "x"]]
+)
+def test_wrong_usage_is_code_2(folder, capsys, call):
+    assert run(*call.split()) == 2
+    assert "Error" in capsys.readouterr().err
+
+
+def test_an_output_that_cannot_be_replaced(folder, capsys):
+    (folder / "a.png").mkdir()
+    assert run("render", "hello.py", "-o", "a.png", "--size", "16x9") == 2
+    assert "a.png" in capsys.readouterr().err
+    assert files(folder) == {"hello.py", "a.png"}
+
+
+def test_a_failure_on_the_way_leaves_no_file(folder, monkeypatch):
+    def fails(*_: object) -> None:
+        raise RuntimeError("planted")
+
+    monkeypatch.setattr("raymarch.cli.commands.picture", fails)
+    with pytest.raises(RuntimeError, match="planted"):
+        main(["render", "hello.py", "--size", "16x9"])
+    assert files(folder) == {"hello.py"}
+
+
+def test_a_fault_of_ours_is_code_1(folder):
+    code = "import raymarch.cli.commands as m\ndef f(*a): raise RuntimeError('planted')\nm.picture = f\nm.main()"
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, "-c", code, "render", "hello.py", "--size", "16x9"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert re.search("Traceback.*planted", done.stderr, re.DOTALL)
+
+
+def test_the_command_runs_as_a_module(folder):
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, "-m", "raymarch", "render", "nosuch.py"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr == "raymarch: cannot read scene file 'nosuch.py': No such file or directory (a Python file)\n"
+
+
+def test_a_long_picture_shows_its_progress(folder):
+    """In a terminal; the bar comes after a second, so the picture is made slow."""
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "TTY_COMPATIBLE": "1"}
+    code = (
+        "import time, raymarch.cli.commands as m\nfrom raymarch.gpu import renderer\n"
+        "draw = renderer.Program.draw\n"
+        "def slow(*a, **k):\n    time.sleep(0.4)\n    return draw(*a, **k)\n"
+        "renderer.Program.draw = slow\nm.main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "render", "hello.py", "--size", "512x256"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0
+    assert "drawing" in done.stderr
