@@ -31,7 +31,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
+# Without emoji=False rich makes a picture of the line number in "scene.py:100:".
+errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 FORMATS = {
     ".png": "PNG",
@@ -113,8 +114,9 @@ def render(
             start = clock_time.perf_counter()
             outputs = VIEWS[view]
             frame = renderer.render(found, moment, params, outputs, lambda share, i=i: progress(i + share))  # type: ignore[misc]
+            shown = picture(frame, view, found)
             with _written(file) as partial:
-                picture(frame, view, found).save(partial, FORMATS[file.suffix.lower()])
+                shown.save(partial, FORMATS[file.suffix.lower()])
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
@@ -211,10 +213,9 @@ def _written(file: Path) -> Iterator[Path]:
         os.umask(mask)
         partial.chmod(0o666 & ~mask)
         partial.replace(file)
-    except OSError as fault:
-        raise CommandError(
-            f"cannot write '{file}': {fault.strerror or fault}", legal="a file that can be written"
-        ) from None
+    except (OSError, ValueError) as fault:  # a ValueError is a format's own limit
+        answer = getattr(fault, "strerror", None) or fault
+        raise CommandError(f"cannot write '{file}': {answer}", legal="a file that can be written") from None
     finally:
         partial.unlink(missing_ok=True)
 
@@ -241,7 +242,7 @@ def explain_command(
     elif json:
         typer.echo(json_format.dumps({**explain.as_dict(made), "glsl": shader.text()}, indent=2))
     else:
-        explain.show(made, len(shader.text().encode()), Console(highlight=False, soft_wrap=True))
+        explain.show(made, len(shader.text().encode()), Console(highlight=False, soft_wrap=True, emoji=False))
 
 
 @app.command()
@@ -258,7 +259,7 @@ def doctor(json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = F
 
 
 def _show_report(report: Any) -> None:
-    out = Console(highlight=False, soft_wrap=True)
+    out = Console(highlight=False, soft_wrap=True, emoji=False)
     out.print(f"[bold]{report.backend}[/bold]  {'works' if report.works else 'does not work'}")
     rows: list[tuple[str, Any]] = []
     if report.works:

@@ -199,7 +199,9 @@ def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Textu
     context.make_current()
     try:
         make: Any = context.gl.texture if data.dimension == 2 else context.gl.texture3d
-        texture: moderngl.Texture | moderngl.Texture3D = make(data.size, 1, data.values.tobytes(), alignment=1, dtype="f4")
+        texture: moderngl.Texture | moderngl.Texture3D = make(
+            data.size, 1, data.values.tobytes(), alignment=1, dtype="f4"
+        )
     except moderngl.Error as fault:
         raise DeviceError(f"no texture for samples of {data.size}: {fault}", legal="smaller data") from fault
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)

@@ -54,7 +54,9 @@ class Quality:
         _within("step_scale", self.step_scale, 1e-3, 1)
         if self.omega is not None:
             if self.tracer not in RELAXATION:
-                raise SceneError(f"Quality: omega with tracer = {self.tracer!r}", legal=f"one of {', '.join(RELAXATION)}")
+                raise SceneError(
+                    f"Quality: omega with tracer = {self.tracer!r}", legal=f"one of {', '.join(RELAXATION)}"
+                )
             low, high = (0, 1) if self.tracer == "enhanced" else (1, 2)
             _within("omega", self.omega, low, high)
 

@@ -179,6 +179,36 @@ class Node:
         """Only a skin of this thickness about the surface."""
         return self._call("shell", thickness)
 
+    def offset(self, distance: Scalar) -> Node:
+        """The surface moved out by a distance, or in where it is negative."""
+        return self._call("offset", distance)
+
+    def elongate(self, extent: Vector) -> Node:
+        """Pulled apart along the axes: the middle stretches, the ends stay as they are."""
+        return self._call("elongate", extent)
+
+    def displace_by_image(self, source: Any, size: Vector | Scalar = (2.0, 2.0), height: Scalar = 0.2) -> Node:
+        """Raised along its normals by an image laid over the xz plane; see `raymarch.displace_by_image`."""
+        return self._call("displace_by_image", source, size, height)
+
+    # Between flat shapes and solids
+
+    def extrude(self, height: Scalar = 1.0) -> Node:
+        """A flat shape drawn out along z to a full height, centred."""
+        return self._call("extrude", height)
+
+    def extrude_to(self, other: Node, height: Scalar = 1.0, easing: str = "smooth") -> Node:
+        """A flat shape drawn out along z while it turns into another one."""
+        return self._call("extrude_to", other, height, easing)
+
+    def revolve(self, offset: Scalar = 0.0) -> Node:
+        """A flat shape turned about the y axis, moved out by an offset first."""
+        return self._call("revolve", offset)
+
+    def slice(self, z: Scalar = 0.0) -> Node:
+        """The flat shape in which a plane of constant z cuts a solid."""
+        return self._call("slice", z)
+
     def material(self, material: object) -> Node:
         """The same solid made of a material; parts that have one of their own keep it."""
         return self._call("material", material)

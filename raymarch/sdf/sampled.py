@@ -212,7 +212,6 @@ def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[E
     return child.grown(max(float(data.values.max()), 0.0) * height)
 
 
-@method
 @operator(
     bounds=_raised,
     lipschitz=lambda child, data, size, height: child.lipschitz + _carpet(data, size, height),
@@ -226,6 +225,7 @@ def displace_by_samples(
     return child(p) - height * sample(data, at)
 
 
+@method
 def displace_by_image(
     node: Node,
     source: str | os.PathLike[str] | ArrayLike,

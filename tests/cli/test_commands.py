@@ -206,9 +206,7 @@ def test_a_bad_call_says_what_is_wrong(folder, capsys, name):
     assert files(folder) == {"hello.py"}
 
 
-@pytest.mark.parametrize(
-    "call", [["nosuch"], ["render"], ["render", "hello.py", "--nosuch"], ["render", "hello.py", "--time", "x"]]
-)
+@pytest.mark.parametrize("call", ["nosuch", "render", "render hello.py --nosuch", "render hello.py --time x"])
 def test_wrong_usage_is_code_2(folder, capsys, call):
     assert run(*call.split()) == 2
     assert "Error" in capsys.readouterr().err

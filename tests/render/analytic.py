@@ -84,9 +84,7 @@ def around(mask: NDArray[Any]) -> NDArray[Any]:
     """The mask and its eight neighbours."""
     padded = np.pad(mask, 1)
     rows, columns = mask.shape
-    return np.asarray(
-        np.any([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
-    )
+    return np.asarray(np.any([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0))
 
 
 def edges(labels: NDArray[Any]) -> NDArray[Any]:

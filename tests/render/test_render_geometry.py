@@ -56,7 +56,9 @@ def allowed(view: View, t: Any, cosine: Any) -> Any:
 
 def assert_depths(depth: Any, view: View, t: Any, cosine: Any, where: Any) -> None:
     wrong = np.abs(depth[where] - t[where]) / allowed(view, t[where], cosine[where])
-    assert wrong.size and np.all(wrong <= 1), f"{(wrong > 1).sum()} of {wrong.size} are off, up to {wrong.max():g} times"
+    assert wrong.size and np.all(wrong <= 1), (
+        f"{(wrong > 1).sum()} of {wrong.size} are off, up to {wrong.max():g} times"
+    )
 
 
 VIEW = View((2.0, 1.5, 6.0), (0.1, 0.0, 0.0), 40.0, (160, 120))
@@ -166,7 +168,9 @@ def test_a_box_seen_through_a_long_lens_is_lit_on_its_outside(renderer: rm.Rende
         face = frame.normal[..., axis] == 1
         assert face.any()
         expected = 0.8 * (0.1 + sun[axis])
-        highlight = 0.25 * max(0.0, float(2 * sun[axis] * direction[axis] - sun @ direction) / np.linalg.norm(direction)) ** 32
+        highlight = (
+            0.25 * max(0.0, float(2 * sun[axis] * direction[axis] - sun @ direction) / np.linalg.norm(direction)) ** 32
+        )
         # The highlight changes over the face by its exponent times the angle, here below 1 / distance.
         assert np.all(np.abs(frame.color[face] - expected - highlight) <= 32 * 0.25 / distance + 8 * ULP)
 
@@ -345,7 +349,9 @@ def test_from_inside_a_ball_its_wall_is_seen(renderer: rm.Renderer, way: Any) ->
     clear = np.abs(lit) > 0.05
     ambient = 0.8 * 0.1
     shade = frame.color[..., 0]
-    assert np.all((shade > ambient + 0.02)[clear & (lit > 0)]) and np.all(np.abs(shade - ambient)[clear & (lit < 0)] < 1e-6)
+    assert np.all((shade > ambient + 0.02)[clear & (lit > 0)]) and np.all(
+        np.abs(shade - ambient)[clear & (lit < 0)] < 1e-6
+    )
 
 
 def test_from_below_the_ground_its_surface_is_seen_above_and_nothing_below(renderer: rm.Renderer) -> None:

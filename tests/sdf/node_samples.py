@@ -131,7 +131,7 @@ def _drawn(definition: Definition, children: Sequence[Callable[[], Node]], name:
                 refused = error
                 continue
             field = Field(node)
-            if np.any(field.value(field.draw(random, 4000)) < 0):
+            if np.count_nonzero(field.value(field.draw(random, 4000)) < 0) > 4:
                 return node
         raise AssertionError(f"no legal parameters found for {definition.name}: add a line to SPECIAL") from refused
 

@@ -98,7 +98,11 @@ def test_a_module_without_its_header_or_of_no_such_name_is_refused(monkeypatch: 
             return self.text
 
     monkeypatch.setattr(glsl, "files", lambda _: Source())
-    for text in ("float f() { return 1.0; }\n", "// F.\n// needs:\nfloat f() { return 1.0; }\n", "// F.\n// gives: f\n"):
+    for text in (
+        "float f() { return 1.0; }\n",
+        "// F.\n// needs:\nfloat f() { return 1.0; }\n",
+        "// F.\n// gives: f\n",
+    ):
         Source.text = text
         with pytest.raises(ValueError, match="'needs:' or 'gives:'"):
             glsl.load.__wrapped__("light/f")

@@ -158,7 +158,9 @@ def printed(package: Path, seed: int, before: str = "") -> str:
         here=str(Path(__file__).parent), package=str(package), examples=str(ROOT / "examples"), before=before
     )
     environment = os.environ | {"PYTHONPATH": str(package), "PYTHONHASHSEED": str(seed)}
-    done = subprocess.run([sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
