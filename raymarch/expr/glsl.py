@@ -334,7 +334,8 @@ in out inout float double int void bool true false invariant precise discard ret
 struct common partition active asm class union enum typedef template this resource goto inline noinline public
 static extern external interface long short half fixed unsigned superp input output filter cast namespace using
 packed row_major column_major sizeof demote subpass
-main texture textureLod textureSize texelFetch interpolated atan2 unit radians degrees sin cos tan asin acos atan sinh cosh tanh
+main texture textureLod textureSize texelFetch atan2 unit radians degrees sin cos tan asin acos atan sinh
+cosh tanh interpolated
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
 not lessThan greaterThan equal dFdx dFdy fwidth uint field asinh acosh atanh roundEven faceforward outerProduct

@@ -163,6 +163,7 @@ GLSL_HELPERS = {
     vec4 rise = high - low;
     vec2 rises = mix(rise.xz, rise.yw, w.x);
     return vec4(
-        mix(face.y - face.x, face.w - face.z, w.y), rows.y - rows.x, mix(rises.x, rises.y, w.y), mix(rows.x, rows.y, w.y));
+        mix(face.y - face.x, face.w - face.z, w.y), rows.y - rows.x,
+        mix(rises.x, rises.y, w.y), mix(rows.x, rows.y, w.y));
 }""",
 }

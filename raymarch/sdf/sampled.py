@@ -61,13 +61,16 @@ def _some_grid() -> Samples:
     return Samples(np.sqrt(x * x + y * y + z * z) - 0.8)
 
 
+BALL = _some_grid()
+
+
 @shape(
     exactness="bound",
     bounds=_solid_box,
     lipschitz=lambda data, size, centre: _steepness(data, size),
 )
 def sampled_grid(
-    p: Expr, data: Data = _some_grid(), size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)
+    p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)
 ) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
     q = p - centre
@@ -208,6 +211,9 @@ def _some_hills() -> Samples:
     return Samples(0.5 + 0.5 * np.sin(2 * np.pi * x) * np.cos(2 * np.pi * y))
 
 
+HILLS = _some_hills()
+
+
 def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[Expr, Expr]:
     return child.grown(max(float(data.values.max()), 0.0) * height)
 
@@ -218,7 +224,7 @@ def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[E
     spread=lambda child, data, size, height: child.spread,
 )
 def displace_by_samples(
-    p: Expr, child: Child, data: Data = _some_hills(), size: Size2 = (2.0, 2.0), height: NonNegative = 0.2
+    p: Expr, child: Child, data: Data = HILLS, size: Size2 = (2.0, 2.0), height: NonNegative = 0.2
 ) -> Expr:
     """A surface raised along its normals by data laid over the xz plane; the edge's value goes on outside."""
     at = (p.xz / size + 0.5) * tuple(_texels(data))
@@ -255,7 +261,7 @@ def displace_by_image(
 )
 def terrain(
     p: Expr,
-    data: Data = _some_hills(),
+    data: Data = HILLS,
     size: Size2 = (2.0, 2.0),
     height: NonNegative = 0.4,
     base: NonNegative = 0.2,
