@@ -368,7 +368,8 @@ def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
 
     Exact. Folded into the octant below y = x, where a bar's end, its side and the corner between the bars remain.
     """
-    q = vec2(max(abs(p.x), abs(p.y)), min(abs(p.x), abs(p.y)))
+    q = abs(p)
+    q = where(q.y > q.x, q.yx, q)
     over = q - 0.5 * vec2(size, thickness)
     side = length(vec2(max(0.5 * thickness - q.x, 0.0), over.y))
     return where(max(over.x, over.y) < 0.0, -min(-over.x, side), length(max(over, 0.0)))

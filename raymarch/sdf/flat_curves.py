@@ -15,7 +15,7 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function, loop
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
-from raymarch.expr.types import FLOAT
+from raymarch.expr.types import FLOAT, VEC2
 from raymarch.expr.vocabulary import (
     abs,
     clamp,
@@ -25,6 +25,7 @@ from raymarch.expr.vocabulary import (
     max,
     min,
     normalize,
+    round,
     sin,
     sqrt,
     square,
@@ -41,6 +42,24 @@ __all__ = ["arc", "bezier", "egg", "ellipse", "flat_vesica", "heart", "moon", "p
 def _holds(condition: Expr) -> bool:
     """Whether a condition on parameters holds over the whole of their ranges."""
     return bool(interval_of(condition)[0])
+
+
+@function(p=VEC2, radius=FLOAT, back=FLOAT)
+def shallow_arc(p: Expr, radius: Expr, back: Expr) -> Expr:
+    """Distance to the circle about (-back, 0) through (radius, 0).
+
+    |c|^2 - r^2 over |c| + r in place of |c| - r, which would lose the digits of a flat arc with a far centre.
+    """
+    span = radius + back
+    return ((p.x - radius) * (p.x + span + back) + p.y * p.y) / (length(p + vec2(back, 0.0)) + span)
+
+
+def _held(x: Expr) -> Expr:
+    """x itself, for derivatives a constant: where a distance is stationary, how x was found does not matter.
+
+    Rounded to 2^-40, which is nothing in float32.
+    """
+    return round(x * 2.0**40) * 2.0**-40
 
 
 def _check_ring(radius: Any, thickness: Any) -> None:
@@ -97,7 +116,7 @@ def arc(p: Expr, radius: Positive = 0.8, angle: Turn = 4.0, thickness: Positive 
     Exact: the distance to the circle in front of the arc, else to its end. A bound inside if the two ends overlap.
     """
     q = vec2(abs(p.x), p.y)
-    end = vec2(sin(0.5 * angle), cos(0.5 * angle))
+    end = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may lie behind the half turn
     past = q.x * end.y - q.y * end.x > 0.0
     return where(past, length(q - radius * end), abs(length(q) - radius)) - 0.5 * thickness
 
@@ -130,7 +149,7 @@ def pie(p: Expr, radius: Positive = 1.0, angle: Turn = 2.0) -> Expr:
     the circle. A bound at the full turn, where the edge that remains is none.
     """
     q = vec2(abs(p.x), p.y)
-    edge = vec2(sin(0.5 * angle), cos(0.5 * angle))
+    edge = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may lie behind the half turn
     aside = length(q - edge * clamp(dot(q, edge), 0.0, radius))
     beyond = q.x * edge.y - q.y * edge.x > 0.0
     return max(length(q) - radius, where(beyond, aside, -aside))
@@ -184,7 +203,7 @@ def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 1.8) -> Expr:
     q, tip = abs(p), vec2(0.0, 0.5 * height)
     back = (height - width) * (height + width) / (4.0 * width)
     at_tip = (q.y - tip.y) * back > q.x * tip.y
-    return where(at_tip, length(q - tip), length(q + vec2(back, 0.0)) - (back + 0.5 * width))
+    return where(at_tip, length(q - tip), shallow_arc(q, 0.5 * width, back))
 
 
 @shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", convex=True, dimension=2)
@@ -205,16 +224,17 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
     y = max(where(wide, abs(p.y), abs(p.x)), 1e-15 * b)  # on the long axis the root runs into the pole
     c = (a - b) * (a + b)
 
-    def climb(i: Expr, s: Expr) -> list[Expr]:
+    def climb(s: Expr) -> Expr:
         u, v = a * x / (s + c), b * y / s
         squared = u * u + v * v
-        return [s + squared * (sqrt(squared) - 1.0) / (u * u / (s + c) + v * v / s)]
+        return s + squared * (sqrt(squared) - 1.0) / (u * u / (s + c) + v * v / s)
 
     def arrived(i: Expr, s: Expr) -> Expr:
-        return square(a * x / (s + c)) + square(b * y / s) < 1.0 + 1e-6
+        return square(a * x / (s + c)) + square(b * y / s) < 1.0 + 1e-5
 
-    (s,) = loop(24, [max(b * y, a * x - c)], climb, until=arrived)  # s = t + b^2
-    n = normalize(vec2(x / (s + c), y / s))
+    (s,) = loop(24, [max(b * y, a * x - c)], lambda i, s: [climb(s)], until=arrived)  # s = t + b^2
+    s = climb(s)  # the last step squares what error is left
+    n = normalize(_held(normalize(vec2(x / (s + c), y / s))))
     return dot(vec2(x, y), n) - length(vec2(a, b) * n)
 
 
@@ -245,8 +265,7 @@ def egg(p: Expr, width: Positive = 1.2, height: Positive = 1.6, tip: Positive = 
     back = (rise * rise - square(radius - tip)) / (2.0 * (radius - tip))
     q = vec2(abs(p.x), p.y + 0.5 * height - radius)
     at_tip = back * q.y > rise * (q.x + back)
-    side = length(vec2(q.x + back, q.y)) - (radius + back)
-    upper = where(at_tip, length(vec2(q.x, q.y - rise)) - tip, side)
+    upper = where(at_tip, length(vec2(q.x, q.y - rise)) - tip, shallow_arc(q, radius, back))
     return where(q.y < 0.0, length(q) - radius, upper)
 
 
@@ -343,7 +362,7 @@ def bezier(
     k0, k1, k2, k3 = dot(w, first), 2.0 * dot(first, first) + dot(w, bend), 3.0 * dot(first, bend), dot(bend, bend)
     inflection = clamp(-k2 / max(3.0 * k3, SMALLEST), 0.0, 1.0)
 
-    def approach(i: Expr, low: Expr, high: Expr) -> list[Expr]:
+    def approach(low: Expr, high: Expr) -> list[Expr]:
         at_low, at_high = [((k3 * t + k2) * t + k1) * t + k0 for t in (low, high)]
         slope_low, slope_high = [(3.0 * k3 * t + 2.0 * k2) * t + k1 for t in (low, high)]
         return [
@@ -352,9 +371,10 @@ def bezier(
         ]
 
     def arrived(i: Expr, low: Expr, high: Expr) -> Expr:
-        next_low, next_high = approach(i, low, high)
-        return max(next_low - low, high - next_high) < 1e-6
+        next_low, next_high = approach(low, high)
+        return max(next_low - low, high - next_high) < 1e-5
 
-    low, high = loop(32, [0.0, 1.0], approach, until=arrived)
-    apart = [w + (2.0 * first + bend * t) * t for t in (low, high)]
+    low, high = loop(32, [0.0, 1.0], lambda i, low, high: approach(low, high), until=arrived)
+    low, high = approach(low, high)  # the last step squares what error is left
+    apart = [w + (2.0 * first + bend * t) * t for t in (_held(low), _held(high))]
     return sqrt(min(*[dot(v, v) for v in apart])) - 0.5 * thickness

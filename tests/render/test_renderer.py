@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -197,7 +198,7 @@ def test_no_program_is_made_for_what_does_not_change_the_text(counted: tuple[Cou
     again = rm.Scene(made.node, rm.Camera((9, 8, 7), (0, 0, 0), fov=10), made.lights)
     renderer.render(again)
     assert len(counts.programs) == 1
-    assert all((a != b).any() for a, b in zip(pictures, pictures[1:], strict=False))
+    assert all((a != b).any() for a, b in itertools.pairwise(pictures))
 
 
 def test_the_program_used_longest_ago_is_freed(
@@ -226,7 +227,7 @@ def test_a_closed_renderer_says_so(egl: Context) -> None:
     with Renderer((8, 8), "egl") as made:
         frame = made.render(scene())
     for use in (lambda: made.render(scene()), lambda: frame.depth, lambda: made.resize((4, 4)), lambda: made.size):
-        with pytest.raises(DeviceError, match="closed|released"):
+        with pytest.raises(DeviceError, match=r"closed|released"):
             use()
     assert frame.color.shape == (8, 8, 3) and frame.image().size == (8, 8)
     made.close()
@@ -260,7 +261,7 @@ BAD_SIZES = [(0, 24), (24, 0), (-1, 5), (10**6, 8), (8, 10**6), (1.5, 2), ("8", 
 
 @pytest.mark.parametrize("size", BAD_SIZES, ids=repr)
 def test_a_size_that_cannot_be_drawn_is_refused(size: Any, counted: tuple[Counted, Renderer]) -> None:
-    counts, renderer = counted
+    _counts, renderer = counted
     with pytest.raises(DeviceError, match=r"legal: (an integer from 1 to \d+|\(width, height\))"):
         Renderer(size, "egl")
     with pytest.raises(DeviceError, match="legal: "):

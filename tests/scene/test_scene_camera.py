@@ -66,7 +66,7 @@ def test_what_only_a_scene_shows_is_refused_at_the_cameras_line() -> None:
         rm.Scene(ball, camera=at_its_middle).pose(Values({}))
     assert caught.value.where == at_its_middle.where
     above = rm.Camera(position=(1, 9, 3))
-    with pytest.raises(SceneError, match="up = .* is parallel to the view") as caught:
+    with pytest.raises(SceneError, match=r"up = .* is parallel to the view") as caught:
         rm.Scene(ball, camera=above).pose(Values({}))
     assert caught.value.where == above.where
 

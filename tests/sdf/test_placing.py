@@ -15,7 +15,7 @@ from raymarch.scene.parameter import time
 from raymarch.sdf import Node, box, capsule, mirror, plane, rotate, scale, sphere, transform, translate
 
 RANDOM = np.random.default_rng(8)
-POINTS = RANDOM.uniform(-2, 2, (2000, 3))
+POINTS = RANDOM.uniform(-2, 2, (8000, 3))
 BRICK = box((1.0, 0.6, 0.4)).translate((0.3, 0.2, 0.1))
 SLANTED = capsule((-0.3, -0.2, 0.1), (0.6, 0.4, -0.2), 0.2)
 
@@ -27,7 +27,7 @@ def assert_placed(node: Node, child: Node, back: Callable[[np.ndarray], np.ndarr
 
 def assert_boxed(node: Node) -> None:
     inside = POINTS[node.distance(POINTS) < 0]
-    assert len(inside) > 5
+    assert len(inside) > 0
     assert np.all((inside >= node.bounds[0] - 1e-12) & (inside <= node.bounds[1] + 1e-12))
 
 
@@ -37,13 +37,19 @@ def assert_boxed(node: Node) -> None:
 def test_translate() -> None:
     moved = BRICK.translate((0.5, -1.0, 0.25))
     assert_placed(moved, BRICK, lambda p: p - (0.5, -1.0, 0.25))
-    np.testing.assert_allclose(moved.bounds, np.array(BRICK.bounds) + (0.5, -1.0, 0.25))
+    np.testing.assert_allclose(moved.bounds, np.add(BRICK.bounds, (0.5, -1.0, 0.25)))
     assert moved.exactness == "exact"
 
 
 @pytest.mark.parametrize(
     ("axis", "vector"),
-    [("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1)), ((1, 2, -2), (1, 2, -2)), (np.array([0, 0, -3]), (0, 0, -1))],
+    [
+        ("x", (1, 0, 0)),
+        ("y", (0, 1, 0)),
+        ("z", (0, 0, 1)),
+        ((1, 2, -2), (1, 2, -2)),
+        (np.array([0, 0, -3]), (0, 0, -1)),
+    ],
 )
 @pytest.mark.parametrize("angle", [0.0, 0.7, -2.5, np.pi / 2, 40.0])
 def test_rotate_turns_counter_clockwise_seen_from_the_tip(axis: Any, vector: Any, angle: float) -> None:

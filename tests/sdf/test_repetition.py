@@ -26,13 +26,13 @@ def all_copies(
         if step is None or count == 1:
             offsets.append([0.0])
         elif count is None:
-            offsets.append([k * step for k in range(-7, 8)])
+            offsets.append([k * step for k in range(-5, 6)])
         else:
             offsets.append([(k - 0.5 * (count - 1)) * step for k in range(count)])
     return np.min([node.distance(points - np.array(o)) for o in product(*offsets)], axis=0)
 
 
-def drawn(spacing: tuple[float | None, ...], counts: tuple[Count, ...], count: int = 6000) -> NDArray[np.float64]:
+def drawn(spacing: tuple[float | None, ...], counts: tuple[Count, ...], count: int = 2400) -> NDArray[np.float64]:
     """Points among the copies and beyond their ends; many of them on and beside the borders of cells."""
     random = np.random.default_rng(4)
     ends = [(2.0, None) if s is None else (s, c) for s, c in zip(spacing, counts, strict=True)]

@@ -231,7 +231,8 @@ def test_an_unknown_version_or_pass_is_a_fault() -> None:
 # Names of the user's own, whatever they are.
 
 NAMES = """
-    march shade field sphere epsilon sample u_time material_at field_gradient main vec3 mat4 float Ray Hit Material trace
+    march shade field sphere epsilon sample u_time material_at field_gradient main vec3 mat4 float Ray Hit Material
+    trace
     max_steps scene_box surface_normal sky sky_color phong box_gradient sphere_gradient out_color out_march hit p ray
     normal unit atan2 steep below u_far u_pixel u_side texture gl_foo a__b PASS GL_ES camera_ray light_0_radiance
     u_resolution active result i color length min highp patch defined __LINE__ isnan pass_color row_major interpolated

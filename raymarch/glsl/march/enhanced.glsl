@@ -2,7 +2,7 @@
 // surface were the plane that the last two distances suggest, shortened by a factor. The first step is a plain one, for
 // there is no slope yet. Where the ray recedes the plane is never met; the step then ends at the far end of the range.
 // After a step that proved too long, the plain step taken in its place counts as the previous one.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps relaxation
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps relaxation
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
@@ -13,10 +13,12 @@ Hit march(Ray ray, float near, float far) {
     float slope = -1.0;
     float z = r;
     bool plain = true;
+    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
     for (int i = 0; i < max_steps; i++) {
-        if (r < epsilon(ray.origin + t * ray.direction, t)) {
-            settle(hit, ray, t, r, i > 0 ? slope : 0.0);
-            return hit;
+        vec3 p = ray.origin + t * ray.direction;
+        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
+            if (settle(hit, ray, t, r, i > 0 ? slope : 0.0)) return hit;
+            passing = true;
         }
         if (t > far) return hit;
         hit.iterations += 1.0;

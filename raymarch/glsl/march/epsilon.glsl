@@ -1,11 +1,21 @@
 // How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
 // A point at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
 // needs: epsilon_pixels
-// gives: u_pixel epsilon
+// gives: u_pixel nearness epsilon contact
 uniform float u_pixel;  // width of a pixel at distance 1
 
-float epsilon(vec3 p, float t) {
+float nearness(vec3 p, float t, float pixels) {
     vec3 size = abs(p);
     float ulps = 2.3841858e-7 * max(max(size.x, size.y), max(size.z, t));  // 2 ulp of the largest
-    return max(epsilon_pixels * u_pixel * t, ulps);
+    return max(pixels * u_pixel * t, ulps);
+}
+
+// Within this of a surface, a ray looks for the point where it meets it.
+float epsilon(vec3 p, float t) {
+    return nearness(p, t, epsilon_pixels);
+}
+
+// Within this it has met it.
+float contact(vec3 p, float t) {
+    return nearness(p, t, 0.0625 * epsilon_pixels);
 }

@@ -3,7 +3,7 @@
 // only the gap before it is not known yet. The gap is halved until it closes, and then the front jumps to the kept
 // sphere's far end, so that a step that was too long is not wasted. A kept sphere inside the solid holds no surface
 // either, and ends the gap for good: the first surface lies before it.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps smoothing
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps smoothing
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
@@ -17,10 +17,12 @@ Hit march(Ray ray, float near, float far) {
     bool kept = false;  // whether a sphere beyond the gap is kept: its centre and radius
     float kept_t = 0.0;
     float kept_r = 0.0;
+    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
     for (int i = 0; i < max_steps; i++) {
-        if (r < epsilon(ray.origin + t * ray.direction, t)) {
-            settle(hit, ray, t, r, slope);
-            return hit;
+        vec3 p = ray.origin + t * ray.direction;
+        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
+            if (settle(hit, ray, t, r, slope)) return hit;
+            passing = true;
         }
         if (front > far) return hit;
         hit.iterations += 1.0;

@@ -1,5 +1,5 @@
 // What a ray found, and what it took.
-// needs: field Ray u_pixel
+// needs: field Ray contact
 // gives: Hit u_side missed nearer settle
 uniform float u_side;  // -1 if the camera is inside a solid, else 1: the sign with which the field is marched
 
@@ -24,20 +24,28 @@ void nearer(inout Hit hit, float t, float r) {
     hit.residual = r;
 }
 
-// The last step towards a surface: a secant step along the slope of the last two samples takes out most of the
-// residual. Where the ray grazes, the step is long and the slope may come from a surface that the ray only passes;
-// a step of more than half a pixel must therefore prove itself by a smaller residual.
-void settle(inout Hit hit, Ray ray, float t, float r, float slope) {
-    hit.found = true;
+// The last steps towards a surface, from a sample that is within an epsilon of one. Steps along the slope of the last
+// two samples take out nearly all of the residual, and each proves itself by a smaller one. False if the ray only passes
+// by: it must go on then, or edges and silhouettes would be an epsilon too wide and show normals of what faces away.
+bool settle(inout Hit hit, Ray ray, float t, float r, float slope) {
     hit.t = t;
     hit.residual = abs(r);
-    if (slope >= 0.0) return;
-    float step_length = min(r / -slope, t);
-    if (abs(step_length) > 0.5 * u_pixel * t) {
-        float moved = field(ray.origin + (t + step_length) * ray.direction);
+    float enough = contact(ray.origin + t * ray.direction, t);
+    for (int i = 0; i < 4 && hit.residual > enough; i++) {
+        float z = slope < 0.0 ? min(r / -slope, t) : r;
+        float next = u_side * field(ray.origin + (hit.t + z) * ray.direction);
         hit.evaluations += 1.0;
-        if (abs(moved) >= abs(r)) return;
-        hit.residual = abs(moved);
+        if (abs(next) < hit.residual) {
+            slope = (next - r) / z;
+            r = next;
+            hit.t += z;
+            hit.residual = abs(r);
+        } else if (slope < 0.0 && z > r) {
+            slope = 0.0;  // the slope misled: a plain step cannot
+        } else {
+            break;
+        }
     }
-    hit.t += step_length;
+    hit.found = hit.residual <= enough;
+    return hit.found;
 }

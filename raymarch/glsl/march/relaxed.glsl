@@ -1,7 +1,7 @@
 // Over-relaxed sphere tracing (Keinert et al. 2014): steps are longer than the distance by a fixed factor. A step whose
 // spheres do not touch may have passed a surface; it is undone and a plain step taken in its place. After that the
 // ray goes on with plain steps (Keinert), or relaxes again (Bálint and Valasek 2018), as `relax_again` says.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon max_steps relaxation relax_again
+// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps relaxation relax_again
 // gives: march
 Hit march(Ray ray, float near, float far) {
     Hit hit = missed(near);
@@ -11,10 +11,12 @@ Hit march(Ray ray, float near, float far) {
     nearer(hit, t, r);
     float slope = 0.0;
     float omega = relaxation;
+    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
     for (int i = 0; i < max_steps; i++) {
-        if (r < epsilon(ray.origin + t * ray.direction, t)) {
-            settle(hit, ray, t, r, slope);
-            return hit;
+        vec3 p = ray.origin + t * ray.direction;
+        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
+            if (settle(hit, ray, t, r, slope)) return hit;
+            passing = true;
         }
         if (t > far) return hit;
         hit.iterations += 1.0;

@@ -1,0 +1,340 @@
+"""Commands under bad luck: odd names and lines, full disks, missing drivers, closed pipes, a fault on the way."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import raymarch as rm
+from raymarch.cli import commands
+from raymarch.gpu.doctor import Report
+from raymarch.plan import plan
+from raymarch.scene import load
+from raymarch.shader import assemble
+
+ROOT = Path(rm.__file__).parents[1]
+HELLO = "import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2)) | rm.box(1.5)\n"
+SMALL = ("--size", "16x9")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hello.py").write_text(HELLO)
+    return tmp_path
+
+
+def run(*args: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        commands.main(list(args))
+    return int(stop.value.code or 0)
+
+
+def names(folder: Path) -> set[str]:
+    return {file.name for file in folder.iterdir()}
+
+
+def spawn(*args: str, **how: Any) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | how.pop("env", {})
+    command = [sys.executable, *how.pop("python", ()), "-m", "raymarch", *args]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, **how)
+
+
+# Messages.
+
+
+@pytest.mark.parametrize("line", [100, 1234])
+def test_a_message_shows_the_line_as_a_number(folder: Path, capsys: Any, line: int) -> None:
+    """Not as a picture: to some consoles ":100:" is one."""
+    (folder / "bad.py").write_text("import raymarch as rm\n" + "\n" * (line - 2) + "scene = rm.sphere(0)\n")
+    assert run("render", "bad.py", *SMALL) == 2
+    assert capsys.readouterr().err == f"raymarch: bad.py:{line}: sphere: radius = 0 (a number > 0)\n"
+
+
+@pytest.mark.parametrize("words", ["[/red] [bold]x[/bold]", ":smile: %s {0} \\", "100% höher → 漢字", "a" * 500])
+def test_a_message_is_shown_as_it_is(folder: Path, capsys: Any, words: str) -> None:
+    (folder / "bad.py").write_text(f"raise ValueError({words!r})\n", encoding="utf-8")
+    assert run("render", "bad.py", *SMALL) == 2
+    assert capsys.readouterr().err == f"raymarch: bad.py:1: ValueError: {words}\n"
+
+
+@pytest.mark.parametrize("name", ["höhe und breite.py", "[bold]x.py", "scene", "-.py", "a.b.c.py"])
+def test_a_scene_may_have_any_name(folder: Path, name: str, capsys: Any) -> None:
+    (folder / name).write_text("import raymarch as rm\nscene = rm.Scene(rm.sphere(), lights=[rm.Sun()])\n")
+    assert run("render", *SMALL, "--", name) == 0
+    assert Path(name).with_suffix(".png").name in names(folder)
+    assert run("explain", "--", name) == 0
+    assert f"{name}:2" in capsys.readouterr().out
+
+
+# Where the picture goes.
+
+
+def test_a_scene_elsewhere_is_drawn_into_the_folder_where_one_is(tmp_path: Path, monkeypatch: Any) -> None:
+    scenes, here = tmp_path / "scenes", tmp_path / "here"
+    scenes.mkdir()
+    here.mkdir()
+    (scenes / "hello.py").write_text(HELLO)
+    monkeypatch.chdir(here)
+    assert run("render", str(scenes / "hello.py"), *SMALL) == 0
+    assert run("render", "../scenes/hello.py", "-o", "../here/other.png", *SMALL) == 0
+    assert names(here) == {"hello.png", "other.png"} and names(scenes) == {"hello.py"}
+    assert (here / "hello.png").read_bytes() == (here / "other.png").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["hello", "csg", "columns"])
+def test_an_example_is_drawn_from_an_empty_folder(name: str, tmp_path: Path) -> None:
+    done = spawn(
+        "render", str(ROOT / "examples" / f"{name}.py"), "--size", "64x36", cwd=tmp_path, python=("-W", "error")
+    )
+    assert done.returncode == 0 and done.stdout == "", done.stderr
+    assert names(tmp_path) == {f"{name}.png"}
+    with Image.open(tmp_path / f"{name}.png") as picture:
+        assert picture.size == (64, 36) and picture.mode == "RGB"
+    assert "64x36" in done.stderr and "ms" in done.stderr and len(done.stderr.splitlines()) == 1
+
+
+def test_a_picture_has_the_rights_that_any_new_file_has(folder: Path) -> None:
+    previous = os.umask(0o027)
+    try:
+        assert run("render", "hello.py", *SMALL) == 0
+    finally:
+        os.umask(previous)
+    assert stat.S_IMODE((folder / "hello.png").stat().st_mode) == 0o640
+
+
+def test_an_old_picture_is_replaced_and_links_to_it_keep_the_old_one(folder: Path) -> None:
+    (folder / "hello.png").write_bytes(b"old")
+    os.link(folder / "hello.png", folder / "kept.png")
+    assert run("render", "hello.py", *SMALL) == 0
+    assert (folder / "kept.png").read_bytes() == b"old"
+    with Image.open(folder / "hello.png") as picture:
+        assert picture.size == (16, 9)
+
+
+@pytest.mark.parametrize(
+    ("output", "answer"),
+    [("no/such/a.png", "No such file"), ("hello.py/a.png", "Not a directory"), ("/proc/a.png", "/proc/a.png")],
+)
+def test_a_folder_that_cannot_be_written(folder: Path, output: str, answer: str, capsys: Any) -> None:
+    assert run("render", "hello.py", "-o", output, *SMALL) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f"raymarch: cannot write '{output}'") and answer in message
+    assert names(folder) == {"hello.py"}
+
+
+@pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "No space left on device"), ValueError("picture too long")])
+def test_a_picture_that_cannot_be_written_leaves_the_old_one(
+    folder: Path, fault: Exception, monkeypatch: Any, capsys: Any
+) -> None:
+    (folder / "hello.png").write_bytes(b"old")
+
+    def save(self: Image.Image, file: Path, kind: str) -> None:
+        Path(file).write_bytes(b"half")
+        raise fault
+
+    monkeypatch.setattr(Image.Image, "save", save)
+    assert run("render", "hello.py", *SMALL) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("raymarch: cannot write 'hello.png': ") and str(fault.args[-1]) in message
+    assert names(folder) == {"hello.py", "hello.png"} and (folder / "hello.png").read_bytes() == b"old"
+
+
+def test_a_format_with_a_limit_of_its_own(folder: Path, capsys: Any) -> None:
+    assert run("render", "hello.py", "-o", "long.webp", "--size", "16384x1") == 2
+    assert "cannot write 'long.webp'" in capsys.readouterr().err and names(folder) == {"hello.py"}
+
+
+@pytest.mark.parametrize("ending", sorted(commands.FORMATS))
+@pytest.mark.parametrize("view", ["final", "depth"])
+def test_every_format_takes_colour_and_grey(folder: Path, ending: str, view: str) -> None:
+    assert run("render", "hello.py", "-o", f"a{ending}", "--view", view, *SMALL) == 0
+    with Image.open(f"a{ending}") as picture:
+        assert picture.size == (16, 9) and picture.format == commands.FORMATS[ending]
+        shown = np.asarray(picture.convert("L"), int)
+    assert np.ptp(shown) > 60
+
+
+# Many frames.
+
+
+def test_a_fault_in_a_later_frame_keeps_the_whole_ones(folder: Path, capsys: Any) -> None:
+    camera = "rm.Camera((0, 0, 5 - rm.time), (0, 0, 0))"
+    (folder / "fly.py").write_text(f"import raymarch as rm\nscene = rm.Scene(rm.sphere(), {camera})\n")
+    assert run("render", "fly.py", "-o", "f{}.png", "--frames", "3:8", "--fps", "1", *SMALL) == 2
+    assert "raymarch: fly.py:2: Camera: position = target" in capsys.readouterr().err
+    assert names(folder) == {"hello.py", "fly.py", "f3.png", "f4.png"}
+    for name in ("f3.png", "f4.png"):
+        with Image.open(name) as picture:
+            picture.verify()
+
+
+def test_frames_are_a_time_apart(folder: Path) -> None:
+    (folder / "grow.py").write_text("import raymarch as rm\nscene = rm.Scene(rm.sphere(), sky=(0.1 * rm.time, 0, 0))\n")
+    assert run("render", "grow.py", "-o", "f{:02d}.png", "--frames", "0:3", "--fps", "0.5", *SMALL) == 0
+    reds = []
+    for i in range(3):
+        with Image.open(f"f{i:02d}.png") as picture:
+            reds.append(picture.getpixel((0, 0))[0])
+    # Skies of 0, 0.2 and 0.4: 255 (1.055 x^(1/2.4) - 0.055).
+    assert reds == [0, 124, 170]
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit(3)])
+def test_a_stop_on_the_way_leaves_no_half_file(folder: Path, stop: Any, monkeypatch: Any) -> None:
+    def save(self: Image.Image, file: Path, kind: str) -> None:
+        Path(file).write_bytes(b"half")
+        raise stop
+
+    monkeypatch.setattr(Image.Image, "save", save)
+    assert run("render", "hello.py", *SMALL) != 0
+    assert names(folder) == {"hello.py"}
+
+
+# Parameters.
+
+
+def test_settings_may_be_vectors_and_the_last_one_counts(folder: Path) -> None:
+    text = "import raymarch as rm\nscene = rm.Scene(rm.sphere(), sky=rm.Param('sky color', (0, 0, 0), 0, 1))\n"
+    (folder / "sky.py").write_text(text)
+    settings = ("--set", "sky color=1,1,1", "--set", " sky color = 0, 0.2,1 ")
+    assert run("render", "sky.py", *settings, *SMALL) == 0
+    with Image.open("sky.png") as picture:
+        assert picture.getpixel((0, 0)) == (0, 124, 255)
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("radius=nan", "'radius' = nan"),
+        ("radius=inf", "'radius' = inf"),
+        ("radius=0.49", "'radius' = 0.49 (a number >= 0.5 and <= 2)"),
+        ("radius=1,1", "'radius' = (1.0, 1.0)"),
+        ("radius=", "--set radius="),
+        ("=1", "unknown parameter ''"),
+        ("Radius=1", "unknown parameter 'Radius' = 1.0 (one of: radius)"),
+    ],
+)
+def test_a_bad_setting(folder: Path, setting: str, words: str, capsys: Any) -> None:
+    assert run("render", "hello.py", "--set", setting, *SMALL) == 2
+    message = capsys.readouterr().err
+    assert words in message and len(message.splitlines()) == 1 and names(folder) == {"hello.py"}
+
+
+@pytest.mark.parametrize("size", ["", "x", "16", "16x", "x9", "-1x9", "1.5x9", "1e2x9", "16x9x3", "0x0", "16 x 9 "])
+def test_a_bad_size(folder: Path, size: str, capsys: Any) -> None:
+    assert run("render", "hello.py", f"--size={size}") == 2
+    assert f"--size {size} (WxH in whole pixels" in capsys.readouterr().err and names(folder) == {"hello.py"}
+
+
+def test_a_size_beyond_all_limits(folder: Path, capsys: Any) -> None:
+    for size in ("16385x1", "1x999999999999999999999"):
+        assert run("render", "hello.py", "--backend", "egl", "--size", size) == 2
+        message = capsys.readouterr().err
+        assert "an integer from 1 to 16384" in message and len(message.splitlines()) == 1
+    assert names(folder) == {"hello.py"}
+
+
+# Drivers.
+
+
+def test_a_missing_driver_says_what_to_install(folder: Path) -> None:
+    done = spawn(
+        "render", "hello.py", "--backend", "egl", cwd=folder, env={"GLCONTEXT_LINUX_LIBEGL": "/nowhere/libEGL.so"}
+    )
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert "/nowhere/libEGL.so" in done.stderr and "libegl1" in done.stderr
+    assert names(folder) == {"hello.py"}
+
+
+def test_the_backend_that_drew_is_named(folder: Path, capsys: Any) -> None:
+    assert run("render", "hello.py", *SMALL) == 0
+    assert "egl: " in capsys.readouterr().err
+
+
+BROKEN = [Report(name, works=False, error=f"{name} is broken", cure=f"mend {name}") for name in ("egl", "osmesa")]
+
+
+def test_doctor_without_any_context_fails_and_names_the_cures(folder: Path, monkeypatch: Any, capsys: Any) -> None:
+    monkeypatch.setattr(commands, "examine", lambda: BROKEN)
+    assert run("doctor") == 2
+    out, err = capsys.readouterr()
+    for name in ("egl", "osmesa"):
+        assert f"{name} is broken" in out and f"mend {name}" in out
+    assert err.startswith("raymarch: no OpenGL context works here") and len(err.splitlines()) == 1
+    assert run("doctor", "--json") == 2
+    out, err = capsys.readouterr()
+    assert [report["cure"] for report in json.loads(out)] == ["mend egl", "mend osmesa"]
+
+
+def test_doctor_shows_driver_limits_loops_and_clock(folder: Path, capsys: Any) -> None:
+    assert run("doctor") == 0
+    out = capsys.readouterr().out
+    for word in ("driver", "version", "largest picture", "loops", "clock", "egl", "osmesa", "window"):
+        assert word in out
+
+
+# Explain.
+
+
+def strict(text: str) -> Any:
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.mark.parametrize("scene", ["rm.plane()", "rm.sphere() & rm.sphere().translate((9, 0, 0))", "rm.sphere(1e-6)"])
+def test_explain_is_strict_json(folder: Path, scene: str, capsys: Any) -> None:
+    (folder / "scene.py").write_text(f"import raymarch as rm\nscene = {scene}\n")
+    assert run("explain", "scene.py", "--json") == 0
+    out, err = capsys.readouterr()
+    found = strict(out)
+    assert err == "" and found["field"]["shapes"] >= 1 and names(folder) == {"hello.py", "scene.py"}
+
+
+def test_explain_shows_the_text_that_is_drawn(folder: Path, capsys: Any) -> None:
+    assert run("explain", "hello.py", "--glsl") == 0
+    assert capsys.readouterr().out == assemble(plan(load(folder / "hello.py"))).text()
+
+
+def test_explain_needs_no_driver(folder: Path) -> None:
+    broken = {"GLCONTEXT_LINUX_LIBEGL": "/nowhere", "GLCONTEXT_LINUX_LIBGL": "/nowhere"}
+    done = spawn("explain", "hello.py", "--json", cwd=folder, env=broken, python=("-W", "error"))
+    assert done.returncode == 0 and strict(done.stdout)["field"]["shapes"] == 2
+
+
+def test_a_closed_pipe_is_no_traceback(folder: Path) -> None:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "raymarch", "explain", "hello.py", "--glsl"]
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        assert b"Traceback" not in process.stderr.read()
+
+
+# Faults of ours.
+
+
+def test_a_fault_of_ours_shows_its_traceback_and_leaves_nothing(folder: Path) -> None:
+    code = "import raymarch.cli.commands as c\ndef f(*a, **k): raise AssertionError('planted')\nc.{} = f\nc.main()"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    for name in ("plan", "assemble"):
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(name), "explain", "hello.py"],
+            env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 1 and "Traceback" in done.stderr and "planted" in done.stderr
+    assert names(folder) == {"hello.py"}
