@@ -2,6 +2,9 @@
 
 Where a shape has mirror lines, a point is folded into one of the sectors between them first: of a shape that is its
 own mirror image, the nearest point of the boundary lies in the point's own sector.
+
+Beside a straight edge the distance is a linear function with a sign, not the root of a square: on the edge itself, where
+rays end, a root has no gradient left.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import VEC2
-from raymarch.expr.vocabulary import clamp, dot, length, max, min, sqrt, vec2, where
+from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, NonNegative, Points2, Positive, Size2, Vec2, require, shown
 from raymarch.sdf.facts import Exactness
@@ -100,23 +103,45 @@ def segment_squared(p: Expr, a: Expr, b: Expr) -> Expr:
     return dot(gap, gap)
 
 
-@function(p=VEC2, a=VEC2, b=VEC2)
-def crossing(p: Expr, a: Expr, b: Expr) -> Expr:
-    """-1 if the ray from p along +x crosses the edge from a to b, else 1. Edges that share a corner count it once."""
-    left = (b.x - a.x) * (p.y - a.y) - (b.y - a.y) * (p.x - a.x)
-    rises = (a.y <= p.y) & (p.y < b.y) & (left > 0.0)
-    falls = (b.y <= p.y) & (p.y < a.y) & (left < 0.0)
-    return where(rises | falls, -1.0, 1.0)
+@function(p=VEC2, a=VEC2, b=VEC2, at_a=VEC2, at_b=VEC2)
+def edge(p: Expr, a: Expr, b: Expr, at_a: Expr, at_b: Expr) -> Expr:
+    """Signed distance to the edge from a to b, which has the inside on its left.
+
+    at_a, at_b : the normals at the corners, halfway between those of the edges that meet there. Where a corner is the
+        nearest point, they tell outside from inside, at an acute angle too.
+    """
+    along, from_a, from_b = b - a, p - a, p - b
+    squared = max(dot(along, along), SMALLEST)
+    t = dot(from_a, along)
+    line = (from_a.x * along.y - from_a.y * along.x) / sqrt(squared)
+    corner, normal = where(t < 0.0, from_a, from_b), where(t < 0.0, at_a, at_b)
+    outside = where(dot(corner, normal) < 0.0, -1.0, 1.0)
+    return where((t >= 0.0) & (t <= squared), line, outside * length(corner))
+
+
+def nearer(first: Expr, second: Expr) -> Expr:
+    """The signed distance that is smaller in size."""
+    return where(abs(second) < abs(first), second, first)
+
+
+def outward(a: Any, b: Any) -> Expr:
+    """The unit normal of an edge that has the inside on its left."""
+    along = expr(b) - a
+    return normalize(vec2(along.y, -along.x))
 
 
 def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
-    """Signed distance to the region that a closed line encloses: the nearest edge, and the parity of crossings."""
-    edges = list(zip(corners, [*corners[1:], corners[0]], strict=True))
-    nearest, *others = [segment_squared(p, a, b) for a, b in edges]
-    side = crossing(p, *edges[0])
-    for (a, b), squared in zip(edges[1:], others, strict=True):
-        nearest, side = min(nearest, squared), side * crossing(p, a, b)
-    return side * sqrt(nearest)
+    """Signed distance to the region inside a closed line, counter-clockwise: that to the nearest edge."""
+    ends = [*corners[1:], corners[0]]
+    normals = [outward(a, b) for a, b in zip(corners, ends, strict=True)]
+    at_corners = [before + after for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True)]
+    nearest, *others = [
+        edge(p, a, b, at_a, at_b)
+        for a, b, at_a, at_b in zip(corners, ends, at_corners, [*at_corners[1:], at_corners[0]], strict=True)
+    ]
+    for other in others:
+        nearest = nearer(nearest, other)
+    return nearest
 
 
 def mirrors(corners: NDArray[np.float64]) -> str:
@@ -204,10 +229,12 @@ def polygon(p: Expr, points: Points2 = ((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (
     points : its corners in order, either way round, three or more, each (x, y); the last is joined to the first.
         Numbers, which become part of the shader. Edges may meet in their corners only.
 
-    Exact: the distance to the nearest edge, inside by the parity of crossings of a ray (Jordan's curve theorem). The
-    cost grows with the number of corners.
+    Exact: the distance to the nearest edge. It tells inside from outside, and if a corner is nearest, the mean of the
+    normals there does. The cost grows with the number of corners.
     """
-    return enclosed(p, points)
+    x, y = np.array(points).T
+    clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0.0
+    return enclosed(p, points[::-1] if clockwise else points)
 
 
 def _triangle_symmetry(a: Expr, b: Expr, c: Expr) -> str:
@@ -215,11 +242,20 @@ def _triangle_symmetry(a: Expr, b: Expr, c: Expr) -> str:
     return mirrors(np.array([a.data, b.data, c.data])) if fixed else ""
 
 
+def _area(a: Expr, b: Expr, c: Expr) -> Expr:
+    """Twice the area of a triangle, negative if it runs clockwise."""
+    u, v = b - a, c - a
+    return u.x * v.y - u.y * v.x
+
+
 def _check_triangle(a: Any, b: Any, c: Any) -> None:
-    if a.is_constant and b.is_constant and c.is_constant and _turns(a.data, b.data, c.data) == 0:
-        raise SceneError(
-            f"flat_triangle: {shown(a)}, {shown(b)}, {shown(c)} lie on one line", legal="three corners with an area"
-        )
+    what = f"flat_triangle: {shown(a)}, {shown(b)}, {shown(c)} lie on one line"
+    area = _area(a, b, c)
+    if area.is_constant:
+        if _turns(a.data, b.data, c.data) == 0:
+            raise SceneError(what, legal="three corners with an area")
+    else:
+        require((area > 0.0) | (area < 0.0), what, "three corners with an area")
 
 
 @shape(
@@ -235,7 +271,8 @@ def flat_triangle(p: Expr, a: Vec2 = (-0.8, -0.6), b: Vec2 = (0.9, -0.4), c: Vec
 
     a, b, c : its corners in any order, not on one line. Exact, as `polygon` is.
     """
-    return enclosed(p, [a, b, c])
+    left = _area(a, b, c) > 0.0
+    return enclosed(p, [a, where(left, b, c), where(left, c, b)])
 
 
 def _check_trapezoid(bottom: Any, top: Any, height: Any) -> None:
@@ -259,10 +296,10 @@ def trapezoid(p: Expr, bottom: NonNegative = 1.8, top: NonNegative = 0.8, height
     """
     q = vec2(abs(p.x), p.y)
     low, high = vec2(0.5 * bottom, -0.5 * height), vec2(0.5 * top, 0.5 * height)
-    level = vec2(max(q.x - where(q.y < 0.0, low.x, high.x), 0.0), abs(q.y) - high.y)
-    along, w = high - low, q - low
-    inside = (level.y < 0.0) & (along.x * w.y - along.y * w.x > 0.0)
-    return where(inside, -1.0, 1.0) * sqrt(min(dot(level, level), segment_squared(q, low, high)))
+    over = vec2(q.x - where(q.y < 0.0, low.x, high.x), abs(q.y) - high.y)
+    level = where(over.x > 0.0, length(over), over.y)
+    slant = outward(low, high)
+    return nearer(edge(q, low, high, slant + vec2(0.0, -1.0), slant + vec2(0.0, 1.0)), level)
 
 
 # Shapes with many mirror lines
@@ -345,9 +382,8 @@ def star(p: Expr, points: Sides = 5, outer: Positive = 1.0, inner: Positive = 0.
     """
     q = fold(p, points)
     tip, hollow = vec2(0.0, outer), inner * expr((math.sin(math.pi / points), math.cos(math.pi / points)))
-    along, w = hollow - tip, q - tip
-    gap = w - along * clamp(dot(w, along) / dot(along, along), 0.0, 1.0)
-    return where(along.x * w.y - along.y * w.x < 0.0, -1.0, 1.0) * length(gap)
+    slant = outward(hollow, tip)
+    return edge(q, hollow, tip, slant, slant)  # in the sector, which side of the line a point is on is all that counts
 
 
 def _check_cross(size: Any, thickness: Any) -> None:
@@ -371,8 +407,9 @@ def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
     q = abs(p)
     q = where(q.y > q.x, q.yx, q)
     over = q - 0.5 * vec2(size, thickness)
-    side = length(vec2(max(0.5 * thickness - q.x, 0.0), over.y))
-    return where(max(over.x, over.y) < 0.0, -min(-over.x, side), length(max(over, 0.0)))
+    short = 0.5 * thickness - q.x
+    side = where(short > 0.0, -length(vec2(short, over.y)), over.y)
+    return where(max(over.x, over.y) <= 0.0, max(over.x, side), length(max(over, 0.0)))
 
 
 # Strokes

@@ -150,9 +150,9 @@ def pie(p: Expr, radius: Positive = 1.0, angle: Turn = 2.0) -> Expr:
     """
     q = vec2(abs(p.x), p.y)
     edge = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may lie behind the half turn
-    aside = length(q - edge * clamp(dot(q, edge), 0.0, radius))
-    beyond = q.x * edge.y - q.y * edge.x > 0.0
-    return max(length(q) - radius, where(beyond, aside, -aside))
+    along, over = dot(q, edge), q.x * edge.y - q.y * edge.x
+    corner = length(q - edge * clamp(along, 0.0, radius)) * where(over > 0.0, 1.0, -1.0)
+    return max(length(q) - radius, where((along > 0.0) & (along < radius), over, corner))
 
 
 _HEART_TOP = 0.75 + math.sqrt(0.125)
@@ -174,9 +174,8 @@ def heart(p: Expr, height: Positive = 1.6) -> Expr:
     """
     unit = height / _HEART_TOP
     q = vec2(abs(p.x), p.y + 0.5 * height) / unit
-    side = q - 0.5 * max(q.x + q.y, 0.0)
-    notch = vec2(q.x, q.y - 1.0)
-    straight = where(q.x < q.y, -1.0, 1.0) * sqrt(min(dot(side, side), dot(notch, notch)))
+    side = where(q.x + q.y > 0.0, (q.x - q.y) * math.sqrt(0.5), length(q))
+    straight = max(side, -length(q - vec2(0.0, 1.0)))
     return unit * where(q.x + q.y > 1.0, length(q - vec2(0.25, 0.75)) - math.sqrt(0.125), straight)
 
 

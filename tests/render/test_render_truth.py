@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from analytic import around
+from analytic import EPSILON, around
 
 import raymarch as rm
+from raymarch.expr.arrays import bound
 from raymarch.gpu import Renderer
 from raymarch.gpu.frame import srgb
-from raymarch.truth import compare, silhouettes, truth
+from raymarch.scene import load
+from raymarch.scene.parameter import Values, set_values
+from raymarch.truth import Truth, compare, silhouettes, truth
 
-SIZE = (96, 72)
+SIZE = (80, 60)
 
 
 class Chance:
@@ -93,14 +97,50 @@ def assert_true(renderer: Renderer, scene: rm.Scene, **moment: Any) -> None:
     near = np.pad(wanted, ((1, 1), (1, 1), (0, 0)), "edge")
     near = np.stack([near[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
     wrong = np.maximum(shown - near.max(axis=0), near.min(axis=0) - shown).max(axis=-1)
-    clear = ~around(~inner)
-    assert wrong[clear].max(initial=0) <= 1, [(y, x, shown[y, x]) for y, x in np.argwhere(clear & (wrong > 1))[:5]]
+    off = np.argwhere(~around(~inner) & (wrong > 1))
+    assert len(off) < 0.01 * inner.size
+    values = set_values(scene.parameters, moment.get("params", {}), moment.get("time", 0.0))
+    pixel = scene.pose(values, renderer.size[0] / renderer.size[1]).pixel(renderer.size[1])
+    for y, x in off:
+        assert grazes(scene, values, known, (y, x), pixel), (y, x, shown[y, x], wanted[y, x])
 
 
-@pytest.mark.parametrize("seed", range(16))
+def grazes(scene: rm.Scene, values: Values, known: Truth, at: Any, pixel: float) -> bool:
+    """Whether a light that is seen from a pixel's surface all but touches something on its way.
+
+    A shadow's ray is blocked half an epsilon (a tenth of a pixel's width) before a surface. What comes that near and
+    goes away again has a shadow thinner than a pixel there, which the picture may show between the true ones.
+    """
+    epsilon = EPSILON * pixel * known.depth[at]
+    start = known.position + known.depth[at] * known.direction[at] + 2 * epsilon * known.normal[at]
+    for light in scene.lights:
+        way = values.of(light.direction) * 20.0 if isinstance(light, rm.Sun) else values.of(light.position) - start
+        with bound(values.params, values.time):
+            along = scene.node.distance(start + np.linspace(0, 1, 20_000)[:, None] * way)
+        lowest = (along[1:-1] <= along[:-2]) & (along[1:-1] <= along[2:])
+        if np.any(lowest & (np.abs(along[1:-1]) <= epsilon)):
+            return True
+    return False
+
+
+@pytest.mark.parametrize("seed", range(10))
 def test_a_random_solid_is_true(renderer: Renderer, seed: int) -> None:
     renderer.resize(SIZE)
     assert_true(renderer, Chance(seed).scene())
+
+
+EXAMPLES = sorted((Path(rm.__file__).parents[1] / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
+def test_an_example_is_true_at_the_ends_of_its_parameters(renderer: Renderer, file: Path) -> None:
+    renderer.resize(SIZE)
+    scene = load(file)
+    low = {name: spec.min for name, spec in scene.parameters.items() if spec.min is not None}
+    high = {name: spec.max for name, spec in scene.parameters.items() if spec.max is not None}
+    assert_true(renderer, scene, time=1.7, params=low)
+    if low:
+        assert_true(renderer, scene, time=0.4, params=high)
 
 
 @pytest.mark.parametrize("size", [(30, 90), (90, 30), (41, 41)])
