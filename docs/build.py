@@ -56,7 +56,8 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
 
 def definitions() -> list[Definition]:
     """Those of the package, by file and line: as one would read them."""
-    own = [d for d in REGISTRY.values() if "raymarch" in Path(d.where.file).parts and d.doc]
+    twins = {d.flat for d in REGISTRY.values()}
+    own = [d for d in REGISTRY.values() if "raymarch" in Path(d.where.file).parts and d.doc and d not in twins]
     return sorted(own, key=lambda d: (Path(d.where.file).stem, d.where.line))
 
 

@@ -15,8 +15,9 @@ from raymarch.expr.function import function
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, min
+from raymarch.sdf.blends import FAMILIES, fold_all, reach_of
 from raymarch.sdf.definition import Child, ChildFacts, combination
-from raymarch.sdf.domain import Positive, Scalar
+from raymarch.sdf.domain import Count, Positive, Scalar, Word
 from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
@@ -113,10 +114,57 @@ def smooth_difference(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     return -smooth_min(-children[0](p), tools, k)
 
 
-BLENDS = ("quadratic",)
+# The other families: one definition for each operation, the family is a static parameter.
 
 
-def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, hard: Any, smooth: Any) -> Node:
+def _blended_bounds(children: Sequence[ChildFacts], k: Expr, family: str, steps: int) -> tuple[Expr, Expr]:
+    reach = reach_of(FAMILIES[family](steps), len(children), k)
+    corners = [child.grown(reach) for child in children]
+    return balanced([lower for lower, _ in corners], min), balanced([upper for _, upper in corners], max)
+
+
+def _blended_slope(children: Sequence[ChildFacts], k: Expr, family: str, steps: int) -> float:
+    return FAMILIES[family](steps).steepness(len(children))
+
+
+@combination(bounds=_blended_bounds, lipschitz=_blended_slope, spread=_widest, dimension="any")
+def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
+    """All solids together, joined after a family of blends."""
+    return fold_all(FAMILIES[family](steps), [child(p) for child in children], k)
+
+
+@combination(
+    bounds=lambda children, **_: _overlap(children),
+    lipschitz=_blended_slope,
+    spread=_widest,
+    cuts=True,
+    dimension="any",
+)
+def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
+    """What all solids share, its new edges shaped after a family of blends."""
+    return -fold_all(FAMILIES[family](steps), [-child(p) for child in children], k)
+
+
+@combination(
+    bounds=lambda children, **_: (children[0].lower, children[0].upper),
+    lipschitz=_blended_slope,
+    spread=_of_the_first,
+    cuts=True,
+    dimension="any",
+)
+def blended_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
+    """The first solid without the others, its new edges shaped after a family of blends."""
+    made = FAMILIES[family](steps)
+    tools = fold_all(made, [child(p) for child in children[1:]], k)
+    return -made.fold(-children[0](p), tools, k)
+
+
+BLENDS = ("quadratic", *FAMILIES)
+
+
+def _choose(
+    name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, hard: Any, smooth: Any, blended: Any
+) -> Node:
     if len(nodes) < 1:
         raise SceneError(f"{name} of no nodes", legal="one node or more")
     if blend not in BLENDS:
@@ -134,12 +182,17 @@ def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, hard: Any, s
         nodes = tuple({id(node): node for node in nodes}.values())
         if len(nodes) == 1:
             return nodes[0]
-    made: Node = hard(nodes) if sharp else smooth(nodes, k)
+    if sharp:
+        made: Node = hard(nodes)
+    elif blend == "quadratic":
+        made = smooth(nodes, k)
+    else:
+        made = blended(nodes, k, blend, steps)
     return made
 
 
 @method
-def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """All solids together: `a | b`, or with a fillet for k > 0.
 
     Parameters
@@ -147,23 +200,28 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
     nodes : one or more.
     k : width of the blend, a length >= 0. Surfaces whose distances differ by more than k do not change each other;
         where two distances are equal to a, the result is a - k/4.
-    blend : "quadratic".
+    blend : "quadratic" (reaches k), "cubic" (1.5 k), "quartic" (1.33 k), "circular" (0.85 k), "exponential", "root" (both
+        everywhere), "circular_geometric"; or a joint, for which k is its size: "round" (radius), "chamfer" (legs),
+        "stairs", "columns".
+    steps : number of stairs or columns, >= 1.
 
     Exact outside where the operands are; "bound" as a whole, because the inside of overlapping solids is not.
     """
-    return _choose("union", nodes, k, blend, hard_union, smooth_union)
+    return _choose("union", nodes, k, blend, steps, hard_union, smooth_union, blended_union)
 
 
 @method
-def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """What all solids share: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
-    return _choose("intersection", nodes, k, blend, hard_intersection, smooth_intersection)
+    return _choose(
+        "intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection, blended_intersection
+    )
 
 
 @method
-def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """The first solid without the others: `a - b`, or with rounded new edges for k > 0.
 
     A cut surface shows the material of the tool if it has one, else that of what was cut. See `union` for k, blend.
     """
-    return _choose("difference", nodes, k, blend, hard_difference, smooth_difference)
+    return _choose("difference", nodes, k, blend, steps, hard_difference, smooth_difference, blended_difference)

@@ -3,8 +3,8 @@
 Where a shape has mirror lines, a point is folded into one of the sectors between them first: of a shape that is its
 own mirror image, the nearest point of the boundary lies in the point's own sector.
 
-Beside a straight edge the distance is a linear function with a sign, not the root of a square: on the edge itself, where
-rays end, a root has no gradient left.
+Beside a straight edge the distance is a linear function with a sign, not the root of a square: on the edge itself,
+where rays end, a root has no gradient left.
 """
 
 from __future__ import annotations

@@ -133,17 +133,23 @@ class Node:
         result: Node = METHODS[name](self, *args, **kwargs)
         return result
 
-    def union(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+    def union(
+        self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4
+    ) -> Node:
         """This solid and the others; see `raymarch.union`."""
-        return self._call("union", *others, k=k, blend=blend)
+        return self._call("union", *others, k=k, blend=blend, steps=steps)
 
-    def intersection(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+    def intersection(
+        self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4
+    ) -> Node:
         """What this solid and all others share; see `raymarch.intersection`."""
-        return self._call("intersection", *others, k=k, blend=blend)
+        return self._call("intersection", *others, k=k, blend=blend, steps=steps)
 
-    def difference(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic") -> Node:
+    def difference(
+        self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4
+    ) -> Node:
         """This solid without the others; see `raymarch.difference`."""
-        return self._call("difference", *others, k=k, blend=blend)
+        return self._call("difference", *others, k=k, blend=blend, steps=steps)
 
     # Placing and shaping
 
@@ -151,8 +157,9 @@ class Node:
         """Moved by a vec3."""
         return self._call("translate", offset)
 
-    def rotate(self, angle: Scalar, axis: Vector | str = "y") -> Node:
-        """Turned by an angle in radians about an axis through the origin, counter-clockwise seen from its tip."""
+    def rotate(self, angle: Scalar, axis: Vector | str | None = None) -> Node:
+        """Turned by an angle in radians about an axis through the origin ("y" if none is given), counter-clockwise
+        seen from its tip; a flat shape about the origin."""
         return self._call("rotate", angle, axis)
 
     def scale(self, factor: Scalar | Vector) -> Node:

@@ -1,0 +1,181 @@
+"""Families of smooth minima, and the joints that machinists cut.
+
+A family is a fold of two distances. All but the shaped ones are normalised to the classic k: two equal distances a blend
+to a - k/4 (the circular-geometric family, whose fillet depends on a, does so at a = 0). For operands that are
+1-Lipschitz, a fold is as steep as the norm of its two partial derivatives allows: where these are not negative and
+add up to 1, the result is 1-Lipschitz; where only their squares do, it is sqrt(2)-Lipschitz.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from raymarch.expr.function import function
+from raymarch.expr.node import Expr, const, expr
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import clamp, exp2, length, log2, max, min, mod, round, sqrt, vec2
+
+__all__ = ["FAMILIES", "Family"]
+
+Fold = Callable[[Expr, Expr, Expr], Expr]
+
+ROOT_HALF = math.sqrt(0.5)
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def cubic_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """Twice differentiable; works within |a - b| < 1.5 k."""
+    h = max(1.5 * k - abs(a - b), 0.0) / (1.5 * k)
+    return min(a, b) - h * h * h * k * 0.25
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def quartic_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """Twice differentiable with a shorter reach: |a - b| < 4 k / 3."""
+    h = max(4.0 / 3.0 * k - abs(a - b), 0.0) / (4.0 / 3.0 * k)
+    return min(a, b) - h * h * h * (4.0 - h) * k / 12.0
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def circular_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """The curve of min(a, b) over a - b is an arc of a circle."""
+    reach = k * (0.25 / (1.0 - ROOT_HALF))
+    h = max(reach - abs(a - b), 0.0) / reach
+    return min(a, b) - 0.5 * reach * (1.0 + h - sqrt(1.0 - h * (h - 2.0)))
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def exponential_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """-log of a sum of powers of 2; the smaller distance is taken out first, so that nothing overflows. It reaches
+    everywhere, and the order of the operands does not matter."""
+    width = 0.25 * k
+    return min(a, b) - width * log2(1.0 + exp2(-abs(a - b) / width))
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def root_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """A branch of a hyperbola; it reaches everywhere."""
+    return 0.5 * (a + b - length(vec2(a - b, 0.5 * k)))
+
+
+def _round_fold(a: Expr, b: Expr, radius: Expr) -> Expr:
+    return max(radius, min(a, b)) - length(max(vec2(radius - a, radius - b), 0.0))
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def circular_geometric_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """A true quarter of a circle where the surfaces meet at a right angle; the order does not matter."""
+    return _round_fold(a, b, k * (0.25 / (math.sqrt(2.0) - 1.0)))
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def round_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """A fillet whose radius is k where the surfaces meet at a right angle."""
+    return _round_fold(a, b, k)
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
+def chamfer_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """A bevel whose legs are k where the surfaces meet at a right angle."""
+    return min(min(a, b), ROOT_HALF * (a + b - k))
+
+
+def stairs(steps: int) -> Fold:
+    """Steps up from one surface to the other."""
+
+    @function(a=FLOAT, b=FLOAT, k=FLOAT)
+    def stairs_min(a: Expr, b: Expr, k: Expr) -> Expr:
+        tread = k / float(steps)
+        along = b - k - a
+        return min(min(a, b), 0.5 * (b - k + a + abs(mod(along + tread, 2.0 * tread) - tread)))
+
+    return stairs_min
+
+
+def columns(count: int) -> Fold:
+    """A row of half-round columns along the bevel."""
+
+    @function(a=FLOAT, b=FLOAT, k=FLOAT)
+    def columns_min(a: Expr, b: Expr, k: Expr) -> Expr:
+        radius = k * (ROOT_HALF / count)
+        across, along = ROOT_HALF * (a + b - k) + radius, ROOT_HALF * (b - a)
+        shift = 0.0 if count % 2 else 0.5
+        index = clamp(round(along / (2.0 * radius) - shift), -float(count // 2), float((count - 1) // 2)) + shift
+        column = length(vec2(across, along - 2.0 * radius * index)) - radius
+        return min(min(a, b), min(across, column))
+
+    return columns_min
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """How a family blends.
+
+    Attributes
+    ----------
+    fold : the smooth minimum of two distances and k.
+    steepness : Lipschitz constant of a blend of n operands that are 1-Lipschitz.
+    margin : how far a blend of n operands reaches out of their union, as a share of k.
+    """
+
+    fold: Fold
+    steepness: Callable[[int], float]
+    margin: Callable[[int], float]
+
+
+def levels(n: int) -> int:
+    """Depth of a balanced tree of n operands."""
+    return math.ceil(math.log2(n))
+
+
+def _even(_n: int) -> float:
+    return 1.0
+
+
+def _diagonal(n: int) -> float:
+    """Each fold is as steep as the diagonal of its two operands."""
+    return math.sqrt(2.0) ** levels(n)
+
+
+def _quarter(n: int) -> float:
+    return 0.25 * levels(n)
+
+
+def _half(n: int) -> float:
+    """Where the joint stands, a + b < k, so the nearer of the two is within k/2; and so on up the tree."""
+    return 0.5 * levels(n)
+
+
+FAMILIES: dict[str, Callable[[int], Family]] = {
+    "cubic": lambda steps: Family(cubic_min, _even, _quarter),
+    "quartic": lambda steps: Family(quartic_min, _even, _quarter),
+    "circular": lambda steps: Family(circular_min, _even, _quarter),
+    "exponential": lambda steps: Family(exponential_min, _even, _quarter),
+    "root": lambda steps: Family(root_min, _even, _quarter),
+    "circular_geometric": lambda steps: Family(
+        circular_geometric_min,
+        lambda n: math.sqrt(n),
+        lambda n: 0.25 * (math.sqrt(n) - 1.0) / (math.sqrt(2.0) - 1.0),
+    ),
+    "round": lambda steps: Family(round_min, lambda n: math.sqrt(n), lambda n: 1.0 - 1.0 / math.sqrt(n)),
+    "chamfer": lambda steps: Family(chamfer_min, _diagonal, _half),
+    "stairs": lambda steps: Family(stairs(steps), _even, _half),
+    "columns": lambda steps: Family(columns(steps), _diagonal, _half),
+}
+"""Every family but the quadratic, by the name that `blend=` takes; stairs and columns depend on their number."""
+
+
+def reach_of(family: Family, n: int, k: Any) -> Expr:
+    """How far a blend of n operands reaches out of their union."""
+    return expr(k) * const(family.margin(n))
+
+
+def fold_all(family: Family, values: Sequence[Expr], k: Expr) -> Expr:
+    """The blend of any number of distances, in a balanced tree."""
+    row = list(values)
+    while len(row) > 1:
+        row = [family.fold(*row[i : i + 2], k) if i + 1 < len(row) else row[i] for i in range(0, len(row), 2)]
+    return row[0]
