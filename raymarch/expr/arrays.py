@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from raymarch.expr import samples
+from raymarch.expr import hashing, samples
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
@@ -157,6 +157,7 @@ RULES: Mapping[str, Rule] = {
     "transpose": lambda _node, m: np.swapaxes(m, -1, -2),
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,
+    "random_of": hashing.evaluate,
 }
 
 

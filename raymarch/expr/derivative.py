@@ -75,6 +75,7 @@ PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
     "ceil": (None,),
     "round": (None,),
     "fract": (lambda e: ONE,),
+    "random_of": (None,),
     "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
     "exp": (lambda e: e,),
     "exp2": (lambda e: math.log(2) * e,),

@@ -14,8 +14,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr import hashing
 from raymarch.expr.function import Function, Loop
-from raymarch.expr.node import Expr, var
+from raymarch.expr.node import Expr, const, make, var
 from raymarch.expr.samples import GLSL_HELPERS, Samples
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import depends_on, find, substitute, topological
@@ -203,17 +204,61 @@ def _helper(name: str, text: str) -> Template:
     return template
 
 
-def _atan2(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return (_scalar_atan2 if node.type is FLOAT else _vector_atan2)(printer, node, pieces)
+# Inverse circular functions are our own: GLSL leaves their accuracy open, and drivers use it. On Mesa the built-in asin
+# and acos are off by up to 4e-4, which times the power of a fractal or a radius is to be seen. The polynomials are
+# minimax fits made for this (Lawson's iteration): asin(s)/s on s <= 1/2 to 5e-9, atan(t)/t on t <= 1 to 1.5e-8.
+
+_HALF_ARC_SINE = """    float a = min(abs(x), 1.0);
+    bool wide = a > 0.5;
+    float z = wide ? 0.5 - 0.5 * a : a * a;
+    float s = wide ? sqrt(z) : a;
+    float r = s + s * z * (0.16666754 + z * (0.07495242 + z * (0.0454771 + z * (0.02414759 + z * 0.04221859))));
+"""
+
+_ARC_SINE = f"""float arc_sine(float x) {{
+{_HALF_ARC_SINE}    float acute = wide ? 1.5707964 - 2.0 * r : r;
+    return x < 0.0 ? -acute : acute;
+}}"""
+
+_ARC_COSINE = f"""float arc_cosine(float x) {{
+{_HALF_ARC_SINE}    float acute = wide ? 2.0 * r : 1.5707964 - r;
+    return x < 0.0 ? 3.1415927 - acute : acute;
+}}"""
+
+_ATAN2 = """float atan2(float y, float x) {
+    float u = abs(x), v = abs(y);
+    float t = min(u, v) / max(max(u, v), 1.1754944e-38);
+    float z = t * t;
+    float high = -0.07580577 + z * (0.04355352 + z * (-0.01658117 + z * 0.00297459));
+    float r = t + t * z * (-0.33333167 + z * (0.19994137 + z * (-0.14214209 + z * (0.1067894 + z * high))));
+    r = v > u ? 1.5707964 - r : r;
+    r = x < 0.0 ? 3.1415927 - r : r;
+    return y < 0.0 ? -r : r;
+}"""
 
 
-_scalar_atan2 = _helper(
-    "atan2", "float atan2(float y, float x) {\n    return x == 0.0 && y == 0.0 ? 0.0 : atan(y, x);\n}"
-)
-_vector_atan2 = _helper(
-    "atan2",
-    "TYPE atan2(TYPE y, TYPE x) {\n    return mix(atan(y, x), TYPE(0.0), equal(abs(x) + abs(y), TYPE(0.0)));\n}",
-)
+def _own(name: str, text: str) -> Template:
+    """A scalar helper; vectors call it for each component."""
+
+    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+        printer.helpers[name, "float"] = text
+        if node.type is not FLOAT:
+            inputs = "yx"[: len(pieces)]
+            parts = [f"{name}({', '.join(f'{i}.{c}' for i in inputs)})" for c in "xyzw"[: node.type.size]]
+            head = f"{node.type} {name}({', '.join(f'{node.type} {i}' for i in inputs)})"
+            printer.helpers[name, node.type.name] = f"{head} {{\n    return {node.type}({', '.join(parts)});\n}}"
+        return call_text(name, [_stretched(p, a, node.type) for p, a in zip(pieces, node.args, strict=True)], node.args)
+
+    return template
+
+
+_atan2 = _own("atan2", _ATAN2)
+
+
+def _atan(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    """The angle of (1, x)."""
+    one = const(1.0 if node.type is FLOAT else [1.0] * node.type.size)
+    return _atan2(printer, make("atan2", node.type, (node.args[0], one)), [*pieces, Piece(constant(one), ATOM, 0)])
 
 
 def _swizzle(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
@@ -271,6 +316,12 @@ def _sample(component: str) -> Template:
     return template
 
 
+def _random_of(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    for name, text in hashing.GLSL_HELPERS.items():
+        printer.helpers[name, ""] = text
+    return call_text("random_of", pieces, node.args)
+
+
 TEMPLATES: Mapping[str, Template] = {
     "add": _infix("+", PLUS),
     "sub": _infix("-", PLUS),
@@ -292,9 +343,9 @@ TEMPLATES: Mapping[str, Template] = {
     "sin": _call("sin"),
     "cos": _call("cos"),
     "tan": _call("tan"),
-    "asin": _guarded("asin", "clamp({}, -1.0, 1.0)", lambda e: False),
-    "acos": _guarded("acos", "clamp({}, -1.0, 1.0)", lambda e: False),
-    "atan": _call("atan"),
+    "asin": _own("arc_sine", _ARC_SINE),
+    "acos": _own("arc_cosine", _ARC_COSINE),
+    "atan": _atan,
     "atan2": _atan2,
     "sinh": _call("sinh"),
     "cosh": _call("cosh"),
@@ -323,6 +374,7 @@ TEMPLATES: Mapping[str, Template] = {
     "transpose": _call("transpose"),
     "sample": _sample("value"),
     "sample_slope": _sample("slope"),
+    "random_of": _random_of,
 }
 
 # Names
@@ -334,8 +386,8 @@ in out inout float double int void bool true false invariant precise discard ret
 struct common partition active asm class union enum typedef template this resource goto inline noinline public
 static extern external interface long short half fixed unsigned superp input output filter cast namespace using
 packed row_major column_major sizeof demote subpass
-main texture textureLod textureSize texelFetch atan2 unit radians degrees sin cos tan asin acos atan sinh
-cosh tanh interpolated
+main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
+atan sinh cosh tanh interpolated random_of lattice_mixed
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
 not lessThan greaterThan equal dFdx dFdy fwidth uint field asinh acosh atanh roundEven faceforward outerProduct
@@ -686,8 +738,6 @@ def roots_only(waiting: Sequence[tuple[int, Expr]], node: Expr, uses: Mapping[Ex
 
 
 def _item(whole: Expr, k: int, type: Type) -> Expr:
-    from raymarch.expr.node import make
-
     return make("item", type, (whole,), k)
 
 

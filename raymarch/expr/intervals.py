@@ -178,6 +178,7 @@ def _pow(a: Interval, b: Interval) -> Interval:
 RULES: Mapping[str, Rule] = {
     "param": _param,
     "time": _unknown,
+    "cell": lambda node: (np.asarray(node.data.low, np.float64), np.asarray(node.data.high, np.float64)),
     "add": _each(_add),
     "sub": _each(_sub),
     "mul": lambda node, a, b: _square(a) if node.args[0] is node.args[1] else _product(node, a, b),
@@ -234,6 +235,7 @@ RULES: Mapping[str, Rule] = {
     "transpose": lambda _node, m: (m[0].T, m[1].T),
     "sample": samples.interval,
     "sample_slope": _unknown,
+    "random_of": lambda _node, _cell: (np.zeros(()), np.ones(())),
 }
 
 

@@ -79,6 +79,16 @@ class Plan:
     warnings: list[str] = default(default_factory=list)
 
     @property
+    def certified(self) -> bool:
+        """True if the field is no larger than the distance, so that nothing is stepped over."""
+        return self.scene.node.exactness != "estimate"
+
+    @property
+    def epsilon(self) -> float:
+        """How near a ray comes, in pixel widths, before it looks for its hit."""
+        return self.scene.quality.near(self.certified)
+
+    @property
     def clipped(self) -> bool:
         """True if the scene's box bounds the rays on some side."""
         facts = self.scene.node.facts
@@ -122,7 +132,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
     if needs_normal and scene.quality.normals == "analytic":
         made.gradient = companion(definition)
     if shaded or geometry:
-        _plan_materials(made, shaded, geometry)
+        _plan_materials(made, lowering, shaded, geometry)
     _choose_modules(made, shaded, needs_normal)
     _describe_effects(made, shaded)
     made.warnings += _warnings(scene)
@@ -165,11 +175,10 @@ def _operations(definition: Function) -> int:
     return cost([definition.body])
 
 
-def _plan_materials(made: Plan, look: bool, index: bool) -> None:
+def _plan_materials(made: Plan, lowering: Lowering, look: bool, index: bool) -> None:
     """How a surface looks, and which material it is of: mixed by how much each part moves the field at the hit."""
     materials = made.scene.materials
-    lowering = Lowering(origins=made.origins)
-    marked = lowering.field(made.scene.node, label=materials[0])
+    marked = lowering.again().field(made.scene.node, label=materials[0])
     marks = find([marked.body], "mark")
     used = list(dict.fromkeys(mark.data for mark in marks))
     if len(used) > 1:
@@ -209,7 +218,7 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     scene, add = made.scene, made.modules.append
     quality = scene.quality
     add(("view/camera", "every picture has a camera"))
-    add(("march/epsilon", f"a hit is within {quality.epsilon:g} pixel widths of the surface"))
+    add(("march/epsilon", f"a ray looks for its hit within {made.epsilon:g} pixel widths of a surface"))
     add(("march/hit", "the last step towards a surface is along the measured slope"))
     add((f"march/{MODULES.get(made.tracer, made.tracer)}", made.tracer_reason))
     if made.clipped:

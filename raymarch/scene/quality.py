@@ -25,7 +25,9 @@ class Quality:
         "auto_relaxed": by an averaged slope (Bán and Valasek 2023). "front": by the averaged slope, keeping samples
         that went too far. A field that is only an estimate is marched plainly, whatever is chosen but "plain".
     max_steps : steps that a ray may take, 1 to 60,000 (software renderers end loops at 65,535).
-    epsilon : a ray hits where the field falls below this many pixel widths at that distance, 0.001 to 10.
+    epsilon : a ray looks for its hit where the field falls below this many pixel widths at that distance, 0.001 to 10.
+        None is 0.1 for a certified field, whose hit is then settled to a sixteenth of it; and 0.5 for an estimate,
+        whose detail below a pixel has no normal worth showing, so that the ray ends there.
     normals : "analytic" gradients of the definitions; or finite differences, to compare: "tetrahedron" (4
         evaluations, error of first order in the step), "central" (6, second order), "forward" (4, first order).
     omega : factor of the relaxing tracers: 1 to 2 for "relaxed" (default 1.6), 0 to 1 for "enhanced" (default 0.88).
@@ -35,7 +37,7 @@ class Quality:
 
     tracer: str = "auto"
     max_steps: int = 512
-    epsilon: float = 0.1
+    epsilon: float | None = None
     normals: str = "analytic"
     omega: float | None = None
     beta: float = 0.3
@@ -49,7 +51,8 @@ class Quality:
         steps = self.max_steps
         if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= 60000:
             raise SceneError(f"Quality: max_steps = {steps!r}", legal="an integer from 1 to 60000")
-        _within("epsilon", self.epsilon, 1e-3, 10)
+        if self.epsilon is not None:
+            _within("epsilon", self.epsilon, 1e-3, 10)
         _within("beta", self.beta, 1e-3, 1)
         _within("step_scale", self.step_scale, 1e-3, 1)
         if self.omega is not None:
@@ -59,6 +62,10 @@ class Quality:
                 )
             low, high = (0, 1) if self.tracer == "enhanced" else (1, 2)
             _within("omega", self.omega, low, high)
+
+    def near(self, certified: bool) -> float:
+        """How near a ray comes, in pixel widths, before it looks for its hit."""
+        return self.epsilon if self.epsilon is not None else 0.1 if certified else 0.5
 
 
 def _within(name: str, value: object, low: float, high: float) -> None:

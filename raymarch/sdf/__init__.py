@@ -13,8 +13,10 @@ from raymarch.sdf.boxes import (
     triangle,
     triangular_prism,
 )
+from raymarch.sdf.copies import polar, repeat_interval, repeat_mirrored
 from raymarch.sdf.curves import bezier_tube, helix, polyline_tube
 from raymarch.sdf.definition import operator, shape
+from raymarch.sdf.deform import bend, displace, taper, twist
 from raymarch.sdf.flat import (
     circle,
     cross,
@@ -29,6 +31,8 @@ from raymarch.sdf.flat import (
     trapezoid,
 )
 from raymarch.sdf.flat_curves import arc, bezier, egg, ellipse, flat_vesica, heart, moon, pie, ring
+from raymarch.sdf.fractals import apollonian, julia, mandelbox, mandelbulb, menger, sierpinski
+from raymarch.sdf.joints import complement, engrave, groove, morph, pipe, tongue, xor
 from raymarch.sdf.lettering import image, text
 from raymarch.sdf.node import Node
 from raymarch.sdf.periodic import gyroid, lidinoid, neovius, schwarz_d, schwarz_p
@@ -74,7 +78,9 @@ from raymarch.sdf.thickness import round, shell
 
 __all__ = [
     "Node",
+    "apollonian",
     "arc",
+    "bend",
     "bezier",
     "bezier_tube",
     "blob",
@@ -83,6 +89,7 @@ __all__ = [
     "capped_torus",
     "capsule",
     "circle",
+    "complement",
     "cone",
     "cross",
     "cuboctahedron",
@@ -92,17 +99,20 @@ __all__ = [
     "death_star",
     "difference",
     "disc",
+    "displace",
     "displace_by_image",
     "dodecahedron",
     "egg",
     "ellipse",
     "ellipsoid",
     "elongate",
+    "engrave",
     "extrude",
     "extrude_to",
     "flat_triangle",
     "flat_vesica",
     "grid",
+    "groove",
     "gyroid",
     "heart",
     "heightmap",
@@ -114,19 +124,26 @@ __all__ = [
     "infinite_cone",
     "infinite_cylinder",
     "intersection",
+    "julia",
     "lidinoid",
     "line",
     "link",
+    "mandelbox",
+    "mandelbulb",
     "material",
+    "menger",
     "mesh",
     "mirror",
     "moon",
+    "morph",
     "neovius",
     "octahedron",
     "offset",
     "operator",
     "pie",
+    "pipe",
     "plane",
+    "polar",
     "polygon",
     "polyline",
     "polyline_tube",
@@ -135,6 +152,8 @@ __all__ = [
     "rectangle",
     "regular_polygon",
     "repeat",
+    "repeat_interval",
+    "repeat_mirrored",
     "revolve",
     "rhombicuboctahedron",
     "rhombus",
@@ -150,6 +169,7 @@ __all__ = [
     "schwarz_p",
     "shape",
     "shell",
+    "sierpinski",
     "slab",
     "slice",
     "solid_angle",
@@ -157,8 +177,10 @@ __all__ = [
     "star",
     "stroke",
     "superquadric",
+    "taper",
     "tetrahedron",
     "text",
+    "tongue",
     "torus",
     "transform",
     "translate",
@@ -170,6 +192,8 @@ __all__ = [
     "truncated_icosahedron",
     "truncated_octahedron",
     "truncated_tetrahedron",
+    "twist",
     "union",
     "vesica",
+    "xor",
 ]

@@ -1,7 +1,7 @@
 """Families of smooth minima, and the joints that machinists cut.
 
-A family is a fold of two distances. All but the shaped ones are normalised to the classic k: two equal distances a blend
-to a - k/4 (the circular-geometric family, whose fillet depends on a, does so at a = 0). For operands that are
+A family is a fold of two distances. All but the shaped ones are normalised to the classic k: two equal distances a
+blend to a - k/4 (the circular-geometric family, whose fillet depends on a, does so at a = 0). For operands that are
 1-Lipschitz, a fold is as steep as the norm of its two partial derivatives allows: where these are not negative and
 add up to 1, the result is 1-Lipschitz; where only their squares do, it is sqrt(2)-Lipschitz.
 """
@@ -20,7 +20,7 @@ from raymarch.expr.vocabulary import clamp, exp2, length, log2, max, min, mod, r
 
 __all__ = ["FAMILIES", "Family"]
 
-Fold = Callable[[Expr, Expr, Expr], Expr]
+Fold = Callable[..., Expr]
 
 ROOT_HALF = math.sqrt(0.5)
 

@@ -200,9 +200,9 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
     nodes : one or more.
     k : width of the blend, a length >= 0. Surfaces whose distances differ by more than k do not change each other;
         where two distances are equal to a, the result is a - k/4.
-    blend : "quadratic" (reaches k), "cubic" (1.5 k), "quartic" (1.33 k), "circular" (0.85 k), "exponential", "root" (both
-        everywhere), "circular_geometric"; or a joint, for which k is its size: "round" (radius), "chamfer" (legs),
-        "stairs", "columns".
+    blend : "quadratic" (reaches k), "cubic" (1.5 k), "quartic" (1.33 k), "circular" (0.85 k), "exponential", "root"
+        (both everywhere), "circular_geometric"; or a joint, for which k is its size: "round" (radius), "chamfer"
+        (legs), "stairs", "columns".
     steps : number of stairs or columns, >= 1.
 
     Exact outside where the operands are; "bound" as a whole, because the inside of overlapping solids is not.
@@ -213,9 +213,7 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
 @method
 def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """What all solids share: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
-    return _choose(
-        "intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection, blended_intersection
-    )
+    return _choose("intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection, blended_intersection)
 
 
 @method

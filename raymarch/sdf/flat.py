@@ -351,7 +351,7 @@ def regular_polygon(p: Expr, sides: Sides = 6, radius: Positive = 1.0) -> Expr:
     q = fold(p, sides)
     over = dot(q, (math.sin(half), math.cos(half))) - radius * math.cos(half)
     beside = dot(q, (-math.cos(half), math.sin(half))) - radius * math.sin(half)
-    return length(max(vec2(over, beside), 0.0)) + min(over, 0.0)
+    return where(over > 0.0, length(vec2(over, max(beside, 0.0))), over)
 
 
 def _star_bounds(points: int, outer: Any, inner: Any) -> tuple[Expr, Expr]:

@@ -13,14 +13,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import Location
+from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, make, var
 from raymarch.expr.types import FLOAT, vector
-from raymarch.expr.walk import rebuild, topological
+from raymarch.expr.walk import find, rebuild, rewrite, substitute, topological
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
@@ -46,7 +46,11 @@ class Lowering:
     shapes: set[Expr] = field(default_factory=set)
     _sites: dict[Node, int] = field(default_factory=dict)
     _done: dict[Request, Expr] = field(default_factory=dict)
-    _functions: dict[Node, Function] = field(default_factory=dict)
+    _functions: dict[Node, tuple[Function, list[Expr]]] = field(default_factory=dict)
+
+    def again(self) -> Lowering:
+        """Another pass over the same nodes, which shares what this one found and the functions that it made."""
+        return Lowering(self.origins, self.shapes, _functions=self._functions)
 
     def field(self, root: Node, name: str = "field", label: Any = UNMARKED) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
@@ -56,7 +60,14 @@ class Lowering:
         """
         self._count_sites(root)
         p = var("p", vector(root.dimension))
-        return Function(name, (p,), self._run((root, p, label)), where=root.where)
+        body = self._run((root, p, label))
+        if find([body], "cell"):
+            raise SceneError(
+                f"{root.name} depends on the index of a cell that it does not stand in",
+                legal="the index only inside of the function that repeat_varied calls",
+                where=root.where,
+            )
+        return Function(name, (p,), body, where=root.where)
 
     def _count_sites(self, root: Node) -> None:
         """At how many places each node is asked, over all nodes that ask it."""
@@ -116,7 +127,8 @@ class Lowering:
                     continue
                 args = tuple(new[arg] for arg in part.args)
                 if part.op == "apply":
-                    new[part] = yield from self._ask(children[part.data], args[0], label)
+                    value = yield from self._ask(children[part.data], args[0], label)
+                    new[part] = self._in_cell(value, *args[1:]) if len(args) > 1 else value
                 else:
                     new[part] = rebuild(part, args)
                 if new[part].args and node.where is not None:
@@ -131,8 +143,23 @@ class Lowering:
         if child not in self._functions:
             p = var("p", vector(child.dimension))
             body = yield (child, p, UNMARKED)
-            self._functions[child] = Function(f"{child.name}_field", (p,), body, where=child.where)
-        return self._functions[child](point)
+            cells = find([body], "cell")
+            formal = [var(f"cell {i}", cell.type) for i, cell in enumerate(cells)]
+            closed = substitute([body], dict(zip(cells, formal, strict=True)))[0] if cells else body
+            made = Function(f"{child.name}_field", (p, *formal), closed, where=child.where)
+            self._functions[child] = (made, cells)
+        function, cells = self._functions[child]
+        return function(point, *cells)
+
+    def _in_cell(self, value: Expr, cell: Expr, index: Expr) -> Expr:
+        """The field of a child that depends on the index of its cell, for one cell."""
+        new = rewrite([value], lambda part, args: index if part is cell else rebuild(part, args))
+        for old, changed in new.items():
+            if changed is not old and old in self.origins:
+                self.origins.setdefault(changed, self.origins[old])
+            if old in self.shapes:
+                self.shapes.add(changed)
+        return new[value]
 
 
 def _asked(node: Node) -> list[int]:

@@ -124,6 +124,9 @@ class Node:
     def __sub__(self, other: Node) -> Node:
         return self._combine("difference", other)
 
+    def __xor__(self, other: Node) -> Node:
+        return self._combine("xor", other)
+
     def _combine(self, name: str, other: Node) -> Node:
         if not isinstance(other, Node):
             raise SceneError(f"{name} of {self.name} and {other!r} ({type(other).__name__})", legal="two nodes")
@@ -133,21 +136,15 @@ class Node:
         result: Node = METHODS[name](self, *args, **kwargs)
         return result
 
-    def union(
-        self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4
-    ) -> Node:
+    def union(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
         """This solid and the others; see `raymarch.union`."""
         return self._call("union", *others, k=k, blend=blend, steps=steps)
 
-    def intersection(
-        self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4
-    ) -> Node:
+    def intersection(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
         """What this solid and all others share; see `raymarch.intersection`."""
         return self._call("intersection", *others, k=k, blend=blend, steps=steps)
 
-    def difference(
-        self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4
-    ) -> Node:
+    def difference(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
         """This solid without the others; see `raymarch.difference`."""
         return self._call("difference", *others, k=k, blend=blend, steps=steps)
 
@@ -178,6 +175,18 @@ class Node:
         """Copies at a spacing along the axes; see `raymarch.repeat`."""
         return self._call("repeat", spacing, count)
 
+    def polar(self, count: int) -> Node:
+        """Copies in equal steps about the y axis; this solid is the first."""
+        return self._call("polar", count)
+
+    def repeat_mirrored(self, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
+        """Copies at a spacing, every other one mirrored; see `raymarch.sdf.repeat_mirrored`."""
+        return self._call("repeat_mirrored", spacing, count)
+
+    def repeat_interval(self, spacing: Vector | Scalar, first: int | Sequence[int], last: int | Sequence[int]) -> Node:
+        """Copies at whole multiples of a spacing, from the first to the last."""
+        return self._call("repeat_interval", spacing, first, last)
+
     def round(self, radius: Scalar) -> Node:
         """Grown by a radius, edges rounded."""
         return self._call("round", radius)
@@ -197,6 +206,28 @@ class Node:
     def displace_by_image(self, source: Any, size: Vector | Scalar = (2.0, 2.0), height: Scalar = 0.2) -> Node:
         """Raised along its normals by an image laid over the xz plane; see `raymarch.displace_by_image`."""
         return self._call("displace_by_image", source, size, height)
+
+    def complement(self) -> Node:
+        """All but this solid."""
+        return self._call("complement")
+
+    # Deforming
+
+    def twist(self, rate: Scalar = 1.0) -> Node:
+        """Turned about y by `rate` radians a unit of y."""
+        return self._call("twist", rate)
+
+    def bend(self, rate: Scalar = 0.5) -> Node:
+        """Turned about z by `rate` radians a unit of x."""
+        return self._call("bend", rate)
+
+    def taper(self, rate: Scalar = 0.3) -> Node:
+        """1 + rate y times as wide at height y."""
+        return self._call("taper", rate)
+
+    def displace(self, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 10.0) -> Node:
+        """Bumps: amplitude times a product of sines, `frequency` in radians a unit of length."""
+        return self._call("displace", amplitude, frequency)
 
     # Between flat shapes and solids
 

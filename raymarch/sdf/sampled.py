@@ -69,9 +69,7 @@ BALL = _some_grid()
     bounds=_solid_box,
     lipschitz=lambda data, size, centre: _steepness(data, size),
 )
-def sampled_grid(
-    p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)
-) -> Expr:
+def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
     q = p - centre
     inside = clamp(q, -0.5 * size, 0.5 * size)

@@ -173,7 +173,8 @@ def _constants(plan: Plan) -> Chunk:
     quality = plan.scene.quality
     values = {
         "max_steps": ("int", str(quality.max_steps)),
-        "epsilon_pixels": ("float", literal(quality.epsilon)),
+        "epsilon_pixels": ("float", literal(plan.epsilon)),
+        "contact_share": ("float", literal(0.0625 if plan.certified else 1.0)),
         "step_scale": ("float", literal(quality.step_scale)),
         "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.tracer, 1.0))),
         "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),

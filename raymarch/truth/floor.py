@@ -49,7 +49,7 @@ def floor_evaluations(
     rays = camera_rays(pose, width, height)
     lines = rays.lines(scene.node.facts, scene.far(pose))
     side = -1.0 if is_inside(field, pose.position) else 1.0
-    cone = scene.quality.epsilon * pose.pixel(height)
+    cone = scene.quality.near(certified=True) * pose.pixel(height)
 
     def ask(rows: NDArray[Any], t: NDArray[Any]) -> NDArray[np.float64]:
         return side * field.distance(rays.at(rows, t))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr import Expr, Function, const
 from raymarch.expr import intervals as interval_reading
-from raymarch.expr.arrays import RULES, evaluator
+from raymarch.expr.arrays import RULES, evaluator, value_of
 from raymarch.expr.derivative import BACKWARD, FORWARD, PARTIALS, gradient
 from raymarch.expr.evaluate import Program
 from raymarch.expr.glsl import TEMPLATES, print_functions
@@ -84,6 +84,19 @@ def test_a_single_point_gives_the_same_as_many(sample: Sample) -> None:
         one = run(*[p[i] for p in points])[0]
         assert np.shape(one) == function.type.shape
         np.testing.assert_allclose(one, many[i], rtol=1e-14, atol=1e-14)
+
+
+@each_sample
+def test_constants_follow_the_same_rules(sample: Sample) -> None:
+    """pow(-1, 2) written with literals is what it is with variables: folding uses the float64 reading."""
+    points = sample.points()
+    function = sample.function
+    values = np.broadcast_to(
+        evaluator([function.body], function.params)(*points)[0], (PER_SAMPLE, *function.type.shape)
+    )
+    for i in range(0, PER_SAMPLE, 12):
+        folded = function.inline(*[const(p[i]) for p in points])
+        np.testing.assert_allclose(value_of(folded), values[i], rtol=1e-14, atol=1e-14)
 
 
 @each_sample

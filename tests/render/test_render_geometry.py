@@ -363,3 +363,101 @@ def test_from_below_the_ground_its_surface_is_seen_above_and_nothing_below(rende
     assert_depths(frame.depth, view, t, view.directions[..., 1], steep)
     assert np.all(np.isinf(frame.depth[view.directions[..., 1] < -0.01]))
     assert np.all(frame.normal[steep] == (0, 1, 0))
+
+
+# Light, by its formula.
+
+
+@pytest.mark.parametrize("shininess", [2.0, 30.0, 300.0])
+def test_a_surface_is_shaded_after_phong(renderer: rm.Renderer, shininess: float) -> None:
+    """Ambient, diffuse and highlight of a sun and a lamp on a ball, pixel by pixel."""
+    hue = np.array([0.7, 0.4, 0.2])
+    material = rm.Material(tuple(hue), shininess=shininess, specular=0.5, ambient=0.15)
+    sun, lamp = unit(np.array([0.5, 0.8, 0.6])), np.array([-1.0, 1.5, 2.0])
+    lights = [rm.Sun(tuple(sun), (1, 0.9, 0.8), 0.7), rm.PointLight(tuple(lamp), (0.2, 0.5, 1.0), 5)]
+    view = View((0.5, 0.4, 4.0), (0, 0, 0), 35.0, (160, 120))
+    frame = renderer.render(scene_of(view, rm.sphere().material(material), lights=lights), outputs=("color", "depth"))
+    hit = np.isfinite(frame.depth)
+    p = points(view.origin, view.directions, np.where(hit, frame.depth, np.inf))[hit]
+    normal, back = unit(p), -view.directions[hit]
+    expected = np.zeros((len(p), 3))
+    for way, light in ((np.broadcast_to(sun, p.shape), (0.7, 0.63, 0.56)), (lamp - p, (1.0, 2.5, 5.0))):
+        far = np.linalg.norm(way, axis=-1, keepdims=True)
+        towards = way / far
+        falls = 1.0 if light[0] == 0.7 else far**-2
+        diffuse = np.maximum(np.sum(normal * towards, axis=-1, keepdims=True), 0)
+        mirrored = 2 * np.sum(normal * towards, axis=-1, keepdims=True) * normal - towards
+        gloss = np.maximum(np.sum(mirrored * back, axis=-1, keepdims=True), 0) ** shininess * (diffuse > 0)
+        expected += np.array(light) * falls * (hue * (0.15 + diffuse) + 0.5 * gloss)
+    # The highlight changes by the exponent times the error of the normal, some ulp of the coordinates.
+    assert np.all(np.abs(frame.color[hit] - expected) <= (16 + 16 * shininess) * ULP * 5)
+    assert frame.color[hit].max() > 1.0
+
+
+# Where marching is hard.
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+@pytest.mark.parametrize("thickness", [0.05, 0.002])
+def test_nothing_thin_is_stepped_over(renderer: rm.Renderer, tracer: str, thickness: float) -> None:
+    """A plate behind a ball: a ray that leaves the ball behind sees the distance grow, and is tempted to leap."""
+    plate = rm.box((40, 40, thickness)).translate((0, 0, -3))
+    ball = rm.sphere(0.8).translate((0.2, 0.1, 1))
+    view = View((0.3, 0.2, 6.0), (0.1, 0, 0), 40.0, (160, 120))
+    frame = renderer.render(scene_of(view, plate | ball, quality=rm.Quality(tracer=tracer)), outputs=("depth",))
+    near = hit_sphere(view.origin, view.directions, (0.2, 0.1, 1), 0.8)
+    behind = (-3 + thickness / 2 - view.origin[2]) / view.directions[..., 2]
+    inner = ~edges(np.isfinite(near).astype(int)) & np.isinf(near)
+    assert np.isfinite(frame.depth).all()
+    assert_depths(frame.depth, view, behind, -view.directions[..., 2], inner)
+
+
+def open_ground() -> rm.Node:
+    """With a ball high up behind the camera, so that no box of the scene ends at the ground, where rays would start."""
+    return rm.plane() | rm.sphere().translate((0, 30, 60))
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_the_ground_reaches_its_horizon(renderer: rm.Renderer, tracer: str) -> None:
+    view = View((0, 1, 0), (0, 1, -1), 30.0, (160, 120))
+    frame = renderer.render(scene_of(view, open_ground(), quality=rm.Quality(tracer=tracer)), outputs=("depth",))
+    # Row 59 is half a pixel above the horizon: there a ray comes within a pixel of the ground, and may take it.
+    assert not np.isfinite(frame.depth[:59]).any() and np.isfinite(frame.depth[60:]).all()
+    t = hit_plane(view.origin, view.directions, 0.0)
+    assert_depths(
+        frame.depth, view, t, -view.directions[..., 1], np.broadcast_to(np.arange(120)[:, None] > 70, t.shape)
+    )
+
+
+def test_a_ray_that_runs_out_of_steps_takes_what_it_came_nearest(renderer: rm.Renderer) -> None:
+    """Over a plane each step of plain tracing is the height; where 40 of them do not arrive, the ray has come to a
+    known place, and counts as a hit if it is less than a pixel's width away from the ground there."""
+    view = View((0, 1, 0), (0, 1, -1), 30.0, (160, 120))
+    quality = rm.Quality(tracer="plain", max_steps=40)
+    frame = renderer.render(scene_of(view, open_ground(), quality=quality), outputs=("depth", "evaluations"))
+    sinking = -view.directions[..., 1]
+    t = np.zeros(sinking.shape)
+    for _ in range(39):
+        t += 1 - t * sinking
+    height = 1 - t * sinking
+    ran_out = (frame.iterations == 40) & (sinking > 0)
+    assert 0.01 < ran_out.mean() < 0.5
+    sure = ran_out & (np.abs(height / t / view.pixel - 1) > 0.01) & (height > 1.01 * EPSILON * view.pixel * t)
+    assert np.array_equal(np.isfinite(frame.depth)[sure], (height < view.pixel * t)[sure])
+    taken = sure & np.isfinite(frame.depth)
+    assert taken.any() and (sure & ~taken).any()
+    assert np.all(np.abs(frame.depth[taken] / t[taken] - 1) < 1e-4)
+
+
+def test_a_far_horizon_is_seen_through_a_long_lens(renderer: rm.Renderer) -> None:
+    """The first row below the horizon shows the ground more than a thousand heights away."""
+    view = View((0, 1, 0), (0, 1, -1), 4.0, (64, 48))
+    renderer.resize(view.size)
+    frame = renderer.render(scene_of(view, open_ground()), outputs=("depth",))
+    t = hit_plane(view.origin, view.directions, 0.0)
+    assert t[24].min() > 1000
+    assert np.isfinite(frame.depth[24:]).all() and not np.isfinite(frame.depth[:23]).any()
+    # A ray that ran out of its 512 steps has come within a pixel's width, any other within an epsilon.
+    below = np.broadcast_to(np.arange(48)[:, None] > 24, t.shape)
+    assert_depths(frame.depth, view, t, -view.directions[..., 1], below & (frame.iterations < 512))
+    assert_depths(frame.depth, view, t, -view.directions[..., 1] * EPSILON, below)

@@ -205,3 +205,21 @@ def test_parameters_and_time_move_the_camera() -> None:
 def test_a_pixel_is_the_pictures_height_over_its_rows() -> None:
     pose = rm.Scene(rm.sphere(), camera=rm.Camera(fov=90)).pose(Values({}))
     assert pose.pixel(100) == pytest.approx(2 * math.tan(math.pi / 4) / 100, rel=4 * EPS)
+
+
+# How far it sees.
+
+
+def test_rays_reach_the_farthest_corner_of_a_box() -> None:
+    scene = rm.Scene(rm.box((2, 4, 6)).translate((10, 0, 0)), camera=rm.Camera((0, 1, 2), (10, 0, 0)))
+    assert scene.far(scene.pose(Values({}))) == pytest.approx(math.dist((0, 1, 2), (11, -2, -3)), rel=4 * EPS)
+    empty = rm.Scene(rm.sphere() & rm.sphere().translate((5, 0, 0)))
+    assert empty.far(empty.pose(Values({}))) == 0
+
+
+@pytest.mark.parametrize("height", [1e-3, 1.0, 1e5])
+@pytest.mark.parametrize("solid", [rm.plane(), rm.plane() | rm.sphere(), rm.sphere().repeat(4)], ids=range(3))
+def test_a_horizon_ends_below_a_quarter_of_a_pixel(solid: Any, height: float) -> None:
+    scene = rm.Scene(solid, camera=rm.Camera((0, height, 0), (0, height, -1)))
+    pose = scene.pose(Values({}))
+    assert height / scene.far(pose) <= 0.25 * pose.pixel(1080)

@@ -8,6 +8,7 @@ a way that no domain can say (a matrix and its inverse) are built by a line in S
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -24,10 +25,24 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.types import FLOAT
-from raymarch.sdf import Node, box, capsule, material, repeat, shape, sphere, transform
+from raymarch.sdf import (
+    Node,
+    box,
+    capsule,
+    difference,
+    intersection,
+    material,
+    repeat,
+    shape,
+    sphere,
+    transform,
+    union,
+)
+from raymarch.sdf.booleans import BLENDS
 from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
 from raymarch.sdf.lower import lower
+from raymarch.sdf.registry import METHODS
 
 PACKAGE = Path(raymarch.sdf.__file__).parent
 POINTS = 100_000
@@ -84,7 +99,7 @@ def draw(domain: Domain, random: np.random.Generator) -> Any:
     if domain.direction:
         return random.normal(size=size)
     low = domain.low if domain.low > -np.inf else -1.0
-    high = min(domain.high, 1.2)
+    high = min(domain.high, max(low + 1.0, 1.2))
     values = random.uniform(low + 0.2 * (high - low), high - 0.05 * (high - low), size)
     return float(values) if domain.type is FLOAT else values
 
@@ -97,7 +112,10 @@ def parameters(definition: Definition, variant: int, random: np.random.Generator
         if name in definition.defaults and (variant == 0 or fixed):
             continue
         value = draw(domain, random)
-        given[name] = value * shrink ** random.uniform() if isinstance(value, float) else value
+        if isinstance(value, float):
+            least = max(domain.low, 0.0)
+            value = least + (value - least) * shrink ** random.uniform()
+        given[name] = value
     return given
 
 
@@ -131,9 +149,47 @@ def _drawn(definition: Definition, children: Sequence[Callable[[], Node]], name:
                 refused = error
                 continue
             field = Field(node)
-            if np.count_nonzero(field.value(field.draw(random, 4000)) < 0) > 4:
+            if node.exactness == "estimate" or np.count_nonzero(field.value(field.draw(random, 4000)) < 0) > 4:
                 return node
         raise AssertionError(f"no legal parameters found for {definition.name}: add a line to SPECIAL") from refused
+
+    return NodeSample(definition, f"{name} {variant}", build)
+
+
+@cache
+def makers() -> dict[str, Callable[..., Node]]:
+    """Methods of nodes, by the definition that they make, where that has parameters which only the method knows.
+
+    A twist, for one, is made for the radius of its child. Only methods are found that need no argument.
+    """
+    found: dict[str, Callable[..., Node]] = {}
+    for name, method in METHODS.items():
+        takes = list(inspect.signature(method).parameters.values())
+        plain = [p.kind is p.POSITIONAL_OR_KEYWORD and p.default is not p.empty for p in takes[1:]]
+        if takes[0].name == "node" and plain and all(plain):
+            for dimension in (3, 2):
+                try:
+                    made = method(next(iter(CHILDREN[dimension].values()))())
+                except SceneError:
+                    continue
+                if isinstance(made, Node) and made.definition.name != name:
+                    found[made.definition.name] = method
+    return found
+
+
+def _made(definition: Definition, child: Callable[[], Node], name: str, variant: int) -> NodeSample:
+    """A sample by way of a method, its numbers varied while they are legal."""
+    method = makers()[definition.name]
+    takes = list(inspect.signature(method).parameters.values())[1:]
+    numbers = {p.name: p.default for p in takes if isinstance(p.default, float)}
+
+    def build() -> Node:
+        for factor in ((1.0, 0.5, -0.8, 1.4, 0.3, 2.0)[variant % 6], 1.0, 0.2):
+            try:
+                return method(child(), **{n: value * factor for n, value in numbers.items()})
+            except SceneError:
+                continue
+        raise AssertionError(f"{method.__name__} refuses '{name}': add a line for {definition.name} to SPECIAL")
 
     return NodeSample(definition, f"{name} {variant}", build)
 
@@ -142,6 +198,9 @@ def _chosen(definition: Definition) -> Iterator[NodeSample]:
     if definition.name in SPECIAL:
         for name, build in SPECIAL[definition.name].items():
             yield NodeSample(definition, name, build)
+    elif definition.name in makers():
+        for variant, (name, child) in enumerate(CHILDREN[definition.child_dimension].items()):
+            yield _made(definition, child, name, variant)
     elif definition.arity == "none":
         for variant in range(2 if definition.domains else 1):
             yield _drawn(definition, (), "shape", variant)
@@ -168,7 +227,22 @@ _kind = CHILDREN[3]
 _slanting = np.array([[0.8, 0.6, 0.0, 0.0], [-0.6, 0.8, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.3, -0.2, 0.5, 1.0]])
 _shearing = np.array([[1.5, 0.4, 0.0, 0.0], [0.0, 0.7, 0.3, 0.0], [0.1, 0.0, -1.0, 0.0], [0.0, 0.4, 0.0, 1.0]])
 
+
+def _blends(combine: Callable[..., Node], dimension: int, families: Sequence[str]) -> dict[str, Callable[[], Node]]:
+    """Each family by its name; its other parameters belong to the family."""
+    kinds = list(CHILDREN[dimension].values())
+    return {name: lambda name=name: combine(kinds[0](), kinds[1](), kinds[3](), k=0.3, blend=name) for name in families}
+
+
+_families = [name for name in BLENDS if name != "quadratic"]
+
 SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
+    "blended_union": _blends(union, 3, _families),
+    "blended_union_2d": _blends(union, 2, _families[:1]),
+    "blended_intersection": _blends(intersection, 3, _families[::2]),
+    "blended_intersection_2d": _blends(intersection, 2, _families[:1]),
+    "blended_difference": _blends(difference, 3, _families[1::2]),
+    "blended_difference_2d": _blends(difference, 2, _families[:1]),
     "affine": {
         "rigid": lambda: transform(_kind["brick"](), _slanting),
         "rigid bitten": lambda: transform(_kind["bitten"](), _slanting),
@@ -197,6 +271,7 @@ class Field:
         self.node = node
         definition = lower(node)
         self._value = evaluator([definition.body], definition.params)
+        self._single = evaluator([definition.body], definition.params, np.float32)
         whole = companion(definition)
         self._whole = evaluator([whole.body], whole.params)
         self.dimension = node.dimension
@@ -214,6 +289,10 @@ class Field:
 
     def value(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.broadcast_to(self._value(points)[0], points.shape[:-1])
+
+    def single(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The value in float32."""
+        return np.broadcast_to(self._single(points)[0], points.shape[:-1])
 
     def gradient(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.broadcast_to(self._whole(points)[0], (*points.shape[:-1], self.dimension + 1))[..., :-1]

@@ -12,6 +12,7 @@ from node_samples import POINTS, Field, Seen, definitions, look_at, samples
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VECTORS
@@ -35,6 +36,11 @@ TWIN_ULPS: dict[str, tuple[float, str]] = {}
 """Definitions whose float32 twin may be off by more than 16 ulp, and why."""
 
 
+def few_wrong(node: Node) -> float:
+    """The share of points at which an estimate may be off: at the edge of a fractal an iteration magnifies rounding."""
+    return 0.02 if node.exactness == "estimate" else 0.0
+
+
 def test_every_definition_has_samples() -> None:
     assert {sample.definition.name for sample in samples()} == {d.name for d in definitions()}
     assert len(definitions()) >= 22
@@ -49,8 +55,7 @@ def test_glsl_is_the_twin(s: Seen, egl: Context) -> None:
     ulps, _ = TWIN_ULPS.get(s.sample.definition.name, (16.0, ""))
     allowed = ulps * ULP * np.maximum(np.abs(s.points).max(axis=1), s.field.size)
     wrong = ~(error <= allowed)
-    share = 0.01 if s.node.exactness == "estimate" else 0.0
-    assert wrong.mean() <= share, (
+    assert wrong.mean() <= few_wrong(s.node), (
         f"{wrong.sum()} of {POINTS} points differ, worst by {np.nanmax(error / allowed) * ulps:.1f} ulp "
         f"at {s.points[np.argmax(np.nan_to_num(error / allowed, nan=np.inf))]}"
     )
@@ -74,20 +79,26 @@ def _smooth(
     return np.stack(parts, axis=-1), smooth
 
 
+def least_smooth(node: Node) -> float:
+    """The share of points away from kinks that a test needs; estimates of fractals are rough nearly everywhere."""
+    return 0.05 if node.exactness == "estimate" else 0.5
+
+
 def test_gradient_equals_central_differences(s: Seen) -> None:
     points = s.points[:2000]
     central, smooth = _smooth(s.field, points, 1e-6 * s.field.size, 1e-4)
     gradient = s.field.gradient(points)
     assert np.all(np.isfinite(gradient))
-    assert smooth.mean() > 0.5, "too few points are smooth to tell anything"
-    np.testing.assert_allclose(gradient[smooth], central[smooth], atol=2e-5 * max(1, s.node.lipschitz))
+    assert smooth.mean() > least_smooth(s.node), "too few points are smooth to tell anything"
+    wrong = np.abs(gradient - central).max(axis=1)[smooth] > 2e-5
+    assert wrong.mean() <= few_wrong(s.node), s.points[:2000][smooth][wrong]
     np.testing.assert_allclose(s.node.gradient(points[:5]), gradient[:5], atol=1e-12)
 
 
 def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
     points = s.points[:4000]
     _, smooth = _smooth(s.field, points, 1e-4 * s.field.size, 2e-2)
-    assert smooth.mean() > 0.5, "too few points are smooth to tell anything"
+    assert smooth.mean() > least_smooth(s.node), "too few points are smooth to tell anything"
     text = print_functions([companion(lower(s.node))])
     body = "\n".join(line.text for line in text.lines()) + "\n"
     declared = "".join(f"uniform sampler{d.dimension}D {name};\n" for name, d in text.samples.items())
@@ -95,7 +106,7 @@ def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
     size = s.node.dimension + 1
     values = run(egl, declared + body, "field_gradient({0})", [(point, points)], size, samples=text.samples)
     error = np.abs(values[:, :-1] - s.field.gradient(points)).max(axis=1)[smooth]
-    assert np.mean(error < 1e-4) > 0.995, f"off by up to {error.max():.3g}"
+    assert np.mean(~(error < 1e-4)) <= 0.005 + few_wrong(s.node), f"off by up to {error.max():.3g}"
 
 
 def test_never_steeper_than_promised(s: Seen) -> None:
@@ -120,12 +131,53 @@ def test_never_steeper_than_promised(s: Seen) -> None:
     assert slopes.max() <= limit * (1 + 1e-9)
 
 
+def test_special_points(s: Seen) -> None:
+    """The origin, axes, corners and middles of the box: no 0/0, no root of 0 with an infinite slope."""
+    low, high = (
+        np.where(np.isfinite(b), b, e) for b, e in zip(s.node.bounds, (s.field.low, s.field.high), strict=True)
+    )
+    marks = np.stack([low, high, 0.5 * (low + high), np.zeros_like(low), 1.5 * high - 0.5 * low], axis=-1)
+    points = np.stack(np.meshgrid(*marks, indexing="ij"), axis=-1).reshape(-1, s.node.dimension)
+    whole = companion(lower(s.node))
+    for dtype, rounding in ((np.float64, 1e-9), (np.float32, 1e-4)):
+        both = np.broadcast_to(
+            evaluator([whole.body], whole.params, dtype)(points)[0], (len(points), s.node.dimension + 1)
+        )
+        assert np.all(np.isfinite(both)), points[~np.isfinite(both).all(axis=1)]
+        if s.node.exactness != "estimate":
+            assert np.linalg.norm(both[:, :-1], axis=1).max() <= s.node.lipschitz + rounding
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_shapes_do_not_know_their_unit(s: Seen, scale: float) -> None:
+    """All lengths a million times as large: the field as well. An absolute epsilon would show."""
+    definition = s.sample.definition
+    if definition.arity != "none" or s.node.exactness == "estimate":
+        return  # no shape, or an iteration with a size of its own
+    if any(d.type is None and d.holds is not int for d in definition.domains.values()):
+        return  # static lengths cannot be scaled here
+    lengths = {
+        name for name, domain in definition.domains.items() if domain.unit == "length" and domain.type is not None
+    }
+    if any(d.unit != "length" and n not in definition.defaults for n, d in definition.domains.items()):
+        return  # not all parameters have a unit
+    given = {name: value * scale if name in lengths else value for name, value in s.node.params.items()}
+    field = Field(definition.make((), (), given))
+    points, values = s.points[:3000], s.values[:3000]
+    np.testing.assert_allclose(field.value(scale * points), scale * values, atol=1e-9 * scale * s.field.size)
+    twin = field.single(scale * points)
+    error = np.abs(twin - scale * values) / (scale * np.maximum(np.abs(points).max(axis=1), s.field.size))
+    assert error.max() <= 64 * ULP
+
+
 def test_solid_lies_within_its_bounds(s: Seen) -> None:
     low, high = s.node.bounds
     assert low.shape == high.shape == (s.node.dimension,)
     assert np.all(low <= high)
     slack = 1e-9 * s.field.size
     inside = s.points[s.values < 0]
+    if s.node.exactness == "estimate" and len(inside) == 0:
+        return  # an estimate may be positive everywhere
     assert len(inside) > 10, "no interior found: give the definition a line in SPECIAL"
     assert np.all((inside >= low - slack) & (inside <= high + slack))
     # Around it as well, farther out than the region looked at so far.

@@ -35,6 +35,8 @@ def scenes() -> dict[str, rm.Scene]:
         ),
         "repeated": rm.Scene((solid() | rm.capsule()).repeat(5).mirror((1, 1, 0)).shell(0.05)),
     }
+    turned = rm.box().rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
+    made["copies beside a material"] = rm.Scene(turned | rm.plane().material(RED))
     made |= {f"{n} normals": rm.Scene(solid(), quality=rm.Quality(normals=n)) for n in NORMALS}
     made |= {f"{t} tracer": rm.Scene(solid(), quality=rm.Quality(tracer=t)) for t in TRACERS}
     return made

@@ -57,6 +57,17 @@ def test_every_line_of_the_field_has_a_place_of_the_users() -> None:
         assert where is not None and where.file.endswith("shader_samples.py"), lines[number - 1]
 
 
+def test_each_call_in_the_gradient_has_the_line_of_its_node() -> None:
+    nodes = [
+        rm.sphere(0.125),
+        rm.sphere(0.25).translate((1, 0, 0)),
+        rm.sphere(0.5).rotate(0.5, "z"),
+    ]
+    shader = assemble(plan(rm.Scene(rm.union(*nodes, k=0.0625)), ("geometry",)))
+    calls = [i for i, line in enumerate(shader.text().splitlines(), 1) if "= sphere_gradient(" in line]
+    assert [shader.locate(i)[1] for i in calls] == [node.where for node in nodes]
+
+
 # Planted errors: the text of one function is spoilt, and the driver must complain about the node that made it.
 
 

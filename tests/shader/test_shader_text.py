@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -153,35 +152,34 @@ assemble(plan(rm.Scene(sphere_field() | rm.box(), lights=[Spot((0, 1, 0), shadow
 """
 
 
-def printed(package: Path, seed: int, before: str = "") -> str:
+EXTRA = """\
+// A light that no scene has.
+// needs: Material phong
+// gives: sun_light shadow_ray u_pixel
+vec3 sun_light() { return vec3(1.0); }
+"""
+
+
+def printing(package: Path, seed: int, before: str = "") -> subprocess.Popen[str]:
     code = PRINT.format(
         here=str(Path(__file__).parent), package=str(package), examples=str(ROOT / "examples"), before=before
     )
     environment = os.environ | {"PYTHONPATH": str(package), "PYTHONHASHSEED": str(seed)}
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    command = [sys.executable, "-P", "-c", code]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def test_the_text_is_the_same_in_every_process_and_beside_unused_modules(tmp_path: Path) -> None:
     """Other hash seeds, other definitions before, and a package with another light in it, which gives known names."""
-    plain = printed(ROOT, 0)
-    assert len(plain.splitlines()) == len(SCENES) + len(EXAMPLES) and len(EXAMPLES) >= 3
+    processes = [printing(ROOT, seed) for seed in (1, 2, 3)]
     shutil.copytree(ROOT / "raymarch", tmp_path / "raymarch", ignore=shutil.ignore_patterns("__pycache__"))
     module = tmp_path / "raymarch" / "glsl" / "light" / "aaa.glsl"
-    module.write_text(
-        textwrap.dedent(
-            """\
-            // A light that no scene has.
-            // needs: Material phong
-            // gives: sun_light shadow_ray u_pixel
-            vec3 sun_light() { return vec3(1.0); }
-            """
-        )
-    )
-    assert printed(tmp_path, 1, BEFORE) == plain
+    module.write_text(EXTRA)
+    processes.append(printing(tmp_path, 4, BEFORE))
+    answers = [process.communicate() for process in processes]
+    assert all(process.returncode == 0 for process in processes), [faults for _, faults in answers]
+    (plain,) = {text for text, _ in answers}
+    assert len(plain.splitlines()) == len(SCENES) + len(EXAMPLES) and len(EXAMPLES) >= 3
 
 
 # It is valid.
@@ -319,3 +317,12 @@ def test_the_text_of_an_example_reads_as_written_by_hand(file: Path) -> None:
     code = re.sub(r"//.*", "", made)
     for name in set(declared) - {"main"}:
         assert len(re.findall(rf"\b{name}\b", code)) > 1, f"{name} is there but nothing calls it"
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_no_function_stands_twice(name: str) -> None:
+    """The field and its materials ask the same parts by the same functions."""
+    code = re.sub(r"//.*", "", text(SCENES[name], PASSES[2]))
+    # Functions of nothing are values; two of them may well be equal.
+    bodies = re.findall(r"^(\w+) \w+(\([^)]+\) \{\n.*?^\})", code, re.MULTILINE | re.DOTALL)
+    assert len(bodies) > 5 and len(set(bodies)) == len(bodies)

@@ -1,6 +1,6 @@
 // How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
 // A point at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
-// needs: epsilon_pixels
+// needs: epsilon_pixels contact_share
 // gives: u_pixel nearness epsilon contact
 uniform float u_pixel;  // width of a pixel at distance 1
 
@@ -17,5 +17,5 @@ float epsilon(vec3 p, float t) {
 
 // Within this it has met it.
 float contact(vec3 p, float t) {
-    return nearness(p, t, 0.0625 * epsilon_pixels);
+    return nearness(p, t, contact_share * epsilon_pixels);
 }

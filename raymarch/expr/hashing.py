@@ -1,0 +1,62 @@
+"""A random number for each cell of a lattice, the same bit for bit in every reading.
+
+Cells are counted by whole numbers, which are hashed as integers: a hash made of sines would be chaotic in the last bit
+of its input. The hash is the output permutation of a PCG generator (O'Neill 2014; as a hash Jarzynski and Olano
+2020), once for each coordinate. Its upper 24 bits make a fraction that float32 holds exactly.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, Operand, expr, simplify
+from raymarch.expr.types import FLOAT, VEC3
+
+Array = NDArray[Any]
+
+FARTHEST = 1.0e9
+"""Cells beyond this are taken as this one; a float32 that large and an integer of 32 bits both hold it."""
+
+
+def random_of(cell: Operand) -> Expr:
+    """A number from 0 to 1, less than 1, for each cell of the lattice of whole numbers.
+
+    cell : vec3 of whole numbers; others are rounded.
+    """
+    value = expr(cell)
+    if value.type is not VEC3:
+        raise SceneError(f"random_of({value.type})", legal="the index of a cell, a vec3")
+    return simplify("random_of", FLOAT, (value,))
+
+
+def _mixed(v: Array) -> Array:
+    v = v * np.uint32(747796405) + np.uint32(2891336453)
+    v = ((v >> ((v >> np.uint32(28)) + np.uint32(4))) ^ v) * np.uint32(277803737)
+    return (v >> np.uint32(22)) ^ v
+
+
+def evaluate(_node: Expr, cell: Array) -> Array:
+    """NumPy row of "random_of"."""
+    whole = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
+    n = np.atleast_2d(whole).astype(np.int64).astype(np.uint32)
+    bits = _mixed(n[..., 0] + _mixed(n[..., 1] + _mixed(n[..., 2])))
+    fraction = (bits >> np.uint32(8)).astype(cell.dtype) * cell.dtype.type(2.0**-24)
+    return fraction.reshape(cell.shape[:-1])
+
+
+GLSL_HELPERS = {
+    "lattice_mixed": """uint lattice_mixed(uint v) {
+    v = v * 747796405u + 2891336453u;
+    v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
+    return (v >> 22) ^ v;
+}""",
+    "random_of": """float random_of(vec3 cell) {
+    // one number in [0, 1) for each cell
+    uvec3 n = uvec3(ivec3(floor(clamp(cell, -1.0e9, 1.0e9) + 0.5)));
+    return float(lattice_mixed(n.x + lattice_mixed(n.y + lattice_mixed(n.z))) >> 8) * 5.9604645e-8;
+}""",
+}

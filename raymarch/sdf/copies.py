@@ -1,0 +1,346 @@
+"""Copies around an axis, in mirrored cells, and in a stretch of cells.
+
+How often the child is asked follows from its box and its symmetry. Around an axis, take any point s of a copy that
+stands two sectors or more away from a point p, or in the farther one of the two neighbours: turned towards p by whole
+sectors it is a point of the own or of the nearer copy, at the same radius and height and at a smaller angle from p,
+hence nearer. So two look-ups are exact if each copy keeps to its own sector, and one if it is its own image in the
+half-plane in the middle of the sector. A child that reaches over its sector is asked for every copy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.node import Expr, construct, expr
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import abs as absolute
+from raymarch.expr.vocabulary import atan2, clamp, cos, length, max, min, mod, round, sin, vec3, where
+from raymarch.sdf.booleans import balanced
+from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole
+from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.node import Node
+from raymarch.sdf.placing import rotation_matrix, translate
+from raymarch.sdf.registry import method
+from raymarch.sdf.repetition import INFINITE, repeat
+
+__all__ = ["polar", "repeat_interval", "repeat_mirrored"]
+
+# Around the y axis
+
+OWN, NEARER, GUARDED, ALL = range(4)
+"""What is asked: the own copy; the nearer neighbour too; besides, the distance to the sectors that are not asked, for a
+field that is only a bound and might rank copies wrongly; every copy."""
+
+Asked = Annotated[int, Domain(None, low=OWN, high=ALL)]
+
+MANY = 24
+"""More copies than this are not asked one by one."""
+
+UP = (0.0, 1.0, 0.0)
+UNBOUNDED = 1e30
+"""Half the height of what has no end, small enough for float32."""
+
+
+def _turned(p: Expr, angle: Expr) -> Expr:
+    """The point before it was turned about y by an angle from x towards z."""
+    c, s = cos(angle), sin(angle)
+    return vec3(c * p.x + s * p.z, p.y, c * p.z - s * p.x)
+
+
+def _polar_bounds(child: ChildFacts, count: int, asked: int, **_: Any) -> tuple[Expr, Expr]:
+    """The boxes of all copies; of very many, the cylinder that they stand in."""
+    if count > MANY or asked == GUARDED:
+        corner = max(absolute(child.lower), absolute(child.upper))
+        reach = length(corner.xz)
+        return vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)
+    turns = [rotation_matrix(expr(UP), expr(-math.tau * i / count)) @ child.box for i in range(count)]
+    return balanced(turns, min), balanced(turns, max)
+
+
+def _polar_spread(child: ChildFacts, asked: int, **_: Any) -> Any:
+    """A box may turn its corner to the side. With a guard, the field is no less than the distance to the ring."""
+    return 1.0 if asked == GUARDED else math.sqrt(2.0) * child.spread
+
+
+def _polar_symmetry(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> str:
+    """Mirror planes stand in the middle of the sectors and between them, if the child has one in its middle."""
+    kept = "y" if "y" in child.symmetry else ""
+    if asked != OWN or not middle.is_constant:
+        return kept
+    planes = {"z": float(middle.data), "x": 0.5 * math.pi - float(middle.data)}
+    sectors = {axis: angle * count / math.pi for axis, angle in planes.items()}
+    return "".join(sorted([*(a for a, n in sectors.items() if abs(n - np.round(n)) < 1e-9), *kept]))
+
+
+def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> None:
+    """What is asked must suffice for the child."""
+    if asked == ALL:
+        return
+    own_middle, half = _wedge(child)
+    at_middle = middle.is_constant and abs(float(middle.data) - own_middle) < 1e-9
+    apart = half * count < math.pi * (1.0 - 1e-9)
+    enough = _mirrors_itself(child, own_middle) if asked == OWN else asked == GUARDED or child.exactness == "exact"
+    if not (at_middle and apart and enough and np.allclose(ring.data, _ring(child))):
+        raise SceneError("polar_sectors asks too few copies of this solid", legal="polar(node, count)")
+
+
+@operator(
+    bounds=_polar_bounds,
+    exactness=lambda child, asked, **_: "exact" if asked in (OWN, NEARER) else "bound",
+    spread=_polar_spread,
+    symmetry=_polar_symmetry,
+    check=_check_polar,
+)
+def polar_sectors(
+    p: Expr,
+    child: Child,
+    count: Count = 6,
+    middle: Angle = 0.0,
+    asked: Asked = ALL,
+    ring: Vec4 = (0.0, UNBOUNDED, 0.0, UNBOUNDED),
+) -> Expr:
+    """Copies in equal sectors about the y axis.
+
+    middle : angle, from x towards z, of the half-plane in the middle of the child's sector. asked : see `OWN`.
+    ring : inner and outer radius, middle and half the height of the ring that all copies lie in.
+    """
+    sector = math.tau / count
+    if asked == ALL:
+        return balanced([child(_turned(p, expr(sector * i))) for i in range(count)], min)
+    along = (atan2(p.z, p.x) - middle) / sector
+    index = round(along)
+    own = child(_turned(p, sector * index))
+    if asked == OWN:
+        return own
+    local = along - index
+    side = where(local < 0.0, -1.0, 1.0)
+    other = child(_turned(p, sector * (index + side)))
+    if asked == NEARER:
+        return min(own, other)
+    radius, angle = length(p.xz), sector * absolute(local)
+    gap = radius * sin(0.5 * sector - angle)
+    nearest = min(own, max(other, gap))
+    if count > 2:
+        nearest = min(nearest, radius * sin(min(0.5 * sector + angle, 0.5 * math.pi)))
+    beyond = max(max(ring.x - radius, radius - ring.y), absolute(p.y - ring.z) - ring.w)
+    return max(nearest, beyond)
+
+
+@method
+def polar(node: Node, count: int) -> Node:
+    """Copies in equal steps about the y axis; the solid itself is the first.
+
+    count : how many, >= 1.
+
+    Exact on an exact child that keeps to its sector without touching the sectors' sides. Asks 1 copy of a child that
+    is its own image in the middle of its sector (about z = 0 if it stands on the x axis), else 2. A child
+    that reaches over its sector is asked for every copy, and refused if there are more than 24.
+    """
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"polar of {node!r}", legal="a solid such as sphere()")
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= 65535:
+        raise SceneError(f"polar: count = {count!r}", legal="an integer >= 1")
+    if count == 1:
+        return node
+    middle, half = _wedge(node.facts)
+    share = half * count / math.pi
+    if share >= 1.0 - 1e-9:
+        if count > MANY:
+            raise SceneError(
+                f"polar: {node.name} takes {2.0 * half:.4g} radians as seen from the y axis, its sector only "
+                f"{math.tau / count:.4g}",
+                legal=f"a count <= {_largest(half)}, or a smaller solid farther from the axis",
+            )
+        asked = ALL
+    elif _mirrors_itself(node.facts, middle):
+        asked = OWN
+    else:
+        asked = NEARER if node.exactness == "exact" else GUARDED
+    return polar_sectors(node, int(count), middle, asked, _ring(node.facts))
+
+
+def _ring(facts: Facts) -> tuple[float, float, float, float]:
+    """Inner and outer radius, middle and half the height of the ring that a box takes when it is turned about y."""
+    low, high = facts.lower[[0, 2]], facts.upper[[0, 2]]
+    nearest = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0))
+    farthest = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))
+    bottom, top = facts.lower[1], facts.upper[1]
+    if not np.isfinite(top - bottom):
+        return float(nearest), float(farthest), 0.0, UNBOUNDED
+    return float(nearest), float(farthest), float(0.5 * (bottom + top)), float(0.5 * (top - bottom))
+
+
+def _largest(half: float) -> int:
+    return int(np.clip(np.ceil(math.pi / half) - 1, MANY, 65535))
+
+
+def _wedge(facts: Facts) -> tuple[float, float]:
+    """The middle, and half the opening, of the wedge about the y axis that a box stands in."""
+    (x0, z0), (x1, z1) = facts.lower[[0, 2]], facts.upper[[0, 2]]
+    if (x0 <= 0.0 <= x1 and z0 <= 0.0 <= z1) or not np.all(np.isfinite([x0, x1, z0, z1])):
+        return 0.0, math.pi
+    towards = math.atan2(0.5 * (z0 + z1), 0.5 * (x0 + x1))
+    c, s = math.cos(towards), math.sin(towards)
+    angles = [math.atan2(c * z - s * x, c * x + s * z) for x in (x0, x1) for z in (z0, z1)]
+    low, high = np.min(angles), np.max(angles)
+    middle = towards + 0.5 * (low + high)
+    nearest = 0.5 * math.pi * np.round(middle / (0.5 * math.pi))  # a box on an axis: no rounding in its direction
+    return float(nearest if abs(middle - nearest) < 1e-12 else middle), 0.5 * float(high - low)
+
+
+def _mirrors_itself(facts: Facts, middle: float) -> bool:
+    """True if the field is known to be its own image in the half-plane at an angle."""
+    quarter = middle / (0.5 * math.pi)
+    if abs(quarter - np.round(quarter)) > 1e-12:
+        return False
+    return ("z" if int(np.round(quarter)) % 2 == 0 else "x") in facts.symmetry
+
+
+# Mirrored cells
+
+
+def _mirrored_bounds(child: ChildFacts, spacing: Expr, nx: int, ny: int, nz: int) -> tuple[Expr, Expr]:
+    """The first and the last copy, mirrored if they stand in an odd cell."""
+    counts = (nx, ny, nz)
+    low, high = [], []
+    for i, n in enumerate(counts):
+        reach = (np.inf if n == INFINITE else 0.5 * (n - 1)) * spacing[i]
+        low.append((-child.upper[i] if (n // 2) % 2 else child.lower[i]) - reach)
+        high.append((-child.lower[i] if ((n - 1) // 2) % 2 else child.upper[i]) + reach)
+    return construct(*low), construct(*high)
+
+
+def _mirrored_symmetry(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> str:
+    """An even number is symmetric about the wall in its middle, whatever the child."""
+    return "".join(a for a, n in zip("xyz", (nx, ny, nz), strict=True) if a in child.symmetry or (n and n % 2 == 0))
+
+
+def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> Exactness:
+    """A copy that touches the wall of its cell grows together with its image."""
+    mirrored = np.array([n != 1 for n in (nx, ny, nz)])
+    touching = 2.0 * np.maximum(-child.lower, child.upper) >= interval_of(spacing)[0]
+    return "bound" if np.any(mirrored & touching) else "exact"
+
+
+@operator(
+    bounds=_mirrored_bounds,
+    exactness=_exact_if_apart,
+    spread=lambda child, **_: child.spread,
+    symmetry=_mirrored_symmetry,
+)
+def mirrored_cells(
+    p: Expr, child: Child, spacing: Size3 = (2.0, 2.0, 2.0), nx: Whole = 3, ny: Whole = 1, nz: Whole = 1
+) -> Expr:
+    """Copies in a grid of cells, every other one mirrored; 0 copies for no end, 1 for an axis that is left alone."""
+    counts = (nx, ny, nz)
+    parts: list[Expr] = []
+    for i, n in enumerate(counts):
+        if n == 1:
+            parts.append(p[i])
+            continue
+        shift = 0.5 if n and n % 2 == 0 else 0.0  # an even number of cells has a wall at the origin
+        cell = round(p[i] / spacing[i] - shift)
+        if n != INFINITE:
+            cell = clamp(cell, -float(n // 2), float((n - 1) // 2))
+        turn = 1.0 - 2.0 * mod(cell, 2.0)
+        parts.append(turn * (p[i] - spacing[i] * (cell + shift)))
+    return child(construct(*parts))
+
+
+@method
+def repeat_mirrored(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
+    """Copies at a spacing along the axes, every other one mirrored, as between two mirrors.
+
+    Parameters
+    ----------
+    spacing : width > 0 of the cells along x, y and z, with the origin in the middle of the solid's own; None leaves
+        that axis alone. One number is for all three.
+    count : how many cells, about the origin: one number, or one for each axis; None for no end.
+
+    The solid must lie in its cell, from -spacing/2 to spacing/2. One look-up is exact on any exact child: seen from a
+    point of a cell, what lies beyond its wall is the image of what lies inside, and an image is farther away than
+    what it mirrors.
+    """
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"repeat_mirrored of {node!r}", legal="a solid such as sphere()")
+    steps = each_axis("repeat_mirrored", "spacing", spacing)
+    counts = each_axis("repeat_mirrored", "count", count)
+    width, numbers = [], []
+    for i, axis in enumerate("xyz"):
+        n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if counts[i] is None else 1):
+            raise SceneError(f"repeat_mirrored: count = {count!r}", legal="integers >= 1, or None for no end")
+        step = expr(1.0) if steps[i] is None else expr(steps[i])
+        if n != 1:
+            _check_fit(node, axis, step, i)
+        numbers.append(int(n))
+        width.append(step)
+    return mirrored_cells(node, construct(*width), *numbers)
+
+
+def _check_fit(node: Node, axis: str, step: Expr, i: int) -> None:
+    if step.type is not FLOAT:
+        raise SceneError(f"repeat_mirrored: spacing along {axis} is a {step.type}", legal="a number > 0")
+    smallest = float(interval_of(step)[0])
+    if not smallest > 0.0:
+        raise SceneError(f"repeat_mirrored: spacing along {axis} = {smallest:g}", legal="a number > 0, or None")
+    reach = 2.0 * float(np.maximum(-node.facts.lower, node.facts.upper)[i])
+    if not reach <= smallest * (1 + 1e-12):
+        raise SceneError(
+            f"repeat_mirrored: {node.name} reaches {0.5 * reach:g} from the origin along {axis}, its cell only "
+            f"{0.5 * smallest:g}",
+            legal=f"a spacing >= {reach:g} along {axis}" if np.isfinite(reach) else f"None as the spacing along {axis}",
+        )
+
+
+def each_axis(name: str, what: str, value: Any) -> list[Any]:
+    """One entry for each axis."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Expr) and value.type is not FLOAT:
+        value = list(value)
+    if isinstance(value, tuple | list):
+        if len(value) != 3:
+            raise SceneError(f"{name}: {what} = {value!r}", legal="one value, or three for x, y and z")
+        return list(value)
+    return [value] * 3
+
+
+# A stretch of cells
+
+
+@method
+def repeat_interval(
+    node: Node,
+    spacing: Vector | Scalar,
+    first: int | Sequence[int],
+    last: int | Sequence[int],
+) -> Node:
+    """Copies at whole multiples of a spacing, from the first to the last.
+
+    Parameters
+    ----------
+    spacing : a length > 0 for each of x, y and z; None leaves that axis alone. One number is for all three.
+    first, last : numbers of the first and the last copy, first <= last: one, or one for each axis. The copy of number 0
+        is where the solid stands.
+
+    As `repeat` in all else: exact on an exact child, which must fit its cell.
+    """
+    steps = each_axis("repeat_interval", "spacing", spacing)
+    ends = [each_axis("repeat_interval", "first", first), each_axis("repeat_interval", "last", last)]
+    counts: list[int | None] = []
+    offset = []
+    for step, low, high in zip(steps, *ends, strict=True):
+        whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in (low, high))
+        if step is not None and not (whole and low <= high):
+            raise SceneError(f"repeat_interval: first = {first!r}, last = {last!r}", legal="integers, first <= last")
+        counts.append(1 if step is None else int(high - low + 1))
+        offset.append(expr(0.0) if step is None else expr(step) * (0.5 * (low + high)))
+    return translate(repeat(node, steps, counts), construct(*offset))

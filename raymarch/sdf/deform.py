@@ -1,0 +1,210 @@
+"""Deformations. Each knows how much it stretches space over the box of its child, and divides by that.
+
+A twist or bend stretches more the farther out it acts, so beyond the child's own reach it must not be asked. There
+the field is made of two distances: with c the nearest point of the reach, which is convex, every point x of
+the solid has |p - x|^2 >= |p - c|^2 + |c - x|^2, so the way to the reach and what the field says at c add up like
+the sides of a right triangle.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, vec2, vec3
+from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+__all__ = ["bend", "displace", "taper", "twist"]
+
+
+def _reach(node: Node, name: str, axes: str) -> float:
+    """How far the child reaches from the origin in the plane of some axes; refuses one without an end there."""
+    if node.dimension != 3:
+        raise SceneError(f"{name} of a flat shape ({node.name})", legal="a solid")
+    picks = ["xyz".index(axis) for axis in axes]
+    corner = np.maximum(np.abs(node.facts.lower), np.abs(node.facts.upper))[picks]
+    reach = float(np.linalg.norm(corner))
+    if not np.isfinite(reach):
+        raise SceneError(
+            f"{name}: {node.name} has no end across {axes}, so nothing limits how far it is stretched",
+            legal="a bounded solid; intersect it with a box first",
+        )
+    return reach if reach > 0.0 else 1.0
+
+
+def _check_reach(axes: str) -> Any:
+    """A check that the solid lies within the reach that the definition is told."""
+
+    def check(child: Facts, reach: Expr, **_: Any) -> None:
+        corner = np.maximum(np.abs(child.lower), np.abs(child.upper))[["xyz".index(axis) for axis in axes]]
+        known, least = float(interval_of(reach)[0]), float(np.linalg.norm(corner))
+        if not least <= known * (1 + 1e-12):
+            raise SceneError(f"reach = {known:g}, but the solid reaches {least:g} across {axes}", legal="no less")
+
+    return check
+
+
+def _joined(way: Expr, value: Expr, slope: Expr) -> Expr:
+    """The way to the reach and the field there, before the field is divided by `slope`."""
+    return length(vec2(slope * way, max(value, 0.0))) + min(value, 0.0)
+
+
+def twist_slope(rate: Expr, reach: Expr) -> Expr:
+    """Largest stretch of a twist: the larger singular value of the shear that it is at a radius."""
+    m = abs(rate) * reach
+    return 0.5 * (m + sqrt(m * m + 4.0))
+
+
+def _twisted_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr]:
+    return vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)
+
+
+@operator(
+    bounds=_twisted_bounds,
+    lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, reach),
+    spread=lambda child, rate, reach: max(child.spread, 1.0),
+    check=_check_reach("xz"),
+)
+def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
+    """Turned about the y axis by an angle that grows with y."""
+    radius = length(p.xz)
+    held = p.xz * (reach / max(radius, reach))
+    c, s = cos(rate * p.y), sin(rate * p.y)
+    value = child(vec3(c * held.x - s * held.y, p.y, s * held.x + c * held.y))
+    return _joined(radius - length(held), value, twist_slope(rate, reach))
+
+
+@method
+def twist(node: Node, rate: Scalar = 1.0) -> Node:
+    """Turned about the y axis by `rate` radians a unit of y.
+
+    A bound: divided by (m + sqrt(m^2 + 4)) / 2, where m is rate times how far the solid reaches from the axis. Needs a
+    solid that is bounded across x and z.
+    """
+    return twist_about_y(node, rate, _reach(node, "twist", "xz"))
+
+
+def _bent_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr]:
+    return vec3(-reach, -reach, child.lower.z), vec3(reach, reach, child.upper.z)
+
+
+@operator(
+    bounds=_bent_bounds,
+    lipschitz=lambda child, rate, reach: child.lipschitz * (1.0 + abs(rate) * reach),
+    spread=lambda child, rate, reach: max(child.spread, 1.0),
+    check=_check_reach("xy"),
+)
+def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
+    """Turned about the z axis by an angle that grows with x."""
+    radius = length(p.xy)
+    held = p.xy * (reach / max(radius, reach))
+    c, s = cos(rate * held.x), sin(rate * held.x)
+    value = child(vec3(c * held.x + s * held.y, c * held.y - s * held.x, p.z))
+    return _joined(radius - length(held), value, 1.0 + abs(rate) * reach)
+
+
+@method
+def bend(node: Node, rate: Scalar = 0.5) -> Node:
+    """Turned about the z axis by `rate` radians a unit of x: a bar along x curls up.
+
+    A bound: divided by 1 + rate times how far the solid reaches from the z axis. Needs a solid that is bounded
+    across x and y.
+    """
+    return bend_about_z(node, rate, _reach(node, "bend", "xy"))
+
+
+def taper_slope(rate: Expr, reach: Expr, low: Expr, high: Expr) -> Expr:
+    """Largest singular value of (x, y) -> (x / s(y), y), with x / s(y) up to reach times the widest over s."""
+    bottom, top = 1.0 + rate * low, 1.0 + rate * high
+    least, most = min(bottom, top), max(bottom, top)
+    a, b = 1.0 / least, reach * most * abs(rate) / (least * least)
+    square = a * a + b * b + 1.0
+    return sqrt(0.5 * (square + sqrt(square * square - 4.0 * a * a)))
+
+
+def _tapered_bounds(child: ChildFacts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> tuple[Expr, Expr]:
+    wide = max(1.0 + rate * low, 1.0 + rate * high) * reach
+    return vec3(-wide, low, -wide), vec3(wide, high, wide)
+
+
+def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> None:
+    _check_reach("xz")(child, reach=reach)
+    if not (float(interval_of(low)[1]) <= child.lower[1] and child.upper[1] <= float(interval_of(high)[0])):
+        raise SceneError("taper: the solid is higher than it is told to be", legal="low and high around it")
+    least = np.min([interval_of(1.0 + rate * end)[0] for end in (low, high)])
+    if not least > 0.01:
+        raise SceneError(
+            f"taper: the solid shrinks to {float(least):g} of its width at one end",
+            legal="a rate that leaves at least 0.01 of the width over the solid's height",
+        )
+
+
+@operator(
+    bounds=_tapered_bounds,
+    lipschitz=lambda child, rate, reach, low, high: child.lipschitz * taper_slope(rate, reach, low, high),
+    spread=lambda child, rate, reach, low, high: (
+        max(child.spread, 1.0) * max(1.0, max(1.0 + rate * low, 1.0 + rate * high))
+    ),
+    check=_check_taper,
+)
+def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Length, high: Length) -> Expr:
+    """Scaled across the y axis by a factor that grows with y."""
+    y = clamp(p.y, low, high)
+    wide = max(1.0 + rate * low, 1.0 + rate * high) * reach
+    radius = length(p.xz)
+    held = p.xz * (wide / max(radius, wide))
+    width = 1.0 + rate * y
+    value = child(vec3(held.x / width, y, held.y / width))
+    way = length(vec2(radius - length(held), p.y - y))
+    return _joined(way, value, taper_slope(rate, reach, low, high))
+
+
+@method
+def taper(node: Node, rate: Scalar = 0.3) -> Node:
+    """Wider or narrower along y: at height y the solid is 1 + rate y times as wide.
+
+    A bound, divided by the largest stretch over the solid's box. Needs a bounded solid.
+    """
+    reach = _reach(node, "taper", "xz")
+    low, high = float(node.facts.lower[1]), float(node.facts.upper[1])
+    if not np.isfinite(low + high):
+        raise SceneError(f"taper: {node.name} has no end along y", legal="a bounded solid")
+    return taper_along_y(node, rate, reach, low, high)
+
+
+def _swollen(child: ChildFacts, amplitude: Expr, frequency: Expr) -> tuple[Expr, Expr]:
+    return child.grown(amplitude)
+
+
+def _waves_slope(child: ChildFacts, amplitude: Expr, frequency: Expr) -> Expr:
+    """The gradient of sin(fx) sin(gy) sin(hz) is no longer than its largest frequency."""
+    f = abs(frequency)
+    return child.lipschitz + amplitude * max(f.x, max(f.y, f.z))
+
+
+@operator(bounds=_swollen, lipschitz=_waves_slope, spread=lambda child, amplitude, frequency: child.spread)
+def displace_by_waves(
+    p: Expr, child: Child, amplitude: NonNegative = 0.05, frequency: Vec3 = (10.0, 10.0, 10.0)
+) -> Expr:
+    """Bumps: a product of three sines is added to the field."""
+    waves = sin(frequency * p)
+    return child(p) + amplitude * waves.x * waves.y * waves.z
+
+
+@method
+def displace(node: Node, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 10.0) -> Node:
+    """Bumps on the surface: amplitude times sin(fx x) sin(fy y) sin(fz z) is added to the field.
+
+    amplitude : length >= 0. frequency : radians a unit of length, one number or three. A bound: divided by
+    1 + amplitude times the largest frequency.
+    """
+    each = expr(frequency)
+    return displace_by_waves(node, amplitude, each if each.type.is_vector else expr((each,) * 3))

@@ -1,0 +1,124 @@
+"""Joints of two solids, and other ways to combine them, each a function of two distances.
+
+Where a joint measures a and b like the sides of a right triangle, it is as steep as their diagonal, sqrt(2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from raymarch.expr.node import Expr
+from raymarch.expr.vocabulary import length, max, min, mix, vec2
+from raymarch.sdf.booleans import balanced
+from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
+from raymarch.sdf.domain import Positive, Share
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+__all__ = ["complement", "engrave", "groove", "morph", "pipe", "tongue", "xor"]
+
+DIAGONAL = math.sqrt(2.0)
+
+
+def _hull(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
+    return balanced([c.lower for c in children], min), balanced([c.upper for c in children], max)
+
+
+def _widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
+    return balanced([c.spread for c in children], max)
+
+
+def _first(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
+    return children[0].lower, children[0].upper
+
+
+def _spread_of_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
+    return children[0].spread
+
+
+def _near_both(children: Sequence[ChildFacts], radius: Expr) -> tuple[Expr, Expr]:
+    corners = [child.grown(radius) for child in children[:2]]
+    return balanced([lower for lower, _ in corners], max), balanced([upper for _, upper in corners], min)
+
+
+@combination(bounds=_near_both, lipschitz=DIAGONAL)
+def pipe_along(p: Expr, children: Sequence[Child], radius: Positive) -> Expr:
+    """A tube along the line where two surfaces meet."""
+    return length(vec2(children[0](p), children[1](p))) - radius
+
+
+@combination(bounds=_first, lipschitz=DIAGONAL, spread=_spread_of_first, cuts=True)
+def engraved(p: Expr, children: Sequence[Child], depth: Positive) -> Expr:
+    """A V-shaped line cut into the first solid where the second surface meets it."""
+    a, b = children[0](p), children[1](p)
+    return max(a, math.sqrt(0.5) * (a + depth - abs(b)))
+
+
+@combination(bounds=_first, spread=_spread_of_first, cuts=True)
+def grooved(p: Expr, children: Sequence[Child], depth: Positive, width: Positive) -> Expr:
+    """A channel with upright walls cut into the first solid along the second surface."""
+    a, b = children[0](p), children[1](p)
+    return max(a, min(a + depth, 0.5 * width - abs(b)))
+
+
+def _raised(children: Sequence[ChildFacts], height: Expr, width: Expr) -> tuple[Expr, Expr]:
+    return children[0].grown(height)
+
+
+@combination(bounds=_raised, spread=_spread_of_first, symmetry="")
+def tongued(p: Expr, children: Sequence[Child], height: Positive, width: Positive) -> Expr:
+    """A rib with upright walls raised on the first solid along the second surface."""
+    a, b = children[0](p), children[1](p)
+    return min(a, max(a - height, abs(b) - 0.5 * width))
+
+
+@combination(bounds=_hull, spread=_widest)
+def exclusive(p: Expr, children: Sequence[Child]) -> Expr:
+    """What belongs to one of two solids but not to both."""
+    a, b = children[0](p), children[1](p)
+    return max(min(a, b), -max(a, b))
+
+
+@combination(bounds=_hull)
+def between(p: Expr, children: Sequence[Child], amount: Share) -> Expr:
+    """The mean of two fields: where it is not positive, one of them is not."""
+    return mix(children[0](p), children[1](p), amount)
+
+
+@method
+@operator(exactness="exact", bounds=lambda child: EVERYWHERE, symmetry="keep")
+def complement(p: Expr, child: Child) -> Expr:
+    """All but the solid: its inside is the outside."""
+    return -child(p)
+
+
+def pipe(a: Node, b: Node, radius: Any = 0.1) -> Node:
+    """A tube of a radius > 0 along the line where the surfaces of two solids meet. A bound."""
+    return pipe_along([a, b], radius)
+
+
+def engrave(a: Node, b: Node, depth: Any = 0.1) -> Node:
+    """The first solid with a V-shaped line of a depth > 0 where the second's surface meets it. A bound."""
+    return engraved([a, b], depth)
+
+
+def groove(a: Node, b: Node, depth: Any = 0.1, width: Any = 0.1) -> Node:
+    """The first solid with a channel of a depth and full width > 0 along the second's surface. A bound."""
+    return grooved([a, b], depth, width)
+
+
+def tongue(a: Node, b: Node, height: Any = 0.1, width: Any = 0.1) -> Node:
+    """The first solid with a rib of a height and full width > 0 along the second's surface. A bound."""
+    return tongued([a, b], height, width)
+
+
+def xor(a: Node, b: Node) -> Node:
+    """What belongs to one of two solids but not to both. A bound."""
+    return exclusive([a, b])
+
+
+def morph(a: Node, b: Node, amount: Any = 0.5) -> Node:
+    """A solid between two others: the first for amount 0, the second for 1. A bound."""
+    return between([a, b], amount)
