@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import raymarch as rm
+import raymarch.sdf
 from raymarch.errors import RaymarchError
 from raymarch.sdf.definition import REGISTRY, Definition
 from raymarch.sdf.node import Node
@@ -48,6 +49,20 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "mirror_across": lambda: rm.capsule((0.2, -0.5, 0), (1, 0.6, 0.2), 0.25).mirror("x"),
     "labelled": lambda: brick().material(rm.Material(color=(0.2, 0.5, 0.8))),
     "repeat_cells": lambda: rm.box(0.5).round(0.05).repeat(0.8, 3),
+    "blended_union": lambda: rm.union(*pair(), k=0.5, blend="stairs"),
+    "blended_intersection": lambda: rm.intersection(*pair(), k=0.3, blend="chamfer"),
+    "blended_difference": lambda: rm.difference(*pair(), k=0.3, blend="columns"),
+    "pipe_along": lambda: rm.pipe(*pair(), 0.1) | pair()[0],
+    "engraved": lambda: rm.engrave(*pair(), 0.1),
+    "grooved": lambda: rm.groove(*pair(), 0.15, 0.12),
+    "tongued": lambda: rm.tongue(*pair(), 0.1, 0.12),
+    "exclusive": lambda: (pair()[0] ^ pair()[1]) - rm.box((2, 2, 1)).translate((0, 0, 0.8)),
+    "between": lambda: rm.morph(rm.box((1.2, 1.2, 1.2)), rm.sphere(0.9), 0.5),
+    "complement": lambda: rm.sphere(1.3).complement() & rm.box(2),
+    "twist_about_y": lambda: rm.box((0.8, 2, 0.8)).twist(1.2),
+    "bend_about_z": lambda: rm.box((2.4, 0.3, 0.5)).bend(0.7),
+    "taper_along_y": lambda: rm.box((0.9, 1.6, 0.9)).taper(-0.6),
+    "polar_sectors": lambda: rm.capsule((0.5, 0, 0), (1.1, 0.3, 0), 0.14).polar(7),
     "round": lambda: brick().round(0.25),
     "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
 }
@@ -57,7 +72,8 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
 def definitions() -> list[Definition]:
     """Those of the package, by file and line: as one would read them."""
     twins = {d.flat for d in REGISTRY.values()}
-    own = [d for d in REGISTRY.values() if "raymarch" in Path(d.where.file).parts and d.doc and d not in twins]
+    room = Path(raymarch.sdf.__file__).parent
+    own = [d for d in REGISTRY.values() if Path(d.where.file).parent == room and d.doc and d not in twins]
     return sorted(own, key=lambda d: (Path(d.where.file).stem, d.where.line))
 
 

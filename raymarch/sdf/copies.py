@@ -134,7 +134,7 @@ def polar_sectors(
 
 
 @method
-def polar(node: Node, count: int) -> Node:
+def polar(node: Node, count: int = 6) -> Node:
     """Copies in equal steps about the y axis; the solid itself is the first.
 
     count : how many, >= 1.
@@ -255,7 +255,9 @@ def mirrored_cells(
 
 
 @method
-def repeat_mirrored(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
+def repeat_mirrored(
+    node: Node, spacing: Vector | Scalar = 2.0, count: int | Sequence[int | None] | None = None
+) -> Node:
     """Copies at a spacing along the axes, every other one mirrored, as between two mirrors.
 
     Parameters
@@ -319,9 +321,9 @@ def each_axis(name: str, what: str, value: Any) -> list[Any]:
 @method
 def repeat_interval(
     node: Node,
-    spacing: Vector | Scalar,
-    first: int | Sequence[int],
-    last: int | Sequence[int],
+    spacing: Vector | Scalar = 2.0,
+    first: int | Sequence[int] = 0,
+    last: int | Sequence[int] = 2,
 ) -> Node:
     """Copies at whole multiples of a spacing, from the first to the last.
 

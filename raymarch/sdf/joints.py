@@ -114,6 +114,7 @@ def tongue(a: Node, b: Node, height: Any = 0.1, width: Any = 0.1) -> Node:
     return tongued([a, b], height, width)
 
 
+@method
 def xor(a: Node, b: Node) -> Node:
     """What belongs to one of two solids but not to both. A bound."""
     return exclusive([a, b])

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import doctest
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -89,6 +92,14 @@ def test_the_tables_and_files_that_the_page_names_exist():
     text = "\n".join(p.read_text() for p in PAGES)
     for file in re.findall(r"`((?:raymarch|tests|examples|docs)/[\w./-]+)`", text):
         assert (ROOT / file).exists(), file
+
+
+def test_the_page_of_all_nodes_is_that_of_the_code():
+    """It is made by `python docs/build.py`; pictures are not compared here."""
+    code = "import runpy, sys; sys.stdout.write(runpy.run_path('docs/build.py')['page']())"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, check=True)
+    assert done.stdout.decode() == (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
 
 
 def test_every_module_has_a_header():
