@@ -36,6 +36,9 @@ class Samples:
         shape = ",".join(map(str, array.shape)).encode()
         self.key = hashlib.sha256(shape + array.tobytes()).hexdigest()[:12]
 
+    def __repr__(self) -> str:
+        return f"Samples({'x'.join(map(str, self.size))})"
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Samples) and self.key == other.key
 
