@@ -26,6 +26,8 @@ from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
 INFINITE = 0
+NO_WALL = 1e30
+"""Half the extent of a room without walls: farther off than any point."""
 
 
 def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:
@@ -46,8 +48,8 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guar
 
 
 def _spread(child: ChildFacts, guard: int, **_: Any) -> Any:
-    """Where the distance to the cells not asked is what counts, the field rises no more."""
-    return np.inf if guard else child.spread
+    """A guarded field is no smaller than the way to the box of all copies."""
+    return 1.0 if guard else child.spread
 
 
 @operator(exactness=_exact_if_apart, bounds=_bounds, symmetry=_keep_if_centred, spread=_spread)
@@ -61,6 +63,8 @@ def repeat_cells(
     nz: Whole,
     both: Whole,
     guard: Whole,
+    middle: Vec3,
+    half: Vec3,
 ) -> Expr:
     """Copies in a grid of cells.
 
@@ -68,6 +72,7 @@ def repeat_cells(
     both : bits of the axes on which the nearer neighbour is asked too.
     guard : 1 if the child's field is only a bound. It might then rank copies wrongly, and the choice of
         neighbours would make it jump; the distance to the cells not asked keeps it continuous.
+    middle, half : of the box that holds all copies. From outside of it, the way there says more than the guard.
     """
     counts = (nx, ny, nz)
     axes = [i for i in range(3) if counts[i] != 1]
@@ -85,9 +90,10 @@ def repeat_cells(
             unseen.append((0.5 + abs(along - _limited(cell, counts[i]))) * spacing[i])
         lookups[i] = [(p[i] - spacing[i] * (_limited(c, counts[i]) + shift), gap) for c, gap in cells]
     distances = [_lookup(child, choice, bool(guard)) for choice in product(*lookups)]
-    if guard and unseen:
-        distances.append(balanced(unseen, min))
-    return balanced(distances, min)
+    if not guard:
+        return balanced(distances, min)
+    aside = abs(p - middle) - half
+    return max(balanced([*distances, *unseen], min), max(*aside))
 
 
 def _limited(cell: Expr, count: int) -> Expr:
@@ -120,7 +126,7 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     steps = _each_axis("spacing", spacing)
     counts = _each_axis("count", count)
     lower, upper = node.bounds
-    width, centre, numbers, both = [], [], [], 0
+    width, centre, numbers, both, middles, halves = [], [], [], 0, [], []
     for i, axis in enumerate("xyz"):
         n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if counts[i] is None else 1):
@@ -135,9 +141,13 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
             if axis not in node.facts.symmetry:
                 both |= 1 << i
         centre.append(middle)
+        reach = 0.0 if n == 1 else np.inf if n == INFINITE else 0.5 * (n - 1) * float(interval_of(step)[1])
+        low, high = lower[i] - reach, upper[i] + reach
+        middles.append(0.5 * (low + high) if np.isfinite(high - low) else 0.0)
+        halves.append(0.5 * (high - low) if np.isfinite(high - low) else NO_WALL)
     guard = int(both != 0 and node.exactness != "exact")
     nx, ny, nz = numbers
-    return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard)
+    return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard, middles, halves)
 
 
 def _each_axis(name: str, value: Any) -> list[Any]:

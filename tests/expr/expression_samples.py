@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, expr, function, loop, trace
 from raymarch.expr.node import swizzle
+from raymarch.expr.hashing import random_of
 from raymarch.expr.samples import Samples, sample_slope
 from raymarch.expr.samples import sample as interpolated
 from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, vector
@@ -702,3 +703,20 @@ sample(
     absolute=128,
     p=of(3),
 )
+
+
+def lattice_hash(cell: Plain) -> float:
+    """The hash of a cell by plain integers of 32 bits."""
+
+    def mixed(v: int) -> int:
+        v = (v * 747796405 + 2891336453) & 0xFFFFFFFF
+        v = (((v >> ((v >> 28) + 4)) ^ v) * 277803737) & 0xFFFFFFFF
+        return (v >> 22) ^ v
+
+    assert isinstance(cell, tuple)
+    x, y, z = (math.floor(c + 0.5) & 0xFFFFFFFF for c in cell)
+    bits = mixed((x + mixed((y + mixed(z)) & 0xFFFFFFFF)) & 0xFFFFFFFF)
+    return (bits >> 8) * 2.0**-24
+
+
+sample("lattice", lambda a: random_of(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))

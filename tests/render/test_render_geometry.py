@@ -280,9 +280,12 @@ def test_a_shadow_falls_from_one_end_of_the_scene_to_the_other(renderer: rm.Rend
     matt = rm.Material((1, 1, 1), specular=0.0, ambient=0.0)
     camera = rm.Camera((0, 1.5, 0), (9, 0, 0.1), fov=40)
     # Light that climbs 1 in 6: the wall's top, at 4, throws its shadow 24 far.
-    frame = renderer.render(rm.Scene((floor | wall).material(matt), camera, [rm.Sun((-6, 1, 0), shadow=True)]))
+    scene = rm.Scene((floor | wall).material(matt), camera, [rm.Sun((-6, 1, 0), shadow=True)])
+    frame = renderer.render(scene)
     assert np.isfinite(frame.depth).mean() > 0.3
     assert np.all(frame.color[np.isfinite(frame.depth)] == 0)
+    known = rm.truth(scene, size=(32, 24))
+    assert known.hit.mean() > 0.3 and np.all(known.color[known.hit] == 0)
 
 
 # Normals, each way within its own theory.

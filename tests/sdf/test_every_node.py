@@ -244,13 +244,15 @@ def test_exact_distance_is_the_distance(s: Seen) -> None:
     """Inside and outside, against the nearest point of the surface by search."""
     if s.node.exactness != "exact":
         return  # not exact
+    if s.sample.definition.arity != "none" and not s.node.facts.bounded:
+        return  # an endless lattice has more surface than the search can sample; its copies are tested one by one
     random = np.random.default_rng(15)
     margin = np.minimum(s.points - s.field.low, s.field.high - s.points).min(axis=1)
     known = np.abs(s.values) < 0.5 * margin  # the nearest surface lies well in the region looked at
     queries = np.concatenate([s.points[known & (s.values > 0)][:120], s.points[known & (s.values < 0)][:120]])
     distances = nearest_distance(s.field, random, s.surface, queries)
     values = np.abs(s.field.value(queries))
-    for k in np.argsort(values - distances)[:4]:  # where most is missing, a nearer piece may have been overlooked
+    for k in np.argsort(values - distances)[:8]:  # where most is missing, a nearer piece may have been overlooked
         if distances[k] - values[k] > TOLERANCE * s.field.size:
             distances[k] = min(distances[k], thorough_distance(s.field, random, queries[k], distances[k]))
     missing = distances - values

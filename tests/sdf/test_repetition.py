@@ -101,7 +101,10 @@ def test_bound_children_give_a_bound_that_does_not_jump(child: str, grid: str) -
     points = drawn(spacing, counts)
     value, nearest = repeated.distance(points), all_copies(node, points, spacing, counts)
     solid = sphere(0.2) if child == "lopsided" else node
-    assert np.all(value <= all_copies(solid, points, spacing, counts) + 1e-12), "larger than the distance to a copy"
+    low, high = repeated.bounds
+    aside = np.maximum(low - points, points - high).max(axis=1)  # the way to the box of all copies
+    limit = np.maximum(all_copies(solid, points, spacing, counts), aside)
+    assert np.all(value <= limit + 1e-12), "larger than the distance to a copy"
     np.testing.assert_array_equal(value < -1e-12, nearest < -1e-12)
     np.testing.assert_allclose(value[nearest < 0], nearest[nearest < 0], atol=1e-12)
     random = np.random.default_rng(6)
@@ -112,9 +115,13 @@ def test_bound_children_give_a_bound_that_does_not_jump(child: str, grid: str) -
 
 
 def test_a_bound_child_seen_from_afar() -> None:
-    """Beyond the end of a limited row the distance goes on growing along the row."""
+    """Beyond the box of all copies the distance goes on growing: a ray comes nearer in a few steps."""
     repeated = BOUNDED["bitten"].repeat((1.0, None, None), (3, 1, 1))
-    assert repeated.distance((50.0, 0.0, 0.0)) > 45.0
+    far = [(50.0, 0.0, 0.0), (0.3, -50.0, 0.0), (0.0, 0.0, 50.0)]
+    assert np.all(repeated.distance(far) > 45.0)
+    endless = BOUNDED["bitten"].repeat((1.0, None, None))
+    assert endless.distance((1234.3, 50.0, 0.0)) > 45.0
+    assert repeated.facts.spread == endless.facts.spread == 1.0
 
 
 @pytest.mark.parametrize("child", [CHILDREN["aside"], CHILDREN["symmetric"], BOUNDED["stretched"]])
