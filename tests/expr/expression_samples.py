@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, expr, function, loop, trace
-from raymarch.expr.node import swizzle
 from raymarch.expr.hashing import random_of
+from raymarch.expr.node import swizzle
 from raymarch.expr.samples import Samples, sample_slope
 from raymarch.expr.samples import sample as interpolated
 from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, vector

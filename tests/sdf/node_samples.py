@@ -25,7 +25,6 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import sin
 from raymarch.sdf import (
     Node,
     box,
@@ -40,7 +39,6 @@ from raymarch.sdf import (
     union,
 )
 from raymarch.sdf.booleans import BLENDS
-from raymarch.sdf.cells import repeat_varied
 from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
 from raymarch.sdf.lower import lower
@@ -251,14 +249,6 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         "enlarged": lambda: transform(_kind["slanted"](), np.diag([1.5, 1.5, 1.5, 1.0])),
         "sheared": lambda: transform(_kind["brick"](), _shearing),
         "sheared stretched": lambda: transform(_kind["stretched"](), _shearing),
-    },
-    "varied_cells": {
-        "without end": lambda: repeat_varied(lambda index: sphere(0.3 + 0.1 * sin(index.x + 2.0 * index.y)), 1.0),
-        "turned bricks": lambda: repeat_varied(
-            lambda index: box((0.9, 0.5, 0.7)).rotate(index.x).translate((0.0, 0.1 * index.z, 0.0)),
-            (1.6, None, 1.6),
-            (3, 1, 2),
-        ),
     },
     "labelled": {"brick": lambda: material(_kind["brick"](), "red")},
     "repeat_cells": {

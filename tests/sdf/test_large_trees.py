@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -97,16 +96,6 @@ def test_a_shared_part_is_written_once() -> None:
     text = node.glsl()
     assert len(text) < 40_000
     assert len(re.findall(r"_field\d*\(vec3 p\) {", text)) == 40
-
-
-def test_making_nodes_takes_time_in_proportion() -> None:
-    def seconds(count: int) -> float:
-        started = time.perf_counter()
-        union(*row(count)).distance((0, 0, 0))
-        return time.perf_counter() - started
-
-    seconds(100)
-    assert seconds(2_000) < 10 * max(seconds(500), 0.02)
 
 
 def test_the_text_does_not_depend_on_the_process() -> None:
