@@ -12,14 +12,13 @@ from dataclasses import field as default
 import numpy as np
 
 from raymarch.errors import Location, PlanError
-from raymarch.expr.derivative import companion, sensitivities
+from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Record
-from raymarch.expr.node import Expr, const
-from raymarch.expr.vocabulary import where
+from raymarch.expr.node import Expr
 from raymarch.expr.walk import find, topological
-from raymarch.scene.light import PointLight, Sun
-from raymarch.scene.material import Material
+from raymarch.plan import shading
+from raymarch.plan.feature import Feature
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.lower import Lowering
@@ -29,16 +28,6 @@ OUTPUTS = ("color", "depth", "normal", "iterations", "evaluations", "residual", 
 
 LARGEST = 1024
 """Shapes that a field may have as text. Beyond this, compilers take many seconds or fail."""
-
-
-@dataclass(frozen=True, slots=True)
-class Feature:
-    """Something that a scene may call for: whether it does, and because of what."""
-
-    name: str
-    used: bool
-    reason: str
-    where: Location | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +121,9 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
     if needs_normal and scene.quality.normals == "analytic":
         made.gradient = companion(definition)
     if shaded or geometry:
-        _plan_materials(made, lowering, shaded, geometry)
+        made.material, made.material_index = shading.materials(scene, lowering, shaded, geometry)
     _choose_modules(made, shaded, needs_normal)
-    _describe_effects(made, shaded)
+    _describe_effects(made)
     made.warnings += _warnings(scene)
     return made
 
@@ -175,45 +164,6 @@ def _operations(definition: Function) -> int:
     return cost([definition.body])
 
 
-def _plan_materials(made: Plan, lowering: Lowering, look: bool, index: bool) -> None:
-    """How a surface looks, and which material it is of: mixed by how much each part moves the field at the hit."""
-    materials = made.scene.materials
-    marked = lowering.again().field(made.scene.node, label=materials[0])
-    marks = find([marked.body], "mark")
-    used = list(dict.fromkeys(mark.data for mark in marks))
-    if len(used) > 1:
-        weights = _weights(marked, marks, used)
-        total = sum(weights.values(), const(0.0))
-        total = where(total <= 0.0, 1.0, total)
-        fields = []
-        for k, name in enumerate(Material.FIELDS):
-            values = [m.expressions[k] for m in used]
-            same = all(v is values[0] for v in values)
-            mixed = sum((weights[m] * v for m, v in zip(used, values, strict=True)), const(0.0)) / total
-            fields.append((name, values[0] if same else mixed))
-    else:
-        only = used[0] if used else materials[0]
-        fields = list(zip(Material.FIELDS, only.expressions, strict=True))
-        weights = {only: const(1.0)}
-    if look:
-        made.material = Record("material_at", "Material", marked.params, tuple(fields))
-    if index:
-        best, found = const(-1.0), const(0.0)
-        for m, weight in weights.items():
-            found = where(best < weight, float(materials.index(m)), found)
-            best = where(best < weight, weight, best)
-        made.material_index = Function("material_index", marked.params, found)
-
-
-def _weights(marked: Function, marks: list[Expr], used: list[Material]) -> dict[Material, Expr]:
-    """How much of each material is seen at a point of the surface."""
-    parts = sensitivities(marked.body, marks)
-    weights = {m: const(0.0) for m in used}
-    for mark, part in zip(marks, parts, strict=True):
-        weights[mark.data] = weights[mark.data] + abs(part)
-    return weights
-
-
 def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     scene, add = made.scene, made.modules.append
     quality = scene.quality
@@ -233,51 +183,18 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
         add(("march/whole", "the scene's box has no end on any side"))
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
-    if shaded:
-        add(("material/phong", "lights shade materials"))
-        add(("light/phong", "lights shade materials"))
-        for kind, module in ((Sun, "light/sun"), (PointLight, "light/point")):
-            first = next((light for light in scene.lights if isinstance(light, kind)), None)
-            if first is not None:
-                add((module, f"{kind.__name__} at {first.where}"))
-        casters = [light for light in scene.lights if light.shadow]
-        if casters:
-            add(("light/shadow", f"{len(casters)} of {len(scene.lights)} lights cast a shadow"))
-        for kind, module in ((Sun, "light/sun_shadow"), (PointLight, "light/point_shadow")):
-            first = next((light for light in casters if isinstance(light, kind)), None)
-            if first is not None:
-                add((module, f"{kind.__name__} at {first.where} casts a shadow"))
-    if any(p.name == "color" for p in made.passes):
-        add(("sky/constant", "what is seen where nothing is hit"))
-        if scene.fog is not None:
-            add(("sky/fog", "Scene(fog=...)"))
+    made.modules += shading.modules(scene, shaded, any(p.name == "color" for p in made.passes))
     for chosen in made.passes:
         add((chosen.module, chosen.reason))
 
 
-def _describe_effects(made: Plan, shaded: bool) -> None:
+def _describe_effects(made: Plan) -> None:
     scene = made.scene
-    suns = [light for light in scene.lights if isinstance(light, Sun)]
-    points = [light for light in scene.lights if isinstance(light, PointLight)]
-    casters = [light for light in scene.lights if light.shadow]
-    materials = len(scene.materials) - 1
 
-    def feature(name: str, used: bool, yes: str, no: str, where_: Location | None = None) -> None:
-        made.features.append(Feature(name, used, yes if used else no, where_ if used else None))
+    def feature(name: str, used: bool, yes: str, no: str) -> None:
+        made.features.append(Feature(name, used, yes if used else no))
 
-    count = f"{len(suns)} in the scene"
-    feature("sun light", bool(suns), count, "no Sun in the scene", suns[0].where if suns else None)
-    count = f"{len(points)} in the scene"
-    feature("point lights", bool(points), count, "no PointLight in the scene", points[0].where if points else None)
-    feature(
-        "hard shadows",
-        bool(casters),
-        f"{len(casters)} of {len(scene.lights)} lights cast one",
-        "no light has shadow=True",
-        casters[0].where if casters else None,
-    )
-    feature("materials", materials > 0, f"{materials} besides the default", "no node has a material")
-    feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")
+    made.features += shading.features(scene)
     feature("ray clipping", made.clipped, "the scene's box ends on some side", "the scene has no end on any side")
     animated = bool(find(scene.expressions(), "time"))
     feature("time", animated, "the scene reads time", "nothing reads time")

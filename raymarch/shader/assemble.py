@@ -15,14 +15,15 @@ import numpy as np
 from raymarch import glsl
 from raymarch.errors import Location, is_users
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Line, Printable, Text, constant, literal, print_functions
+from raymarch.expr.glsl import Line, Printable, Text, literal, print_functions
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.walk import find
 from raymarch.plan import Plan
-from raymarch.scene.light import Light, PointLight, Sun
 from raymarch.scene.quality import RELAXATION
 from raymarch.scene.scene import all_nodes
+from raymarch.shader.chunk import Chunk, Mapped
+from raymarch.shader.shade import Values, shading
 
 HEADERS = {
     "330 core": ["#version 330 core"],
@@ -36,25 +37,6 @@ HEADERS = {
 }
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))) + os.sep
-
-
-@dataclass(frozen=True, slots=True)
-class Mapped:
-    """A line of the shader: its text, what made it in words, and the user's line if one did."""
-
-    text: str
-    made_by: str
-    where: Location | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Chunk:
-    """Lines that belong together, with the names that they need and give."""
-
-    name: str
-    needs: frozenset[str]
-    gives: frozenset[str]
-    lines: tuple[Mapped, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +81,13 @@ def assemble(plan: Plan) -> Shader:
     """The shader of a plan."""
     modules = [_module(name) for name, _ in plan.modules if not name.startswith("view/") or name == "view/camera"]
     mains = [_module(p.module) for p in plan.passes]
-    values = _Values()
-    shade = _shade(plan, values) if any(p.name == "color" for p in plan.passes) else None
+    values = Values()
+    shade = shading(plan, values) if any(p.name == "color" for p in plan.passes) else None
     generated = [_constants(plan)]
     if plan.clipped or any(name == "light/shadow" for name, _ in plan.modules):
         generated.append(_scene_box(plan))
     if shade is not None:
         generated.append(shade)
-        values.add("sky_color", plan.scene.sky.color, plan.scene.where)
-        if plan.scene.fog is not None:
-            values.add("fog_color", plan.scene.fog.color, plan.scene.where)
-            values.add("fog_density", plan.scene.fog.density, plan.scene.where)
     taken = {"PASS"}.union(*(chunk.gives for chunk in [*modules, *mains, *generated]))
     fields, parameters, text = _fields(plan, values, taken)
     order = _in_order([*modules, fields, *generated])
@@ -209,65 +187,7 @@ def _scene_box(plan: Plan) -> Chunk:
     return Chunk("scene box", frozenset(needs), frozenset({"scene_box"}), lines)
 
 
-class _Values:
-    """Values of the scene that the shader asks for by name: literals where they are constant, else functions."""
-
-    def __init__(self) -> None:
-        self.functions: list[Function] = []
-
-    def add(self, name: str, value: Expr, where: Location | None) -> None:
-        self.functions.append(Function(name, (), value, where=where))
-
-    def text(self, name: str, value: Expr, where: Location | None) -> str:
-        if value.is_constant:
-            return constant(value)
-        self.add(name, value, where)
-        return f"{name}()"
-
-
-def _shade(plan: Plan, values: _Values) -> Chunk:
-    """The colour of a hit: each light in turn, a shadow only where it casts one, then fog."""
-    needs = {"Ray", "Hit"}
-    lines = [Mapped("vec3 shade(Ray ray, Hit hit) {", "the scene's lights")]
-    lit = plan.material is not None and bool(plan.scene.lights)
-    if lit:
-        needs |= {"surface_normal", "material_at", "u_side"}
-        for text in (
-            "    vec3 p = ray.origin + hit.t * ray.direction;",
-            "    vec3 normal = u_side * surface_normal(p, ray.direction);",
-            "    Material material = material_at(p);",
-        ):
-            lines.append(Mapped(text, "the scene's lights"))
-    lines.append(Mapped("    vec3 color = vec3(0.0);", "the scene's lights"))
-    for i, light in enumerate(plan.scene.lights if lit else ()):
-        call, used = _light_call(i, light, values)
-        needs |= used
-        lines.append(Mapped(f"    color += {call};", f"{type(light).__name__}", light.where))
-    if plan.scene.fog is not None:
-        needs.add("through_fog")
-        lines.append(Mapped("    color = through_fog(color, hit.t);", "Scene(fog=...)", plan.scene.where))
-    lines += [Mapped("    return color;", "the scene's lights"), Mapped("}", "the scene's lights")]
-    return Chunk("shade", frozenset(needs), frozenset({"shade"}), tuple(lines))
-
-
-def _light_call(i: int, light: Light, values: _Values) -> tuple[str, set[str]]:
-    radiance = values.text(f"light_{i}_radiance", light.radiance, light.where)
-    if isinstance(light, Sun):
-        kind, place = "sun", values.text(f"light_{i}_direction", light.direction, light.where)
-        before = "material, normal, -ray.direction"
-    else:
-        assert isinstance(light, PointLight)
-        kind, place = "point", values.text(f"light_{i}_position", light.position, light.where)
-        before = "material, p, normal, -ray.direction"
-    used = {f"{kind}_light"}
-    visibility = "1.0"
-    if light.shadow:
-        visibility = f"{kind}_shadow(p, normal, hit.t, {place})"
-        used.add(f"{kind}_shadow")
-    return f"{kind}_light({before}, {place}, {radiance}, {visibility})", used
-
-
-def _fields(plan: Plan, values: _Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
+def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions that are made from expressions, printed together so that each definition stands once."""
     optional = (plan.gradient, plan.material, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
