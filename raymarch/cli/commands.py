@@ -17,10 +17,10 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn
 
 import raymarch
-from raymarch.cli.views import VIEWS, picture
 from raymarch.errors import RaymarchError
 from raymarch.gpu.doctor import examine
 from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.views import VIEWS, picture
 from raymarch.plan import explain, plan
 from raymarch.scene.file import load
 from raymarch.shader import assemble

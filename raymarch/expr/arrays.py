@@ -6,6 +6,7 @@ same for every point may lack the first axis.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -175,10 +176,10 @@ class Arrays:
         return node.data if node.type is BOOL else node.data.astype(self.dtype)
 
     def _param(self, node: Expr) -> Array:
-        return np.asarray(_bound[-1][0].get(node.data.name, node.data.value), self.dtype)
+        return np.asarray(_bound.stack[-1][0].get(node.data.name, node.data.value), self.dtype)
 
     def _time(self, _node: Expr) -> Array:
-        return np.asarray(_bound[-1][1], self.dtype)
+        return np.asarray(_bound.stack[-1][1], self.dtype)
 
     def repeat(self, body: Loop, program: Program, first: list[Any], captured: list[Any]) -> tuple[Any, ...]:
         state, alive = first, np.asarray(True)
@@ -199,17 +200,25 @@ class Arrays:
 FLOAT64 = Arrays(np.float64)
 FLOAT32 = Arrays(np.float32)
 
-_bound: list[tuple[Mapping[str, Any], float]] = [({}, 0.0)]
+
+class _Bound(threading.local):
+    """The values that are bound, the innermost last; each thread has its own."""
+
+    def __init__(self) -> None:
+        self.stack: list[tuple[Mapping[str, Any], float]] = [({}, 0.0)]
+
+
+_bound = _Bound()
 
 
 @contextmanager
 def bound(params: Mapping[str, Any], time: float) -> Iterator[None]:
     """Give parameters and time their values while the block runs; a parameter not named keeps its default."""
-    _bound.append((params, time))
+    _bound.stack.append((params, time))
     try:
         yield
     finally:
-        _bound.pop()
+        _bound.stack.pop()
 
 
 def evaluator(

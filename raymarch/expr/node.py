@@ -7,6 +7,7 @@ mean is not written here: each reading (GLSL, NumPy, intervals, derivative) is a
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from os.path import abspath, dirname, sep
 from types import FrameType
@@ -193,6 +194,7 @@ Operand: TypeAlias = Expr | float | Sequence[Any] | NDArray[Any]
 """What stands for a value: an expression, a number, or a sequence of 2 to 4 of them."""
 
 _interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
+_interning = threading.Lock()
 
 
 def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls: type[Expr] = Expr) -> Expr:
@@ -203,8 +205,11 @@ def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls
         return found
     node = object.__new__(cls)
     node.op, node.type, node.args, node.data, node.where = op, type, args, data, _writer()
-    _interned[key] = node
-    return node
+    with _interning:  # another thread may have made it meanwhile
+        found = _interned.get(key)
+        if found is None:
+            _interned[key] = found = node
+    return found
 
 
 def _writer() -> Location | None:

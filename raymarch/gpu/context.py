@@ -1,4 +1,4 @@
-"""OpenGL contexts: without a screen (EGL, OSMesa) or on a hidden window. Several may live in one process.
+"""OpenGL contexts: without a screen (EGL, OSMesa) or on a window, hidden or shown. Several may live in one process.
 
 EGL, OSMesa and GLX each keep their own note of which context is current, and on Mesa all three share
 one dispatch table. A context that its own library still believes current is not bound again, so the calls
@@ -76,7 +76,7 @@ class Context:
     backend : "egl", "osmesa" or "window".
     driver, limits : who draws, and what the driver allows.
     why : why this backend was taken, and what the earlier ones of `auto` answered.
-    window : the glfw window of a "window" or "osmesa" context (hidden), else None.
+    window : the glfw window of a "window" or "osmesa" context, else None; hidden, but for `open_window`.
     """
 
     def __init__(self, gl: moderngl.Context, backend: str, why: str, window: Any = None) -> None:
@@ -161,6 +161,27 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
         raise
 
 
+def open_window(size: tuple[int, int], title: str) -> Context:
+    """Open a window that is shown and can be resized, with an OpenGL 3.3 core context, and make that current.
+
+    Parameters
+    ----------
+    size : (width, height) in screen coordinates, each >= 1; a window manager may give another.
+    title : what its frame says.
+
+    The colours that are drawn into it are taken as sRGB already. Raises DeviceError if there is no display, no glfw or
+    no context, with the driver's answer and the cure.
+    """
+    previous = _current
+    _unbind_current()
+    try:
+        return _open("window", 0, "a window was asked for", (size, title))
+    except DeviceError:
+        if previous is not None:
+            previous.make_current()
+        raise
+
+
 def _open_auto(device: int) -> Context:
     answers: list[str] = []
     for backend in BACKENDS:
@@ -174,15 +195,18 @@ def _open_auto(device: int) -> Context:
     )
 
 
-def _open(backend: str, device: int, why: str) -> Context:
-    """Open this very backend; a DeviceError carries the driver's answer as `what` and the cure as `legal`."""
+def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str] | None = None) -> Context:
+    """Open this very backend; a DeviceError carries the driver's answer as `what` and the cure as `legal`.
+
+    shown : size and title of a window to be seen; None is a hidden one.
+    """
     global _current
     window: Any = None
     try:
         if backend == "egl":
             gl = _create_egl(device)
         else:
-            window = _GLFW.open(offscreen=backend == "osmesa")
+            window = _GLFW.open(offscreen=backend == "osmesa", shown=shown)
             gl = _create_on_glfw(window)
         _current = Context(gl, backend, why, window)
     except DeviceError:
@@ -270,15 +294,16 @@ class _Glfw:
         self._live: list[Any] = []
         self._started_here = False
 
-    def open(self, *, offscreen: bool) -> Any:
-        """A hidden window with a GL 3.3 core context: of OSMesa where `offscreen`, else of the display."""
+    def open(self, *, offscreen: bool, shown: tuple[tuple[int, int], str] | None = None) -> Any:
+        """A window with a GL 3.3 core context: of OSMesa where `offscreen`, else of the display; see `_open`."""
         with _quiet_glfw() as answer:
             glfw = _import_glfw()
             self._start(glfw, offscreen, answer)
             glfw.default_window_hints()
-            for hint, value in _window_hints(glfw, offscreen):
+            for hint, value in _window_hints(glfw, offscreen, shown is not None):
                 glfw.window_hint(hint, value)
-            window = glfw.create_window(16, 16, "raymarch", None, None)
+            (width, height), title = shown or ((16, 16), "raymarch")
+            window = glfw.create_window(width, height, title, None, None)
             if not window:
                 backend = "osmesa" if offscreen else "window"
                 raise DeviceError(answer("glfw made no window"), legal=CURES[backend])
@@ -324,9 +349,10 @@ class _Glfw:
 _GLFW = _Glfw()
 
 
-def _window_hints(glfw: Any, offscreen: bool) -> list[tuple[int, int]]:
+def _window_hints(glfw: Any, offscreen: bool, shown: bool) -> list[tuple[int, int]]:
     hints = [
-        (glfw.VISIBLE, 0),
+        (glfw.VISIBLE, int(shown)),
+        (glfw.SCALE_TO_MONITOR, int(shown)),
         (glfw.CONTEXT_VERSION_MAJOR, 3),
         (glfw.CONTEXT_VERSION_MINOR, 3),
         (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),

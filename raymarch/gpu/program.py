@@ -110,6 +110,7 @@ class Program:
         target: Surface,
         uniforms: Mapping[str, Any] | None = None,
         tile: tuple[int, int, int, int] | None = None,
+        blend: bool = False,
     ) -> None:
         """Draw into all attachments of `target`; returns before the device is done.
 
@@ -121,6 +122,7 @@ class Program:
             attachment 0), as (target, attachment) or as a moderngl texture.
         tile : (x, y, width, height) in pixels of gl_FragCoord, so y counts from the BOTTOM row; texels outside
             keep their values and cost nothing. gl_FragCoord is that of the whole surface. None draws everything.
+        blend : lay the colour over what is there, by its alpha (not premultiplied).
 
         Raises
         ------
@@ -132,7 +134,7 @@ class Program:
         if tile is not None:
             _check_tile(tile, width, height)
         self._set(uniforms or {}, target)
-        self.context.gl.enable_only(moderngl.NOTHING)
+        self.context.gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)
         framebuffer = target.framebuffer
         framebuffer.use()
         framebuffer.viewport = (0, 0, width, height)

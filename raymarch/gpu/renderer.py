@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time as clock_time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
@@ -13,25 +14,46 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, SceneError
-from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.samples import Samples
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.frame import Frame, Timing, unpack
+from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target, upload
-from raymarch.plan import OUTPUTS, Plan, plan
+from raymarch.plan import Pass
+from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
-from raymarch.shader import Shader, assemble
 
 Progress = Callable[[float], None]
 
 KEPT = 32
 """Compiled programs that a renderer keeps; the one used longest ago is freed first."""
 
+PLANNED = 8
+"""Scenes whose plan and shader a renderer keeps."""
+
 TILE = 128
 """Edge of the tiles in which a picture is drawn when somebody watches its progress, in pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A pass with its program, target and uniforms, ready to be drawn, whole or tile by tile.
+
+    `compile` is what the driver took to compile the program for it, in milliseconds; 0 if it had been.
+    """
+
+    chosen: Pass
+    program: Program
+    target: Target
+    uniforms: Mapping[str, Any]
+    compile: float
+
+    def draw(self, tile: tuple[int, int, int, int] | None = None) -> None:
+        """Draw without waiting for the device; `tile` as in `Program.draw`."""
+        self.program.draw(self.target, self.uniforms, tile)
 
 
 class Renderer:
@@ -42,16 +64,28 @@ class Renderer:
     size : (width, height) in pixels, from 1 to the driver's limit.
     backend : "auto" takes the first that works of "egl", "osmesa" and "window" (a hidden one).
     device : index of the EGL device.
+    context : an open context to draw on, which is left open by `close`; None opens one.
+
+    `compiled` counts the programs that the driver compiled so far.
 
     Raises DeviceError if there is no context, or for a size that the driver cannot draw.
     """
 
-    def __init__(self, size: tuple[int, int] = (640, 360), backend: str = "auto", device: int | None = None) -> None:
-        self.context: Context = open_context(backend, device)
+    def __init__(
+        self,
+        size: tuple[int, int] = (640, 360),
+        backend: str = "auto",
+        device: int | None = None,
+        context: Context | None = None,
+    ) -> None:
+        self.context: Context = open_context(backend, device) if context is None else context
+        self._owns_context = context is None
+        self.compiled = 0
         self.clock = Clock(self.context)
         self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
         self._drawn: set[Program] = set()
         self._targets: dict[int, Target] = {}
+        self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._size = size
         try:
@@ -98,7 +132,7 @@ class Renderer:
         """
         if not isinstance(scene, Scene):
             raise SceneError(f"render of {scene!r} ({type(scene).__name__})", legal="a Scene")
-        values = set_values(scene.parameters, params or {}, time, scene.where)
+        values = self._values(scene, params, time, outputs)
         size = self.size
 
         def render_for(name: str) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
@@ -106,54 +140,92 @@ class Renderer:
                 raise DeviceError(
                     f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
                 )
-            return self._render_passes(scene, values, _passes_for([name]), None)
+            return self._render_passes(scene, values, [name], None)
 
-        arrays, timings = self._render_passes(scene, values, _passes_for(outputs), progress)
+        arrays, timings = self._render_passes(scene, values, outputs, progress)
         return Frame(self.size, values.time, timings, arrays, render_for)
 
-    def _render_passes(
-        self, scene: Scene, values: Values, passes: Sequence[str], progress: Progress | None
-    ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+    def drafts(
+        self,
+        scene: Scene,
+        time: float = 0.0,
+        params: Mapping[str, Any] | None = None,
+        outputs: Sequence[str] = ("color",),
+        pose: Pose | None = None,
+    ) -> list[Draft]:
+        """The passes of a frame, ready to be drawn into textures that stay on the device: for a window.
+
+        Parameters and errors are those of `render`; `pose` is a camera in place of the scene's. The textures hold what
+        was drawn until the next draft of as many textures is drawn.
+        """
+        return self._drafts(scene, self._values(scene, params, time, outputs), outputs, pose)
+
+    def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
+        """Take over a scene that was prepared elsewhere, such as in another thread."""
+        self._prepared[_key(scene, outputs)] = prepared
+        while len(self._prepared) > PLANNED:
+            self._prepared.popitem(last=False)
+
+    def _values(self, scene: Scene, params: Mapping[str, Any] | None, time: float, outputs: Sequence[str]) -> Values:
+        return set_values(self._prepare(scene, outputs).plan.parameters, params or {}, time, scene.where)
+
+    def _prepare(self, scene: Scene, outputs: Sequence[str]) -> Prepared:
+        found = self._prepared.get(_key(scene, outputs))
+        if found is None:
+            found = prepare(scene, outputs)
+            self.adopt(scene, found, outputs)
+        return found
+
+    def _drafts(self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose | None) -> list[Draft]:
         if self.context.released:
             raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
-        made = plan(scene, passes)
-        shader = assemble(made)
-        uniforms = frame_uniforms(made, shader, values, self.size)
-        uniforms.update({name: self._texture(data) for name, data in shader.samples.items()})
+        ready = self._prepare(scene, outputs)
+        uniforms = frame_uniforms(ready, values, self.size, pose)
+        uniforms.update({name: self._texture(data) for name, data in ready.shader.samples.items()})
+        return [self._draft(ready, chosen, uniforms) for chosen in ready.plan.passes]
+
+    def _draft(self, ready: Prepared, chosen: Pass, uniforms: Mapping[str, Any]) -> Draft:
+        program, compiling = self._program(ready, chosen.name)
+        return Draft(chosen, program, self._target(chosen.textures), uniforms, compiling)
+
+    def _render_passes(
+        self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None
+    ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         arrays: dict[str, NDArray[Any]] = {}
         timings = []
-        for i, chosen in enumerate(made.passes):
-            program, compiling = self._program(shader, chosen.name)
-            target = self._target(chosen.textures)
-            first = program not in self._drawn
-            self._drawn.add(program)
-            part = None if progress is None else _part(progress, i, len(made.passes))
-            drawn = self._draw(program, target, uniforms, part)
-            timings.append(Timing(chosen.name, drawn, compiling, first))
-            arrays.update(unpack(chosen.name, [target.read(k) for k in range(chosen.textures)]))
+        drafts = self._drafts(scene, values, outputs, None)
+        for i, draft in enumerate(drafts):
+            first = draft.program not in self._drawn
+            self._drawn.add(draft.program)
+            part = None if progress is None else _part(progress, i, len(drafts))
+            chosen = draft.chosen
+            drawn = self._draw(draft, part)
+            timings.append(Timing(chosen.name, drawn, draft.compile, first))
+            arrays.update(unpack(chosen.name, [draft.target.read(k) for k in range(chosen.textures)]))
         return arrays, timings
 
-    def _draw(self, program: Program, target: Target, uniforms: Mapping[str, Any], progress: Progress | None) -> float:
+    def _draw(self, draft: Draft, progress: Progress | None) -> float:
         """Milliseconds of a pass, whole or tile by tile."""
         if progress is None:
-            return self.clock.time(lambda: program.draw(target, uniforms))
+            return self.clock.time(draft.draw)
         spent = 0.0
-        tiles = list(_tiles(target.size))
+        tiles = list(tiles_of(draft.target.size))
         for i, tile in enumerate(tiles, 1):
-            spent += self.clock.time(lambda tile=tile: program.draw(target, uniforms, tile))  # type: ignore[misc]
+            spent += self.clock.time(lambda tile=tile: draft.draw(tile))  # type: ignore[misc]
             progress(i / len(tiles))
         return spent
 
-    def _program(self, shader: Shader, chosen: str) -> tuple[Program, float]:
+    def _program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
         """A pass ready to draw, and the milliseconds that the driver took to compile it now."""
-        text = shader.text(chosen)
+        text = ready.texts[chosen]
         found = self._programs.get((chosen, text))
         if found is not None:
             self._programs.move_to_end((chosen, text))
             return found, 0.0
         start = clock_time.perf_counter()
-        program = Program(self.context, FULL_SCREEN, text, shader.locate, chosen)
+        program = Program(self.context, FULL_SCREEN, text, ready.shader.locate, chosen)
         spent = 1e3 * (clock_time.perf_counter() - start)
+        self.compiled += 1
         self._programs[chosen, text] = program
         while len(self._programs) > KEPT:
             _, oldest = self._programs.popitem(last=False)
@@ -189,7 +261,9 @@ class Renderer:
         self._targets.clear()
         self._programs.clear()
         self._drawn.clear()
-        self.context.release()
+        self._prepared.clear()
+        if self._owns_context:
+            self.context.release()
 
     def __enter__(self) -> Self:
         return self
@@ -200,56 +274,23 @@ class Renderer:
         self.close()
 
 
-def _passes_for(outputs: Sequence[str]) -> list[str]:
-    """The passes that yield some outputs."""
-    if not isinstance(outputs, Iterable):
-        raise SceneError(f"outputs = {outputs!r} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
-    names = [outputs] if isinstance(outputs, str) else list(outputs)
-    for name in names:
-        if name not in OUTPUTS:
-            raise SceneError(f"outputs: {name!r}", legal=", ".join(OUTPUTS))
-    wanted = ["color"] if "color" in names else []
-    if any(name != "color" for name in names):
-        wanted.append("geometry")
-    return wanted or ["color"]
+def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
+    """What a plan depends on. The parts, not the scene: somebody may give the same scene another camera."""
+    parts = (scene.node, scene.camera, scene.lights, scene.sky, scene.fog, scene.quality)
+    return (*parts, tuple(passes_for(outputs)))
 
 
 def _part(progress: Progress, i: int, n: int) -> Progress:
     return lambda share: progress((i + share) / n)
 
 
-def _tiles(size: tuple[int, int]) -> Iterator[tuple[int, int, int, int]]:
+def tiles_of(size: tuple[int, int]) -> Iterator[tuple[int, int, int, int]]:
     """The picture in tiles, its top rows first."""
     width, height = size
     for top in range(height, 0, -TILE):
         bottom = max(top - TILE, 0)
         for x in range(0, width, TILE):
             yield x, bottom, min(TILE, width - x), top - bottom
-
-
-def frame_uniforms(made: Plan, shader: Shader, values: Values, size: tuple[int, int]) -> dict[str, Any]:
-    """What changes without a recompile: camera, size, parameters, time. Worked out in float64."""
-    pose = made.scene.pose(values, size[0] / size[1])
-    uniforms: dict[str, Any] = {
-        "u_camera_position": pose.position,
-        "u_camera_frame": pose.frame,
-        "u_camera_slope": pose.slope,
-        "u_resolution": size,
-        "u_pixel": pose.pixel(size[1]),
-        "u_far": made.scene.far(pose),
-        "u_time": values.time,
-        "u_side": side_of(made, values, pose.position),
-    }
-    for name, uniform in shader.parameters.items():
-        uniforms[uniform] = values.params[name]
-    return uniforms
-
-
-def side_of(made: Plan, values: Values, position: NDArray[Any]) -> float:
-    """-1 if a position is inside a solid, else 1; in float64, once a frame."""
-    with bound(values.params, values.time):
-        distance = evaluator([made.field.body], made.field.params)(position)[0]
-    return -1.0 if distance < 0.0 else 1.0
 
 
 def render(

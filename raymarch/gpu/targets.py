@@ -104,6 +104,17 @@ class Target:
         self.framebuffer.read_into(rows, components=_COMPONENTS, attachment=self._index(attachment), dtype="f4")
         return np.ascontiguousarray(rows[::-1])
 
+    def read_texel(self, x: int, row: int, attachment: int = 0) -> NDArray[np.float32]:
+        """One texel as float32 (4,): column `x`, and `row` counted from the top. Waits for the device."""
+        width, height = self.size
+        if not (0 <= x < width and 0 <= row < height):
+            raise IndexError(f"texel ({x}, {row}) of a target of {width} x {height}")
+        self.context.make_current()
+        data = self.framebuffer.read(
+            (x, height - 1 - row, 1, 1), _COMPONENTS, attachment=self._index(attachment), dtype="f4"
+        )
+        return np.frombuffer(data, np.float32)
+
     def write(self, values: ArrayLike, attachment: int = 0) -> None:
         """Overwrite one attachment with `values`, shape (height, width, 4) or broadcast to it, row 0 at the top."""
         self.context.make_current()

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from raymarch.cli.commands import main
-from raymarch.cli.views import VIEWS
+from raymarch.gpu.views import VIEWS
 
 HELLO = "import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2)) | rm.box(1.5)\n"
 

@@ -123,7 +123,7 @@ def test_auto_goes_on_to_osmesa_and_says_what_egl_answered(osmesa: Context, monk
 
 
 def test_no_backend_at_all_names_every_answer_and_every_package(monkeypatch: Any) -> None:
-    def refuse(*, offscreen: bool) -> None:
+    def refuse(*, offscreen: bool, shown: object) -> None:
         raise DeviceError("no library" if offscreen else "no display")
 
     monkeypatch.setenv("GLCONTEXT_LINUX_LIBEGL", "/nowhere/libEGL.so")

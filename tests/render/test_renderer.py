@@ -319,7 +319,7 @@ def test_tiles_are_the_whole_bit_for_bit(renderer: Renderer, monkeypatch: pytest
 
 def test_the_top_is_drawn_first(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "TILE", 50)
-    tiles = list(module._tiles((70, 120)))
+    tiles = list(module.tiles_of((70, 120)))
     assert tiles[0] == (0, 70, 50, 50) and tiles[1] == (50, 70, 20, 50) and tiles[-1] == (50, 0, 20, 20)
     covered = np.zeros((120, 70), int)
     for x, y, width, height in tiles:

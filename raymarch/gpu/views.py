@@ -1,4 +1,4 @@
-"""Pictures of arrays other than colour: what `--view` shows."""
+"""Pictures of arrays other than colour: what `--view` and the window show."""
 
 from __future__ import annotations
 

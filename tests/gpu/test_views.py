@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.cli.views import VIEWS, picture
 from raymarch.gpu.frame import Frame
+from raymarch.gpu.views import VIEWS, picture
 from raymarch.plan import OUTPUTS
 
 SCENE = rm.Scene(rm.sphere())

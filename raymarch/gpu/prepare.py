@@ -1,0 +1,89 @@
+"""A scene made ready for drawing: all that is decided once, before any frame. Needs no context."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import bound, evaluator
+from raymarch.plan import OUTPUTS, Plan, plan
+from raymarch.scene.camera import Pose
+from raymarch.scene.parameter import Values
+from raymarch.scene.scene import Scene
+from raymarch.shader import Shader, assemble
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """The plan and shader of a scene.
+
+    Attributes
+    ----------
+    plan, shader : what is drawn.
+    texts : the fragment shader by pass.
+    distance : the field in float64, a function of points that gives a tuple of one array.
+    """
+
+    plan: Plan
+    shader: Shader
+    texts: Mapping[str, str]
+    distance: Callable[..., tuple[Any, ...]]
+
+
+def prepare(scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
+    """Plan and assemble a scene for the passes that yield some outputs. May run in any thread.
+
+    Raises SceneError for an unknown output and PlanError for a scene that cannot be planned.
+    """
+    made = plan(scene, passes_for(outputs))
+    shader = assemble(made)
+    texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
+    return Prepared(made, shader, texts, evaluator([made.field.body], made.field.params))
+
+
+def passes_for(outputs: Sequence[str]) -> list[str]:
+    """The passes that yield some outputs."""
+    if not isinstance(outputs, Iterable):
+        raise SceneError(f"outputs = {outputs!r} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
+    names = [outputs] if isinstance(outputs, str) else list(outputs)
+    for name in names:
+        if name not in OUTPUTS:
+            raise SceneError(f"outputs: {name!r}", legal=", ".join(OUTPUTS))
+    wanted = ["color"] if "color" in names else []
+    if any(name != "color" for name in names):
+        wanted.append("geometry")
+    return wanted or ["color"]
+
+
+def frame_uniforms(ready: Prepared, values: Values, size: tuple[int, int], pose: Pose | None = None) -> dict[str, Any]:
+    """What changes without a recompile: camera, size, parameters, time. Worked out in float64.
+
+    pose : a camera in place of the scene's.
+    """
+    scene = ready.plan.scene
+    if pose is None:
+        pose = scene.pose(values, size[0] / size[1])
+    uniforms: dict[str, Any] = {
+        "u_camera_position": pose.position,
+        "u_camera_frame": pose.frame,
+        "u_camera_slope": pose.slope,
+        "u_resolution": size,
+        "u_pixel": pose.pixel(size[1]),
+        "u_far": scene.far(pose),
+        "u_time": values.time,
+        "u_side": side_of(ready, values, pose.position),
+    }
+    for name, uniform in ready.shader.parameters.items():
+        uniforms[uniform] = values.params[name]
+    return uniforms
+
+
+def side_of(ready: Prepared, values: Values, position: NDArray[Any]) -> float:
+    """-1 if a position is inside a solid, else 1; in float64, once a frame."""
+    with bound(values.params, values.time):
+        distance = ready.distance(position)[0]
+    return -1.0 if distance < 0.0 else 1.0
