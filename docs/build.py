@@ -1,4 +1,4 @@
-"""Builds the pages that come from the code: docs/nodes.md and the pictures of all nodes.
+"""Builds the pages that come from the code: docs/nodes.md, docs/proofs.md and the pictures of all nodes.
 
 python docs/build.py            # everything
 python docs/build.py --text     # the text alone, without drawing
@@ -6,6 +6,7 @@ python docs/build.py --text     # the text alone, without drawing
 
 from __future__ import annotations
 
+import runpy
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -173,6 +174,7 @@ def pictures() -> None:
 
 def main() -> None:
     (HERE / "nodes.md").write_text(page(), encoding="utf-8")
+    runpy.run_path(str(HERE / "proofs.py"))["main"]()
     if "--text" not in sys.argv:
         pictures()
 

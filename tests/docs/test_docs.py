@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -100,6 +101,27 @@ def test_the_page_of_all_nodes_is_that_of_the_code():
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, check=True)
     assert done.stdout.decode() == (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
+
+
+PROOFS = runpy.run_path(str(ROOT / "docs" / "proofs.py"))
+
+
+def test_every_node_was_measured():
+    missing = PROOFS["missing"]()
+    assert not missing, f"no figures for {missing}: run `python tests/sdf/measure.py --missing; python docs/proofs.py`"
+
+
+def test_the_page_of_figures_is_that_of_the_ledger():
+    assert PROOFS["page"]() == (ROOT / "docs" / "proofs.md").read_text(encoding="utf-8"), "run python docs/proofs.py"
+
+
+def test_no_promise_is_broken():
+    rows = PROOFS["ledger"]("nodes")
+    broken = {name: row["violations"] for name, row in rows.items() if row["violations"]}
+    assert not broken
+    loose = [row["looseness"] for row in rows.values() if row["looseness"] is not None]
+    assert sorted(loose)[len(loose) // 2] <= 1.5
+    assert all(row["twin"] <= row["twin_limit"] for row in rows.values() if row["exactness"] != "estimate")
 
 
 def test_every_module_has_a_header():

@@ -66,7 +66,7 @@ def test_glsl_serves_es(s: Seen) -> None:
     assert_es(node.glsl(), "field({0})", [VECTORS[node.dimension]])
 
 
-def _smooth(
+def smooth_differences(
     field: Field, points: NDArray[np.float64], h: float, jump: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Central differences, and where they mean something: where the slope does not jump from one side to the other."""
@@ -86,7 +86,7 @@ def least_smooth(node: Node) -> float:
 
 def test_gradient_equals_central_differences(s: Seen) -> None:
     points = s.points[:2000]
-    central, smooth = _smooth(s.field, points, 1e-6 * s.field.size, 1e-4)
+    central, smooth = smooth_differences(s.field, points, 1e-6 * s.field.size, 1e-4)
     gradient = s.field.gradient(points)
     assert np.all(np.isfinite(gradient))
     assert smooth.mean() > least_smooth(s.node), "too few points are smooth to tell anything"
@@ -97,7 +97,7 @@ def test_gradient_equals_central_differences(s: Seen) -> None:
 
 def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
     points = s.points[:4000]
-    _, smooth = _smooth(s.field, points, 1e-4 * s.field.size, 2e-2)
+    _, smooth = smooth_differences(s.field, points, 1e-4 * s.field.size, 2e-2)
     assert smooth.mean() > least_smooth(s.node), "too few points are smooth to tell anything"
     text = print_functions([companion(lower(s.node))])
     body = "\n".join(line.text for line in text.lines()) + "\n"
@@ -211,10 +211,10 @@ def test_bounds_of_exact_shapes_are_tight(s: Seen) -> None:
     for axis in range(s.node.dimension):
         for edge in (bounds[axis] for bounds in s.node.bounds):
             if np.isfinite(edge):
-                assert _lowest_on_plane(s.field, axis, edge) <= 0.01 * s.field.size
+                assert lowest_on_plane(s.field, axis, edge) <= 0.01 * s.field.size
 
 
-def _lowest_on_plane(field: Field, axis: int, at: float) -> float:
+def lowest_on_plane(field: Field, axis: int, at: float) -> float:
     """The smallest value on an axis-aligned plane, by a grid that closes in."""
     low, high = field.low.copy(), field.high.copy()
     best = np.inf
