@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from raymarch.expr import hashing, samples
+from raymarch.expr import hashing, raw, samples
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
@@ -159,6 +159,8 @@ RULES: Mapping[str, Rule] = {
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,
     "random_of": hashing.evaluate,
+    "raw": raw.evaluate,
+    "raw_slope": raw.evaluate_slope,
 }
 
 

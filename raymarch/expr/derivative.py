@@ -22,6 +22,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import Function, close_loop, sum_of
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import sample_slope
 from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
 from raymarch.expr.walk import depends_on, rebuild, rewrite, substitute, topological
@@ -161,6 +162,8 @@ BACKWARD: Mapping[str, Back] = {
     "call": lambda adj, e, i: adj[e.type.size - 1] * _slope_of_call(e) if i == e.data.derived["along"] else None,
     "columns": lambda adj, e, i: adj @ const([1.0 if k == i else 0.0 for k in range(adj.type.size)]),
     "transpose": lambda adj, e, i: v.transpose(adj),
+    "raw": lambda adj, e, i: adj * raw_slope(e),
+    "raw_slope": lambda adj, e, i: None,
     "sample": lambda adj, e, i: adj * sample_slope(e),
     "sample_slope": lambda adj, e, i: None,
 }
@@ -179,6 +182,8 @@ FORWARD: Mapping[str, Forward] = {
     "call": lambda e, t: construct(*[0.0] * (e.type.size - 1), v.dot(_slope_of_call(e), t[e.data.derived["along"]])),
     "columns": lambda e, t: v.columns(*t),
     "transpose": lambda e, t: v.transpose(t[0]),
+    "raw": lambda e, t: v.dot(raw_slope(e), t[0]),
+    "raw_slope": lambda e, t: zero(e.type),
     "sample": lambda e, t: v.dot(sample_slope(e), t[0]),
     "sample_slope": lambda e, t: zero(e.type),
 }

@@ -17,6 +17,7 @@ from raymarch.errors import SceneError
 from raymarch.expr import hashing
 from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr, const, make, var
+from raymarch.expr.raw import RawFunction, slope_text
 from raymarch.expr.samples import GLSL_HELPERS, Samples
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import depends_on, find, substitute, topological
@@ -322,6 +323,15 @@ def _random_of(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) ->
     return call_text("random_of", pieces, node.args)
 
 
+def _raw(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    function: RawFunction = node.data
+    printer.helpers[function.name, "raw"] = function.code
+    if node.op == "raw":
+        return call_text(function.name, pieces, node.args)
+    printer.helpers[function.name, "slope"] = slope_text(function)
+    return call_text(f"{function.name}_slope", pieces, node.args)
+
+
 TEMPLATES: Mapping[str, Template] = {
     "add": _infix("+", PLUS),
     "sub": _infix("-", PLUS),
@@ -375,6 +385,8 @@ TEMPLATES: Mapping[str, Template] = {
     "sample": _sample("value"),
     "sample_slope": _sample("slope"),
     "random_of": _random_of,
+    "raw": _raw,
+    "raw_slope": _raw,
 }
 
 # Names
@@ -465,7 +477,7 @@ def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Te
     names: dict[Printable, str] = {}
     expressions = [e for f in roots for e in f.inner]
     uniforms = _uniforms(expressions, frozenset(taken))
-    occupied = {*taken, *uniforms, TIME}
+    occupied = {*taken, *uniforms, TIME, *_names_in_raw(expressions, {*taken, *uniforms, TIME})}
     numbers: dict[str, int] = {}
     for definition in [*roots, *order]:  # the roots keep the names that they ask for
         if definition not in names:
@@ -477,6 +489,19 @@ def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Te
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
     return text
+
+
+def _names_in_raw(expressions: Sequence[Expr], taken: set[str]) -> set[str]:
+    """The names that functions written in GLSL take; each may be given once."""
+    givers: dict[str, RawFunction] = {}
+    for node in find(expressions, "raw", "raw_slope"):
+        function: RawFunction = node.data
+        for name in function.defines:
+            other = givers.setdefault(name, function)
+            if name in taken or other.code != function.code:
+                whose = "the shader" if name in taken else f"another GLSL function than {function.name}"
+                raise SceneError(f"the GLSL name {name} is used by {whose}", legal="another name")
+    return set(givers)
 
 
 def _uniforms(expressions: Sequence[Expr], taken: frozenset[str]) -> dict[str, Expr]:

@@ -235,6 +235,8 @@ RULES: Mapping[str, Rule] = {
     "transpose": lambda _node, m: (m[0].T, m[1].T),
     "sample": samples.interval,
     "sample_slope": _unknown,
+    "raw": _unknown,
+    "raw_slope": _unknown,
     "random_of": lambda _node, _cell: (np.zeros(()), np.ones(())),
 }
 

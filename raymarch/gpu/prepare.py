@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.raw import without_twin
 from raymarch.plan import OUTPUTS, Plan, plan
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
@@ -42,7 +43,8 @@ def prepare(scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
     made = plan(scene, passes_for(outputs))
     shader = assemble(made)
     texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
-    return Prepared(made, shader, texts, evaluator([made.field.body], made.field.params))
+    known = not without_twin(made.field.body)
+    return Prepared(made, shader, texts, evaluator([made.field.body], made.field.params) if known else _outside)
 
 
 def passes_for(outputs: Sequence[str]) -> list[str]:
@@ -57,6 +59,11 @@ def passes_for(outputs: Sequence[str]) -> list[str]:
     if any(name != "color" for name in names):
         wanted.append("geometry")
     return wanted or ["color"]
+
+
+def _outside(position: Any) -> tuple[float]:
+    """In place of a field that only the GPU knows: the camera is taken to be outside."""
+    return (1.0,)
 
 
 def frame_uniforms(ready: Prepared, values: Values, size: tuple[int, int], pose: Pose | None = None) -> dict[str, Any]:

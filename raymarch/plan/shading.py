@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 from raymarch.errors import Location
 from raymarch.expr.derivative import sensitivities
 from raymarch.expr.function import Function
@@ -13,7 +16,9 @@ from raymarch.plan.feature import Feature
 from raymarch.scene.light import PointLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
-from raymarch.sdf.lower import Lowering
+from raymarch.sdf.lower import Lowering, look_of
+
+Key = TypeVar("Key")
 
 
 def materials(scene: Scene, lowering: Lowering, look: bool, index: bool) -> tuple[Record | None, Function | None]:
@@ -22,41 +27,45 @@ def materials(scene: Scene, lowering: Lowering, look: bool, index: bool) -> tupl
     look, index : which of the two functions is needed; the other is None.
     """
     materials = scene.materials
-    looks, chosen = None, None
     marked = lowering.again().field(scene.node, label=materials[0])
     marks = find([marked.body], "mark")
-    used = list(dict.fromkeys(mark.data for mark in marks))
-    if len(used) > 1:
-        weights = _weights(marked, marks, used)
-        total = sum(weights.values(), const(0.0))
-        total = where(total <= 0.0, 1.0, total)
-        fields = []
-        for k, name in enumerate(Material.FIELDS):
-            values = [m.expressions[k] for m in used]
-            same = all(v is values[0] for v in values)
-            mixed = sum((weights[m] * v for m, v in zip(used, values, strict=True)), const(0.0)) / total
-            fields.append((name, values[0] if same else mixed))
-    else:
-        only = used[0] if used else materials[0]
-        fields = list(zip(Material.FIELDS, only.expressions, strict=True))
-        weights = {only: const(1.0)}
-    if look:
-        looks = Record("material_at", "Material", marked.params, tuple(fields))
-    if index:
-        best, found = const(-1.0), const(0.0)
-        for m, weight in weights.items():
-            found = where(best < weight, float(materials.index(m)), found)
-            best = where(best < weight, weight, best)
-        chosen = Function("material_index", marked.params, found)
-    return looks, chosen
+    looks = [tuple(look_of(mark)) for mark in marks] or [tuple(materials[0].expressions)]
+    shares = [abs(part) for part in sensitivities(marked.body, marks)] if len(set(looks)) > 1 else [const(1.0)]
+    chosen = [mark.data for mark in marks] or [materials[0]]
+    return (
+        Record("material_at", "Material", marked.params, _mixed(looks, shares)) if look else None,
+        Function("material_index", marked.params, _largest(materials, chosen, shares)) if index else None,
+    )
 
 
-def _weights(marked: Function, marks: list[Expr], used: list[Material]) -> dict[Material, Expr]:
-    """How much of each material is seen at a point of the surface."""
-    parts = sensitivities(marked.body, marks)
-    weights = {m: const(0.0) for m in used}
-    for mark, part in zip(marks, parts, strict=True):
-        weights[mark.data] = weights[mark.data] + abs(part)
+def _mixed(looks: Sequence[tuple[Expr, ...]], shares: Sequence[Expr]) -> tuple[tuple[str, Expr], ...]:
+    """Each field of a material, mixed from all by their shares."""
+    weights = _summed(looks, shares)
+    total = sum(weights.values(), const(0.0))
+    total = where(total <= 0.0, 1.0, total)
+    fields = []
+    for k, name in enumerate(Material.FIELDS):
+        values = [look[k] for look in weights]
+        same = all(v is values[0] for v in values)
+        mixed = sum((weight * v for weight, v in zip(weights.values(), values, strict=True)), const(0.0)) / total
+        fields.append((name, values[0] if same else mixed))
+    return tuple(fields)
+
+
+def _largest(materials: Sequence[Material], found: Sequence[Material], shares: Sequence[Expr]) -> Expr:
+    """The index of the material with the largest share."""
+    best, index = const(-1.0), const(0.0)
+    for material, weight in _summed(found, shares).items():
+        index = where(best < weight, float(materials.index(material)), index)
+        best = where(best < weight, weight, best)
+    return index
+
+
+def _summed(keys: Sequence[Key], shares: Sequence[Expr]) -> dict[Key, Expr]:
+    """How much of each is seen at a point of the surface."""
+    weights = {key: const(0.0) for key in keys}
+    for key, share in zip(keys, shares, strict=False):  # a single share stands for all, which are equal
+        weights[key] = weights[key] + share
     return weights
 
 

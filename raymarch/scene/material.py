@@ -19,7 +19,7 @@ class Material:
     specular : strength of the highlight, in [0, 1].
     ambient : share of each light's colour that arrives from everywhere, shadow or not, in [0, 1].
 
-    Equal materials are one.
+    Each may depend on parameters, time, and the index of a cell (`raymarch.repeat_varied`). Equal materials are one.
     """
 
     __slots__ = ("ambient", "color", "shininess", "specular", "where")
@@ -29,10 +29,10 @@ class Material:
     def __init__(
         self, color: Any = (0.8, 0.8, 0.8), shininess: Any = 32.0, specular: Any = 0.25, ambient: Any = 0.1
     ) -> None:
-        self.color = as_vec3("Material: color", color, 0.0, 1.0)
-        self.shininess = as_number("Material: shininess", shininess, 1e-3, 1e6)
-        self.specular = as_number("Material: specular", specular, 0.0, 1.0)
-        self.ambient = as_number("Material: ambient", ambient, 0.0, 1.0)
+        self.color = as_vec3("Material: color", color, 0.0, 1.0, cells=True)
+        self.shininess = as_number("Material: shininess", shininess, 1e-3, 1e6, cells=True)
+        self.specular = as_number("Material: specular", specular, 0.0, 1.0, cells=True)
+        self.ambient = as_number("Material: ambient", ambient, 0.0, 1.0, cells=True)
         self.where: Location | None = user_location()
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 
 from raymarch.errors import Location, PlanError, SceneError, user_location
 from raymarch.expr.arrays import bound, value_of
+from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr, make
 from raymarch.expr.types import FLOAT, Type, vector
 from raymarch.expr.walk import find
@@ -165,18 +166,22 @@ def set_values(
     return Values(params, float(time))
 
 
-def as_vec3(what: str, value: Any, low: float = -np.inf, high: float = np.inf) -> Expr:
-    """A position, direction or colour, checked; expressions pass if they are vec3."""
-    return _checked(what, value, 3, low, high)
+def as_vec3(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:
+    """A position, direction or colour, checked; expressions pass if they are vec3.
+
+    cells : it may depend on the index of a cell, see `raymarch.repeat_varied`.
+    """
+    return _checked(what, value, 3, low, high, cells)
 
 
-def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf) -> Expr:
-    """A number, checked; expressions pass if they are scalar."""
-    return _checked(what, value, 1, low, high)
+def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:
+    """A number, checked; expressions pass if they are scalar. cells : as for `as_vec3`."""
+    return _checked(what, value, 1, low, high, cells)
 
 
-def _checked(what: str, value: Any, size: int, low: float, high: float) -> Expr:
-    """The value as an expression. One that reads parameters must be legal at their defaults."""
+def _checked(what: str, value: Any, size: int, low: float, high: float, cells: bool) -> Expr:
+    """The value as an expression. One that reads parameters must be legal at their defaults, one that depends on the
+    index of a cell in all cells."""
     legal = "a finite number" if size == 1 else f"{size} finite numbers"
     if low > -np.inf:
         legal += f" >= {low:g}"
@@ -188,7 +193,12 @@ def _checked(what: str, value: Any, size: int, low: float, high: float) -> Expr:
         raise SceneError(f"{what} = {value!r}", legal=legal) from None
     if given.type is not vector(size):
         raise SceneError(f"{what} = {value!r}", legal=legal)
-    if not find([given], "time"):
+    if find([given], "cell"):
+        first, last = interval_of(given)
+        if not cells or not np.all((first >= low) & (last <= high)):
+            reason = f"is between {first.tolist()} and {last.tolist()}" if cells else "depends on the index of a cell"
+            raise SceneError(f"{what} {reason}", legal=legal)
+    elif not find([given], "time"):
         d = Values({}).of(given)
         if not _holdable(d) or not np.all((d >= low) & (d <= high)):
             shown = f"{value!r}" if given.is_constant else f"{d.tolist()} with its parameters at their defaults"

@@ -13,6 +13,7 @@ from raymarch.sdf.boxes import (
     triangle,
     triangular_prism,
 )
+from raymarch.sdf.cells import repeat_varied
 from raymarch.sdf.copies import polar, repeat_interval, repeat_mirrored
 from raymarch.sdf.curves import bezier_tube, helix, polyline_tube
 from raymarch.sdf.definition import operator, shape
@@ -35,6 +36,7 @@ from raymarch.sdf.fractals import apollonian, julia, mandelbox, mandelbulb, meng
 from raymarch.sdf.joints import complement, engrave, groove, morph, pipe, tongue, xor
 from raymarch.sdf.lettering import image, text
 from raymarch.sdf.node import Node
+from raymarch.sdf.noise import displace_by, displace_by_noise, random_of, value_noise
 from raymarch.sdf.periodic import gyroid, lidinoid, neovius, schwarz_d, schwarz_p
 from raymarch.sdf.placing import material, mirror, rotate, scale, transform, translate
 from raymarch.sdf.polyhedra import (
@@ -52,6 +54,7 @@ from raymarch.sdf.polyhedra import (
     truncated_tetrahedron,
 )
 from raymarch.sdf.profiles import elongate, extrude, extrude_to, offset, revolve, slice
+from raymarch.sdf.raw import glsl_node
 from raymarch.sdf.repetition import repeat
 from raymarch.sdf.rounds import (
     blob,
@@ -75,6 +78,8 @@ from raymarch.sdf.rounds import (
 from raymarch.sdf.sampled import displace_by_image, grid, heightmap, mesh
 from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere, torus
 from raymarch.sdf.thickness import round, shell
+from raymarch.sdf.transition import transition
+from raymarch.sdf.warps import orient, shear, wrap_around
 
 __all__ = [
     "Node",
@@ -100,7 +105,9 @@ __all__ = [
     "difference",
     "disc",
     "displace",
+    "displace_by",
     "displace_by_image",
+    "displace_by_noise",
     "dodecahedron",
     "egg",
     "ellipse",
@@ -111,6 +118,7 @@ __all__ = [
     "extrude_to",
     "flat_triangle",
     "flat_vesica",
+    "glsl_node",
     "grid",
     "groove",
     "gyroid",
@@ -140,6 +148,7 @@ __all__ = [
     "octahedron",
     "offset",
     "operator",
+    "orient",
     "pie",
     "pipe",
     "plane",
@@ -149,11 +158,13 @@ __all__ = [
     "polyline_tube",
     "pyramid",
     "quad",
+    "random_of",
     "rectangle",
     "regular_polygon",
     "repeat",
     "repeat_interval",
     "repeat_mirrored",
+    "repeat_varied",
     "revolve",
     "rhombicuboctahedron",
     "rhombus",
@@ -168,6 +179,7 @@ __all__ = [
     "schwarz_d",
     "schwarz_p",
     "shape",
+    "shear",
     "shell",
     "sierpinski",
     "slab",
@@ -183,6 +195,7 @@ __all__ = [
     "tongue",
     "torus",
     "transform",
+    "transition",
     "translate",
     "trapezoid",
     "triangle",
@@ -194,6 +207,8 @@ __all__ = [
     "truncated_tetrahedron",
     "twist",
     "union",
+    "value_noise",
     "vesica",
+    "wrap_around",
     "xor",
 ]

@@ -22,7 +22,7 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, clamp, cos, length, max, min, mod, round, sin, vec3, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
@@ -130,7 +130,7 @@ def polar_sectors(
     if count > 2:
         nearest = min(nearest, radius * sin(min(0.5 * sector + angle, 0.5 * math.pi)))
     beyond = max(max(ring.x - radius, radius - ring.y), absolute(p.y - ring.z) - ring.w)
-    return max(nearest, beyond)
+    return at_least(nearest, beyond)
 
 
 @method

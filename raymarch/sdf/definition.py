@@ -522,3 +522,15 @@ def cube(half: Any) -> tuple[Expr, Expr]:
 
 EVERYWHERE = (const([-np.inf] * 3), const([np.inf] * 3))
 """Bounds of what has no end on any side."""
+
+
+FLOOR = "floor"
+
+
+def at_least(value: Expr, floor: Expr) -> Expr:
+    """The larger of a field and of something that the distance is never less than, such as the way to the box.
+
+    Where both are 0, as on a face that touches the box, the surface is still made of what the field is made of:
+    materials do not see the floor.
+    """
+    return make("max", FLOAT, (value, floor), FLOOR)

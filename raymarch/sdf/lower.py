@@ -21,6 +21,7 @@ from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, make, var
 from raymarch.expr.types import FLOAT, vector
 from raymarch.expr.walk import find, rebuild, rewrite, substitute, topological
+from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
@@ -30,6 +31,17 @@ Work: TypeAlias = Generator[Request, Expr, Expr]
 
 UNMARKED = object()
 """In place of a label: the material of this part does not matter."""
+
+
+def cells_of(label: Any) -> list[Expr]:
+    """The cells whose index a label depends on, which it shows by a list `expressions`."""
+    return find(getattr(label, "expressions", ()), "cell")
+
+
+def look_of(mark: Expr) -> list[Expr]:
+    """The `expressions` of a mark's label, for the cell that the marked part stands in."""
+    cells = dict(zip(cells_of(mark.data), mark.args[1:], strict=True))
+    return substitute(mark.data.expressions, cells) if cells else list(mark.data.expressions)
 
 
 @dataclass(slots=True)
@@ -56,7 +68,8 @@ class Lowering:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
 
         With a `label`, the distance of each part with a material stays findable, as a `mark` whose data is the
-        material; parts without one of their own are marked with `label`.
+        material; parts without one of their own are marked with `label`. Where a material depends on the index of a
+        cell, the mark has that index as well, see `look_of`.
         """
         self._count_sites(root)
         p = var("p", vector(root.dimension))
@@ -103,7 +116,8 @@ class Lowering:
     def _lower(self, node: Node, point: Expr, label: Any) -> Work:
         marking = label is not UNMARKED
         if marking and not node.labelled:
-            return make("mark", FLOAT, ((yield from self._ask(node, point, UNMARKED)),), label)
+            distance = yield from self._ask(node, point, UNMARKED)
+            return make("mark", FLOAT, (distance, *cells_of(label)), label)
         if node.label is not None:
             return (yield from self._ask(node.children[0], point, node.label if marking else UNMARKED))
         children: Sequence[Node] = _flattened(node) if node.definition.associative else node.children
@@ -116,6 +130,7 @@ class Lowering:
     def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
         """The definition's body with the point, the parameters and the children put in."""
         template = node.definition.template(len(children), node.params)
+        marking = label is not UNMARKED
         params = [v for v in node.params.values() if isinstance(v, Expr)]
         if not children:
             value = template(point, *params)
@@ -129,6 +144,8 @@ class Lowering:
                 if part.op == "apply":
                     value = yield from self._ask(children[part.data], args[0], label)
                     new[part] = self._in_cell(value, *args[1:]) if len(args) > 1 else value
+                elif marking and part.data is FLOOR:
+                    new[part] = args[0]
                 else:
                     new[part] = rebuild(part, args)
                 if new[part].args and node.where is not None:

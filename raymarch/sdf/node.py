@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -159,6 +159,10 @@ class Node:
         seen from its tip; a flat shape about the origin."""
         return self._call("rotate", angle, axis)
 
+    def orient(self, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str = "y") -> Node:
+        """Turned by the smallest angle so that an axis points along a direction."""
+        return self._call("orient", direction, axis)
+
     def scale(self, factor: Scalar | Vector) -> Node:
         """Enlarged about the origin: by one factor (keeps exactness) or one for each axis (gives a bound)."""
         return self._call("scale", factor)
@@ -207,6 +211,16 @@ class Node:
         """Raised along its normals by an image laid over the xz plane; see `raymarch.displace_by_image`."""
         return self._call("displace_by_image", source, size, height)
 
+    def displace_by_noise(self, amplitude: Scalar = 0.1, frequency: Scalar = 3.0, octaves: int = 2) -> Node:
+        """Random bumps: at most `amplitude`, `frequency` a unit of length, in layers ever finer."""
+        return self._call("displace_by_noise", amplitude, frequency, octaves)
+
+    def displace_by(
+        self, function: Callable[[Any], Any], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
+    ) -> Node:
+        """Moved along its normals by a function of the point; see `raymarch.sdf.displace_by`."""
+        return self._call("displace_by", function, amplitude, lipschitz)
+
     def complement(self) -> Node:
         """All but this solid."""
         return self._call("complement")
@@ -220,6 +234,18 @@ class Node:
     def bend(self, rate: Scalar = 0.5) -> Node:
         """Turned about z by `rate` radians a unit of x."""
         return self._call("bend", rate)
+
+    def shear(self, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> Node:
+        """Moved along one axis by `amount` times the coordinate along another."""
+        return self._call("shear", amount, axis, by)
+
+    def wrap_around(self, start: Scalar | None = None, end: Scalar | None = None) -> Node:
+        """A slab along x wrapped once around the y axis; `start` and `end` are the x that come together."""
+        return self._call("wrap_around", start, end)
+
+    def transition(self, other: Node, start: Vector, end: Vector) -> Node:
+        """This solid up to `start`, which turns into the other one until `end`."""
+        return self._call("transition", other, start, end)
 
     def taper(self, rate: Scalar = 0.3) -> Node:
         """1 + rate y times as wide at height y."""

@@ -19,7 +19,7 @@ from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, max, min, round, vec3, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
@@ -93,7 +93,7 @@ def repeat_cells(
     if not guard:
         return balanced(distances, min)
     aside = abs(p - middle) - half
-    return max(balanced([*distances, *unseen], min), max(*aside))
+    return at_least(balanced([*distances, *unseen], min), max(*aside))
 
 
 def _limited(cell: Expr, count: int) -> Expr:

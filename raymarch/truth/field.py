@@ -18,7 +18,7 @@ from raymarch.expr.walk import depends_on, substitute, topological
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.lower import Lowering, lower
+from raymarch.sdf.lower import Lowering, look_of, lower
 
 Array: TypeAlias = NDArray[Any]
 Evaluate: TypeAlias = Callable[..., tuple[Array, ...]]
@@ -57,6 +57,7 @@ class Field:
         slope = companion(whole)
         self._gradient = evaluator([slope.body], slope.params)
         self._marks, self._shares = _material_shares(scene)
+        self._looks = evaluator([number for mark in self._marks for number in _numbers_of(look_of(mark))], [p])
 
     def distance(self, points: Array) -> NDArray[np.float64]:
         """Signed distance; points (N, 3) -> (N,). Raises SceneError where it is NaN."""
@@ -92,11 +93,22 @@ class Field:
         """
         materials = self._scene.materials
         weights = np.zeros((points.shape[0], len(materials)))
-        for material, share in zip(self._marks, self._run(self._shares, points, ()), strict=True):
-            weights[:, materials.index(material)] += np.abs(share)
+        for mark, share in zip(self._marks, self._run(self._shares, points, ()), strict=True):
+            weights[:, materials.index(mark.data)] += np.abs(share)
         total = weights.sum(axis=1)
         weights[~((total > 0.0) & np.isfinite(total))] = np.eye(len(materials))[0]
         return weights / weights.sum(axis=1, keepdims=True)
+
+    def looks(self, points: Array) -> NDArray[np.float64]:
+        """The material of the surface, mixed by the shares: (N, 3) -> (N, 6), the numbers of `_numbers_of`."""
+        usual = np.array([self._values.of(number) for number in _numbers_of(self._scene.materials[0].expressions)])
+        shape = (len(self._marks), len(usual), len(points))
+        shares = np.abs(np.array(self._run(self._shares, points, ()))).reshape(shape[0], shape[2])
+        values = np.array(self._run(self._looks, points, ())).reshape(shape)
+        total = shares.sum(axis=0)
+        seen = (total > 0.0) & np.isfinite(total)
+        mixed = np.einsum("mn,mkn->nk", np.where(seen, shares, 0.0) / np.where(seen, total, 1.0), values)
+        return np.where(seen[:, None], mixed, usual)
 
     def _numbers(self, evaluate: Evaluate, points: Array) -> NDArray[np.float64]:
         values = self._run(evaluate, points, ())
@@ -150,8 +162,13 @@ def _is_affine(part: Expr, p: Expr) -> bool:
     return p not in topological([gradient(part, p)])
 
 
-def _material_shares(scene: Scene) -> tuple[Sequence[Any], Evaluate]:
-    """The material of each marked part, and an evaluator of how much its distance moves the field."""
+def _numbers_of(look: Sequence[Expr]) -> list[Expr]:
+    """The fields of a material, vectors component by component."""
+    return [number for value in look for number in (value if value.type.is_vector else (value,))]
+
+
+def _material_shares(scene: Scene) -> tuple[list[Expr], Evaluate]:
+    """The marked parts, and an evaluator of how much the distance of each moves the field."""
     marked = Lowering().field(scene.node, label=scene.materials[0])
     marks = [node for node in topological([marked.body]) if node.op == "mark"]
-    return [mark.data for mark in marks], evaluator(sensitivities(marked.body, marks), marked.params)
+    return marks, evaluator(sensitivities(marked.body, marks), marked.params)

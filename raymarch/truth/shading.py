@@ -77,12 +77,8 @@ class Surface:
 
     @cached_property
     def _phong(self) -> _Phong:
-        def mixed(name: str, width: int) -> Array:
-            each = [self.values.of(getattr(material, name)) for material in self.scene.materials]
-            result: Array = self.weights @ np.array(each, np.float64).reshape(-1, width)
-            return result
-
-        return _Phong(mixed("color", 3), mixed("shininess", 1), mixed("specular", 1), mixed("ambient", 1))
+        looks = self.field.looks(self.points)
+        return _Phong(looks[:, :3], looks[:, 3:4], looks[:, 4:5], looks[:, 5:])
 
     @cached_property
     def _shading_normals(self) -> Array:

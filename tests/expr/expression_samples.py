@@ -21,6 +21,8 @@ import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, expr, function, loop, trace
 from raymarch.expr.hashing import random_of
 from raymarch.expr.node import swizzle
+from raymarch.expr.raw import RawFunction, raw
+from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import Samples, sample_slope
 from raymarch.expr.samples import sample as interpolated
 from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, vector
@@ -720,3 +722,16 @@ def lattice_hash(cell: Plain) -> float:
 
 
 sample("lattice", lambda a: random_of(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))
+
+
+HILL = "float hill(vec3 p) {\n    return p.x * p.y + 0.5 * p.z;\n}"
+RAW = RawFunction("hill", HILL, lambda p: p[:, 0] * p[:, 1] + p.dtype.type(0.5) * p[:, 2], 1.0)
+sample("written_in_glsl", lambda p: raw(RAW, p), lambda p: p[0] * p[1] + 0.5 * p[2], absolute=16, p=of(3))
+sample(
+    "slope_of_glsl",
+    lambda p: raw_slope(raw(RAW, p)),
+    lambda p: (p[1], p[0], 0.5),
+    absolute=16384,  # a difference over the cube root of a unit in the last place
+    fixed=("p",),
+    p=of(3),
+)

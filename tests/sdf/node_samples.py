@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import math
 import pkgutil
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -25,23 +26,30 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import cos, sin
 from raymarch.sdf import (
     Node,
     box,
     capsule,
     difference,
+    displace_by,
     intersection,
     material,
+    plane,
     repeat,
+    repeat_varied,
     shape,
     sphere,
     transform,
+    transition,
     union,
+    wrap_around,
 )
 from raymarch.sdf.booleans import BLENDS
 from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
 from raymarch.sdf.lower import lower
+from raymarch.sdf.noise import displaced, value_noise
 from raymarch.sdf.registry import METHODS
 
 PACKAGE = Path(raymarch.sdf.__file__).parent
@@ -249,6 +257,35 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         "enlarged": lambda: transform(_kind["slanted"](), np.diag([1.5, 1.5, 1.5, 1.0])),
         "sheared": lambda: transform(_kind["brick"](), _shearing),
         "sheared stretched": lambda: transform(_kind["stretched"](), _shearing),
+    },
+    "varied_cells": {
+        "without end": lambda: repeat_varied(lambda index: sphere(0.3 + 0.1 * sin(index.x + 2.0 * index.y)), 1.0),
+        "turned bricks": lambda: repeat_varied(
+            lambda index: box((0.9, 0.5, 0.7)).rotate(index.x).translate((0.0, 0.1 * index.z, 0.0)),
+            (1.6, None, 1.6),
+            (3, 1, 2),
+        ),
+    },
+    "displaced": {
+        "ripples": lambda: displaced(_kind["ball aside"]()),
+        "derived": lambda: displace_by(_kind["slanted"](), lambda p: 0.04 * sin(9.0 * p.x) * cos(7.0 * p.y + p.z)),
+        "derived in a box": lambda: displace_by(_kind["brick"](), lambda p: 0.3 * p.x * p.y - 0.1 * p.z * p.z),
+        "without end": lambda: displace_by(plane(), lambda p: 0.05 * sin(5.0 * p.x)),
+        "noise of a user": lambda: displace_by(
+            _kind["stretched"](), lambda p: 0.05 * value_noise(4.0 * p), 0.05, 0.2 * math.pi
+        ),
+    },
+    "wrapped": {
+        "slab": lambda: wrap_around(box((6.0, 1.0, 0.4))),
+        "balls": lambda: wrap_around(repeat(sphere(0.3), (1.0, None, None), 6), -3.0, 3.0),
+        "aside": lambda: wrap_around(_kind["pair"](), -0.9, 1.3),
+        "stretched": lambda: wrap_around(_kind["stretched"](), -2.5, 2.0),
+        "bitten high": lambda: wrap_around(_kind["bitten"]().translate((0.0, 0.4, 0.2)), -2.0, 2.0),
+    },
+    "transition_between": {
+        "brick to ball": lambda: transition(_kind["brick"](), sphere(0.5), (0.0, -0.2, 0.0), (0.0, 0.2, 0.0)),
+        "aslant": lambda: transition(_kind["stretched"](), _kind["bitten"](), (-0.5, -0.1, 0.0), (0.4, 0.3, 0.1)),
+        "pair": lambda: transition(_kind["pair"](), _kind["slanted"](), (0.5, 0.0, 0.0), (-0.5, 0.0, 0.0)),
     },
     "labelled": {"brick": lambda: material(_kind["brick"](), "red")},
     "repeat_cells": {

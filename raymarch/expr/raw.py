@@ -1,0 +1,127 @@
+"""A function that a user wrote in GLSL, as an operation of the language.
+
+Nothing can be seen inside of it, so NumPy needs a twin, intervals know nothing, and the gradient is a central
+difference of the function itself.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, Operand, expr, make
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.walk import find
+
+Array: TypeAlias = NDArray[Any]
+Twin: TypeAlias = Callable[[Array], Any]
+
+
+def step_of(dtype: Any) -> float:
+    """Step of the central differences, over the size of the solid or of the coordinates, the larger one: where what
+    rounding adds, eps / h, and what the formula leaves out, h^2, are of one size. 0.0049 in float32 (so the gradient
+    is good to some 2e-5), 6e-6 in float64."""
+    return float(np.cbrt(np.finfo(dtype).eps))
+
+
+@dataclass(frozen=True, slots=True)
+class RawFunction:
+    """A GLSL function `float name(vec3 p)`.
+
+    Attributes
+    ----------
+    name : of the function. code : its GLSL, and that of what it calls.
+    twin : the same in NumPy, from points (N, 3) to values (N,); None if there is none.
+    size : of the solid, a length: what the step of its gradient is measured by.
+    """
+
+    name: str
+    code: str
+    twin: Twin | None
+    size: float
+
+    @property
+    def defines(self) -> frozenset[str]:
+        """The names that the code gives to functions, constants and macros, and that of the gradient."""
+        return (
+            frozenset({f"{self.name}_slope"})
+            | frozenset(re.findall(r"^\s*#\s*define\s+(\w+)", self.code, re.M))
+            | frozenset(re.findall(r"^\s*(?:const\s+)?\w+\s+(\w+)\s*[(=\[]", _outermost(self.code), re.M))
+        )
+
+
+def without_comments(code: str) -> str:
+    """GLSL with spaces in place of comments."""
+    return re.sub(r"//[^\n]*|/\*.*?\*/", " ", code, flags=re.S)
+
+
+def _outermost(code: str) -> str:
+    """What stands outside of all braces, without comments."""
+    depth, kept = 0, []
+    for character in without_comments(code):
+        depth += (character == "{") - (character == "}")
+        if depth == 0:
+            kept.append("\n" if character in "};" else character)
+    return "".join(kept)
+
+
+def raw(function: RawFunction, p: Operand) -> Expr:
+    """The function at a point, a vec3."""
+    point = expr(p)
+    if point.type is not VEC3:
+        raise SceneError(f"{function.name}({point.type})", legal="a vec3")
+    return make("raw", FLOAT, (point,), function)
+
+
+def slope(e: Expr) -> Expr:
+    """The gradient of a `raw`: central differences along the axes."""
+    return make("raw_slope", VEC3, e.args, e.data)
+
+
+def without_twin(body: Expr) -> bool:
+    """True if the values of an expression are known to the GPU only."""
+    return any(node.data.twin is None for node in find([body], "raw", "raw_slope"))
+
+
+def evaluate(node: Expr, p: Array) -> Array:
+    """NumPy row of "raw"."""
+    function: RawFunction = node.data
+    if function.twin is None:
+        raise SceneError(
+            f"the GLSL function {function.name} has no NumPy twin, so its values are known to the GPU only",
+            legal="glsl_node(..., twin=a function from points (N, 3) to distances (N,))",
+        )
+    points = p.reshape(-1, 3)
+    values = np.asarray(function.twin(points), p.dtype)
+    if values.shape != (len(points),):
+        raise SceneError(
+            f"the twin of {function.name} gives shape {values.shape} for points of shape {points.shape}",
+            legal=f"({len(points)},)",
+        )
+    return values.reshape(p.shape[:-1])
+
+
+def evaluate_slope(node: Expr, p: Array) -> Array:
+    """NumPy row of "raw_slope"."""
+    h = p.dtype.type(step_of(p.dtype)) * np.maximum(np.abs(p).max(axis=-1), p.dtype.type(node.data.size))
+    sides = [h[..., None] * axis for axis in np.eye(3, dtype=p.dtype)]
+    return np.stack([(evaluate(node, p + d) - evaluate(node, p - d)) / (2 * h) for d in sides], axis=-1)
+
+
+def slope_text(function: RawFunction) -> str:
+    """GLSL of the gradient."""
+    name = function.name
+    return f"""vec3 {name}_slope(vec3 p) {{
+    // central differences; the step is the cube root of the precision
+    vec2 h = vec2({step_of(np.float32):.5f} * max(max(abs(p.x), abs(p.y)), max(abs(p.z), {function.size:.6e})), 0.0);
+    return vec3(
+        {name}(p + h.xyy) - {name}(p - h.xyy),
+        {name}(p + h.yxy) - {name}(p - h.yxy),
+        {name}(p + h.yyx) - {name}(p - h.yyx)) / (2.0 * h.x);
+}}"""

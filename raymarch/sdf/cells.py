@@ -1,0 +1,193 @@
+"""Repetition of a solid that differs from cell to cell.
+
+The solid is built once, over an expression that stands for the index of its cell. It is known only while its facts are
+derived: then it ranges over all cells. When the field is made, each look-up gets the index of the cell it asks.
+
+Copies that differ may be nearest from farther away than a neighbour, so no small number of look-ups is exact. The
+own cell and the nearer neighbours are asked, and the way to the cells not asked is never exceeded: that is a bound,
+and 1-Lipschitz, because where the choice of cells changes, the field says no more than the way to those it drops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated, Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.node import Expr, construct, expr, make
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import abs as absolute
+from raymarch.expr.vocabulary import clamp, max, min, round, vec3, where
+from raymarch.sdf.booleans import balanced
+from raymarch.sdf.copies import UNBOUNDED, each_axis
+from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
+from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.node import Node
+from raymarch.sdf.repetition import INFINITE
+
+__all__ = ["repeat_varied"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Cells:
+    """Which indices the cells of one repetition have, along each axis; infinite where there is no end."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    @property
+    def index(self) -> Expr:
+        """What stands for the index of a cell of this repetition, and of no other."""
+        return make("cell", VEC3, (), self)
+
+
+ANY = Cells((-np.inf,) * 3, (np.inf,) * 3)
+
+CellsOf = Annotated[Any, Domain(None, holds=Cells)]
+
+
+def _reach(spacing: Expr, counts: Sequence[int]) -> Expr:
+    """From the origin to the middle of the outermost cells."""
+    return vec3(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in counts]) * spacing
+
+
+def _bounds(child: ChildFacts, cells: Cells, spacing: Expr, nx: int, ny: int, nz: int, **_: Any) -> tuple[Expr, Expr]:
+    reach = _reach(spacing, (nx, ny, nz))
+    return child.lower - reach, child.upper + reach
+
+
+def _check_room(child: Facts, cells: Cells, spacing: Expr, nx: int, ny: int, nz: int, middle: Expr, half: Expr) -> None:
+    """All cells' solids must lie in their cells, and in the room."""
+    width = interval_of(spacing)[0]
+    for i, n in enumerate((nx, ny, nz)):
+        low, high = child.lower[i], child.upper[i]
+        fits = n == 1 or 2.0 * np.maximum(-low, high) <= width[i] * (1 + 1e-12)
+        reach = 0.0 if n == 1 else np.inf if n == INFINITE else 0.5 * (n - 1) * interval_of(spacing)[1][i]
+        m, h = middle.data[i], half.data[i] * (1 + 1e-12)
+        if not fits or (h < UNBOUNDED and not (m - h <= low - reach and high + reach <= m + h)):
+            raise SceneError("varied_cells: the solid does not fit its cell", legal="repeat_varied(build, spacing)")
+
+
+@operator(bounds=_bounds, spread=1.0, check=_check_room)
+def varied_cells(
+    p: Expr,
+    child: Child,
+    cells: CellsOf = ANY,
+    spacing: Size3 = (2.0, 2.0, 2.0),
+    nx: Whole = 3,
+    ny: Whole = 1,
+    nz: Whole = 1,
+    middle: Vec3 = (0.0, 0.0, 0.0),
+    half: Vec3 = (UNBOUNDED, UNBOUNDED, UNBOUNDED),
+) -> Expr:
+    """Copies in a grid of cells, each with its own index.
+
+    nx, ny, nz : copies along each axis, 0 for no end, 1 for an axis that is left alone. middle, half : of the box that
+    all lie in.
+    """
+    lookups: list[list[tuple[Expr, Expr, Expr | None]]] = []
+    unseen = []
+    for i, n in enumerate((nx, ny, nz)):
+        if n == 1:
+            lookups.append([(p[i], expr(0.0), None)])
+            continue
+        shift = 0.5 if n and n % 2 == 0 else 0.0
+        along = p[i] / spacing[i] - shift
+        own = _limited(round(along), n)
+        local = along - own
+        other = _limited(own + where(local < 0.0, -1.0, 1.0), n)
+        gap = (0.5 - absolute(local)) * spacing[i]
+        lookups.append([(p[i] - spacing[i] * (cell + shift), cell, g) for cell, g in ((own, None), (other, gap))])
+        unseen.append((0.5 + absolute(local)) * spacing[i])
+    nearest = [_look_up(child, cells, choice) for choice in product(*lookups)]
+    aside = absolute(p - middle) - half
+    return at_least(balanced([*nearest, *unseen], min), max(*aside))
+
+
+def _limited(cell: Expr, n: int) -> Expr:
+    return cell if n == INFINITE else clamp(cell, -float(n // 2), float((n - 1) // 2))
+
+
+def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr | None]]) -> Expr:
+    """The child of one cell; of a neighbour no less than the way to it."""
+    asked = child(construct(*[q for q, _, _ in choice]))
+    index = construct(*[cell for _, cell, _ in choice])
+    distance = make(asked.op, asked.type, (*asked.args, cells.index, index), asked.data)
+    gaps = [gap for _, _, gap in choice if gap is not None]
+    return max(distance, balanced(gaps, max)) if gaps else distance
+
+
+def repeat_varied(
+    build: Callable[[Any], Node], spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None
+) -> Node:
+    """Copies at a spacing along the axes that differ from cell to cell.
+
+    Parameters
+    ----------
+    build : function that makes the solid of a cell, about the origin, from the cell's index: an expression, a vec3 of
+        whole numbers. Along an axis with n cells they run from -(n // 2) to (n - 1) // 2. Any parameter of any node
+        may depend on it; `noise.random_of(index)` gives a number from 0 to 1 for each cell.
+    spacing : a length > 0 for each of x, y and z; None leaves that axis alone. One number is for all three.
+    count : how many cells, about the origin: one number, or one for each axis; None for no end.
+
+    Facts hold for every index; what depends on it must have a finite range, so use sin, mod or clamp where there is
+    no end. The solid must fit its cell, from -spacing/2 to spacing/2, whatever the index.
+
+    A bound, 1-Lipschitz: it is exact up to the nearest cell that is not asked, half a cell away or more. Asks the own
+    cell and the nearer neighbour along each axis: 2, 4 or 8 look-ups.
+    """
+    steps = each_axis("repeat_varied", "spacing", spacing)
+    counts = each_axis("repeat_varied", "count", count)
+    numbers = []
+    for step, number in zip(steps, counts, strict=True):
+        n = 1 if step is None else INFINITE if number is None else number
+        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if number is None else 1):
+            raise SceneError(f"repeat_varied: count = {count!r}", legal="integers >= 1, or None for no end")
+        numbers.append(int(n))
+    width = [expr(1.0) if step is None else expr(step) for step in steps]
+    low, high = ([float(end(n)) for n in numbers] for end in (_first, _last))
+    cells = Cells((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+    node = build(cells.index)
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"repeat_varied: build gives {node!r}", legal="a solid such as sphere()")
+    middle, half = [], []
+    for i, axis in enumerate("xyz"):
+        _check_fit(node, axis, width[i], numbers[i], i)
+        reach = 0.0 if numbers[i] == 1 else 0.5 * (numbers[i] - 1) * float(interval_of(width[i])[1])
+        bottom, top = node.facts.lower[i] - reach, node.facts.upper[i] + reach
+        ends = numbers[i] != INFINITE and np.isfinite(top - bottom)
+        middle.append(0.5 * (bottom + top) if ends else 0.0)
+        half.append(0.5 * (top - bottom) if ends else UNBOUNDED)
+    nx, ny, nz = numbers
+    return varied_cells(node, cells, construct(*width), nx, ny, nz, middle, half)
+
+
+def _first(n: int) -> float:
+    return -np.inf if n == INFINITE else -(n // 2)
+
+
+def _last(n: int) -> float:
+    return np.inf if n == INFINITE else (n - 1) // 2
+
+
+def _check_fit(node: Node, axis: str, step: Expr, n: int, i: int) -> None:
+    if n == 1:
+        return
+    if step.type is not FLOAT or not float(interval_of(step)[0]) > 0.0:
+        raise SceneError(f"repeat_varied: spacing along {axis} = {step!r}", legal="a number > 0, or None")
+    smallest = float(interval_of(step)[0])
+    reach = 2.0 * float(np.maximum(-node.facts.lower, node.facts.upper)[i])
+    if not reach <= smallest * (1 + 1e-12):
+        raise SceneError(
+            f"repeat_varied: {node.name} reaches {0.5 * reach:g} from the middle of its cell along {axis}, its cell "
+            f"only {0.5 * smallest:g}",
+            legal=f"a spacing >= {reach:g} along {axis}"
+            if np.isfinite(reach)
+            else f"None as the spacing along {axis}, or parameters with a finite range",
+        )

@@ -1,0 +1,224 @@
+"""Surfaces displaced by a function of the point: noise, or one of the user's own.
+
+With a displacement of at most A, that is g-Lipschitz, the field f + A n is 1 + g steep. Divided by that, it would be
+marched slowly everywhere; but far from the surface f - A says as much and is no steeper than f, so the larger of both
+is taken. That moves no surface: where the first is 0 or less, f is A at most.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.derivative import companion
+from raymarch.expr.evaluate import Program
+from raymarch.expr.function import Function, function, sum_of, trace
+from raymarch.expr.hashing import random_of
+from raymarch.expr.intervals import INTERVALS, interval_of
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
+from raymarch.expr.walk import find
+from raymarch.sdf.definition import Child, operator
+from raymarch.sdf.domain import Domain, NonNegative, Scalar
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+__all__ = ["displace_by", "displace_by_noise", "random_of", "value_noise"]
+
+Frequency = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="1/length")]
+Octaves = Annotated[int, Domain(None, low=1, high=16, unit="count")]
+OfPoint = Annotated[Any, Domain(None, holds=Function)]
+
+
+def _displaced(distance: Expr, displacement: Expr, amplitude: Expr, slope: Expr) -> Expr:
+    return max((distance + displacement) / (1.0 + slope), distance - amplitude)
+
+
+@function(q=VEC3)
+def value_noise(q: Expr) -> Expr:
+    """Random values from -1 to 1 at the points of the lattice of whole numbers, joined by cosines; pi-Lipschitz.
+
+    The constant: with the weights w = (1 - cos(pi t)) / 2 along each axis, the noise is the mean of a function v of the
+    eight corners under a product of chances w and 1 - w. The coefficients c of v by its axes have a sum of squares
+    of at most the mean of v^2, hence at most 1 (Parseval), and the slopes are c w' / sqrt(w (1 - w)) = pi c.
+    """
+    cell = floor(q)
+    weight = 0.5 - 0.5 * cos(math.pi * (q - cell))
+
+    def along_x(y: float, z: float) -> Expr:
+        return mix(random_of(cell + vec3(0.0, y, z)), random_of(cell + vec3(1.0, y, z)), weight.x)
+
+    low, high = (mix(along_x(0.0, z), along_x(1.0, z), weight.y) for z in (0.0, 1.0))
+    return 2.0 * mix(low, high, weight.z) - 1.0
+
+
+OFFSET = (17.31, 5.77, 29.53)
+"""Between octaves, so that their lattices have no point in common."""
+
+
+def _share(octaves: int) -> float:
+    """Amplitude of the first octave, if the sum of all is 1 and each is half the one before."""
+    return 1.0 / (2.0 - 2.0 ** (1 - octaves))
+
+
+@operator(
+    bounds=lambda child, amplitude, **_: child.grown(amplitude),
+    lipschitz=1.0,
+    spread=lambda child, **_: child.spread,
+)
+def noisy(
+    p: Expr, child: Child, amplitude: NonNegative = 0.1, frequency: Frequency = 3.0, octaves: Octaves = 2
+) -> Expr:
+    """Moved along the normals by noise."""
+    first = _share(octaves)
+    layers = [
+        first * 0.5**i * value_noise(frequency * 2.0**i * p + tuple(i * o for o in OFFSET)) for i in range(octaves)
+    ]
+    slope = amplitude * frequency * (math.pi * first * octaves)
+    return _displaced(child(p), amplitude * sum_of(layers), amplitude, slope)
+
+
+@method
+def displace_by_noise(node: Node, amplitude: Scalar = 0.1, frequency: Scalar = 3.0, octaves: int = 2) -> Node:
+    """Moved along its normals by noise: random bumps, the same on every machine.
+
+    amplitude : farthest that the surface moves, a length >= 0. frequency : bumps a unit of length, > 0. octaves :
+    layers, 1 to 16, each half as high and twice as fine as the one before.
+
+    A bound: divided by 1 + pi amplitude frequency (times octaves / (2 - 2^(1 - octaves)) for more than one layer) near
+    the surface; farther away by nothing.
+    """
+    return noisy(node, amplitude, frequency, octaves)
+
+
+def _ripples(p: Expr) -> Expr:
+    """The specimen: up to 0.05, and sqrt(2) 0.3 steep."""
+    return 0.025 * (sin(12.0 * p.x) + sin(12.0 * p.z))
+
+
+RIPPLES = trace("ripples", _ripples, [("p", VEC3)])
+
+
+@operator(
+    bounds=lambda child, function, amplitude, slope: child.grown(amplitude),
+    lipschitz=1.0,
+    spread=lambda child, function, amplitude, slope: child.spread,
+)
+def displaced(
+    p: Expr,
+    child: Child,
+    function: OfPoint = RIPPLES,
+    amplitude: NonNegative = 0.05,
+    slope: Annotated[Any, Domain(FLOAT, low=0.0)] = 0.425,
+) -> Expr:
+    """Moved along the normals by a function of the point."""
+    return _displaced(child(p), clamp(function(p), -amplitude, amplitude), amplitude, slope)
+
+
+@method
+def displace_by(
+    node: Node, function: Callable[[Any], Any], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
+) -> Node:
+    """Moved along its normals by a function of the point.
+
+    Parameters
+    ----------
+    function : from a point, a vec3 expression, to a number; written in `raymarch.expr.vocabulary`. Positive values move
+        the surface inwards, for they are added to the distance.
+    amplitude : the function lies between -amplitude and amplitude, a length >= 0; what does not, is cut. None to derive
+        it.
+    lipschitz : how steep the function is at most, >= 0. None to derive it from the function's gradient; a number is
+        taken on trust, and one too small makes holes.
+
+    A bound: divided by 1 + lipschitz near the surface, farther away by nothing. What is derived holds over all space if
+    it can (sines), else over the solid's box with room for the displacement, which needs a bounded solid. A function
+    with steps (floor, mod, where, noise) needs `lipschitz` as a number.
+    """
+    if not callable(function):
+        raise SceneError(f"displace_by: function = {function!r}", legal="a function of a point")
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"displace_by of {node!r}", legal="a solid such as sphere()")
+    made = function if isinstance(function, Function) else _traced(function)
+    if amplitude is None or lipschitz is None:
+        made, amplitude, lipschitz = _measured(node, made, amplitude, lipschitz)
+    return displaced(node, made, amplitude, lipschitz)
+
+
+def _traced(source: Callable[[Any], Any]) -> Function:
+    def of_point(p: Expr) -> Any:
+        return expr(source(p))
+
+    code = getattr(source, "__code__", of_point.__code__)
+    made = trace(getattr(source, "__name__", "displacement").strip("<>"), of_point, [("p", VEC3)], code)
+    if made.type is not FLOAT:
+        raise SceneError(f"displace_by: function gives a {made.type}", legal="a number", where=made.where)
+    return made
+
+
+# What can be derived of a function
+
+JUMPS = ("sign", "floor", "ceil", "round", "fract", "mod", "step", "where", "loop", "random_of", "raw")
+"""Operations that may jump, or whose slope intervals do not follow."""
+
+
+LARGEST = 2.0**23
+"""A field divided by more than this says nothing in float32."""
+
+
+def _measured(
+    node: Node, function: Function, amplitude: Scalar | None, lipschitz: Scalar | None
+) -> tuple[Function, Scalar, Scalar]:
+    """The function with its amplitude and slope; where they hold in a box only, held constant outside of it."""
+    jumps = find([function.body], *JUMPS)
+    if lipschitz is None and jumps:
+        raise SceneError(
+            f"displace_by: the function uses '{jumps[0].op}', so how steep it is cannot be derived",
+            legal="lipschitz = the most by which it changes a unit of length",
+        )
+
+    def over(lower: Any, upper: Any) -> tuple[Any, Any]:
+        size, slope = _steepest(function, lower, upper)
+        return size if amplitude is None else amplitude, slope if lipschitz is None else lipschitz
+
+    def finite(pair: tuple[Any, Any]) -> bool:
+        return all(isinstance(value, Expr) or value < LARGEST for value in pair)
+
+    everywhere = np.full(3, np.inf)
+    if finite(found := over(-everywhere, everywhere)):
+        return function, *found
+    if not node.facts.bounded:
+        raise SceneError(
+            f"displace_by: {node.name} has no end, and nothing limits the function over it",
+            legal="a bounded solid, as `node & box(...)`; or amplitude and lipschitz as numbers",
+        )
+    lower, upper = node.bounds
+    for room in (1.0, 2.0, 4.0):
+        reach = node.facts.spread * room * float(interval_of(expr(over(*node.bounds)[0]))[1])
+        lower, upper = node.bounds[0] - reach, node.bounds[1] + reach
+        found = over(lower, upper)
+        if finite(found) and node.facts.spread * float(interval_of(expr(found[0]))[1]) <= reach:
+            return _held_outside(function, lower, upper), *found
+    raise SceneError(
+        f"displace_by: nothing limits how far or how steeply the function moves {node.name}",
+        legal="amplitude and lipschitz as numbers",
+    )
+
+
+def _steepest(function: Function, lower: Any, upper: Any) -> tuple[float, float]:
+    """The largest size and slope of a function over a box, by intervals; infinite where they are not known."""
+    whole = companion(function)
+    with np.errstate(all="ignore"):
+        ((low, high),) = Program([whole.body], whole.params, INTERVALS)((lower, upper))
+    largest = np.maximum(np.abs(low), np.abs(high))
+    largest = np.where(np.isnan(largest), np.inf, largest)
+    return float(largest[3]), float(np.linalg.norm(largest[:3]))
+
+
+def _held_outside(function: Function, lower: Any, upper: Any) -> Function:
+    """The function asked at the nearest point of a box."""
+    return trace(f"{function.name}_held", lambda p: function(clamp(p, lower, upper)), [("p", VEC3)])

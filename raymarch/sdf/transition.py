@@ -1,0 +1,115 @@
+"""One solid that turns into another along a line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.vocabulary import clamp, dot, length, max, min
+from raymarch.expr.walk import find
+from raymarch.sdf.booleans import balanced
+from raymarch.sdf.definition import Child, ChildFacts, combination
+from raymarch.sdf.domain import Positive, Vec3, Vector
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.lower import lower as lower_field
+from raymarch.sdf.node import Node
+from raymarch.sdf.registry import method
+
+__all__ = ["transition"]
+
+
+def _hull(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
+    return balanced([c.lower for c in children], min), balanced([c.upper for c in children], max)
+
+
+def _widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
+    return balanced([c.spread for c in children], max)
+
+
+def _transition_slope(children: Sequence[ChildFacts], start: Expr, end: Expr, reach: Expr) -> Expr:
+    return balanced([c.lipschitz for c in children], max) + reach / length(end - start)
+
+
+def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> str:
+    """The share is the same on both sides of a plane that the way lies along."""
+    way = end - start
+    still = [axis for axis, step in zip("xyz", way, strict=True) if step.is_constant and not step.data]
+    return "".join(axis for axis in still if all(axis in child.symmetry for child in children))
+
+
+@combination(bounds=_hull, lipschitz=_transition_slope, spread=_widest, symmetry=_symmetry_across)
+def transition_between(
+    p: Expr,
+    children: Sequence[Child],
+    start: Vec3 = (0.0, -1.0, 0.0),
+    end: Vec3 = (0.0, 1.0, 0.0),
+    reach: Positive = 2.0,
+) -> Expr:
+    """The first solid at one end, all others at the other, mixed between them.
+
+    start, end : where the first ends and the second begins. reach : differences of the two distances beyond this are
+    taken as this, so that the share, which changes over space, cannot make the sum steep.
+    """
+    a, *others = (child(p) for child in children)
+    b = balanced(others, min)
+    way = end - start
+    share = clamp(dot(p - start, way) / dot(way, way), 0.0, 1.0)
+    return a + share * clamp(b - a, -reach, reach)
+
+
+@method
+def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
+    """One solid that turns into another along a line.
+
+    a, b : bounded solids. start, end : distinct points; the solid is a up to the plane through `start`, and b from
+        that through `end` on.
+
+    A bound. With the share s growing by 1/|end - start| a unit of length, a + s (b - a) changes by 1 + |b - a| /
+    |end - start| at most. It matters only where one distance is positive and the other is not, how large |b - a| is:
+    elsewhere the sum has the sign of both. There it is bounded by its values on a grid, from which it differs by twice
+    the way at most, or, for solids with parameters, by the diagonal of the box of both; larger differences are cut.
+    """
+    for name, node in (("a", a), ("b", b)):
+        if isinstance(node, Node) and not node.facts.bounded:
+            raise SceneError(
+                f"transition: {name} ({node.name}) has no end",
+                legal="bounded solids: cut it first, as `node & box(...)`",
+            )
+    ends = expr(start), expr(end)
+    if ends[0] is ends[1]:
+        raise SceneError(f"transition: start = end = {start!r}", legal="two different points")
+    reach = _largest_difference(a, b) if isinstance(a, Node) and isinstance(b, Node) else 1.0
+    return transition_between((a, b), start, end, reach)
+
+
+GRID = 24
+"""Points along each edge at which the two distances are compared."""
+
+
+def _largest_difference(a: Node, b: Node) -> float:
+    """A bound of |b - a| where a and b differ in sign.
+
+    Both are 1-Lipschitz and no larger than the way to the surface: a ball in one solid and the nearest point of the
+    other lie in the box of both, so its diagonal is a bound. Where values can be had, a grid of them gives a
+    closer one.
+    """
+    lower, upper = np.minimum(a.bounds[0], b.bounds[0]), np.maximum(a.bounds[1], b.bounds[1])
+    diagonal = float(np.linalg.norm(upper - lower)) or 1.0
+    if a.dimension != 3 or b.dimension != 3:
+        return diagonal
+    steps = [np.linspace(low, high, GRID) for low, high in zip(lower, upper, strict=True)]
+    points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    try:
+        if find([lower_field(node).body for node in (a, b)], "param", "time"):
+            return diagonal
+        da, db = a.distance(points), b.distance(points)
+    except SceneError:  # it depends on the index of a cell, or is GLSL without a twin
+        return diagonal
+    way = 0.5 * diagonal / (GRID - 1)  # from any point of the box to the nearest of the grid
+    mixed = (np.minimum(da, db) <= way) & (np.maximum(da, db) >= -way)
+    largest = float(np.max(np.abs(db - da)[mixed], initial=0.0)) + 2.0 * way
+    return float(np.minimum(largest, diagonal))

@@ -1,0 +1,217 @@
+"""Space sheared, pointed along a direction, and wrapped around an axis."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import abs as absolute
+from raymarch.expr.vocabulary import atan2, clamp, columns, cross, dot, length, max, min, sqrt, transpose, vec3, where
+from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
+from raymarch.sdf.domain import Direction, Length, NonNegative, Scalar, Vec3, Vector, Whole
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.node import Node
+from raymarch.sdf.placing import AXES, axis_vector
+from raymarch.sdf.registry import method
+
+__all__ = ["orient", "shear", "wrap_around"]
+
+
+def _solid(name: str, node: Any) -> Node:
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"{name} of {node!r}", legal="a solid such as sphere()")
+    return node
+
+
+# Orient
+
+
+def turn_between(start: Expr, end: Expr) -> Expr:
+    """The smallest rotation that takes one unit vector to another, for column vectors.
+
+    Rodrigues' formula with sin and cos of the angle as the cross and dot products: R = c I + [v] + v v' / (1 + c).
+    Where the two are opposite, half a turn about an axis across.
+    """
+    v, c = cross(start, end), dot(start, end)
+    opposite = c < -1.0 + 1e-6  # beyond, 1 + c has lost all but a bit or two of a float32
+    share = 1.0 / where(opposite, 1.0, 1.0 + c)
+    x, y, z = v
+    turn = columns(
+        vec3(c, z, -y) + share * x * v,
+        vec3(-z, c, x) + share * y * v,
+        vec3(y, -x, c) + share * z * v,
+    )
+    across = where(absolute(start.x) < 0.7, vec3(0.0, start.z, -start.y), vec3(start.y, -start.x, 0.0))
+    a = across / length(across)
+    half = columns(2.0 * a.x * a - vec3(1, 0, 0), 2.0 * a.y * a - vec3(0, 1, 0), 2.0 * a.z * a - vec3(0, 0, 1))
+    return where(opposite, half, turn)
+
+
+@operator(
+    exactness="exact",
+    bounds=lambda child, axis, direction: turn_between(axis, direction) @ child.box,
+    spread=lambda child, axis, direction: math.sqrt(3.0) * child.spread,
+    convex=True,
+)
+def oriented(p: Expr, child: Child, axis: Direction = (0.0, 1.0, 0.0), direction: Direction = (1.0, 1.0, 1.0)) -> Expr:
+    """Turned so that an axis points along a direction."""
+    return child(transpose(turn_between(axis, direction)) @ p)
+
+
+@method
+def orient(node: Node, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str = "y") -> Node:
+    """Turned, by the smallest angle, so that an axis of the solid points along a direction.
+
+    direction : vec3 of any length but 0. axis : "x", "y", "z" or a direction.
+    """
+    return oriented(_solid("orient", node), axis_vector("orient", axis), direction)
+
+
+# Shear
+
+
+def shear_slope(amount: Expr) -> Expr:
+    """The larger singular value of the matrix with rows (1, a) and (0, 1)."""
+    a = absolute(amount)
+    return 0.5 * (a + sqrt(a * a + 4.0))
+
+
+@operator(
+    bounds=lambda child, amount, axis, by: child.box + amount * axis * dot(by, child.box),
+    lipschitz=lambda child, amount, axis, by: child.lipschitz * shear_slope(amount),
+    spread=lambda child, amount, axis, by: child.spread * (1.0 + absolute(amount)),
+    convex=True,
+)
+def sheared(
+    p: Expr, child: Child, amount: Length = 0.5, axis: Vec3 = (1.0, 0.0, 0.0), by: Vec3 = (0.0, 1.0, 0.0)
+) -> Expr:
+    """Moved along one axis in proportion to the coordinate along another."""
+    return child(p - amount * axis * dot(by, p))
+
+
+@method
+def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> Node:
+    """Moved along one axis by `amount` times the coordinate along another, as a stack of cards leans.
+
+    amount : length a unit of length. axis, by : two of "x", "y", "z".
+
+    A bound, divided by (a + sqrt(a^2 + 4)) / 2 with a = |amount|, the largest stretch, which is the same everywhere:
+    the solid may be without end.
+    """
+    if axis not in AXES or by not in AXES or axis == by:
+        raise SceneError(f"shear: axis = {axis!r}, by = {by!r}", legal="two different ones of 'x', 'y' and 'z'")
+    return sheared(_solid("shear", node), amount, AXES[axis], AXES[by])
+
+
+# Wrap around
+
+RELIEF = 0.125
+"""Share of the ring's radius up to which distances inside of that radius are told."""
+
+UNBOUNDED = 1e30
+"""Half the height of what has no end, small enough for float32."""
+
+
+def _wrapped_bounds(child: ChildFacts, start: Expr, end: Expr, above: Expr, **_: Any) -> tuple[Expr, Expr]:
+    outer = (end - start) / math.tau + above
+    return vec3(-outer, child.lower.y, -outer), vec3(outer, child.upper.y, outer)
+
+
+def _check_wrapped(
+    child: Facts, start: Expr, end: Expr, below: Expr, above: Expr, low: Expr, high: Expr, both: int
+) -> None:
+    """The slab must fit its ring, leave the axis free, and be asked twice unless it mirrors itself."""
+    bottom, top = np.maximum(child.lower[1], -UNBOUNDED), np.minimum(child.upper[1], UNBOUNDED)
+    if not (interval_of(low)[1] <= bottom and top <= interval_of(high)[0]):
+        raise SceneError("wrapped: the solid is higher than it is told to be", legal="low and high around it")
+    first, last, radius = interval_of(start)[1], interval_of(end)[0], interval_of((end - start) / math.tau)
+    slack = 1e-9 * float(radius[1])
+    if not (child.lower[0] >= first - slack and child.upper[0] <= last + slack and radius[0] > 0.0):
+        raise SceneError(
+            f"wrap_around: the solid reaches along x from {child.lower[0]:g} to {child.upper[0]:g}",
+            legal="start and end around the solid; cut what has no end, as `node & box(...)`",
+        )
+    if not (-child.lower[2] <= interval_of(below)[0] and child.upper[2] <= interval_of(above)[0]) or not (
+        radius[0] > interval_of(below)[1]
+    ):
+        raise SceneError(
+            f"wrap_around: the solid reaches along z from {child.lower[2]:g} to {child.upper[2]:g}, the radius of the "
+            f"ring is {float(radius[0]):g}",
+            legal="a solid bounded along z that leaves the axis free, or a larger end - start",
+        )
+    if not both and not _is_centred(child, start, end):
+        raise SceneError("wrapped: this solid must be asked at both ends", legal="both=1")
+
+
+def _is_centred(child: Facts, start: Expr, end: Expr) -> bool:
+    """True if the slab is its own image in the middle of its ring."""
+    ends = start + end
+    return "x" in child.symmetry and ends.is_constant and float(ends.data) == 0.0
+
+
+@operator(bounds=_wrapped_bounds, lipschitz=1.0, spread=1.0, check=_check_wrapped)
+def wrapped(
+    p: Expr,
+    child: Child,
+    start: Length = -3.0,
+    end: Length = 3.0,
+    below: NonNegative = 0.8,
+    above: NonNegative = 0.8,
+    low: Length = -0.5,
+    high: Length = 0.5,
+    both: Whole = 1,
+) -> Expr:
+    """A slab in the xy plane, wrapped around the y axis.
+
+    start, end : the x that come together. below, above : how far the slab reaches along z. low, high : its
+    ends along y. both : 1 to ask the slab's
+    other end too, across the seam at the back.
+
+    At the distance rho from the axis a unit of the circumference is radius / rho units of x. Inside of the radius the
+    field c is therefore weighted by rho / radius: along the circumference that is as steep as c; along rho it
+    is |c| / radius more. With |c| cut at a share of the radius, the sum is 1 + share steep. Around the axis the way
+    to the ring is larger, so that it is not seen how the weight goes to 0. Of the other end the field says no less
+    than the way to the seam; opposite of the seam, where the ends change places, that is more than the cut.
+    """
+    radius, middle = (end - start) / math.tau, 0.5 * (start + end)
+    rho = length(p.xz)
+    x = middle + radius * atan2(p.x, p.z)
+    value = child(vec3(x, p.y, rho - radius))
+    if both:
+        around = end - start
+        other = where(x < middle, x + around, x - around)
+        to_seam = 0.5 * around - absolute(x - middle)
+        value = min(value, max(child(vec3(other, p.y, rho - radius)), to_seam))
+    told = RELIEF * radius
+    cut = clamp(value, -told, told + clamp(rho - radius, 0.0, 2.0 * radius))
+    aside = max(radius - below - rho, rho - radius - above, low - p.y, p.y - high)
+    return at_least(min(rho / radius, 1.0) * cut / (1.0 + RELIEF), aside)
+
+
+@method
+def wrap_around(node: Node, start: Scalar | None = None, end: Scalar | None = None) -> Node:
+    """A slab that lies along x, wrapped once around the y axis to a ring.
+
+    start, end : the x that come together at the back, start < end; by default the ends of the solid's box. The solid
+        must lie between them. z = 0 comes to lie at the radius (end - start) / (2 pi), +z outwards; y stays.
+
+    A bound: inside of the radius the field is weighted by the distance from the axis, and all is divided by 1.125.
+    Asks the slab once if it is symmetric about the middle of start and end, which must be 0, else twice.
+    """
+    lower, upper = _solid("wrap_around", node).bounds
+    for name, value, edge in (("start", start, lower[0]), ("end", end, upper[0])):
+        if value is None and not np.isfinite(edge):
+            raise SceneError(f"wrap_around: {node.name} has no end along x", legal=f"a number as {name}")
+    first = expr(float(lower[0]) if start is None else start)
+    last = expr(float(upper[0]) if end is None else end)
+    if first.type is not FLOAT or last.type is not FLOAT or not float(interval_of(last - first)[0]) > 0.0:
+        raise SceneError(f"wrap_around: start = {start!r}, end = {end!r}", legal="numbers, start < end")
+    below, above = (float(np.clip(reach, 0.0, UNBOUNDED)) for reach in (-lower[2], upper[2]))
+    low, high = (float(np.clip(end, -UNBOUNDED, UNBOUNDED)) for end in (lower[1], upper[1]))
+    return wrapped(node, first, last, below, above, low, high, 0 if _is_centred(node.facts, first, last) else 1)

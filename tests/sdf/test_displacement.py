@@ -1,0 +1,71 @@
+"""Displacement by a function: what is derived of it, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.derivative import companion
+from raymarch.expr.vocabulary import cos, floor, sin, sqrt
+from raymarch.sdf import box, plane, sphere
+from raymarch.sdf.noise import value_noise
+
+POINTS = np.random.default_rng(6).uniform(-2, 2, (20_000, 3))
+
+
+def test_the_surface_moves_by_the_function() -> None:
+    node = plane().displace_by(lambda p: 0.1 * sin(3.0 * p.x) * cos(2.0 * p.z))
+    x, z = POINTS[:, 0], POINTS[:, 2]
+    heights = -0.1 * np.sin(3.0 * x) * np.cos(2.0 * z)
+    assert np.all(np.abs(node.distance(np.stack([x, heights, z], axis=1))) < 1e-12)
+    assert node.params["amplitude"].data == pytest.approx(0.1)
+    assert 0.3 <= node.params["slope"].data <= np.hypot(0.3, 0.2) + 1e-12
+
+
+def test_a_polynomial_is_held_outside_of_the_solid() -> None:
+    """Its slope has a bound only there; on the surface nothing of that is seen."""
+    node = box((1, 1, 1)).displace_by(lambda p: 0.2 * p.x * p.x)
+    free = box((1, 1, 1)).displace_by(lambda p: 0.2 * p.x * p.x, 0.2, 1.0)
+    np.testing.assert_array_equal(node.distance(POINTS) < 0, free.distance(POINTS) < 0)
+    assert node.facts.bounded
+
+
+def test_far_away_nothing_is_divided() -> None:
+    node = sphere().displace_by_noise(0.05, 8.0)
+    far = np.array([[0.0, 40.0, 0.0]])
+    assert node.distance(far)[0] == pytest.approx(39.0 - 0.05)
+
+
+def test_noise_is_as_steep_as_it_says() -> None:
+    """Random values of both extremes make it nearly pi steep; a smaller constant would be wrong."""
+    slope = companion(value_noise)
+    at = np.random.default_rng(7).uniform(-30, 30, (200_000, 3))
+    (both,) = evaluator([slope.body], slope.params)(at)
+    steepest = np.linalg.norm(both[:, :3], axis=1).max()
+    assert 2.0 < steepest <= np.pi
+    assert np.abs(both[:, 3]).max() <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: sphere().displace_by(lambda p: floor(p.x)), "lipschitz = "),
+        (lambda: plane().displace_by(lambda p: 0.1 * p.x), r"node & box\(\.\.\.\)"),
+        (lambda: sphere().displace_by(lambda p: 50.0 * p.x * p.x), "amplitude and lipschitz as numbers"),
+        (lambda: sphere().displace_by(lambda p: sqrt(p.x), 0.1), "amplitude and lipschitz as numbers"),
+        (lambda: sphere().displace_by(lambda p: p), "a number"),
+        (lambda: sphere().displace_by(3), "a function of a point"),
+        (lambda: rm.circle().displace_by(lambda p: 0.1 * sin(p.x)), "a solid"),
+        (lambda: sphere().displace_by(lambda p: 0.1 * sin(p.x), -1.0), ">= 0"),
+        (lambda: sphere().displace_by_noise(0.1, 0.0), "> 0"),
+        (lambda: sphere().displace_by_noise(octaves=99), "<= 16"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
+    with pytest.raises(SceneError, match=says):
+        make()

@@ -1,0 +1,77 @@
+"""Orienting, shearing, wrapping and turning into each other: where points go, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.sdf import box, plane, sphere
+
+RANDOM = np.random.default_rng(9)
+
+
+@pytest.mark.parametrize("direction", [(1, 2, -0.5), (0, -1, 0), (0, 1, 0), (1e-9, -1, 0), (0, 0, 3)])
+def test_orient_points_the_axis(direction: tuple[float, float, float]) -> None:
+    """A needle along y comes to lie along the direction, undistorted."""
+    node = box((0.2, 2.0, 0.2)).orient(direction)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    np.testing.assert_allclose(node.distance([unit * 1.5, -unit * 1.5]), 0.5, atol=1e-9)
+    assert node.exactness == "exact"
+    slopes = np.linalg.norm(node.gradient(RANDOM.uniform(-2, 2, (100, 3))), axis=1)
+    np.testing.assert_allclose(slopes, 1.0, atol=1e-9)
+
+
+def test_orient_takes_another_axis() -> None:
+    node = box((2.0, 0.2, 0.2)).orient((0, 0, 1), axis="x")
+    assert node.distance([0, 0, 1.2]) == pytest.approx(0.2)
+
+
+def test_shear_leans() -> None:
+    node = box((1.0, 2.0, 1.0)).shear(0.5, "x", "y")
+    moved = RANDOM.uniform(-1.5, 1.5, (2000, 3))
+    at = moved - np.array([0.5, 0, 0]) * moved[:, 1:2]
+    np.testing.assert_array_equal(node.distance(moved) < 0, box((1.0, 2.0, 1.0)).distance(at) < 0)
+    assert plane((1, 0, 0)).shear(0.3).distance([0.3, 1.0, 0.0]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_wrap_around_makes_a_ring() -> None:
+    """Points of the slab go to the angle x / radius and the radius plus z."""
+    slab = box((6.0, 1.0, 0.4)) - sphere(0.3).translate((1.0, 0.1, 0.1))
+    node, radius = slab.wrap_around(-3.2, 3.2), 6.4 / (2 * np.pi)
+    flat = RANDOM.uniform((-3.2, -0.8, -0.4), (3.2, 0.8, 0.4), (4000, 3))
+    angle, rho = flat[:, 0] / radius, radius + flat[:, 2]
+    ring = np.stack([rho * np.sin(angle), flat[:, 1], rho * np.cos(angle)], axis=1)
+    np.testing.assert_array_equal(node.distance(ring) < 0, slab.distance(flat) < 0)
+
+
+def test_transition_has_both_ends() -> None:
+    a, b = box((1.0, 2.0, 1.0)), rm.cylinder(0.7, 2.0)
+    node = a.transition(b, (0, -0.5, 0), (0, 0.5, 0))
+    points = RANDOM.uniform(-1.2, 1.2, (4000, 3))
+    low, high = points[:, 1] < -0.5, points[:, 1] > 0.5
+    np.testing.assert_array_equal(node.distance(points[low]) < 0, a.distance(points[low]) < 0)
+    np.testing.assert_array_equal(node.distance(points[high]) < 0, b.distance(points[high]) < 0)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: sphere().orient((0, 0, 0)), "not all zero"),
+        (lambda: sphere().orient((1, 0, 0), axis="w"), "'x', 'y', 'z'"),
+        (lambda: rm.circle().orient((1, 0, 0)), "a solid"),
+        (lambda: sphere().shear(0.5, "x", "x"), "two different"),
+        (lambda: plane().wrap_around(), "a number as start"),
+        (lambda: sphere().wrap_around(-0.5, 0.5), "start and end around the solid"),
+        (lambda: sphere(0.5).wrap_around(), "leaves the axis free"),
+        (lambda: plane((0, 0, 1)).wrap_around(-3, 3), "cut what has no end"),
+        (lambda: plane().transition(sphere(), (0, 0, 0), (0, 1, 0)), r"node & box\(\.\.\.\)"),
+        (lambda: sphere().transition(box(), (0, 1, 0), (0, 1, 0)), "two different points"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
+    with pytest.raises(SceneError, match=says):
+        make()

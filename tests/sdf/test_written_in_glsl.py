@@ -1,0 +1,79 @@
+"""Fields written in GLSL: the facts that they promise, their twin, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from glsl_harness import run
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.expr.types import VEC3
+from raymarch.gpu.context import Context
+from raymarch.sdf import glsl_node, sphere
+
+BALL = """
+const float R = 1.0;
+float my_length(vec3 p) { return sqrt(dot(p, p)); }
+float ball(vec3 p) {
+    return my_length(p) - R;
+}"""
+POINTS = np.random.default_rng(8).uniform(-2, 2, (2000, 3))
+
+
+def ball(**facts: Any) -> rm.Node:
+    given: dict[str, Any] = {"exactness": "exact", "bounds": ((-1, -1, -1), (1, 1, 1)), **facts}
+    return glsl_node(BALL, "ball", **given)
+
+
+def twin(points: Any) -> Any:
+    return np.linalg.norm(points, axis=1) - 1.0
+
+
+def test_it_is_a_node_like_any_other(egl: Context) -> None:
+    node = (ball(twin=twin).translate((0.3, 0, 0)) | sphere(0.4)).repeat(4.0, 2)
+    same = (sphere(1.0).translate((0.3, 0, 0)) | sphere(0.4)).repeat(4.0, 2)
+    np.testing.assert_allclose(node.distance(POINTS), same.distance(POINTS), atol=1e-12)
+    np.testing.assert_allclose(run(egl, node.glsl(), "field({0})", [(VEC3, POINTS)]), same.distance(POINTS), atol=2e-6)
+    assert node.exactness == same.exactness
+    np.testing.assert_array_equal(node.bounds, same.bounds)
+
+
+def test_without_a_twin_it_is_drawn_and_not_computed() -> None:
+    node = ball()
+    with rm.Renderer((32, 24)) as renderer:
+        frame = renderer.render(rm.Scene(node))
+        plain = renderer.render(rm.Scene(sphere()))
+    np.testing.assert_allclose(frame.color, plain.color, atol=2e-3)
+    with pytest.raises(SceneError, match="twin"):
+        node.distance(POINTS)
+    with pytest.raises(SceneError, match="twin"):
+        rm.truth(rm.Scene(node), size=(4, 4))
+
+
+def test_a_steep_field_is_divided() -> None:
+    node = glsl_node("float steep(vec3 p) { return 3.0 * p.y; }", "steep", "bound", 3.0, twin=lambda p: 3.0 * p[:, 1])
+    np.testing.assert_allclose(node.distance(POINTS), POINTS[:, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: glsl_node("float f(vec2 p) { return 1.0; }", "f"), r"float f\(vec3 p\)"),
+        (lambda: glsl_node("// float f(vec3 p) {}", "f"), r"float f\(vec3 p\)"),
+        (lambda: glsl_node(BALL + "void main() {}", "ball"), "functions only"),
+        (lambda: glsl_node(BALL + "}", "ball"), "functions only"),
+        (lambda: glsl_node(BALL, "float"), "a name that is free"),
+        (lambda: ball(exactness="good"), "'exact', 'bound' or 'estimate'"),
+        (lambda: ball(lipschitz=0.0), "a number > 0"),
+        (lambda: ball(bounds=((1, 1, 1), (0, 0, 0))), "lower < upper"),
+        (lambda: ball(twin=3), "a function"),
+        (lambda: ball(twin=lambda p: p).distance(POINTS), r"gives shape \(2000, 3\)"),
+        (lambda: (ball() | glsl_node("float ball(vec3 p) { return p.x; }", "ball")).glsl(), "another name"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
+    with pytest.raises(SceneError, match=says):
+        make()
