@@ -17,6 +17,8 @@ from PIL import Image, ImageDraw
 import raymarch as rm
 import raymarch.sdf
 from raymarch.errors import RaymarchError
+from raymarch.expr.node import Expr
+from raymarch.expr.vocabulary import sin, vec3
 from raymarch.sdf.definition import REGISTRY, Definition
 from raymarch.sdf.node import Node
 
@@ -33,6 +35,13 @@ def brick() -> Node:
 
 def pair() -> tuple[Node, Node]:
     return rm.box((1.2, 0.8, 1.0)).translate((-0.3, -0.2, 0)), rm.sphere(0.6).translate((0.4, 0.3, 0.1))
+
+
+def tile(index: Expr) -> Node:
+    """One cell: its height and colour are its own."""
+    height = 0.2 + 0.9 * rm.random_of(index)
+    color = vec3(0.2 + 0.7 * rm.random_of(index + vec3(7.0, 0.0, 0.0)), 0.5, 0.8 - 0.6 * rm.random_of(index))
+    return rm.box((0.4, height, 0.4)).round(0.03).material(rm.Material(color=color, shininess=60))
 
 
 SPECIMENS: dict[str, Callable[[], Node]] = {
@@ -64,6 +73,13 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "bend_about_z": lambda: rm.box((2.4, 0.3, 0.5)).bend(0.7),
     "taper_along_y": lambda: rm.box((0.9, 1.6, 0.9)).taper(-0.6),
     "polar_sectors": lambda: rm.capsule((0.5, 0, 0), (1.1, 0.3, 0), 0.14).polar(7),
+    "varied_cells": lambda: rm.repeat_varied(tile, (0.6, None, 0.6), (4, 1, 4)),
+    "oriented": lambda: rm.box((0.4, 1.6, 0.4)).orient((1, 1, 0.5)),
+    "sheared": lambda: brick().shear(0.6),
+    "wrapped": lambda: rm.box((0.3, 0.6, 0.2)).repeat((0.5, None, None), 12).wrap_around(-3, 3),
+    "transition_between": lambda: rm.box((1.0, 2.2, 1.0)).transition(rm.cylinder(0.35, 2.2), (0, -0.8, 0), (0, 0.8, 0)),
+    "noisy": lambda: rm.sphere().displace_by_noise(0.15, 3.0, 4),
+    "displaced": lambda: rm.sphere().displace_by(lambda p: 0.06 * sin(14.0 * p.y + 3.0 * p.x)),
     "round": lambda: brick().round(0.25),
     "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
 }

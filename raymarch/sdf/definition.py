@@ -116,8 +116,9 @@ class Definition:
 
     @property
     def usage(self) -> str:
-        """How it is called."""
-        shown = [f"{n}={self.defaults[n]!r}" if n in self.defaults else n for n in self.domains]
+        """How it is called; defaults that are data are left out."""
+        plain = {n: value for n, value in self.defaults.items() if isinstance(value, int | float | str | tuple)}
+        shown = [f"{n}={plain[n]!r}" if n in plain else n for n in self.domains]
         return f"{self.name}({', '.join(shown)})"
 
     # The field
