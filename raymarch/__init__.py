@@ -5,7 +5,7 @@ import raymarch as rm
 rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 """
 
-from raymarch.errors import DeviceError, PlanError, RaymarchError, SceneError, ShaderError
+from raymarch.errors import CostError, DeviceError, PlanError, RaymarchError, SceneError, ShaderError
 from raymarch.gpu import Frame, Renderer, render
 from raymarch.scene import Camera, Fog, Material, Param, PointLight, Quality, Scene, Sky, Sun, time
 from raymarch.sdf import (
@@ -116,6 +116,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Camera",
+    "CostError",
     "DeviceError",
     "Fog",
     "Frame",

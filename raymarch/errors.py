@@ -68,6 +68,10 @@ class DeviceError(RaymarchError):
     """No usable OpenGL context, a limit of the driver exceeded, or a device that failed."""
 
 
+class CostError(RaymarchError):
+    """No setting gives what was asked for, or a measurement cannot be made or reported as asked."""
+
+
 def user_location() -> Location | None:
     """The innermost line of the call stack that is neither this package's nor an installed library's, if any."""
     frame: FrameType | None = sys._getframe(1)

@@ -1,5 +1,6 @@
-"""The command line: render, explain, doctor."""
+"""The command line: render, explain, cost, doctor."""
 
+from raymarch.cli import cost  # noqa: F401 - its command registers itself
 from raymarch.cli.commands import main
 
 __all__ = ["main"]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json as json_format
-import os
 import sys
-import tempfile
 import time as clock_time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +15,7 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn
 
 import raymarch
+from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
 from raymarch.errors import RaymarchError
 from raymarch.gpu.doctor import examine
 from raymarch.gpu.renderer import Renderer
@@ -31,9 +30,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-# Without emoji=False rich makes a picture of the line number in "scene.py:100:".
-errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
-
 FORMATS = {
     ".png": "PNG",
     ".jpg": "JPEG",
@@ -43,19 +39,6 @@ FORMATS = {
     ".tiff": "TIFF",
     ".bmp": "BMP",
 }
-
-SceneFile = Annotated[
-    Path, typer.Argument(metavar="SCENE.py", help="A Python file that leaves a module-level `scene`.")
-]
-
-
-class CommandError(RaymarchError):
-    """Wrong use of the command line; it has no line in a file."""
-
-    def __init__(self, what: str, *, legal: str = "") -> None:
-        super().__init__(what, legal=legal)
-        self.where = None
-        self.args = (str(self),)
 
 
 def main(args: Sequence[str] | None = None) -> None:
@@ -104,9 +87,9 @@ def render(
     """Draw a scene into a picture file, without a screen."""
     if view not in VIEWS:
         raise CommandError(f"--view {view}", legal=", ".join(VIEWS))
-    width, height = _parse_size(size)
+    width, height = parse_size(size)
     found = load(scene)
-    params = _parse_settings(set_ or [])
+    params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     moments = _moments(target, time, frames, fps)
     with Renderer((width, height), backend, device) as renderer, _progress(len(moments)) as progress:
@@ -115,7 +98,7 @@ def render(
             outputs = VIEWS[view]
             frame = renderer.render(found, moment, params, outputs, lambda share, i=i: progress(i + share))  # type: ignore[misc]
             shown = picture(frame, view, found)
-            with _written(file) as partial:
+            with written(file) as partial:
                 shown.save(partial, FORMATS[file.suffix.lower()])
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
@@ -123,28 +106,6 @@ def render(
                 f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}",
                 markup=False,
             )
-
-
-def _parse_size(text: str) -> tuple[int, int]:
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(p.isdecimal() for p in parts) or not all(int(p) > 0 for p in parts):
-        raise CommandError(f"--size {text}", legal="WxH in whole pixels, both at least 1, such as 640x360")
-    return int(parts[0]), int(parts[1])
-
-
-def _parse_settings(settings: Sequence[str]) -> dict[str, Any]:
-    """NAME=VALUE pairs; a value is one number, or several with commas between."""
-    values: dict[str, Any] = {}
-    for setting in settings:
-        name, equals, text = setting.partition("=")
-        try:
-            numbers = [float(part) for part in text.split(",")]
-        except ValueError:
-            numbers = []
-        if not equals or not numbers:
-            raise CommandError(f"--set {setting}", legal="NAME=VALUE, where VALUE is a number or several: 1,0.5,0")
-        values[name.strip()] = numbers[0] if len(numbers) == 1 else tuple(numbers)
-    return values
 
 
 def _moments(target: Path, time: float | None, frames: str | None, fps: float) -> list[tuple[float, Path]]:
@@ -194,30 +155,6 @@ def _progress(frames: int) -> Iterator[Callable[[float], None]]:
     finally:
         if shown:
             bar.stop()
-
-
-@contextmanager
-def _written(file: Path) -> Iterator[Path]:
-    """A temporary file beside the wanted one, renamed to it at the end; after a failure neither is left."""
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent or Path())
-        os.close(handle)
-    except OSError as fault:
-        raise CommandError(
-            f"cannot write '{file}': {fault.strerror or fault}", legal="a folder that can be written"
-        ) from None
-    partial = Path(name)
-    try:
-        yield partial
-        mask = os.umask(0)
-        os.umask(mask)
-        partial.chmod(0o666 & ~mask)
-        partial.replace(file)
-    except (OSError, ValueError) as fault:  # a ValueError is a format's own limit
-        answer = getattr(fault, "strerror", None) or fault
-        raise CommandError(f"cannot write '{file}': {answer}", legal="a file that can be written") from None
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _unwritable(file: Path, fault: OSError) -> CommandError:

@@ -29,7 +29,7 @@ from raymarch.scene.scene import Scene
 Progress = Callable[[float], None]
 
 KEPT = 32
-"""Compiled programs that a renderer keeps; the one used longest ago is freed first."""
+"""Compiled programs that a renderer keeps at first; the one used longest ago is freed first."""
 
 PLANNED = 8
 """Scenes whose plan and shader a renderer keeps."""
@@ -68,6 +68,10 @@ class Renderer:
 
     `compiled` counts the programs that the driver compiled so far.
 
+    Attributes
+    ----------
+    kept : how many compiled programs are kept, >= 1; who draws more in turn raises it.
+
     Raises DeviceError if there is no context, or for a size that the driver cannot draw.
     """
 
@@ -87,6 +91,7 @@ class Renderer:
         self._targets: dict[int, Target] = {}
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
+        self.kept = KEPT
         self._size = size
         try:
             self._target(1)
@@ -227,7 +232,7 @@ class Renderer:
         spent = 1e3 * (clock_time.perf_counter() - start)
         self.compiled += 1
         self._programs[chosen, text] = program
-        while len(self._programs) > KEPT:
+        while len(self._programs) > self.kept:
             _, oldest = self._programs.popitem(last=False)
             self._drawn.discard(oldest)
             oldest.release()

@@ -12,6 +12,9 @@ NORMALS = ("analytic", "tetrahedron", "central", "forward")
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 """What `omega` is where it is not given: what the tracers' authors use, and what was measured best for enhanced."""
 
+CONTACT = 0.0625
+"""The share of epsilon within which a ray must come to have hit a certified field."""
+
 
 @dataclass(frozen=True, slots=True)
 class Quality:
@@ -66,6 +69,10 @@ class Quality:
     def near(self, certified: bool) -> float:
         """How near a ray comes, in pixel widths, before it looks for its hit."""
         return self.epsilon if self.epsilon is not None else 0.1 if certified else 0.5
+
+    def contact(self, certified: bool) -> float:
+        """The field, in pixel widths, at which a ray has met a surface: what a hit promises."""
+        return self.near(certified) * (CONTACT if certified else 1.0)
 
 
 def _within(name: str, value: object, low: float, high: float) -> None:

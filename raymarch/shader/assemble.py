@@ -20,7 +20,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.walk import find
 from raymarch.plan import Plan
-from raymarch.scene.quality import RELAXATION
+from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
 from raymarch.shader.chunk import Chunk, Mapped
 from raymarch.shader.shade import Values, shading
@@ -152,7 +152,7 @@ def _constants(plan: Plan) -> Chunk:
     values = {
         "max_steps": ("int", str(quality.max_steps)),
         "epsilon_pixels": ("float", literal(plan.epsilon)),
-        "contact_share": ("float", literal(0.0625 if plan.certified else 1.0)),
+        "contact_share": ("float", literal(CONTACT if plan.certified else 1.0)),
         "step_scale": ("float", literal(quality.step_scale)),
         "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.tracer, 1.0))),
         "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),

@@ -201,11 +201,9 @@ def test_no_program_is_made_for_what_does_not_change_the_text(counted: tuple[Cou
     assert all((a != b).any() for a, b in itertools.pairwise(pictures))
 
 
-def test_the_program_used_longest_ago_is_freed(
-    counted: tuple[Counted, Renderer], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_program_used_longest_ago_is_freed(counted: tuple[Counted, Renderer]) -> None:
     counts, renderer = counted
-    monkeypatch.setattr(module, "KEPT", 2)
+    renderer.kept = 2
     a, b, c = (scene(node=rm.sphere(r)) for r in (0.5, 0.7, 0.9))
     before = renderer.render(a).color
     renderer.render(b)

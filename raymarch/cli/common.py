@@ -1,0 +1,77 @@
+"""What all commands share: errors, arguments, files that are whole or not there."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from raymarch.errors import RaymarchError
+
+# Without emoji=False rich makes a picture of the line number in "scene.py:100:".
+errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+
+SceneFile = Annotated[
+    Path, typer.Argument(metavar="SCENE.py", help="A Python file that leaves a module-level `scene`.")
+]
+
+
+class CommandError(RaymarchError):
+    """Wrong use of the command line; it has no line in a file."""
+
+    def __init__(self, what: str, *, legal: str = "") -> None:
+        super().__init__(what, legal=legal)
+        self.where = None
+        self.args = (str(self),)
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(p.isdecimal() for p in parts) or not all(int(p) > 0 for p in parts):
+        raise CommandError(f"--size {text}", legal="WxH in whole pixels, both at least 1, such as 640x360")
+    return int(parts[0]), int(parts[1])
+
+
+def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
+    """NAME=VALUE pairs; a value is one number, or several with commas between."""
+    values: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        try:
+            numbers = [float(part) for part in text.split(",")]
+        except ValueError:
+            numbers = []
+        if not equals or not numbers:
+            raise CommandError(f"--set {setting}", legal="NAME=VALUE, where VALUE is a number or several: 1,0.5,0")
+        values[name.strip()] = numbers[0] if len(numbers) == 1 else tuple(numbers)
+    return values
+
+
+@contextmanager
+def written(file: Path) -> Iterator[Path]:
+    """A temporary file beside the wanted one, renamed to it at the end; after a failure neither is left."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent or Path())
+        os.close(handle)
+    except OSError as fault:
+        raise CommandError(
+            f"cannot write '{file}': {fault.strerror or fault}", legal="a folder that can be written"
+        ) from None
+    partial = Path(name)
+    try:
+        yield partial
+        mask = os.umask(0)
+        os.umask(mask)
+        partial.chmod(0o666 & ~mask)
+        partial.replace(file)
+    except (OSError, ValueError) as fault:  # a ValueError is a format's own limit
+        answer = getattr(fault, "strerror", None) or fault
+        raise CommandError(f"cannot write '{file}': {answer}", legal="a file that can be written") from None
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,136 @@
+"""`raymarch cost`: what accuracy costs in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from raymarch.cli.commands import app
+from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
+from raymarch.cost.checks import check
+from raymarch.cost.reference import reference
+from raymarch.cost.settings import axes, grid, parse_values
+from raymarch.cost.sweep import METRICS, Point, Sweep, sweep
+from raymarch.cost.text import as_csv, as_json, findings, table
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene.file import load
+
+WIDTH = 150
+"""Columns that the table is given where the output is no terminal, or a narrower one."""
+
+ENDINGS = {"--json": (".json",), "--csv": (".csv",)}
+"""How the files may end."""
+
+
+@app.command(name="cost")
+def cost_command(
+    scene: SceneFile,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "320x180",
+    time: Annotated[float, typer.Option(help="Seconds that `time` stands for.")] = 0.0,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
+    ] = None,
+    axis: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=V,V,...", help="Values to try of a field of Quality; may be repeated."),
+    ] = None,
+    cross: Annotated[
+        str | None, typer.Option(metavar="NAME,NAME", help="Try these fields of Quality only, in all combinations.")
+    ] = None,
+    by: Annotated[str, typer.Option(help=f"The error that the front is made by: {', '.join(METRICS)}.")] = "pixels_p99",
+    repeats: Annotated[int, typer.Option(min=1, max=1000, help="Timed frames of each setting.")] = 9,
+    seed: Annotated[int, typer.Option(help="Of the random order of the frames.")] = 1,
+    samples: Annotated[int, typer.Option(help="Rays a pixel of the true picture, a square number.")] = 16,
+    everything: Annotated[bool, typer.Option("--all", help="Show all settings, not only those that matter.")] = False,
+    json: Annotated[Path | None, typer.Option(help="Write all of it as JSON.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="Write a line for each setting.")] = None,
+    backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
+    device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
+) -> None:
+    """Measure how much error each setting leaves, how much time it takes, and which are worth having."""
+    _check_files({"--json": json, "--csv": csv})
+    if by not in METRICS:
+        raise CommandError(f"--by {by}", legal=", ".join(METRICS))
+    if not 1 <= samples <= 256 or round(samples**0.5) ** 2 != samples:
+        raise CommandError(f"--samples {samples}", legal="a square number from 1 to 256")
+    asked = axes(_names(cross), _given(axis or []))
+    pixels, params = parse_size(size), parse_settings(set_ or [])
+    found = load(scene)
+    settings = grid(found, asked)
+    with watched() as tell, Renderer(pixels, backend, device) as renderer:
+        known = reference(found, pixels, time, params, samples, lambda what: tell(what, 0.0))
+        made = sweep(found, settings, known, renderer, scene.stem, time, params, repeats, seed, tell)
+        made.checks = check(made, found, renderer, time, params)
+    show(made, by, everything)
+    for file, text in ((json, as_json), (csv, as_csv)):
+        if file is not None:
+            with written(file) as partial:
+                partial.write_text(text(made, by), encoding="utf-8")
+
+
+def show(made: Sweep, metric: str, everything: bool) -> None:
+    """The table and the sentences below it."""
+    out = Console(highlight=False, emoji=False)
+    out.width = max(out.width, WIDTH)
+    shown = made.points if everything else telling(made, metric)
+    out.print(table(made, metric, shown))
+    left = len(made.points) - len(shown)
+    if left:
+        out.print(f"and {left} more settings that others beat (--all)", markup=False)
+    for line in findings(made, metric):
+        out.print(line, markup=False, soft_wrap=True)
+
+
+def telling(made: Sweep, metric: str) -> list[Point]:
+    """The points worth showing: the front, the scene's own, the presets, and those that change one thing alone."""
+    front = {id(p) for p in made.front(metric)}
+    return [p for p in made.points if id(p) in front or p is made.base or p.setting.preset or "," not in p.setting.name]
+
+
+def _check_files(files: dict[str, Path | None]) -> None:
+    """Before an hour is spent: the ending, and that the folder is there."""
+    for option, file in files.items():
+        if file is None:
+            continue
+        if file.suffix.lower() not in ENDINGS[option]:
+            raise CommandError(f"{option} {file}", legal=f"a file ending in {' or '.join(ENDINGS[option])}")
+        if not file.absolute().parent.is_dir():
+            raise CommandError(f"{option} {file}: no folder '{file.parent}'", legal="a folder that can be written")
+
+
+def _names(cross: str | None) -> Sequence[str] | None:
+    return None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
+
+
+def _given(texts: Sequence[str]) -> dict[str, Sequence[Any]]:
+    found: dict[str, Sequence[Any]] = {}
+    for text in texts:
+        name, equals, values = text.partition("=")
+        if not equals:
+            raise CommandError(f"--axis {text}", legal="NAME=VALUE,VALUE,...")
+        found[name.strip()] = parse_values(name.strip(), values)
+    return found
+
+
+@contextmanager
+def watched() -> Iterator[Callable[[str, float], None]]:
+    """A bar on the error stream with what is being done; it leaves nothing behind."""
+    columns = (
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[what]}"),
+    )
+    with Progress(*columns, console=errors, transient=True) as bar:
+        task = bar.add_task("", total=1.0, what="")
+
+        def tell(what: str, share: float) -> None:
+            bar.update(task, completed=share, what=what)
+
+        yield tell

@@ -1,0 +1,94 @@
+"""The report tests itself: what it claims of hits and of time is held against the truth and against the wall clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.cost.settings import with_quality
+from raymarch.cost.sweep import Point, Sweep
+from raymarch.gpu.clock import Trial, try_timer
+from raymarch.scene.parameter import set_values
+from raymarch.scene.scene import Scene
+from raymarch.truth.field import Field
+
+ULPS = 8 * float(np.finfo(np.float32).eps)
+"""What rounding in float32 adds to the field at a hit, over the largest coordinate or distance: a few units in the
+last place of each of position, depth and field."""
+SHARE = 1e-3
+"""Share of the hits that may lie farther from the surface than a setting promises: those that graze an edge."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """What was checked, whether it holds, and the finding with its numbers."""
+
+    name: str
+    holds: bool
+    words: str
+
+
+def check(
+    made: Sweep, scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None
+) -> list[Check]:
+    """All checks of a sweep of a scene; `renderer` is the one that it was measured with, `time` and `params` too."""
+    found = [check_clock(renderer), check_times(made)]
+    field = Field(scene, set_values(scene.parameters, params or {}, time))
+    origin = scene.pose(set_values(scene.parameters, params or {}, time), made.known.size[0] / made.known.size[1])
+    found += [check_hits(p, scene, made, field, origin.position) for p in made.points if p.tracer]
+    failed = [c for c in found if not c.holds]
+    hits = [c for c in found if c.name.startswith("hits")]
+    if hits and all(c.holds for c in hits):
+        found = [c for c in found if c not in hits]
+        worst = "hits lie where each setting promises, by the field in float64"
+        found.append(Check("hits", True, f"{worst}: {len(hits)} settings"))
+        return found
+    return [c for c in found if c not in hits] + [c for c in failed if c in hits]
+
+
+def check_clock(renderer: Any, trial: Callable[..., Trial] = try_timer) -> Check:
+    """The renderer's clock against the wall clock, on draws of known load."""
+    found = trial(renderer.context, renderer.clock.time)
+    words = found.words.replace("the GPU timer", f"the {renderer.clock.kind}")
+    return Check("clock", found.agrees, words)
+
+
+def check_times(made: Sweep) -> Check:
+    """No frame may claim more time than passed while it was asked for."""
+    worst = max((p for p in made.points if p.walls), key=_claim, default=None)
+    if worst is None:
+        return Check("frame times", True, "no frame was timed")
+    claim = _claim(worst)
+    words = f"a frame of {worst.name} claims {claim:.2f} of the time that passed on the wall clock"
+    return Check("frame times", claim <= 1.0, words)
+
+
+def _claim(point: Point) -> float:
+    return max(claimed / wall for claimed, wall in zip(point.times, point.walls, strict=True))
+
+
+def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: NDArray[Any]) -> Check:
+    """How far from the surface the hits of one setting lie, by the field in float64.
+
+    A setting promises a field of at most `contact` pixel widths, or what rounding allows. Rays that ran out of
+    steps promise nothing.
+    """
+    quality = with_quality(scene, point.setting.quality).quality
+    certified = scene.node.exactness != "estimate"
+    promised = quality.contact(certified)
+    known = made.known
+    ended = np.isfinite(point.depth) & (point.steps < quality.max_steps)
+    depth = point.depth[ended].astype(np.float64)
+    points = origin + depth[:, None] * known.direction[ended]
+    if not depth.size:
+        return Check(f"hits of {point.name}", True, "no ray came to its end")
+    size = np.maximum(np.abs(points).max(axis=1), depth) + np.abs(origin).max()
+    allowed = np.maximum(promised * known.pixel * depth, ULPS * size) + ULPS * size
+    beyond = np.abs(field.distance(points)) > allowed
+    share = float(beyond.mean())
+    words = f"{share:.2%} of the hits lie farther from the surface than the {promised:g} pixel widths promised"
+    return Check(f"hits of {point.name}", share <= SHARE, words)

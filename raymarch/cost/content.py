@@ -1,0 +1,123 @@
+"""What a scene is made of, as one number: two scenes of the same content have the same picture."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import raymarch
+from raymarch.expr.function import Function, Loop
+from raymarch.expr.node import Expr
+from raymarch.expr.samples import Samples
+from raymarch.expr.walk import topological
+from raymarch.scene.parameter import Spec
+from raymarch.scene.scene import Scene
+from raymarch.sdf.lower import Lowering
+
+ROOMS = ("expr", "sdf", "scene", "truth")
+"""Whose code decides what the truth of a scene is."""
+
+_BESIDE = {"where", "quality", "node"}
+"""Attributes that no truth depends on, or that are taken in another way: the field's expressions stand for the node."""
+
+
+def content_key(scene: Scene, *more: Any) -> str:
+    """A digest of all that decides a scene's truth, of `more` (size, time, parameters), and of the code of the truth.
+
+    Where a node was written, and the quality, do not count.
+    """
+    content = _Content()
+    content.add("code", code_key())
+    marked = Lowering().field(scene.node, label=scene.materials[0])
+    facts = scene.node.facts
+    content.add("field", marked, facts.exactness, facts.lower, facts.upper)
+    for name in sorted(_attributes(scene)):
+        content.add(name, getattr(scene, name))
+    content.add("more", *more)
+    return content.key
+
+
+@cache
+def code_key() -> str:
+    """A digest of the code that computes truths: another version of it, another truth."""
+    home = Path(raymarch.__file__).parent
+    code = hashlib.sha256(np.__version__.encode())
+    for room in ROOMS:
+        for file in sorted((home / room).rglob("*.py")):
+            code.update(file.name.encode() + file.read_bytes())
+    return code.hexdigest()
+
+
+def _attributes(part: Any) -> list[str]:
+    slots = [name for kind in type(part).__mro__ for name in getattr(kind, "__slots__", ())]
+    own = list(getattr(part, "__dict__", ()))
+    return [name for name in dict.fromkeys(slots + own) if not name.startswith("_") and name not in _BESIDE]
+
+
+class _Content:
+    """A running digest. Shared expressions are numbered, so that a graph costs what its nodes do."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+        self._numbers: dict[Any, int] = {}
+
+    @property
+    def key(self) -> str:
+        return self._hash.hexdigest()
+
+    def add(self, *parts: Any) -> None:
+        for part in parts:
+            self._add(part)
+            self._text(";")
+
+    def _text(self, text: str) -> None:
+        self._hash.update(text.encode())
+
+    def _add(self, part: Any) -> None:
+        match part:
+            case None | bool() | int() | float() | str() | bytes():
+                self._text(f"{type(part).__name__} {part!r}")
+            case np.ndarray():
+                self._text(f"array {part.dtype} {part.shape}")
+                self._hash.update(np.ascontiguousarray(part).tobytes())
+            case np.generic():
+                self._text(f"number {part!r}")
+            case Expr():
+                self._expression(part)
+            case Function():
+                self._once(part, "function", *part.params, part.body)
+            case Loop():
+                self._once(part, "loop", part.count, part.index, *part.state, *part.captured, *part.step, part.until)
+            case Samples():
+                self._text(f"samples {part.key}")
+            case Spec():
+                self._text(f"parameter {part.name} {part.value!r} {part.min!r} {part.max!r}")
+            case Mapping():
+                self.add("mapping", len(part), *(item for pair in sorted(part.items()) for item in pair))
+            case tuple() | list():
+                self.add("sequence", len(part), *part)
+            case _:
+                self._once(part, type(part).__name__, *((n, getattr(part, n)) for n in sorted(_attributes(part))))
+
+    def _once(self, part: Any, *content: Any) -> None:
+        """Something that may be met again: then its number says it all."""
+        if part in self._numbers:
+            self._text(f"again {self._numbers[part]}")
+            return
+        self._numbers[part] = len(self._numbers)
+        self.add(*content)
+
+    def _expression(self, root: Expr) -> None:
+        for node in topological([root]):
+            if node in self._numbers:
+                continue
+            arguments = " ".join(str(self._numbers[arg]) for arg in node.args)
+            self._text(f"{node.op} {node.type.name} {arguments} ")
+            self._add(node.data)
+            self._numbers[node] = len(self._numbers)
+        self._text(f"is {self._numbers[root]}")

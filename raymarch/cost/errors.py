@@ -1,0 +1,144 @@
+"""How far a frame is from the truth, in every way that counts."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.cost.flip import BAD, flip, largest_region
+from raymarch.cost.reference import Reference
+
+Array = NDArray[np.float64]
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Errors of one frame. Where nothing could be compared they are nan.
+
+    Pixels at silhouettes stand apart: there a hair decides between two surfaces. All but the two `_at_edges` and
+    the picture's leave them out, and take errors where both the frame and the truth hit.
+
+    Attributes
+    ----------
+    pixels : how many were compared.
+    missed, false : hits that the frame lacks, and that it has too many.
+    missed_at_edges, false_at_edges : the same at silhouettes.
+    depth_rms, depth_p50, depth_p99, depth_max : abs(depth - truth), in the scene's unit of length.
+    p1 : the sum of (depth - truth)^2 over all pixels where both hit, silhouettes too, the measure of Bálint and
+        Valasek (2018).
+    pixels_p50, pixels_p99, pixels_max : abs(depth - truth) in footprints, a pixel's size at that distance.
+    normal_p50, normal_p99, normal_max : angle between the normals in degrees.
+    flip_mean, flip_p99, flip_max : FLIP of the picture against the averaged truth, over all pixels.
+    flip_region : pixels of the largest connected region where FLIP exceeds 0.2.
+    """
+
+    pixels: int
+    missed: int
+    false: int
+    missed_at_edges: int
+    false_at_edges: int
+    depth_rms: float = NAN
+    depth_p50: float = NAN
+    depth_p99: float = NAN
+    depth_max: float = NAN
+    p1: float = NAN
+    pixels_p50: float = NAN
+    pixels_p99: float = NAN
+    pixels_max: float = NAN
+    normal_p50: float = NAN
+    normal_p99: float = NAN
+    normal_max: float = NAN
+    flip_mean: float = NAN
+    flip_p99: float = NAN
+    flip_max: float = NAN
+    flip_region: int = 0
+
+    @property
+    def sound(self) -> bool:
+        """True if no hit is missed or made up away from silhouettes."""
+        return self.missed == 0 and self.false == 0
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        """The numbers by name, None for nan, as JSON has it."""
+        return {name: None if value != value else value for name, value in asdict(self).items()}
+
+
+def measure(
+    known: Reference, depth: ArrayLike, normal: ArrayLike | None = None, color: ArrayLike | None = None
+) -> Errors:
+    """The errors of a frame's arrays.
+
+    Parameters
+    ----------
+    known : the truth.
+    depth : (H, W), inf where nothing was hit.
+    normal : (H, W, 3), any length but 0; None leaves the angles nan.
+    color : (H, W, 3), linear RGB; None leaves the picture's errors nan.
+
+    Raises ValueError for arrays of another shape.
+    """
+    given = _shaped("depth", depth, known.depth.shape)
+    hit = np.isfinite(given)
+    inner, both = ~known.edges, hit & known.hit
+    compared = inner & both
+    missed, false = known.hit & ~hit, hit & ~known.hit
+    found: dict[str, Any] = {
+        "pixels": int(compared.sum()),
+        "missed": int((missed & inner).sum()),
+        "false": int((false & inner).sum()),
+        "missed_at_edges": int((missed & known.edges).sum()),
+        "false_at_edges": int((false & known.edges).sum()),
+    }
+    off = np.abs(given[compared] - known.depth[compared])
+    if off.size:
+        found["depth_rms"] = float(np.sqrt(np.mean(off**2)))
+        found |= _ranks("depth", off, 50, 99, 100)
+        found |= _ranks("pixels", off / (known.pixel * known.depth[compared]), 50, 99, 100)
+        found["p1"] = float(np.sum((given[both] - known.depth[both]) ** 2))
+        if normal is not None:
+            shaped = _shaped("normal", normal, known.normal.shape)
+            found |= _ranks("normal", _angles(shaped[compared], known.normal[compared]), 50, 99, 100)
+    if color is not None:
+        found |= picture_errors(known, color)
+    return Errors(**found)
+
+
+def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]:
+    """The picture's errors alone; color (H, W, 3), linear RGB."""
+    values = flip(known.picture, _shaped("color", color, known.picture.shape))
+    return {
+        "flip_mean": float(values.mean()),
+        **_ranks("flip", values.ravel(), 99, 100),
+        "flip_region": largest_region(values > BAD),
+    }
+
+
+def footprints(known: Reference, depth: ArrayLike) -> Array:
+    """abs(depth - truth) in footprints, (H, W): inf where a hit is missed or made up, 0 where neither hits."""
+    given = _shaped("depth", depth, known.depth.shape)
+    hit = np.isfinite(given)
+    apart = np.where(hit == known.hit, 0.0, np.inf)
+    both = hit & known.hit
+    apart[both] = np.abs(given[both] - known.depth[both]) / (known.pixel * known.depth[both])
+    return apart
+
+
+def _ranks(name: str, values: Array, *ranks: int) -> dict[str, float]:
+    found = np.percentile(values, ranks)
+    return {f"{name}_max" if r == 100 else f"{name}_p{r}": float(v) for r, v in zip(ranks, found, strict=True)}
+
+
+def _angles(a: Array, b: Array) -> Array:
+    """Degrees between vectors of any length, exact for small angles too."""
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("ij,ij->i", a, b)))
+
+
+def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = np.asarray(values, np.float64)
+    if array.shape != shape:
+        raise ValueError(f"errors: {name} has shape {array.shape}, the truth {shape}")
+    return array

@@ -1,0 +1,173 @@
+"""What a scene's settings are judged by: the float64 truth at every pixel, kept from run to run."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.cost.content import content_key
+from raymarch.scene.parameter import set_values
+from raymarch.scene.scene import Scene
+from raymarch.truth import silhouettes, truth
+from raymarch.truth.floor import floor_evaluations
+
+CACHE_VARIABLE = "RAYMARCH_CACHE"
+"""Environment variable that names the folder of kept truths; empty keeps none."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Reference:
+    """The truth of a scene of H rows and W columns; nothing of it comes from a GPU.
+
+    Attributes
+    ----------
+    depth, hit, normal, material, color, direction : as in `raymarch.truth`: through the centres of the pixels.
+    edges : (H, W) bool, pixels at silhouettes, as `raymarch.truth.silhouettes` finds them.
+    picture : (H, W, 3), linear RGB averaged over each pixel's square, by `samples` rays in a regular grid.
+    spread : (H, W), standard error of `picture`, the largest of the channels: that of as many rays placed at random,
+        which is more than that of a grid.
+    samples : rays a pixel of the picture.
+    pixel : size of a pixel at distance 1, so that a pixel's footprint at distance t is `pixel * t`.
+    floor : (H, W), N* of `raymarch.truth.floor`; -1 where the field is only an estimate and there is none.
+    """
+
+    depth: NDArray[np.float64]
+    hit: NDArray[np.bool_]
+    normal: NDArray[np.float64]
+    material: NDArray[np.int64]
+    color: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    edges: NDArray[np.bool_]
+    picture: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    samples: int
+    pixel: float
+    floor: NDArray[np.int64]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height)."""
+        return self.depth.shape[1], self.depth.shape[0]
+
+
+def reference(
+    scene: Scene,
+    size: tuple[int, int],
+    time: float = 0.0,
+    params: Mapping[str, Any] | None = None,
+    samples: int = 1,
+    progress: Progress | None = None,
+) -> Reference:
+    """The truth of a scene, from the cache if it was computed before.
+
+    Parameters
+    ----------
+    scene, size, time, params : as `raymarch.truth` takes them.
+    samples : rays a pixel of the averaged picture, a square number from 1 to 256. 1 is the centre alone.
+    progress : called with what is being computed.
+
+    The cache is keyed by the content of the scene and the code that computes the truth. A file that cannot be read
+    or written there costs time, never the result.
+    Raises ValueError for another number of samples, SceneError as `raymarch.truth` does.
+    """
+    edge = round(max(samples, 0) ** 0.5)
+    if edge * edge != samples or not 1 <= samples <= 256:
+        raise ValueError(f"reference: samples = {samples} (a square number from 1 to 256)")
+    values = set_values(scene.parameters, params or {}, time)
+    near = scene.quality.near(certified=True)
+    key = content_key(scene, tuple(size), time, dict(values.params), samples, near)
+    file = None if (folder := cache_folder()) is None else folder / f"{key}.npz"
+    found = None if file is None else _load(file)
+    if found is None:
+        found = _compute(scene, size, time, params, edge, progress or (lambda _: None))
+        if file is not None:
+            _save(file, found)
+    return found
+
+
+def cache_folder() -> Path | None:
+    """Where truths are kept: $RAYMARCH_CACHE, else under the user's cache; None if it is set to nothing."""
+    given = os.environ.get(CACHE_VARIABLE)
+    if given is not None:
+        return Path(given) / "truth" if given.strip() else None
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "raymarch" / "truth"
+    except RuntimeError:  # there is no home
+        return None
+
+
+def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progress: Progress) -> Reference:
+    progress("truth: depth, normals, colour")
+    known = truth(scene, size, time, params)
+    values = set_values(scene.parameters, params or {}, time)
+    width, height = known.depth.shape[1], known.depth.shape[0]
+    picture, spread = known.color, np.zeros(known.depth.shape)
+    if edge > 1:
+        progress(f"truth: the picture from {edge * edge} rays a pixel")
+        picture, spread = _averaged(scene, (width, height), time, params, edge)
+    floor = np.full(known.depth.shape, -1, np.int64)
+    if scene.node.exactness != "estimate":
+        progress("floor: the fewest evaluations")
+        floor = floor_evaluations(scene, (width, height), time, params)
+    return Reference(
+        depth=known.depth,
+        hit=known.hit,
+        normal=known.normal,
+        material=known.material,
+        color=known.color,
+        direction=known.direction,
+        edges=silhouettes(known),
+        picture=picture,
+        spread=spread,
+        samples=edge * edge,
+        pixel=scene.pose(values, width / height).pixel(height),
+        floor=floor,
+    )
+
+
+def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edge: int) -> tuple[Any, Any]:
+    """Mean and standard error over a grid of `edge` x `edge` rays in each pixel."""
+    width, height = size
+    fine = truth(scene, (width * edge, height * edge), time, params, outputs=("color",)).color
+    # What a screen shows ends at 1: a highlight that is brighter must not count for more than the pixels it covers.
+    cells = np.clip(fine, 0.0, 1.0).reshape(height, edge, width, edge, 3).swapaxes(1, 2).reshape(height, width, -1, 3)
+    deviation = cells.std(axis=2, ddof=1).max(axis=-1)
+    return cells.mean(axis=2), deviation / edge
+
+
+def _load(file: Path) -> Reference | None:
+    try:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            content = {f.name: stored[f.name] for f in fields(Reference)}
+    except (OSError, ValueError, KeyError, EOFError, SyntaxError, BadZipFile):
+        return None
+    return Reference(**content | {"samples": int(content["samples"]), "pixel": float(content["pixel"])})
+
+
+def _save(file: Path, made: Reference) -> None:
+    """Written beside and renamed, so that nobody reads half a file."""
+    partial = None
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{file.stem[:8]}.", suffix=".npz", dir=file.parent)
+        partial = Path(name)
+        with os.fdopen(handle, "wb") as stream:
+            content: dict[str, Any] = {f.name: np.asarray(getattr(made, f.name)) for f in fields(Reference)}
+            np.savez(stream, **content)
+        partial.replace(file)
+    except OSError:
+        pass
+    finally:
+        if partial is not None:
+            partial.unlink(missing_ok=True)

@@ -1,0 +1,49 @@
+"""A median and how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Median:
+    """A median with an interval that holds the true one with the given probability.
+
+    The interval runs between two of the sorted values (order statistics); it needs no distribution to be assumed.
+    Fewer than 6 values cannot reach 95 %: then the interval is from the smallest to the largest.
+    """
+
+    value: float
+    low: float
+    high: float
+    confidence: float
+    count: int
+
+    def overlaps(self, other: Median) -> bool:
+        """True if the two intervals have a value in common."""
+        return self.low <= other.high and other.low <= self.high
+
+    def __str__(self) -> str:
+        return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
+
+
+def median(values: Sequence[float]) -> Median:
+    """The median of at least one value. ValueError for none."""
+    if not values:
+        raise ValueError("median of no values; legal: at least one")
+    ordered = sorted(values)
+    n = len(ordered)
+    middle = 0.5 * (ordered[(n - 1) // 2] + ordered[n // 2])
+    rank = 0  # values left out on each side
+    while 2 * (rank + 1) < n and _coverage(n, rank + 1) >= CONFIDENCE:
+        rank += 1
+    return Median(middle, ordered[rank], ordered[n - 1 - rank], _coverage(n, rank), n)
+
+
+def _coverage(n: int, rank: int) -> float:
+    """Probability that the true median lies between the (rank+1)-th smallest and largest of n values."""
+    return 1.0 - 2.0 * sum(comb(n, k) for k in range(rank + 1)) / 2.0**n

@@ -1,0 +1,219 @@
+"""A scene measured at many settings: error, time, evaluations."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.cost.environment import environment
+from raymarch.cost.errors import Errors, measure
+from raymarch.cost.front import pareto
+from raymarch.cost.reference import Reference
+from raymarch.cost.settings import Setting, with_quality
+from raymarch.cost.statistics import Median, median
+from raymarch.plan import plan
+from raymarch.scene.scene import Scene
+from raymarch.shader import assemble
+
+METRICS = (
+    "pixels_p99",
+    "pixels_max",
+    "depth_rms",
+    "depth_p99",
+    "p1",
+    "normal_p99",
+    "flip_p99",
+    "flip_mean",
+    "flip_max",
+)
+"""The errors by which settings may be ordered."""
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the share of all that is done, 0 to 1."""
+
+
+class Drawn(Protocol):
+    """What is needed of a frame."""
+
+    @property
+    def timings(self) -> Any: ...
+    @property
+    def milliseconds(self) -> float: ...
+    def array(self, name: str) -> NDArray[Any]: ...
+
+
+class Draws(Protocol):
+    """What is needed of a renderer; a `raymarch.Renderer` is one."""
+
+    kept: int
+    clock: Any
+    context: Any
+
+    def render(
+        self, scene: Scene, time: float = ..., params: Mapping[str, Any] | None = ..., outputs: Sequence[str] = ...
+    ) -> Drawn: ...
+
+
+@dataclass(slots=True)
+class Point:
+    """One setting, measured.
+
+    Attributes
+    ----------
+    setting : its name and quality. tracer : what the plan chose.
+    errors : against the truth.
+    evaluations, iterations : mean a pixel, of the primary ray. worst_evaluations : of the worst pixel.
+    shader_bytes : of the picture's shader.
+    compile_ms, first_ms : the driver's compilation, and the first frame after it; of no other frame's time a part.
+    times : milliseconds of each measured frame. time : their median with its interval.
+    walls : milliseconds that passed on the wall clock while each was asked for: more than a true time, never less.
+    depth, steps, color : what was drawn; steps are the iterations of each ray.
+    """
+
+    setting: Setting
+    tracer: str
+    errors: Errors
+    evaluations: float
+    iterations: float
+    worst_evaluations: int
+    shader_bytes: int
+    compile_ms: float
+    first_ms: float
+    depth: NDArray[Any] = field(repr=False)
+    steps: NDArray[Any] = field(repr=False)
+    color: NDArray[Any] = field(repr=False)
+    walls: list[float] = field(default_factory=list, repr=False)
+    times: list[float] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return self.setting.name
+
+    @property
+    def time(self) -> Median:
+        return median(self.times)
+
+    @property
+    def error_time(self) -> float:
+        """Error times time, the measure of Bálint and Valasek (2018): `errors.p1` times milliseconds."""
+        return self.errors.p1 * self.time.value
+
+    def error(self, metric: str) -> float:
+        """One of the errors; infinite where hits are missed or made up, for those are never traded."""
+        return float(getattr(self.errors, metric)) if self.errors.sound else float("inf")
+
+
+@dataclass(slots=True)
+class Sweep:
+    """All settings of a scene, measured. The first point is the scene's own quality.
+
+    Attributes
+    ----------
+    name : of the scene. known : its truth. floor : mean of N* a pixel; nan for an estimate.
+    seed, repeats : of the order in which frames were drawn, and how often each was.
+    environment : what it was measured on and with.
+    checks : what the report found when it tested itself; see `raymarch.cost.checks`.
+    """
+
+    name: str
+    known: Reference
+    points: list[Point]
+    seed: int
+    repeats: int
+    environment: dict[str, Any]
+    checks: list[Any] = field(default_factory=list)
+
+    @property
+    def floor(self) -> float:
+        return float(self.known.floor.mean()) if np.all(self.known.floor >= 0) else float("nan")
+
+    @property
+    def base(self) -> Point:
+        return self.points[0]
+
+    def front(self, metric: str = "pixels_p99") -> list[Point]:
+        """The settings that no other beats in both time and error, fastest first; sound ones only."""
+        sound = [p for p in self.points if p.errors.sound]
+        return pareto(sound, lambda p: p.time.value, lambda p: p.error(metric))
+
+
+def sweep(
+    scene: Scene,
+    settings: Sequence[Setting],
+    known: Reference,
+    renderer: Draws,
+    name: str = "scene",
+    time: float = 0.0,
+    params: Mapping[str, Any] | None = None,
+    repeats: int = 9,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Measure a scene at each of some settings.
+
+    Parameters
+    ----------
+    settings : at least one; the first is what others are compared with.
+    known : the truth of the scene, of the renderer's size.
+    repeats : frames of each setting that are timed, >= 1; the settings take turns in random order, so that what else
+        the machine does strikes all alike. From 6 on, a median has a 95 % interval.
+    seed : of that order.
+    """
+    if not settings or repeats < 1:
+        raise ValueError(f"sweep: {len(settings)} settings, {repeats} repeats (at least one of each)")
+    tell = progress or (lambda _what, _share: None)
+    renderer.kept = max(renderer.kept, 4 * len(settings))  # else each turn would compile anew
+    total = len(settings) * (repeats + 2)
+    points = []
+    for i, setting in enumerate(settings):
+        tell(f"errors: {setting.name}", 2 * i / total)
+        points.append(_examine(scene, setting, known, renderer, time, params))
+    turns = random.Random(seed)
+    done = 2 * len(settings)
+    for _ in range(repeats):
+        order = list(range(len(points)))
+        turns.shuffle(order)
+        for i in order:
+            tell(f"time: {points[i].name}", done / total)
+            made = with_quality(scene, points[i].setting.quality)
+            start = perf_counter()
+            points[i].times.append(renderer.render(made, time, params, ("color",)).milliseconds)
+            points[i].walls.append(1e3 * (perf_counter() - start))
+            done += 1
+    return Sweep(name, known, points, seed, repeats, environment(renderer))
+
+
+def _examine(
+    scene: Scene, setting: Setting, known: Reference, renderer: Draws, time: float, params: Mapping[str, Any] | None
+) -> Point:
+    """Everything about a setting but its time: errors, counts, and the first frame, which is no measure of the rest."""
+    made = with_quality(scene, setting.quality)
+    planned = plan(made)
+    first = renderer.render(made, time, params, ("color",))
+    compile_ms = sum(t.compile for t in first.timings)
+    first_ms = first.milliseconds
+    color = first.array("color")
+    geometry = renderer.render(made, time, params, ("depth",))
+    depth = geometry.array("depth")
+    evaluations = geometry.array("evaluations")
+    renderer.render(made, time, params, ("color",))  # the warm-up
+    return Point(
+        setting=setting,
+        tracer=planned.tracer,
+        errors=measure(known, depth, geometry.array("normal"), color),
+        evaluations=float(evaluations.mean()),
+        iterations=float(geometry.array("iterations").mean()),
+        worst_evaluations=int(evaluations.max()),
+        shader_bytes=len(assemble(planned).text().encode()),
+        compile_ms=compile_ms,
+        first_ms=first_ms,
+        depth=depth,
+        steps=geometry.array("iterations"),
+        color=color,
+    )

@@ -1,0 +1,170 @@
+"""A sweep in words and numbers: a table for people, JSON and CSV for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from rich.table import Table
+
+from raymarch.cost.front import behind
+from raymarch.cost.sweep import Point, Sweep
+
+FORMAT = 1
+"""Version of the JSON; it grows when a name changes its meaning or goes."""
+
+
+def as_dict(made: Sweep, metric: str = "pixels_p99") -> dict[str, Any]:
+    """The sweep as plain data; docs/cost.md describes each name. What is not known is None."""
+    front = {id(p) for p in made.front(metric)}
+    known = made.known
+    return {
+        "format": FORMAT,
+        "scene": made.name,
+        "size": list(known.size),
+        "seed": made.seed,
+        "repeats": made.repeats,
+        "metric": metric,
+        "environment": made.environment,
+        "checks": [asdict(c) for c in made.checks],
+        "truth": {
+            "hits": int(known.hit.sum()),
+            "edges": int(known.edges.sum()),
+            "picture_samples": known.samples,
+            "picture_standard_error_mean": float(known.spread.mean()),
+            "picture_standard_error_max": float(known.spread.max()),
+        },
+        "floor": _number(made.floor),
+        "points": [_point(p, made, id(p) in front) for p in made.points],
+    }
+
+
+def _point(point: Point, made: Sweep, on_front: bool) -> dict[str, Any]:
+    time = point.time
+    return {
+        "name": point.name,
+        "quality": asdict(point.setting.quality),
+        "tracer": point.tracer,
+        "preset": point.setting.preset,
+        "on_front": on_front,
+        "errors": point.errors.as_dict(),
+        "evaluations": point.evaluations,
+        "evaluations_over_floor": _number(point.evaluations / made.floor if made.floor > 0 else float("nan")),
+        "worst_evaluations": point.worst_evaluations,
+        "iterations": point.iterations,
+        "milliseconds": {
+            "median": time.value,
+            "low": time.low,
+            "high": time.high,
+            "confidence": time.confidence,
+            "all": point.times,
+        },
+        "error_time": _number(point.error_time),
+        "first_frame_milliseconds": point.first_ms,
+        "compile_milliseconds": point.compile_ms,
+        "shader_bytes": point.shader_bytes,
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if value == value and abs(value) != float("inf") else None
+
+
+def as_json(made: Sweep, metric: str = "pixels_p99") -> str:
+    """`as_dict` as text."""
+    return json.dumps(as_dict(made, metric), indent=2, allow_nan=False) + "\n"
+
+
+def as_csv(made: Sweep, metric: str = "pixels_p99") -> str:
+    """A line for each setting; the columns are those of the JSON, with dots between nested names."""
+    rows = [_flat(p) for p in as_dict(made, metric)["points"]]
+    for row in rows:
+        del row["milliseconds.all"]
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def _flat(values: dict[str, Any], before: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        found.update(_flat(value, f"{before}{name}.") if isinstance(value, dict) else {before + name: value})
+    return found
+
+
+Column = tuple[str, Callable[[Point], str]]
+
+
+def table(made: Sweep, metric: str = "pixels_p99", shown: Sequence[Point] | None = None) -> Table:
+    """The sweep as a table, fastest first. `*` marks the front; `shown` picks some of the points."""
+    front = {id(p) for p in made.front(metric)}
+    points = sorted(made.points if shown is None else shown, key=lambda p: p.time.value)
+    drawn = Table(title=f"{made.name}, {made.known.size[0]}x{made.known.size[1]}", title_justify="left", box=None)
+    columns = _columns(made, metric)
+    drawn.add_column("", no_wrap=True)
+    drawn.add_column("setting", no_wrap=True, min_width=12)
+    for title, _ in columns:
+        drawn.add_column(title, justify="right", no_wrap=True)
+    for point in points:
+        mark = "*" if id(point) in front else ""
+        label = f"{point.name} ({point.setting.preset})" if point.setting.preset else point.name
+        style = "bold" if mark else "dim" if not point.errors.sound else ""
+        drawn.add_row(mark, label, *(cell(point) for _, cell in columns), style=style)
+    return drawn
+
+
+def _columns(made: Sweep, metric: str) -> list[Column]:
+    columns: list[Column] = [
+        ("ms", lambda p: f"{p.time.value:.2f}"),
+        ("95 %", lambda p: f"{p.time.low:.2f}-{p.time.high:.2f}"),
+        ("px p99", lambda p: _short(p.errors.pixels_p99)),
+        ("px max", lambda p: _short(p.errors.pixels_max)),
+        ("missed", lambda p: str(p.errors.missed + p.errors.false)),
+        ("normal p99", lambda p: _short(p.errors.normal_p99)),
+        ("flip p99", lambda p: _short(p.errors.flip_p99)),
+        ("error x time", lambda p: _short(p.error_time)),
+        ("evals", lambda p: f"{p.evaluations:.1f}"),
+    ]
+    if made.floor > 0:
+        columns.append(("/N*", lambda p: f"{p.evaluations / made.floor:.2f}"))
+    columns.append(("first ms", lambda p: f"{p.first_ms:.0f}"))
+    if metric not in ("pixels_p99", "pixels_max", "normal_p99", "flip_p99"):
+        columns.insert(0, (metric, lambda p: _short(float(getattr(p.errors, metric)))))
+    return columns
+
+
+def _short(value: float) -> str:
+    return "-" if value != value else f"{value:.2g}"
+
+
+def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
+    """The sentences below the table: how it was measured, the front, what the scene's own setting is worth."""
+    env = made.environment
+    front = made.front(metric)
+    lines = [
+        f"{made.repeats} frames of each setting in random order (seed {made.seed}), medians with 95 % intervals, "
+        f"by the {env['clock']['kind']}; {env['driver']['renderer']}, {env['date'][:10]}",
+    ]
+    if made.floor > 0:
+        lines.append(f"no ray on its own can be decided with fewer than N* = {made.floor:.2f} evaluations a pixel")
+    if front:
+        lines.append(f"worth having, by {metric}: " + "; ".join(p.name for p in front))
+    else:
+        lines.append("no setting finds every hit: nothing here is worth having")
+    base = made.base
+    if base.errors.sound:
+        sound = [p for p in made.points if p.errors.sound]
+        times = behind(base, sound, lambda p: p.time.value, lambda p: p.error(metric))
+        rank = "lies on the front" if times <= 1.0 else f"takes {times:.2f} times what the fastest as exact one takes"
+        lines.append(f"the scene's own setting {rank}")
+    unsound = sum(not p.errors.sound for p in made.points)
+    if unsound:
+        lines.append(f"{unsound} settings miss or make up hits and are never on the front")
+    lines += [f"CHECK FAILED, {c.name}: {c.words}" for c in made.checks if not c.holds]
+    return lines

@@ -1,0 +1,31 @@
+"""Truths of these tests are kept in a folder of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cost_samples import SIZE, make_scene
+
+import raymarch as rm
+from raymarch.cost.reference import CACHE_VARIABLE, Reference, reference
+
+
+@pytest.fixture(scope="session")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("truths")
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, str(kept))
+
+
+@pytest.fixture(scope="session")
+def scene() -> rm.Scene:
+    return make_scene()
+
+
+@pytest.fixture
+def known(scene: rm.Scene) -> Reference:
+    return reference(scene, SIZE, samples=4)

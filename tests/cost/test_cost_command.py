@@ -1,0 +1,79 @@
+"""`raymarch cost` as a user meets it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from raymarch.cli import main
+
+HELLO = """import raymarch as rm
+scene = rm.Scene(rm.sphere(rm.Param("size", 1.0, 0.5, 2.0)) | rm.plane(offset=-1))
+"""
+QUICK = ("--size", "32x18", "--repeats", "1", "--samples", "1")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hello.py").write_text(HELLO)
+    return tmp_path
+
+
+def run(*args: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        main(["cost", *args])
+    return int(stop.value.code or 0)
+
+
+def files(folder: Path) -> set[str]:
+    return {p.name for p in folder.iterdir() if p.name != "__pycache__"}
+
+
+def test_table_json_and_csv(folder, capsys):
+    asked = ("--axis", "epsilon=0.1,2", "--cross", "epsilon", "--json", "a.json", "--csv", "a.csv", "--set", "size=1.5")
+    assert run("hello.py", *QUICK, *asked) == 0
+    said = capsys.readouterr().out
+    for word in ("hello, 32x18", "epsilon 2", "missed", "N*", "worth having, by pixels_p99"):
+        assert word in said
+    data = json.loads((folder / "a.json").read_text())
+    assert [p["name"] for p in data["points"]] == ["base", "epsilon 2"]
+    rows = list(csv.DictReader((folder / "a.csv").read_text().splitlines()))
+    assert [float(r["evaluations"]) for r in rows] == [p["evaluations"] for p in data["points"]]
+    assert files(folder) == {"hello.py", "a.json", "a.csv"}
+
+
+def test_what_is_shown_and_what_only_by_all(folder, capsys):
+    asked = ("--cross", "tracer,max_steps", "--axis", "max_steps=3,512", "--axis", "tracer=plain,front")
+    assert run("hello.py", *QUICK, *asked) == 0
+    assert "plain, 3 steps" not in capsys.readouterr().out
+    assert run("hello.py", *QUICK, *asked, "--all") == 0
+    assert "plain, 3 steps" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("args", "says"),
+    [
+        (("none.py",), "none.py"),
+        (("hello.py", "--size", "32"), "--size 32"),
+        (("hello.py", "--by", "beauty"), "pixels_p99"),
+        (("hello.py", "--samples", "5"), "square"),
+        (("hello.py", "--samples", "-1"), "square"),
+        (("hello.py", "--cross", "speed"), "speed"),
+        (("hello.py", "--axis", "speed=1"), "speed"),
+        (("hello.py", "--axis", "epsilon"), "NAME=VALUE"),
+        (("hello.py", "--axis", "epsilon=0.1,99"), "0.001 to 10"),
+        (("hello.py", "--json", "a.txt"), ".json"),
+        (("hello.py", "--csv", "nowhere/a.csv"), "nowhere"),
+        (("hello.py", "--set", "speed=1"), "speed"),
+        (("hello.py", "--set", "size=9"), "<= 2"),
+        (("hello.py", "--repeats", "0"), "repeats"),
+    ],
+)
+def test_wrong_input_says_so_and_leaves_nothing(folder, capsys, args, says):
+    assert run(*args) == 2
+    assert says in " ".join(capsys.readouterr().err.split())
+    assert files(folder) == {"hello.py"}

@@ -1,0 +1,127 @@
+"""The kept truth: the right one, and computed once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cost_samples import SIZE, make_scene
+
+import raymarch as rm
+from raymarch.cost import reference as room
+from raymarch.cost.content import content_key
+from raymarch.cost.reference import CACHE_VARIABLE, reference
+
+
+def test_it_is_the_truth(scene, known):
+    plain = rm.truth(scene, size=SIZE)
+    for name in ("depth", "hit", "normal", "material", "color"):
+        assert np.array_equal(getattr(known, name), getattr(plain, name)), name
+    assert known.size == SIZE
+    assert known.pixel == pytest.approx(2 * np.tan(np.radians(22.5)) / SIZE[1])
+    assert known.floor.mean() > 3
+
+
+def test_the_picture_is_the_mean_of_finer_rays(scene, known):
+    fine = np.clip(rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color, 0, 1)
+    assert known.picture[7, 9] == pytest.approx(fine[14:16, 18:20].mean(axis=(0, 1)))
+    assert known.spread[7, 9] == pytest.approx(fine[14:16, 18:20].reshape(4, 3).std(axis=0, ddof=1).max() / 2)
+
+
+def test_it_is_computed_once(known, monkeypatch):
+    monkeypatch.setattr(room, "_compute", lambda *_: pytest.fail("computed again"))
+    again = reference(make_scene(), SIZE, samples=4)
+    assert np.array_equal(again.depth, known.depth)
+    assert (again.samples, again.pixel) == (4, known.pixel)
+
+
+def other_scenes() -> dict[str, rm.Scene]:
+    made = {}
+    for name in ("lights", "sky", "fog", "camera", "node", "material", "barely"):
+        scene = make_scene()
+        match name:
+            case "lights":
+                scene.lights = (rm.Sun(shadow=False),)
+            case "sky":
+                scene.sky = rm.Sky((1, 0, 0))
+            case "fog":
+                scene.fog = rm.Fog()
+            case "camera":
+                scene.camera = rm.Camera(position=(1.5, 1.2, 4), target=(0, 0.5, 0), fov=45.0001)
+            case "node":
+                scene.node = scene.node | rm.sphere(0.1).translate((0, 3, 0))
+            case "material":
+                scene.node = scene.node.material(rm.Material(color=(1, 0, 0)))
+            case "barely":
+                scene.node = scene.node.translate((0, 1e-13, 0))
+        made[name] = scene
+    return made
+
+
+def test_another_scene_has_another_key():
+    keys = [content_key(make_scene()), *(content_key(s) for s in other_scenes().values())]
+    assert len(set(keys)) == len(keys)
+    assert content_key(make_scene(), 1) != content_key(make_scene(), 2)
+
+
+def test_quality_and_place_in_the_file_do_not_count():
+    other = make_scene()
+    other.quality = rm.Quality(tracer="plain")
+    assert content_key(other) == content_key(make_scene())
+
+
+def test_the_key_is_the_same_in_another_process(scene):
+    root = Path(__file__).parents[2]
+    code = (
+        "from cost_samples import make_scene; from raymarch.cost.content import content_key;"
+        "print(content_key(make_scene()))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=root / "tests" / "cost",
+        env=os.environ | {"PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert answer.stdout.strip() == content_key(scene)
+
+
+def test_shared_parts_do_not_make_it_slow():
+    node = rm.sphere(0.5)
+    for k in range(60):  # as a tree it would have 2^60 leaves
+        node = rm.union(node, node.translate((0.1 * k, 0, 0)), k=0.05) if k < 12 else node.rotate(0.1)
+    assert len(content_key(rm.Scene(node))) == 64
+
+
+@pytest.mark.parametrize("spoil", ["empty", "text", "cut"])
+def test_a_spoiled_file_is_made_anew(scene, tmp_path, monkeypatch, spoil):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    first = reference(scene, (16, 9))
+    (file,) = (tmp_path / "truth").glob("*.npz")
+    content = file.read_bytes()
+    file.write_bytes({"empty": b"", "text": b"hello", "cut": content[: len(content) // 2]}[spoil])
+    assert np.array_equal(reference(scene, (16, 9)).depth, first.depth)
+    assert file.read_bytes() == content
+    assert [p.name for p in file.parent.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize("folder", ["", "/dev/null/nowhere"])
+def test_without_a_cache_it_works_too(scene, monkeypatch, folder):
+    monkeypatch.setenv(CACHE_VARIABLE, folder)
+    assert reference(scene, (16, 9)).hit.any()
+
+
+@pytest.mark.parametrize("samples", [0, 2, 289, -4])
+def test_samples_are_a_square(scene, samples):
+    with pytest.raises(ValueError, match="square"):
+        reference(scene, (16, 9), samples=samples)
+
+
+def test_an_estimate_has_no_floor():
+    known = reference(rm.Scene(rm.mandelbulb()), (16, 9))
+    assert np.all(known.floor == -1)
