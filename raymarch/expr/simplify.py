@@ -73,6 +73,8 @@ def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
                     return _widen(other, type)
                 if _is(one, -1):
                     return elementwise("neg", _widen(other, type))
+        case "dot", (a, b) if _is(a, 0) or _is(b, 0):
+            return const(0.0)
         case "div", (a, b):
             if _is(b, 1):
                 return _widen(a, type)

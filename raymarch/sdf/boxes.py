@@ -89,16 +89,17 @@ def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15
     thickness : full thickness of a bar, > 0 and at most half the smallest extent.
 
     Exact. Outside, the nearest of the three bars that meet in the octant of the point; inside, what is nearer: an
-    outer face, or one of the three square holes, which are infinite prisms.
+    outer face, or one of the three square holes, which are infinite prisms. On the surface, where rounding may leave
+    neither with a distance, the latter still has a slope.
     """
     q = abs(p) - 0.5 * size
     beyond = max(q, 0.0)
     across = max(abs(q + 0.5 * thickness) - 0.5 * thickness, 0.0)
     bars = [vec3(*[beyond[i] if i == along else across[i] for i in range(3)]) for along in range(3)]
     outside = sqrt(min(*[dot(bar, bar) for bar in bars]))
-    wall = max(q + thickness, 0.0)
-    hole = sqrt(min(dot(wall.xy, wall.xy), dot(wall.yz, wall.yz), dot(wall.zx, wall.zx)))
-    return where(outside > 0.0, outside, -min(-largest(q), hole))
+    wall = q + thickness
+    hole = min(*[length(max(side, 0.0)) + min(max(side.x, side.y), 0.0) for side in (wall.xy, wall.yz, wall.zx)])
+    return where(outside > 0.0, outside, max(largest(q), -hole))
 
 
 def _slab_bounds(normal: Any, thickness: Any, offset: Any) -> tuple[Expr, Expr]:

@@ -26,6 +26,7 @@ from raymarch.expr.vocabulary import (
     cos,
     dot,
     floor,
+    held,
     length,
     max,
     min,
@@ -97,12 +98,6 @@ def polyline_tube(
     return sqrt(balanced([segment_squared(p, a, b) for a, b in pairwise(corners)], min)) - radius
 
 
-def _held(t: Expr) -> Expr:
-    """t itself, for derivatives a constant: where the distance is least it does not change with t, and the way by
-    which t was found does not matter. Rounded to 2^-40, which is nothing in float32, and squared nothing in float64."""
-    return round(t * 2.0**40) * 2.0**-40
-
-
 def _bezier_bounds(a: Any, b: Any, c: Any, radius: Any) -> tuple[Expr, Expr]:
     """On each axis the curve turns back at most once, where its speed is zero."""
     turning = []
@@ -162,7 +157,7 @@ def bezier_tube(
         return [low, high, max(low - s, t - high)]
 
     s, t, _ = loop(24, [0.0, 1.0, 1.0], newton, until=lambda i, s, t, step: step < 1e-6)
-    s, t = _held(s), _held(t)
+    s, t = held(s), held(t)
     to_s = from_p + s * (2.0 * speed + s * bend)
     to_t = from_p + t * (2.0 * speed + t * bend)
     return sqrt(min(dot(to_s, to_s), dot(to_t, to_t))) - radius
@@ -217,6 +212,6 @@ def helix(p: Expr, major: Positive = 0.7, minor: Positive = 0.12, pitch: Positiv
 
     s, _ = loop(24, [vec2(0.0), 1.0], newton, until=lambda i, s, step: step < 1e-6)
     turned = first + s * vec2(*[where(level < start, -1.0, 1.0) for start in first])
-    found = _held(clamp(turned, -last, last))
+    found = held(clamp(turned, -last, last))
     away = [p - vec3(major * cos(t), rise * t, -major * sin(t)) for t in (found.x, found.y, last, -last)]
     return sqrt(min(*[dot(v, v) for v in away])) - minor

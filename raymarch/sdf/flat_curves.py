@@ -21,11 +21,11 @@ from raymarch.expr.vocabulary import (
     clamp,
     cos,
     dot,
+    held,
     length,
     max,
     min,
     normalize,
-    round,
     sin,
     sqrt,
     square,
@@ -52,14 +52,6 @@ def shallow_arc(p: Expr, radius: Expr, back: Expr) -> Expr:
     """
     span = radius + back
     return ((p.x - radius) * (p.x + span + back) + p.y * p.y) / (length(p + vec2(back, 0.0)) + span)
-
-
-def _held(x: Expr) -> Expr:
-    """x itself, for derivatives a constant: where a distance is stationary, how x was found does not matter.
-
-    Rounded to 2^-40, which is nothing in float32.
-    """
-    return round(x * 2.0**40) * 2.0**-40
 
 
 def _check_ring(radius: Any, thickness: Any) -> None:
@@ -233,7 +225,7 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
 
     (s,) = loop(24, [max(b * y, a * x - c)], lambda i, s: [climb(s)], until=arrived)  # s = t + b^2
     s = climb(s)  # the last step squares what error is left
-    n = normalize(_held(normalize(vec2(x / (s + c), y / s))))
+    n = normalize(held(normalize(vec2(x / (s + c), y / s))))
     return dot(vec2(x, y), n) - length(vec2(a, b) * n)
 
 
@@ -375,5 +367,5 @@ def bezier(
 
     low, high = loop(32, [0.0, 1.0], lambda i, low, high: approach(low, high), until=arrived)
     low, high = approach(low, high)  # the last step squares what error is left
-    apart = [w + (2.0 * first + bend * t) * t for t in (_held(low), _held(high))]
+    apart = [w + (2.0 * first + bend * t) * t for t in (held(low), held(high))]
     return sqrt(min(*[dot(v, v) for v in apart])) - 0.5 * thickness

@@ -302,8 +302,9 @@ def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNeg
     q = about_y(p)
     side = vec2(top - radius, height)
     from_base = q - vec2(radius, -0.5 * height)
-    beyond = dot(from_base, vec2(side.y, -side.x)) / length(side)
-    to_side = from_base - side * clamp(dot(from_base, side) / dot(side, side), 0.0, 1.0)
+    slant = length(side)
+    beyond, along = dot(from_base, vec2(side.y, -side.x)) / slant, dot(from_base, side) / slant
+    to_side = vec2(beyond, along - clamp(along, 0.0, slant))  # a multiple of the normal, however short
     above = abs(p.y) - 0.5 * height
     to_end = vec2(max(q.x - where(p.y < 0.0, radius, top), 0.0), above)
     inside = max(beyond, above)

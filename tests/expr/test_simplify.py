@@ -239,6 +239,7 @@ def test_unsimplified_text_means_the_same(egl: Context, recipe: Recipe) -> None:
         (lambda: expr(np.eye(3)) @ P, lambda: P),
         (lambda: v.transpose(v.transpose(v.columns(Q, Q))), lambda: v.columns(Q, Q)),
         (lambda: const(2.0) * 3 + 1, lambda: const(7.0)),
+        (lambda: v.dot((0.0, 0.0, 0.0), P), lambda: const(0.0)),
         (lambda: v.sqrt(-4.0), lambda: const(0.0)),
         (lambda: v.atan2(0.0, -0.0), lambda: const(0.0)),
         (lambda: v.vec2(0.0, 0.0), lambda: const([0.0, 0.0])),

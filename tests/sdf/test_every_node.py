@@ -109,6 +109,32 @@ def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
     assert np.mean(~(error < 1e-4)) <= 0.005 + few_wrong(s.node), f"off by up to {error.max():.3g}"
 
 
+def test_normals_on_the_surface_survive_float32(s: Seen) -> None:
+    """On the surface itself, where sign * sqrt(d^2) and the like would divide rounding errors by rounding errors."""
+    points = s.surface[:1000].astype(np.float32).astype(np.float64)
+    gradient = s.field.gradient(points)
+    smooth = np.linalg.norm(gradient, axis=1) > 0.1  # of a shorter one the direction is lost in float32 anyway
+    random = np.random.default_rng(17)
+    for reach in (2e-5, 1e-6) * 4:  # creases nearby; where two pieces part at a flat angle, very near
+        steps = reach * s.field.size * unit(random.normal(size=points.shape))
+        beside = s.field.gradient(points + steps)
+        smooth &= (np.linalg.norm(unit(beside) - unit(gradient), axis=1) < 1e-3) & (
+            np.linalg.norm(beside, axis=1) > 0.1
+        )
+    if s.node.exactness == "estimate" and not np.any(smooth):
+        return  # the surface of a fractal may be nothing but creases
+    assert smooth.mean() > 0.02
+    whole = companion(lower(s.node))
+    (single,) = evaluator([whole.body], whole.params, np.float32)(points.astype(np.float32))
+    single = np.broadcast_to(single, (len(points), s.node.dimension + 1))[:, :-1]
+    error = np.linalg.norm(unit(single.astype(np.float64)) - unit(gradient), axis=1)[smooth]
+    assert np.mean(~(error < 1e-3)) <= few_wrong(s.node), points[smooth][np.argmax(error)]
+
+
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
+
+
 def test_never_steeper_than_promised(s: Seen) -> None:
     """Pairs of points, far apart and close together; and the gradient itself."""
     if s.node.exactness == "estimate":
