@@ -32,6 +32,7 @@ from raymarch.sdf.flat import (
     trapezoid,
 )
 from raymarch.sdf.flat_curves import arc, bezier, egg, ellipse, flat_vesica, heart, moon, pie, ring
+from raymarch.sdf.folds import ball_fold, box_fold, fold_fractal, plane_fold
 from raymarch.sdf.fractals import apollonian, julia, mandelbox, mandelbulb, menger, sierpinski
 from raymarch.sdf.joints import complement, engrave, groove, morph, pipe, tongue, xor
 from raymarch.sdf.lettering import image, text
@@ -85,11 +86,13 @@ __all__ = [
     "Node",
     "apollonian",
     "arc",
+    "ball_fold",
     "bend",
     "bezier",
     "bezier_tube",
     "blob",
     "box",
+    "box_fold",
     "box_frame",
     "capped_torus",
     "capsule",
@@ -118,6 +121,7 @@ __all__ = [
     "extrude_to",
     "flat_triangle",
     "flat_vesica",
+    "fold_fractal",
     "glsl_node",
     "grid",
     "groove",
@@ -152,6 +156,7 @@ __all__ = [
     "pie",
     "pipe",
     "plane",
+    "plane_fold",
     "polar",
     "polygon",
     "polyline",

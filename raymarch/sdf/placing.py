@@ -168,6 +168,7 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
     bounds=lambda child, linear, inverse, offset, stretch: linear @ child.box + offset,
     spread=lambda child, linear, inverse, offset, stretch: child.spread * _spread_through(linear) / stretch,
     convex=True,
+    dimension="any",
 )
 def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec3, stretch: Positive) -> Expr:
     """Placed by x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
@@ -182,29 +183,35 @@ def _is_rigid(linear: Expr) -> bool:
 
 @method
 def transform(node: Node, matrix: ArrayLike) -> Node:
-    """Placed by an affine 4x4 matrix.
+    """Placed by an affine matrix.
 
     matrix : shape (4, 4), for row vectors as pyrr makes them: (x, y, z, 1) @ matrix, so the last row holds the
         offset and the last column is (0, 0, 0, 1). It may rotate, scale, shear and reflect, but not flatten:
-        its smallest singular value scales distances. A rotation with one factor keeps exactness.
+        its smallest singular value scales distances. A rotation with one factor keeps exactness. For a flat shape
+        the same in the plane: shape (3, 3), (x, y, 1) @ matrix.
     """
+    n = node.dimension if isinstance(node, Node) else 3
+    corner = [0.0] * n + [1.0]
     try:
         m = np.asarray(matrix, np.float64)
     except (TypeError, ValueError):
-        raise SceneError(f"transform: matrix = {matrix!r}", legal="4x4 numbers") from None
-    if m.shape != (4, 4) or not np.all(np.isfinite(m)):
-        raise SceneError(f"transform: a matrix of shape {m.shape}, values {m.tolist()}", legal="4x4 finite numbers")
-    if not np.array_equal(m[:, 3], [0, 0, 0, 1]):
-        for_columns = np.array_equal(m[3], [0, 0, 0, 1])
+        raise SceneError(f"transform: matrix = {matrix!r}", legal=f"{n + 1}x{n + 1} numbers") from None
+    if m.shape != (n + 1, n + 1) or not np.all(np.isfinite(m)):
+        raise SceneError(
+            f"transform: a matrix of shape {m.shape}, values {m.tolist()}", legal=f"{n + 1}x{n + 1} finite numbers"
+        )
+    if not np.array_equal(m[:, n], corner):
+        for_columns = np.array_equal(m[n], corner)
         hint = "for column vectors, it seems: pass its transpose" if for_columns else "not affine"
-        raise SceneError(f"transform: last column {m[:, 3].tolist()}, {hint}", legal="last column (0, 0, 0, 1)")
-    linear = m[:3, :3].T
+        shown = f"({', '.join(f'{v:g}' for v in corner)})"
+        raise SceneError(f"transform: last column {m[:, n].tolist()}, {hint}", legal=f"last column {shown}")
+    linear = m[:n, :n].T
     singular = np.linalg.svd(linear, compute_uv=False)
     if singular[-1] <= 1e-12 * singular[0] or singular[-1] == 0.0:
         raise SceneError(
             f"transform: singular matrix, its stretches are {singular.tolist()}", legal="an invertible matrix"
         )
-    return affine(node, linear, np.linalg.inv(linear), m[3, :3], float(singular[-1]))
+    return affine(node, linear, np.linalg.inv(linear), m[n, :n], float(singular[-1]))
 
 
 def _exact_if_one_sided(child: Facts, normal: Expr) -> Exactness:

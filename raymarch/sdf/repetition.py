@@ -16,8 +16,8 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
-from raymarch.expr.types import FLOAT, VEC3
-from raymarch.expr.vocabulary import clamp, max, min, round, vec3, where
+from raymarch.expr.types import FLOAT, vector
+from raymarch.expr.vocabulary import clamp, max, min, round, where
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole
@@ -32,17 +32,18 @@ NO_WALL = 1e30
 
 def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:
     """The outermost copies; an axis that is left alone has one."""
-    reach = vec3(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in (nx, ny, nz)])
+    counts = (nx, ny, nz)[: len(spacing)]
+    reach = construct(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in counts])
     return child.lower - reach * spacing, child.upper + reach * spacing
 
 
 def _keep_if_centred(child: Facts, centre: Expr, **_: Any) -> str:
-    return "".join(a for a, c in zip("xyz", centre.data, strict=True) if a in child.symmetry and c == 0.0)
+    return "".join(a for a, c in zip("xyz", centre.data, strict=False) if a in child.symmetry and c == 0.0)
 
 
 def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guard: int, **_: Any) -> Exactness:
     """Copies that touch grow together, and what was their surface there is inside."""
-    repeated = np.array([n != 1 for n in (nx, ny, nz)])
+    repeated = np.array([n != 1 for n in (nx, ny, nz)[: len(spacing)]])
     touching = child.size >= interval_of(spacing)[0]
     return "bound" if guard or np.any(repeated & touching) else "exact"
 
@@ -52,7 +53,7 @@ def _spread(child: ChildFacts, guard: int, **_: Any) -> Any:
     return 1.0 if guard else child.spread
 
 
-@operator(exactness=_exact_if_apart, bounds=_bounds, symmetry=_keep_if_centred, spread=_spread)
+@operator(exactness=_exact_if_apart, bounds=_bounds, symmetry=_keep_if_centred, spread=_spread, dimension="any")
 def repeat_cells(
     p: Expr,
     child: Child,
@@ -68,15 +69,15 @@ def repeat_cells(
 ) -> Expr:
     """Copies in a grid of cells.
 
-    nx, ny, nz : copies along each axis, 0 for no end, 1 for an axis that is left alone.
+    nx, ny, nz : copies along each axis, 0 for no end, 1 for an axis that is left alone; in the plane nz is 1.
     both : bits of the axes on which the nearer neighbour is asked too.
     guard : 1 if the child's field is only a bound. It might then rank copies wrongly, and the choice of
         neighbours would make it jump; the distance to the cells not asked keeps it continuous.
     middle, half : of the box that holds all copies. From outside of it, the way there says more than the guard.
     """
-    counts = (nx, ny, nz)
-    axes = [i for i in range(3) if counts[i] != 1]
-    lookups: list[list[tuple[Expr, Expr | None]]] = [[(p[i], None)] for i in range(3)]
+    counts = (nx, ny, nz)[: len(p)]
+    axes = [i for i, count in enumerate(counts) if count != 1]
+    lookups: list[list[tuple[Expr, Expr | None]]] = [[(p[i], None)] for i in range(len(p))]
     unseen = []
     for i in axes:
         shift = 0.5 if counts[i] and counts[i] % 2 == 0 else 0.0
@@ -111,23 +112,23 @@ def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: boo
 
 @method
 def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
-    """Copies of a solid at a spacing along the axes.
+    """Copies of a solid, or of a flat shape in its plane, at a spacing along the axes.
 
     Parameters
     ----------
-    spacing : a length > 0 for each of x, y and z; None leaves that axis alone. One number is for all three.
+    spacing : a length > 0 for each of x, y and z (x and y); None leaves that axis alone. One number is for all.
     count : how many copies, about the origin: one number, or one for each axis; None for no end.
 
     The child must fit its cell: its box, wherever it stands, may not be larger than the spacing. Exact on an exact
     child. Asks 1 copy along an axis where the child mirrors itself, else 2.
     """
-    if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"repeat of {node!r}", legal="a solid such as sphere()")
-    steps = _each_axis("spacing", spacing)
-    counts = _each_axis("count", count)
+    if not isinstance(node, Node):
+        raise SceneError(f"repeat of {node!r}", legal="a node such as sphere()")
+    steps = _each_axis("spacing", spacing, node.dimension)
+    counts = _each_axis("count", count, node.dimension)
     lower, upper = node.bounds
     width, centre, numbers, both, middles, halves = [], [], [], 0, [], []
-    for i, axis in enumerate("xyz"):
+    for i, axis in enumerate("xyz"[: node.dimension]):
         n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
         if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if counts[i] is None else 1):
             raise SceneError(f"repeat: count = {count!r}", legal="integers >= 1, or None for no end")
@@ -146,21 +147,22 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
         middles.append(0.5 * (low + high) if np.isfinite(high - low) else 0.0)
         halves.append(0.5 * (high - low) if np.isfinite(high - low) else NO_WALL)
     guard = int(both != 0 and node.exactness != "exact")
-    nx, ny, nz = numbers
+    nx, ny, nz = numbers if node.dimension == 3 else (*numbers, 1)
     return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard, middles, halves)
 
 
-def _each_axis(name: str, value: Any) -> list[Any]:
+def _each_axis(name: str, value: Any, dimension: int) -> list[Any]:
     """One entry for each axis."""
-    if isinstance(value, Expr) and value.type is VEC3:
+    if isinstance(value, Expr) and value.type is vector(dimension):
         return list(value)
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, tuple | list):
-        if len(value) != 3:
-            raise SceneError(f"repeat: {name} = {value!r}", legal="one value, or three for x, y and z")
+        if len(value) != dimension:
+            each = "three for x, y and z" if dimension == 3 else "two for x and y"
+            raise SceneError(f"repeat: {name} = {value!r}", legal=f"one value, or {each}")
         return list(value)
-    return [value] * 3
+    return [value] * dimension
 
 
 def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) -> None:

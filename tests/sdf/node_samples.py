@@ -231,7 +231,7 @@ def samples() -> list[NodeSample]:
     return [s for definition in definitions() for s in _chosen(definition)]
 
 
-_kind = CHILDREN[3]
+_kind, _flat = CHILDREN[3], CHILDREN[2]
 _slanting = np.array([[0.8, 0.6, 0.0, 0.0], [-0.6, 0.8, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.3, -0.2, 0.5, 1.0]])
 _shearing = np.array([[1.5, 0.4, 0.0, 0.0], [0.0, 0.7, 0.3, 0.0], [0.1, 0.0, -1.0, 0.0], [0.0, 0.4, 0.0, 1.0]])
 
@@ -257,6 +257,16 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         "enlarged": lambda: transform(_kind["slanted"](), np.diag([1.5, 1.5, 1.5, 1.0])),
         "sheared": lambda: transform(_kind["brick"](), _shearing),
         "sheared stretched": lambda: transform(_kind["stretched"](), _shearing),
+    },
+    "affine_2d": {
+        "rigid": lambda: transform(_flat["bitten disc"](), _slanting[np.ix_([0, 1, 3], [0, 1, 3])]),
+        "sheared": lambda: transform(_flat["disc aside"](), [[1.5, 0.4, 0.0], [-0.2, 0.7, 0.0], [0.3, 0.1, 1.0]]),
+    },
+    "repeat_cells_2d": {
+        "without end": lambda: repeat(_flat["disc"](), 1.5),
+        "aside": lambda: repeat(_flat["disc aside"](), (1.0, 1.2), (3, 2)),
+        "bitten": lambda: repeat(_flat["bitten disc"](), (1.1, None), (4, 1)),
+        "stretched": lambda: repeat(_flat["stretched disc"](), (1.6, 1.0), (None, 3)),
     },
     "varied_cells": {
         "without end": lambda: repeat_varied(lambda index: sphere(0.3 + 0.1 * sin(index.x + 2.0 * index.y)), 1.0),

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from raymarch.errors import SceneError
 from raymarch.scene.parameter import time
-from raymarch.sdf import Node, box, capsule, mirror, plane, rotate, scale, sphere, transform, translate
+from raymarch.sdf import Node, box, capsule, circle, mirror, plane, rotate, scale, sphere, transform, translate
 
 RANDOM = np.random.default_rng(8)
 POINTS = RANDOM.uniform(-2, 2, (8000, 3))
@@ -228,6 +228,18 @@ def test_a_mirrored_pair_is_symmetric_on_the_mirror() -> None:
 # Order
 
 
+def test_a_flat_shape_takes_a_matrix_of_the_plane() -> None:
+    turned = np.array([[0.0, 2.0, 0.0], [-2.0, 0.0, 0.0], [0.5, 1.0, 1.0]])
+    flat = circle(0.5).translate((1.0, 0.0)).transform(turned)
+    assert flat.exactness == "exact"
+    assert flat.distance((0.5, 3.0)) == pytest.approx(-1.0)
+    sheared = circle(0.5).transform([[1.0, 0.0, 0.0], [0.7, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    points = np.random.default_rng(8).uniform(-1.5, 1.5, (500, 2))
+    np.testing.assert_array_equal(
+        sheared.distance(points) < 0, circle(0.5).distance(points - np.outer(0.7 * points[:, 1], (1, 0))) < 0
+    )
+
+
 def test_methods_apply_one_after_the_other() -> None:
     placed = sphere(0.2).translate((1, 0, 0)).rotate(np.pi / 2, "z").scale(2.0)
     np.testing.assert_allclose(placed.distance((0, 2, 0)), -0.4, atol=1e-12)
@@ -267,6 +279,11 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "projective": (lambda: BRICK.transform(_projective), ("0.5", "(0, 0, 0, 1)")),
     "matrix with NaN": (lambda: BRICK.transform(_nan), ("nan", "finite")),
     "3x3 matrix": (lambda: BRICK.transform(np.eye(3)), ("(3, 3)", "4x4")),
+    "4x4 matrix in the plane": (lambda: circle().transform(np.eye(4)), ("(4, 4)", "3x3")),
+    "columns in the plane": (
+        lambda: circle().transform([[1, 0, 2], [0, 1, 0], [0, 0, 1]]),
+        ("pass its transpose", "(0, 0, 1)"),
+    ),
     "no matrix": (lambda: BRICK.transform("turn"), ("'turn'", "4x4")),
     "scale 0": (lambda: BRICK.scale(0), ("factor = 0", "> 0")),
     "negative scale": (lambda: BRICK.scale((1, -2, 1)), ("(1, -2, 1)", "> 0")),

@@ -14,7 +14,7 @@ import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import expr
 from raymarch.scene.parameter import Param
-from raymarch.sdf import Node, box, capsule, cylinder, plane, repeat, shape, sphere
+from raymarch.sdf import Node, box, capsule, circle, cylinder, plane, rectangle, repeat, shape, sphere
 from raymarch.sdf.domain import Positive
 
 Count = int | None
@@ -203,8 +203,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "negative count": (lambda: sphere(0.2).repeat(1, (1, -2, 1)), ("(1, -2, 1)", ">= 1")),
     "half a count": (lambda: sphere(0.2).repeat(1, 2.5), ("2.5", ">= 1")),
     "true as a count": (lambda: sphere(0.2).repeat(1, True), ("True", ">= 1")),
+    "three spacings in the plane": (lambda: circle(0.2).repeat((1, 2, 3)), ("(1, 2, 3)", "two for x and y")),
+    "too large in the plane": (lambda: circle(0.6).repeat((None, 1)), ("circle is 1.2 wide along y", ">= 1.2")),
     "two counts": (lambda: sphere(0.2).repeat(1, (2, 3)), ("(2, 3)", "three for x, y and z")),
-    "no node": (lambda: repeat(3.0, 1.0), ("3.0", "a solid")),
+    "no node": (lambda: repeat(3.0, 1.0), ("3.0", "a node")),
     "time as spacing": (lambda: sphere(0.2).repeat(_time()), ("-inf", "> 0")),
 }
 
@@ -230,3 +232,18 @@ def test_refused_with_value_range_and_line(name: str) -> None:
 
 def test_whole_numbers_of_numpy_are_counts() -> None:
     assert sphere(0.2).repeat(1.0, np.int64(3)).glsl() == sphere(0.2).repeat(1.0, 3).glsl()
+
+
+@pytest.mark.parametrize("grid", [((1.1, 1.3), (3, 4)), ((None, 1.0), (1, None)), ((1.4, 1.0), (None, 2))])
+def test_flat_shapes_repeat_in_their_plane(grid: Any) -> None:
+    child = circle(0.3).translate((0.1, 0.15)) | rectangle((0.2, 0.4)).translate((-0.1, 0.0))
+    points = np.random.default_rng(6).uniform(-3.0, 3.0, (2400, 2))
+    node, copies = child.repeat(*grid), all_copies(child, points, *grid)
+    np.testing.assert_array_equal(np.sign(node.distance(points)), np.sign(copies))
+    assert node.extrude(0.5).exactness == node.exactness == "bound"
+    assert np.all(np.abs(node.distance(points)) <= np.abs(copies) + 1e-12)
+    exact = circle(0.3).translate((0.1, 0.15)).repeat(*grid)
+    assert exact.exactness == "exact"
+    np.testing.assert_allclose(
+        exact.distance(points), all_copies(circle(0.3).translate((0.1, 0.15)), points, *grid), atol=1e-12
+    )

@@ -1,0 +1,160 @@
+"""A fractal of one's own: space is folded and enlarged again and again, then a solid is asked there.
+
+The folds that most such fractals are made of are here as well: `plane_fold`, `box_fold` and `ball_fold`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, TypeAlias
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.function import loop
+from raymarch.expr.node import Expr, Operand, const, expr
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import abs as absolute
+from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, rotation2, vec3
+from raymarch.sdf.definition import Child, at_least, operator, shape
+from raymarch.sdf.domain import Count, Domain, Factor
+from raymarch.sdf.node import Node
+
+__all__ = ["ball_fold", "box_fold", "fold_fractal", "plane_fold"]
+
+Fold: TypeAlias = Callable[[Expr, Expr, Expr], tuple[Any, Any]]
+Corners: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
+TINY = 1e-20
+
+
+def plane_fold(z: Operand, normal: Operand) -> Expr:
+    """What lies behind a plane through the origin is reflected to its front.
+
+    z : vec3. normal : vec3 of any length but 0, towards the front. Keeps distances: `growth` stays as it is.
+    """
+    n = normalize(normal)
+    return z - 2.0 * min(dot(z, n), 0.0) * n
+
+
+def box_fold(z: Operand, limit: Operand = 1.0) -> Expr:
+    """What lies beyond a face of the cube from -limit to limit is reflected in that face. Keeps distances."""
+    return 2.0 * clamp(z, -expr(limit), limit) - expr(z)
+
+
+def ball_fold(z: Operand, growth: Operand, inner: Operand = 0.5, outer: Operand = 1.0) -> tuple[Expr, Expr]:
+    """What lies in a ball about the origin is turned inside out, as far as an inner ball, which is enlarged.
+
+    z, growth : see `fold_fractal`. inner, outer : radii of the balls, 0 < inner <= outer. Returns the new z and growth.
+    """
+    square = expr(outer) * outer
+    turn = max(square / max(dot(z, z), expr(inner) * inner), 1.0)
+    return turn * expr(z), turn * expr(growth)
+
+
+def _steps(fold: Fold, p: Expr, bailout: Expr, iterations: int) -> tuple[Expr, Expr]:
+    def step(i: Expr, z: Expr, growth: Expr) -> tuple[Any, Any]:
+        made = fold(z, growth, p)
+        if not isinstance(made, tuple | list) or len(made) != 2:
+            raise SceneError(f"fold_fractal: fold gives {made!r}", legal="(z, growth): a vec3 and a number")
+        kinds = [expr(part).type for part in made]
+        if kinds[0] is not VEC3 or kinds[1] is not FLOAT:
+            raise SceneError(f"fold_fractal: fold gives a {kinds[0]} and a {kinds[1]}", legal="a vec3 and a float")
+        return made[0], made[1]
+
+    z, growth = loop(iterations, (p, 1.0), step, until=lambda i, z, growth: dot(z, z) > bailout * bailout)
+    return z, max(growth, TINY)
+
+
+def _to_box(value: Expr, p: Expr, bounds: Corners) -> Expr:
+    """No less than the way to the box that the fractal is said to lie in."""
+    if not np.all(np.isfinite(bounds)):
+        return value
+    lower, upper = const(bounds[0]), const(bounds[1])
+    q = absolute(p - 0.5 * (lower + upper)) - 0.5 * (upper - lower)
+    return at_least(value, length(max(q, 0.0)) + min(max(q.x, q.y, q.z), 0.0))
+
+
+def _kaleidoscope(z: Expr, growth: Expr, p: Expr) -> tuple[Any, Any]:
+    """The specimen: mirrors of a tetrahedron, with a slight turn in between."""
+    for normal in ((1.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0)):
+        z = plane_fold(z, normal)
+    turned = rotation2(z.xz, 0.2)
+    z = vec3(turned.x, z.y, turned.y)
+    return 2.0 * z - 1.0, 2.0 * growth
+
+
+FoldOf = Annotated[Any, Domain(None, holds=Callable)]
+BoundsOf = Annotated[Any, Domain(None, holds=tuple)]
+CUBE: Corners = ((-1.5,) * 3, (1.5,) * 3)
+
+
+def _bounds(bounds: Corners, **_: Any) -> tuple[Expr, Expr]:
+    return const(bounds[0]), const(bounds[1])
+
+
+@shape(exactness="estimate", bounds=_bounds)
+def folded_orbit(
+    p: Expr, fold: FoldOf = _kaleidoscope, bounds: BoundsOf = CUBE, bailout: Factor = 100.0, iterations: Count = 8
+) -> Expr:
+    """A fractal of one's own, where the orbit stays near the origin."""
+    z, growth = _steps(fold, p, bailout, iterations)
+    return _to_box(length(z) / growth, p, bounds)
+
+
+@operator(exactness="estimate", bounds=lambda child, **given: _bounds(**given))
+def folded_solid(
+    p: Expr,
+    child: Child,
+    fold: FoldOf = _kaleidoscope,
+    bounds: BoundsOf = CUBE,
+    bailout: Factor = 100.0,
+    iterations: Count = 3,
+) -> Expr:
+    """A fractal of one's own, made of copies of a solid."""
+    z, growth = _steps(fold, p, bailout, iterations)
+    return _to_box(child(z) / growth, p, bounds)
+
+
+def fold_fractal(
+    fold: Fold,
+    solid: Node | None = None,
+    bounds: float | Sequence[Any] = 2.0,
+    iterations: int = 8,
+    bailout: float = 100.0,
+) -> Node:
+    """A fractal of one's own: space is folded again and again, then a solid is asked there.
+
+    Parameters
+    ----------
+    fold : function from (z, growth, p) to the next (z, growth): z, a vec3, starts at the point p; growth, a number,
+        starts at 1 and is multiplied by what the fold enlarges lengths by. In `raymarch.expr.vocabulary`, and with
+        `plane_fold`, `box_fold` and `ball_fold`. It is traced once; parameters and time may stand in it.
+    solid : what is asked at the last z: its distance over the growth is the field. None for |z| over the growth, as
+        for the Mandelbox.
+    bounds : half the edge of a cube about the origin that the fractal lies in, or two corners of a box, infinite where
+        it has no end. Taken on trust.
+    iterations : how often it is folded, >= 1. bailout : it ends where |z| is larger than this, > 0.
+
+    An estimate: nothing is proved of it, so it is marched plainly. If each fold enlarges all lengths by at most its
+    factor of the growth, the field is a bound; `Quality(step_scale=...)` helps where it is not.
+    """
+    if not callable(fold):
+        raise SceneError(f"fold_fractal: fold = {fold!r}", legal="a function of (z, growth, p)")
+    corners = _corners(bounds)
+    if solid is None:
+        return folded_orbit(fold, corners, bailout, iterations)
+    return folded_solid(solid, fold, corners, bailout, iterations)
+
+
+def _corners(bounds: Any) -> Corners:
+    try:
+        given = np.asarray(bounds, np.float64)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.shape == ():
+        given = np.stack([np.full(3, -given), np.full(3, given)])
+    if given.shape != (2, 3) or not np.all(given[0] < given[1]):
+        raise SceneError(
+            f"fold_fractal: bounds = {bounds!r}", legal="a number > 0, or two corners of three numbers, lower < upper"
+        )
+    return tuple(given[0].tolist()), tuple(given[1].tolist())
