@@ -1,6 +1,6 @@
-"""The command line: render, explain, cost, doctor."""
+"""The command line: render, view, explain, cost, doctor."""
 
-from raymarch.cli import cost  # noqa: F401 - its command registers itself
+from raymarch.cli import cost, view  # noqa: F401 - their commands register themselves
 from raymarch.cli.commands import main
 
 __all__ = ["main"]

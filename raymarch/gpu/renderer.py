@@ -119,6 +119,7 @@ class Renderer:
         params: Mapping[str, Any] | None = None,
         outputs: Sequence[str] = ("color",),
         progress: Progress | None = None,
+        pose: Pose | None = None,
     ) -> Frame:
         """A frame of a scene.
 
@@ -128,6 +129,7 @@ class Renderer:
         params : new values of parameters, by name.
         outputs : arrays to make now; "color" is a pass of its own, all others share one. The rest is made on access.
         progress : called with the share done, 0 to 1, after each tile; the picture is the same bit for bit.
+        pose : a camera in place of the scene's.
 
         Raises
         ------
@@ -145,9 +147,9 @@ class Renderer:
                 raise DeviceError(
                     f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
                 )
-            return self._render_passes(scene, values, [name], None)
+            return self._render_passes(scene, values, [name], None, pose)
 
-        arrays, timings = self._render_passes(scene, values, outputs, progress)
+        arrays, timings = self._render_passes(scene, values, outputs, progress, pose)
         return Frame(self.size, values.time, timings, arrays, render_for)
 
     def drafts(
@@ -194,11 +196,11 @@ class Renderer:
         return Draft(chosen, program, self._target(chosen.textures), uniforms, compiling)
 
     def _render_passes(
-        self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None
+        self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None, pose: Pose | None
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         arrays: dict[str, NDArray[Any]] = {}
         timings = []
-        drafts = self._drafts(scene, values, outputs, None)
+        drafts = self._drafts(scene, values, outputs, pose)
         for i, draft in enumerate(drafts):
             first = draft.program not in self._drawn
             self._drawn.add(draft.program)

@@ -38,6 +38,13 @@ class Pose:
         return 2.0 * self.slope / height
 
 
+def look_at(position: NDArray[np.float64], target: NDArray[np.float64], up: NDArray[np.float64], slope: float) -> Pose:
+    """The pose of a camera at `position` that looks at `target`, each of shape (3,); not checked."""
+    # pyrr's view matrix is for row vectors: its first three columns are the camera's axes.
+    view = pyrr.matrix44.create_look_at(position, target, up, dtype=np.float64)
+    return Pose(position, np.array(view[:3, :3]), slope)
+
+
 class Camera:
     """Where the picture is taken from.
 
@@ -100,9 +107,7 @@ class Camera:
             position = values.of(self.position)
         up = values.of(self.up)
         self._refuse_degenerate(position, target, up)
-        # pyrr's view matrix is for row vectors: its first three columns are the camera's axes.
-        view = pyrr.matrix44.create_look_at(position, target, up, dtype=np.float64)
-        return Pose(position, np.array(view[:3, :3]), slope)
+        return look_at(position, target, up, slope)
 
     def _refuse_degenerate(self, position: Any, target: Any, up: Any) -> None:
         if not all(np.all(np.isfinite(v)) for v in (position, target, up)):

@@ -10,6 +10,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -64,6 +65,8 @@ def test_the_new_shape_takes_fifteen_lines_at_most():
 def test_the_readme_commands_exist(tmp_path, monkeypatch):
     """Each `raymarch ...` line of the README parses: its command and options are those of the program."""
     monkeypatch.chdir(tmp_path)
+    # A window needs a display, and stays; its own tests open some.
+    monkeypatch.setattr("raymarch.window.viewer.Viewer", lambda *_: SimpleNamespace(run=lambda _: 0))
     scene = tmp_path / "SCENE.py"
     scene.write_text('import raymarch as rm\nscene = rm.sphere(rm.Param("gap", 1, 0.5, 5))\n')
     lines = [line for block in blocks(ROOT / "README.md", "sh") for line in block.splitlines()]

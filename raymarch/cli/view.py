@@ -1,0 +1,41 @@
+"""`raymarch view`: the live window."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raymarch.cli.commands import app
+from raymarch.cli.common import CommandError, SceneFile, parse_settings, parse_size
+
+
+@app.command()
+def view(
+    scene: SceneFile,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height of the window.")] = "960x540",
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
+    ] = None,
+    budget: Annotated[float, typer.Option(metavar="MS", help="Time of a frame while something moves.")] = 33.0,
+    settings: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Camera, parameters, time and view that the window saved.")
+    ] = None,
+    demo_seconds: Annotated[
+        float | None, typer.Option(metavar="N", help="Close after N seconds; code 2 if the scene is broken then.")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write what happens as lines of JSON, for scripts.")
+    ] = None,
+) -> None:
+    """Show a scene in a window that follows its file: save, and see it. H in the window shows the keys."""
+    if not 1.0 <= budget <= 10_000.0:
+        raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
+    if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:
+        raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
+    from raymarch.window.viewer import Viewer  # not before a window is asked for
+
+    viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log)
+    sys.exit(viewer.run(demo_seconds))

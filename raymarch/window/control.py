@@ -1,0 +1,158 @@
+"""Camera control: pure functions from a view and a movement to the next view. Angles in radians, pixels as in glfw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.scene.camera import Pose, look_at
+
+Vector = NDArray[np.float64]
+
+POLE = np.radians(1.0)
+"""An orbit keeps this angle from the poles, where the picture would have no up."""
+
+NEAREST = 1e-4
+"""A dolly comes no nearer to its target than this share of the distance at which the view was set."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A camera in the hand of the user, in float64.
+
+    Attributes
+    ----------
+    position, target, up : shape (3,); up is not parallel to the view.
+    fov : vertical field of view in degrees.
+    reach : the distance to the target with which the view was set; what speeds are measured by.
+    """
+
+    position: Vector
+    target: Vector
+    up: Vector
+    fov: float
+    reach: float
+
+    @property
+    def slope(self) -> float:
+        """Tangent of half the vertical field of view."""
+        return float(np.tan(np.radians(self.fov) / 2))
+
+    @property
+    def distance(self) -> float:
+        """From the camera to its target."""
+        return float(np.linalg.norm(self.target - self.position))
+
+    @property
+    def forward(self) -> Vector:
+        """The direction of view, of length 1."""
+        return _unit(self.target - self.position)
+
+    @property
+    def right(self) -> Vector:
+        """To the right in the picture, of length 1."""
+        return _unit(np.cross(self.forward, self.up))
+
+    def pose(self) -> Pose:
+        """What the renderer takes."""
+        return look_at(self.position, self.target, self.up, self.slope)
+
+    def ray(self, x: float, y: float, size: tuple[int, int]) -> Vector:
+        """Direction of the ray through a point of a picture, of length 1; x to the right and y down, in its pixels."""
+        width, height = size
+        across = (2.0 * x - width) / height * self.slope
+        upward = (height - 2.0 * y) / height * self.slope
+        return _unit(self.forward + across * self.right + upward * np.cross(self.right, self.forward))
+
+
+def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
+    """The view that stands at a pose; without a target it turns about a point at distance 1."""
+    forward = -pose.frame[:, 2]
+    distance = 1.0 if target is None else float(np.linalg.norm(target - pose.position))
+    fov = float(np.degrees(2 * np.arctan(pose.slope)))
+    return View(pose.position.copy(), pose.position + distance * forward, _unit(up), fov, distance)
+
+
+def orbit(view: View, dx: float, dy: float, height: int) -> View:
+    """Turn about the target; a drag by the height of the window is half a turn, and the scene follows the hand."""
+    away = view.position - view.target
+    away = _turned(away, view.up, -np.pi * dx / height)
+    elevation = np.pi / 2 - _angle(away, view.up)
+    limit = np.pi / 2 - POLE
+    # A view that was set nearer to a pole than the limit is not thrown back by its first movement.
+    limit = max(limit, abs(elevation))
+    rise = np.clip(elevation + np.pi * dy / height, -limit, limit) - elevation
+    side = _unit(np.cross(view.up, away))
+    return replace(view, position=view.target + _turned(away, side, -rise))
+
+
+def turn(view: View, dx: float, dy: float, height: int) -> View:
+    """Look about from where the camera stands; what is under the cursor stays nearly under it."""
+    angle = 2 * np.arctan(view.slope) / height
+    ahead = _turned(view.target - view.position, view.up, angle * dx)
+    elevation = np.pi / 2 - _angle(ahead, view.up)
+    limit = max(np.pi / 2 - POLE, abs(elevation))
+    rise = np.clip(elevation + angle * dy, -limit, limit) - elevation
+    side = _unit(np.cross(ahead, view.up))
+    return replace(view, target=view.position + _turned(ahead, side, rise))
+
+
+def pan(view: View, dx: float, dy: float, height: int) -> View:
+    """Shift the camera across the view; points at the target's distance stay under the cursor."""
+    length = 2 * view.slope * view.distance / height
+    shift = length * (-dx * view.right + dy * np.cross(view.right, view.forward))
+    return replace(view, position=view.position + shift, target=view.target + shift)
+
+
+def dolly(view: View, steps: float) -> View:
+    """Nearer to the target by a tenth of the way a step, or away from it."""
+    distance = max(view.distance * 0.9**steps, NEAREST * view.reach)
+    return replace(view, position=view.target - distance * view.forward)
+
+
+def fly(view: View, forward: float, right: float, upward: float, seconds: float) -> View:
+    """Move along the view, to the right and along `up` with speeds as shares of the reach a second."""
+    upright = np.cross(view.right, view.forward)
+    shift = view.reach * seconds * (forward * view.forward + right * view.right + upward * upright)
+    return replace(view, position=view.position + shift, target=view.target + shift)
+
+
+def focus(view: View, point: Vector) -> View:
+    """Turn about another point from now on: it comes to the middle, seen from the same side and distance."""
+    distance = float(np.linalg.norm(point - view.position))
+    if distance == 0.0:
+        return view
+    return replace(view, position=point - distance * view.forward, target=np.array(point, np.float64), reach=distance)
+
+
+def as_python(view: View) -> str:
+    """The view as a line for a scene file, exact to a millionth of the reach."""
+    digits = int(np.clip(6 - np.floor(np.log10(max(view.reach, 1e-300))), 0, 12))
+    parts = [f"position={_tuple(view.position, digits)}", f"target={_tuple(view.target, digits)}"]
+    if not np.array_equal(view.up, (0.0, 1.0, 0.0)):
+        parts.append(f"up={_tuple(view.up, 6)}")
+    parts.append(f"fov={round(view.fov, 4):g}")
+    return f"Camera({', '.join(parts)})"
+
+
+def _tuple(vector: Vector, digits: int) -> str:
+    return f"({', '.join(repr(round(float(v), digits) + 0.0) for v in vector)})"
+
+
+def _unit(vector: Vector) -> Vector:
+    length = np.linalg.norm(vector)
+    return np.asarray(vector / length if length > 0 else vector, np.float64)
+
+
+def _angle(a: Vector, b: Vector) -> float:
+    """Between two vectors, exact near 0 and pi as well."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+
+
+def _turned(vector: Vector, axis: Vector, angle: float) -> Vector:
+    """A vector turned about an axis of length 1 (Rodrigues)."""
+    c, s = np.cos(angle), np.sin(angle)
+    turned: Vector = c * vector + s * np.cross(axis, vector) + (1 - c) * np.dot(axis, vector) * axis
+    return turned

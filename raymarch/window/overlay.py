@@ -1,0 +1,100 @@
+"""Text laid over the picture: errors, notices, help. Drawn by Pillow, so it needs nothing that rendering does not."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from raymarch.gpu.screen import Screen
+
+POINTS = 14
+"""Height of the text on a plain screen, in pixels."""
+
+BACKGROUNDS = {"error": (92, 14, 14, 235), "note": (18, 20, 24, 215), "busy": (64, 50, 8, 225)}
+"""Colours behind the text by what it says, RGBA."""
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A block of text.
+
+    Attributes
+    ----------
+    text : its lines.
+    kind : "error", "note" or "busy".
+    corner : "top left", "top right", "bottom left" or "middle" of the window.
+    """
+
+    text: str
+    kind: str = "note"
+    corner: str = "top left"
+
+
+class Overlay:
+    """Keeps the images of the cards that are shown, and lays them over a screen."""
+
+    def __init__(self, screen: Screen) -> None:
+        self._screen = screen
+        self._made: dict[tuple[Card, int, float], Any] = {}
+
+    def draw(self, cards: list[Card], density: float) -> None:
+        """Lay cards over the screen; those of one corner stand below each other. Images of other cards are freed."""
+        width, height = self._screen.size
+        wanted = {(card, width, density): None for card in cards if card.text}
+        for key in [key for key in self._made if key not in wanted]:
+            self._screen.context.make_current()
+            self._made.pop(key).release()
+        margin = round(8 * density)
+        used: dict[str, int] = {}
+        for key in wanted:
+            if key not in self._made:
+                self._made[key] = self._screen.image(picture_of(key[0], width, density))
+            texture = self._made[key]
+            (wide, high), corner = texture.size, key[0].corner
+            before = used.get(corner, margin)
+            left = margin if corner.endswith("left") else width - wide - margin
+            top = before if corner.startswith("top") else height - before - high
+            if corner == "middle":
+                left, top = (width - wide) // 2, (height - high) // 2
+            self._screen.lay(texture, left, top)
+            used[corner] = before + high + margin
+
+    def release(self) -> None:
+        """Free the images."""
+        self._screen.context.make_current()
+        for texture in self._made.values():
+            texture.release()
+        self._made.clear()
+
+
+def picture_of(card: Card, width: int, density: float) -> NDArray[np.uint8]:
+    """A card as RGBA pixels, (H, W, 4), wrapped to fit a window of `width` pixels."""
+    font = _font(round(POINTS * density))
+    pad = round(7 * density)
+    letter = max(1.0, float(font.getlength("n")))
+    most = max(12, int((width - 4 * pad) / letter))
+    text = "\n".join(part for line in card.text.splitlines() for part in _wrapped(line, most))
+    probe = ImageDraw.Draw(Image.new("L", (1, 1)))
+    left, top, right, bottom = probe.multiline_textbbox((0, 0), text, font=font, spacing=round(4 * density))
+    size = (max(1, int(right - left)) + 2 * pad, max(1, int(bottom - top)) + 2 * pad)
+    image = Image.new("RGBA", size, BACKGROUNDS[card.kind])
+    draw = ImageDraw.Draw(image)
+    draw.multiline_text((pad - left, pad - top), text, (255, 255, 255, 255), font=font, spacing=round(4 * density))
+    return np.asarray(image, np.uint8)
+
+
+def _wrapped(line: str, most: int) -> list[str]:
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.wrap(line, most, subsequent_indent=indent, break_long_words=True, replace_whitespace=False) or [""]
+
+
+@lru_cache(8)
+def _font(points: int) -> Any:
+    """Pillow's own font. Without FreeType it is a bitmap of one size."""
+    return ImageFont.load_default(points)

@@ -1,0 +1,80 @@
+"""How large a picture the time of a frame allows. Pure: somebody else draws and measures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+STEPS_PER_HALVING = 4
+SMALLEST = 1 / 8
+"""The least share of the window's width and height that is drawn while something moves."""
+
+LAST_STEP = round(math.log2(1 / SMALLEST) * STEPS_PER_HALVING)
+
+UNKNOWN = 1 / 4
+"""The share for the first picture of all, from which the cost is learnt."""
+
+HEADROOM = 0.8
+"""The part of the budget that is aimed at; the rest is for what a frame costs more than the one before."""
+
+RECOVERY = 0.15
+"""How fast the estimate follows frames that were cheaper than expected. Dearer ones are believed at once."""
+
+
+@dataclass(slots=True)
+class Pace:
+    """Chooses the resolution of moving pictures so that each takes no longer than a budget.
+
+    The cost of a picture is taken to be proportional to its pixels, with a share that is fixed. Resolutions are
+    steps of a ladder, so that textures are not made anew for each frame.
+
+    Attributes
+    ----------
+    budget : milliseconds that a frame may take.
+    fixed : milliseconds that a frame takes besides drawing the scene.
+    """
+
+    budget: float = 33.0
+    fixed: float = 0.0
+    _per_pixel: float | None = None
+    _step: int = field(default=0)
+
+    def scale(self, size: tuple[int, int]) -> float:
+        """The share of width and height to draw now, from `SMALLEST` to 1."""
+        if self._per_pixel is None:
+            return UNKNOWN
+        room = max(self.budget * HEADROOM - self.fixed, self.budget * 0.1)
+        pixels = size[0] * size[1]
+        step = self._step
+        if self._cost(step, pixels) > room / HEADROOM:
+            while step < LAST_STEP and self._cost(step, pixels) > room:
+                step += 1
+        while step > 0 and self._cost(step - 1, pixels) <= room:
+            step -= 1
+        self._step = step
+        return _share(step)
+
+    def drawn(self, milliseconds: float, pixels: int) -> None:
+        """Learn from a picture of so many pixels."""
+        cost = milliseconds / max(pixels, 1)
+        if not math.isfinite(cost) or cost < 0:
+            return
+        known = self._per_pixel
+        self._per_pixel = cost if known is None or cost > known else known + RECOVERY * (cost - known)
+
+    def other(self, milliseconds: float) -> None:
+        """Learn what a frame took besides drawing the scene."""
+        self.fixed += 0.2 * (milliseconds - self.fixed)
+
+    def _cost(self, step: int, pixels: int) -> float:
+        assert self._per_pixel is not None
+        return self._per_pixel * pixels * _share(step) ** 2
+
+
+def scaled(size: tuple[int, int], share: float) -> tuple[int, int]:
+    """A size in whole pixels, each at least 1."""
+    return max(1, round(size[0] * share)), max(1, round(size[1] * share))
+
+
+def _share(step: int) -> float:
+    return max(SMALLEST, 2.0 ** (-step / STEPS_PER_HALVING))

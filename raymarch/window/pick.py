@@ -1,0 +1,222 @@
+"""What is under the cursor: as the GPU drew it, and as it truly is, in float64."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from queue import Empty, SimpleQueue
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import Location, RaymarchError
+from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.derivative import sensitivities
+from raymarch.expr.walk import find
+from raymarch.scene.camera import Camera
+from raymarch.scene.parameter import Values
+from raymarch.scene.scene import Scene
+from raymarch.sdf.lower import Lowering
+from raymarch.sdf.node import Node
+from raymarch.truth import truth
+from raymarch.window.control import View
+from raymarch.window.picture import Shot
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pick:
+    """One pixel.
+
+    Attributes
+    ----------
+    pixel : column and row from the upper left.
+    distance : along the ray, as the GPU found it; inf where nothing was hit.
+    position, normal : of the hit.
+    material : index into the scene's materials; -1 for none.
+    iterations, evaluations : what the ray cost.
+    true : the distance in float64, None until it is known; `true_normal` and `true_evaluations` alike.
+    part : the shape that was hit, with the user's line.
+    """
+
+    number: int
+    pixel: tuple[int, int]
+    distance: float
+    position: Vector
+    normal: Vector
+    material: int
+    iterations: int
+    evaluations: int
+    true: float | None = None
+    true_normal: Vector | None = None
+    true_evaluations: int | None = None
+    part: str | None = None
+    where: Location | None = None
+    trouble: str = ""
+
+    def text(self) -> str:
+        """For the overlay."""
+        if not np.isfinite(self.distance):
+            lines = ["nothing was hit here"]
+        else:
+            lines = [
+                f"{self.part or '...'}{f'  {self.where}' if self.where else ''}",
+                f"material {self.material}",
+                f"position {_triple(self.position)}",
+                f"normal {_triple(self.normal)}",
+                f"distance {self.distance:.7g}",
+            ]
+        lines.append(f"{self.evaluations} evaluations, {self.iterations} steps")
+        if self.true is not None:
+            lines.append(self._truth())
+        if self.trouble:
+            lines.append(self.trouble)
+        return "\n".join(lines)
+
+    def _truth(self) -> str:
+        assert self.true is not None
+        cost = f", {self.true_evaluations} evaluations"
+        if not np.isfinite(self.true):
+            return f"truth: nothing is hit here{cost}"
+        if not np.isfinite(self.distance):
+            return f"truth: distance {self.true:.10g}{cost}"
+        assert self.true_normal is not None
+        lean = float(np.degrees(np.arccos(np.clip(abs(self.true_normal @ self.normal), 0.0, 1.0))))
+        return (
+            f"truth: distance {self.true:.10g}, {abs(self.true - self.distance):.2g} apart\n"
+            f"truth: normal {_triple(self.true_normal)}, {lean:.2g} degrees apart{cost}"
+        )
+
+
+def picked(number: int, pixel: tuple[int, int], texels: Mapping[str, Any], origin: Vector, ray: Vector) -> Pick:
+    """A pick from what the GPU drew into one pixel."""
+    distance = float(texels["depth"][0, 0])
+    return Pick(
+        number=number,
+        pixel=pixel,
+        distance=distance,
+        position=origin + (distance if np.isfinite(distance) else 0.0) * ray,
+        normal=np.asarray(texels["normal"][0, 0], np.float64),
+        material=int(texels["material"][0, 0]),
+        iterations=int(texels["iterations"][0, 0]),
+        evaluations=int(texels["evaluations"][0, 0]),
+    )
+
+
+class Inquiry:
+    """Finds the truth of picks in a thread of its own; a newer pick takes the place of those that wait."""
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        self._wake = wake
+        self._asked: SimpleQueue[tuple[Pick, Shot, Values, Vector, Vector] | None] = SimpleQueue()
+        self._found: SimpleQueue[Pick] = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="truth", daemon=True)
+        self._thread.start()
+
+    def ask(self, pick: Pick, shot: Shot, values: Values, origin: Vector, ray: Vector) -> None:
+        self._asked.put((pick, shot, values, origin, ray))
+
+    def latest(self) -> Pick | None:
+        """The last answer since the last call."""
+        found = None
+        while not self._found.empty():
+            found = self._found.get()
+        return found
+
+    def stop(self) -> None:
+        self._asked.put(None)
+        self._thread.join(2)
+
+    def _work(self) -> None:
+        while True:
+            asked = self._asked.get()
+            try:
+                while True:
+                    asked = self._asked.get_nowait()
+            except Empty:
+                pass
+            if asked is None:
+                return
+            pick, shot, values, origin, ray = asked
+            try:
+                self._found.put(verified(pick, shot.scene, values, origin, ray))
+            except RaymarchError as fault:
+                self._found.put(replace(pick, trouble=str(fault)))
+            except Exception as fault:
+                self._found.put(replace(pick, trouble=f"{type(fault).__name__}: {fault}"))
+            self._wake()
+
+
+def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector) -> Pick:
+    """A pick with the truth of its ray, and with the shape that stands there."""
+    up = (0.0, 1.0, 0.0) if abs(ray[1]) < 0.9 else (1.0, 0.0, 0.0)
+    camera = Camera(tuple(origin), tuple(origin + ray), up, fov=1.0)
+    alone = Scene(scene.node, camera, [], scene.sky, scene.fog, scene.quality)
+    params = {name: value for name, value in values.params.items() if name in alone.parameters}
+    found = truth(alone, (1, 1), values.time, params, ("depth", "normal"))
+    depth = float(found.depth[0, 0])
+    node = None
+    distance = depth if np.isfinite(depth) else pick.distance
+    if np.isfinite(distance):
+        node = part_at(scene, values, origin + distance * ray)
+    return replace(
+        pick,
+        true=depth,
+        true_normal=found.normal[0, 0],
+        true_evaluations=int(found.evaluations[0, 0]),
+        part=None if node is None else node.name,
+        where=None if node is None else node.where,
+    )
+
+
+def part_at(scene: Scene, values: Values, point: Vector) -> Node:
+    """The shape that the field depends on most at a point: the one whose distance moves the field's.
+
+    The same derivatives mix materials, so what is named is what is seen.
+    """
+    shapes = _labelled(scene.node)
+    marked = Lowering().field(shapes, label=scene.node)
+    marks = find([marked.body], "mark")
+    if not marks:
+        return scene.node
+    weigh = evaluator(sensitivities(marked.body, marks), marked.params)
+    with bound(values.params, values.time):
+        weights: dict[Node, float] = {}
+        for mark, weight in zip(marks, weigh(point[None, :]), strict=True):
+            weights[mark.data] = weights.get(mark.data, 0.0) + abs(float(np.ravel(weight)[0]))
+    return max(weights, key=lambda node: weights[node])
+
+
+def _labelled(root: Node) -> Node:
+    """The tree with each shape labelled by itself, and without the labels that it had. Trees may be deep."""
+    made: dict[Node, Node] = {}
+    pending = [root]
+    while pending:
+        node = pending[-1]
+        missing = [child for child in node.children if child not in made]
+        if missing:
+            pending += missing
+            continue
+        pending.pop()
+        if node in made:
+            continue
+        if node.label is not None:
+            made[node] = made[node.children[0]]
+        elif node.children:
+            children = tuple(made[child] for child in node.children)
+            made[node] = Node(node.definition, children, node.params, node.facts)
+        else:
+            made[node] = node.material(node)  # to the field a material is any label
+    return made[root]
+
+
+def ray_through(view: View, pixel: tuple[int, int], size: tuple[int, int]) -> Vector:
+    """The ray through the middle of a pixel."""
+    return view.ray(pixel[0] + 0.5, pixel[1] + 0.5, size)
+
+
+def _triple(vector: Vector) -> str:
+    return f"({', '.join(f'{v + 0.0:.6g}' for v in vector)})"

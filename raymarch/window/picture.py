@@ -1,0 +1,193 @@
+"""The picture in the window: coarse while something moves, then refined tile by tile until it is whole.
+
+What was drawn last stays on a canvas of the window's own, so that it can be shown again whatever happens to the scene.
+"""
+
+from __future__ import annotations
+
+import time as clock_time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.gpu.frame import Frame, unpack
+from raymarch.gpu.renderer import Draft, Renderer, tiles_of
+from raymarch.gpu.screen import Screen
+from raymarch.gpu.targets import Target
+from raymarch.gpu.views import VIEWS
+from raymarch.gpu.views import picture as picture_of
+from raymarch.scene.camera import Pose
+from raymarch.scene.scene import Scene
+from raymarch.window.pace import Pace, scaled
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """What a picture shows: a change of any part of it makes another picture."""
+
+    scene: Scene
+    time: float
+    params: Mapping[str, Any]
+    pose: Pose
+    view: str = "final"
+
+    def same(self, other: Shot | None) -> bool:
+        """Whether another shot gives the same picture."""
+        if other is None or self.scene is not other.scene or self.view != other.view or self.time != other.time:
+            return False
+        mine, its = self.pose, other.pose
+        poses = np.array_equal(mine.position, its.position) and np.array_equal(mine.frame, its.frame)
+        return poses and mine.slope == its.slope and self.params == other.params
+
+
+@dataclass(slots=True)
+class Drawn:
+    """The last step: milliseconds, the size that was drawn, whether the picture is whole, what was compiled."""
+
+    milliseconds: float = 0.0
+    size: tuple[int, int] = (0, 0)
+    whole: bool = False
+    moving: bool = True
+    compile: float = 0.0
+    evaluations: float | None = None
+
+
+@dataclass(slots=True)
+class _Refinement:
+    draft: Draft
+    tiles: list[tuple[int, int, int, int]] = field(default_factory=list)
+
+
+class Picture:
+    """Draws shots onto a canvas within a budget of time.
+
+    Parameters
+    ----------
+    renderer : on the window's context; resized at will.
+    screen : copies between targets.
+    pace : chooses resolutions.
+    """
+
+    def __init__(self, renderer: Renderer, screen: Screen, pace: Pace) -> None:
+        self.pace = pace
+        self.drawn = Drawn()
+        self._renderer, self._screen = renderer, screen
+        self._canvas: Target | None = None
+        self._shot: Shot | None = None
+        self._rest: _Refinement | None = None
+
+    @property
+    def canvas(self) -> Target | None:
+        """The picture, at the window's size; None before the first."""
+        return self._canvas
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing is left to be refined."""
+        return self.drawn.whole
+
+    def step(self, shot: Shot, size: tuple[int, int], still: bool) -> bool:
+        """Bring the canvas nearer to a shot at a size, for about the time of a frame; False if nothing was left to do.
+
+        still : nothing has moved for a while, so that the picture may be refined.
+        Raises what `Renderer.drafts` raises; the canvas then holds what it held.
+        """
+        if not shot.same(self._shot) or self._canvas is None or self._canvas.size != size:
+            self._coarse(shot, size)
+            return True
+        if self.drawn.whole or not still:
+            return False
+        self._refine(shot, size)
+        return True
+
+    def _coarse(self, shot: Shot, size: tuple[int, int]) -> None:
+        small = scaled(size, self.pace.scale(size))
+        draft = self._draft(shot, small)
+        start = clock_time.perf_counter()
+        draft.draw()
+        self._renderer.context.gl.finish()
+        spent = 1e3 * (clock_time.perf_counter() - start)
+        if draft.compile == 0.0:  # the first draw of a program includes work of the driver
+            self.pace.drawn(spent, small[0] * small[1])
+        if self._canvas is None or self._canvas.size != size:
+            fresh = Target(self._renderer.context, size)
+            if self._canvas is not None:
+                self._canvas.release()
+            self._canvas = fresh
+        self._put(shot, draft, None)
+        self._shot, self._rest = shot, None
+        self.drawn = Drawn(spent, small, small == size, True, draft.compile, self.drawn.evaluations)
+
+    def _refine(self, shot: Shot, size: tuple[int, int]) -> None:
+        """Tiles of the full picture, the middle first, until the budget of a frame is spent."""
+        if self._rest is None:
+            middle = np.array(size) / 2
+            tiles = sorted(tiles_of(size), key=lambda t: float(np.hypot(*(np.array(t[:2]) + 64 - middle))))
+            self._rest = _Refinement(self._draft(shot, size), tiles)
+        rest, start, pixels = self._rest, clock_time.perf_counter(), 0
+        spent = 0.0
+        done: list[tuple[int, int, int, int]] = []
+        while rest.tiles and spent < self.pace.budget:
+            tile = rest.tiles.pop(0)
+            rest.draft.draw(tile)
+            self._renderer.context.gl.finish()
+            done.append(tile)
+            pixels += tile[2] * tile[3]
+            spent = 1e3 * (clock_time.perf_counter() - start)
+        for tile in done if shot.view == "final" else []:
+            self._put(shot, rest.draft, tile)
+        if not rest.tiles and shot.view != "final":
+            self._put(shot, rest.draft, None)
+        self.drawn = Drawn(spent, size, not rest.tiles, False, rest.draft.compile, self.drawn.evaluations)
+
+    def _draft(self, shot: Shot, size: tuple[int, int]) -> Draft:
+        if self._renderer.size != size:
+            self._renderer.resize(size)
+        drafts = self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
+        return drafts[-1]
+
+    def _put(self, shot: Shot, draft: Draft, tile: tuple[int, int, int, int] | None) -> None:
+        """What was drawn onto the canvas, as linear colour."""
+        assert self._canvas is not None
+        if shot.view == "final":
+            self._screen.copy(draft.target, self._canvas, tile)
+            return
+        arrays = unpack(draft.chosen.name, [draft.target.read(k) for k in range(draft.chosen.textures)])
+        self.drawn.evaluations = float(arrays["evaluations"].mean())
+        frame = Frame(draft.target.size, shot.time, [], arrays, _nothing)
+        shown = picture_of(frame, shot.view, shot.scene).convert("RGB").resize(self._canvas.size, 0)
+        self._canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
+
+    def probe(self, shot: Shot, size: tuple[int, int], x: int, row: int) -> dict[str, NDArray[Any]]:
+        """Depth, normal, counts and material of one pixel, each of shape (1, 1, ...)."""
+        (draft,) = self.at(size).drafts(shot.scene, shot.time, shot.params, ("depth",), shot.pose)
+        draft.draw((x, size[1] - 1 - row, 1, 1))
+        texels = [draft.target.read_texel(x, row, k)[None, None] for k in range(draft.chosen.textures)]
+        return unpack(draft.chosen.name, texels)
+
+    def at(self, size: tuple[int, int]) -> Renderer:
+        """The renderer at a size, for somebody else's picture."""
+        self._rest = None  # its draft draws into a texture that may go
+        if self._renderer.size != size:
+            self._renderer.resize(size)
+        return self._renderer
+
+    def release(self) -> None:
+        """Free the canvas. The renderer is its owner's."""
+        if self._canvas is not None:
+            self._canvas.release()
+            self._canvas = None
+
+
+def linear(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """8-bit sRGB to linear values (IEC 61966-2-1)."""
+    x = np.arange(256) / 255.0
+    table = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return np.asarray(table[srgb], np.float32)
+
+
+def _nothing(name: str) -> Any:
+    raise KeyError(name)

@@ -1,0 +1,236 @@
+"""Live reload: a scene file is watched, tried out in another process, and loaded here once it is known to be good."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import io
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, TypeAlias
+
+from raymarch.errors import RaymarchError
+from raymarch.gpu.prepare import Prepared, prepare
+from raymarch.scene.file import load
+from raymarch.scene.scene import Scene
+from raymarch.window.trials import Answer, Trials
+from raymarch.window.watch import Watch
+
+PATIENCE = 60.0
+"""Seconds after which a trial that nobody stops is stopped. Large scenes may compile for a while."""
+
+HERE_AT_LEAST = 5.0
+HERE_FACTOR = 20.0
+"""What passed its trial may take this long in the window's own process: so many seconds, or times what it took."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What is wrong with a scene file, and where."""
+
+    what: str
+    legal: str = ""
+    file: str | None = None
+    line: int | None = None
+
+    def text(self) -> str:
+        """For the overlay: the place, the line of the file, the message."""
+        place = f"{self.file}:{self.line}\n" if self.file else ""
+        source = _line_of(self.file, self.line) if self.file and self.line else ""
+        cure = f"\n({self.legal})" if self.legal else ""
+        return f"{place}{source}{self.what}{cure}"
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """A change was seen; the scene is being tried out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A scene that passed its trial: ready to be drawn. `ms` says how long each part took."""
+
+    scene: Scene
+    prepared: Prepared
+    file: Path
+    ms: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A scene that did not pass."""
+
+    fault: Fault
+
+
+News: TypeAlias = Started | Loaded | Failed
+
+
+class Reloader:
+    """Watches a scene file and all that it reads, in threads of its own, and tells the window what comes of changes.
+
+    Parameters
+    ----------
+    file : the scene file.
+    wake : called after each piece of news, from another thread.
+    params : gives the values of parameters that the window holds.
+    """
+
+    def __init__(self, file: Path, wake: Callable[[], None], params: Callable[[], dict[str, Any]]) -> None:
+        self.file = file
+        self.news: SimpleQueue[News] = SimpleQueue()
+        self.busy_since: float | None = None
+        self._wake, self._params = wake, params
+        self._changed, self._stopping, self._interrupted = threading.Event(), threading.Event(), threading.Event()
+        self._trials = Trials()
+        self._watch = Watch(self._changed.set)
+        self._watch.files([str(file.absolute())])
+        self._known: list[str] = []
+        self._known_for = file
+        self._thread = threading.Thread(target=self._work, name="reload", daemon=True)
+
+    def start(self) -> None:
+        """Begin to watch. A first trial of the scene as it is finds what else to watch, and warms what clicks need."""
+        self._watch.start()
+        self._thread.start()
+
+    def reload(self) -> None:
+        """Load again, changed or not."""
+        self._changed.set()
+
+    def open(self, file: Path) -> None:
+        """Another scene file from now on."""
+        self.file = file
+        self._watch.files([str(file.absolute())])
+        self._changed.set()
+
+    def interrupt(self) -> None:
+        """Stop the trial that runs now; it is reported as failed, with the line where it was."""
+        if self.busy_since is not None:
+            self._interrupted.set()
+
+    def stop(self) -> None:
+        """End all threads and processes."""
+        self._stopping.set()
+        self._changed.set()
+        self._watch.stop()
+        if self._thread.is_alive():
+            self._thread.join(5)
+        self._trials.close()
+
+    def latest(self) -> list[News]:
+        """What has come up since the last call."""
+        found: list[News] = []
+        with contextlib.suppress(Empty):
+            while True:
+                found.append(self.news.get_nowait())
+        return found
+
+    def _tell(self, news: News) -> None:
+        self.news.put(news)
+        self._wake()
+
+    def _work(self) -> None:
+        first = True
+        while True:
+            if not first:
+                self._changed.wait()
+            self._changed.clear()
+            if self._stopping.is_set():
+                return
+            try:
+                self._once(silent=first)
+            except Exception as fault:  # the window must not lose its reload to a fault of ours
+                self._tell(Failed(Fault(f"a fault of raymarch: {type(fault).__name__}: {fault}")))
+            finally:
+                self.busy_since = None
+            first = False
+
+    def _once(self, silent: bool) -> None:
+        """One trial and what follows; `silent` for the scene that is shown already."""
+        self._interrupted.clear()
+        self.busy_since = time.monotonic()
+        if not silent:
+            self._tell(Started())
+        file = self.file
+        answer = self._trials.run(str(file), self._params(), self._over)
+        if answer is None or self._stopping.is_set():
+            return  # a newer change
+        known = self._known if answer["error"] is not None and file == self._known_for else []
+        self._known, self._known_for = [*known, *answer["files"]], file
+        self._watch.files([str(file.absolute()), *self._known])
+        if answer["error"] is not None:
+            self._tell(Failed(Fault(**answer["error"])))
+        elif not silent:
+            self._load_here(file, answer)
+
+    def _over(self) -> str | None:
+        """Why the running trial shall end, if it shall."""
+        if self._changed.is_set() or self._stopping.is_set():
+            return "changed"
+        waited = time.monotonic() - (self.busy_since or time.monotonic())
+        if self._interrupted.is_set() or waited > PATIENCE:
+            return f"stopped after {waited:.0f} s"
+        return None
+
+    def _load_here(self, file: Path, answer: Answer) -> None:
+        took = sum(answer["ms"].values()) * 1e-3
+        found = _guarded(lambda: _load(file), max(HERE_AT_LEAST, HERE_FACTOR * took))
+        if isinstance(found, RaymarchError):
+            where = found.where
+            self._tell(Failed(Fault(found.what, found.legal, *((where.file, where.line) if where else (None, None)))))
+        elif isinstance(found, BaseException):
+            self._tell(Failed(Fault(f"{type(found).__name__}: {found}", "", str(file), 1)))
+        else:
+            scene, prepared, ms = found
+            trial = {f"trial {name}": spent for name, spent in answer["ms"].items()}
+            self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
+
+
+def _load(file: Path) -> tuple[Scene, Prepared, dict[str, float]]:
+    start = time.perf_counter()
+    with contextlib.redirect_stdout(io.StringIO()):  # the trial printed it
+        scene = load(file)
+    middle = time.perf_counter()
+    prepared = prepare(scene)
+    return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
+
+
+class _Interrupted(BaseException):
+    """Raised in a thread that has taken too long."""
+
+    def __str__(self) -> str:
+        return "the scene file did not end, although its trial did"
+
+
+def _guarded(work: Callable[[], Any], seconds: float) -> Any:
+    """The result of some work, or what it raised. Python code that does not end in time is interrupted."""
+    box: list[Any] = []
+
+    def run() -> None:
+        try:
+            box.append(work())
+        except BaseException as fault:
+            box.append(fault)
+
+    thread = threading.Thread(target=run, name="load", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if thread.is_alive() and thread.ident is not None:
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(_Interrupted))
+        thread.join(1.0)
+    return box[0] if box else _Interrupted()
+
+
+def _line_of(file: str, line: int) -> str:
+    """A line of a file with its number, for an error."""
+    try:
+        with open(file, encoding="utf-8", errors="replace") as lines:
+            text = next(text for number, text in enumerate(lines, 1) if number == line)
+    except (OSError, StopIteration):
+        return ""
+    return f"{line} | {text.strip()}\n" if text.strip() else ""

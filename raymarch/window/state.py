@@ -1,0 +1,222 @@
+"""What the window shows and how: scene, parameters, camera, time, view. Knows nothing of windows or OpenGL."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import RaymarchError, SceneError
+from raymarch.expr.walk import find
+from raymarch.gpu.views import VIEWS
+from raymarch.scene.camera import Pose
+from raymarch.scene.parameter import Spec, Value, Values, set_values
+from raymarch.scene.scene import Scene
+from raymarch.window import control
+from raymarch.window.control import View
+from raymarch.window.picture import Shot
+from raymarch.window.timeline import Timeline
+
+
+@dataclass(slots=True)
+class State:
+    """The scene and all that the user may change without editing it.
+
+    Attributes
+    ----------
+    file, scene : what is shown.
+    specs : its parameters.
+    params : their values, as far as they are not the defaults.
+    camera : the view of the user.
+    moved : whether the user has moved it; until then it follows the scene's own camera.
+    timeline : the clock of the scene.
+    animated : whether anything in the scene reads the time.
+    view : which array is shown, one of `raymarch.gpu.views.VIEWS`.
+    aspect : width over height of the picture.
+    """
+
+    file: Path
+    scene: Scene
+    specs: dict[str, Spec]
+    params: dict[str, Value]
+    camera: View
+    timeline: Timeline
+    animated: bool
+    moved: bool = False
+    view: str = "final"
+    aspect: float = 1.0
+    selected: str | None = field(default=None)
+
+    @property
+    def values(self) -> Values:
+        """Parameters and time as the renderer takes them."""
+        return set_values(self.specs, self.params, self.timeline.time, self.scene.where)
+
+    def pose(self) -> Pose:
+        """The camera of this moment."""
+        if not self.moved and _moves(self.scene):
+            return self.scene.pose(self.values, self.aspect)
+        return self.camera.pose()
+
+    def shot(self) -> Shot:
+        """What is to be drawn now."""
+        time = self.timeline.time if self.animated else 0.0
+        return Shot(self.scene, time, dict(self.params), self.pose(), self.view)
+
+    def adopt(self, scene: Scene, specs: dict[str, Spec]) -> list[str]:
+        """Take another version of the scene; what had to be changed, in words.
+
+        Parameters keep their values, moved into a new range if they must be; the camera stays where the user put it,
+        and if nobody moved it, follows one that the scene states.
+        """
+        self.scene, self.specs, self.animated = scene, specs, _animated(scene)
+        told = []
+        for name, value in list(self.params.items()):
+            spec = specs.get(name)
+            fitting = None if spec is None else _fitted(spec, value)
+            if fitting is None:
+                del self.params[name]
+            else:
+                if fitting != value:
+                    told.append(f"{name} = {shown(value)} lies outside its new range; it is {shown(fitting)} now")
+                self.params[name] = fitting
+        if self.selected not in specs:
+            self.selected = None
+        if not self.moved and scene.camera.position is not None:
+            self.camera = home(scene, self.values, self.aspect)
+        return told
+
+    def move(self, camera: View) -> None:
+        """The user moves the camera."""
+        self.camera, self.moved = camera, True
+
+    def hold(self) -> View:
+        """The view to move from: where the camera is now, if it moved by itself so far."""
+        if not self.moved and _moves(self.scene):
+            self.camera = home(self.scene, self.values, self.aspect)
+        return self.camera
+
+    def reset(self) -> None:
+        """Back to the scene's own camera."""
+        self.camera, self.moved = home(self.scene, self.values, self.aspect), False
+
+    def set(self, name: str, value: Any) -> None:
+        """Give a parameter a value, moved into its range. SceneError for an unknown name or a wrong type."""
+        if name not in self.specs:
+            raise SceneError(f"unknown parameter '{name}'", legal=", ".join(sorted(self.specs)) or "none in this scene")
+        spec = self.specs[name]
+        fitting = _fitted(spec, value)
+        if fitting is None:
+            raise SceneError(f"parameter '{name}' = {value!r}", legal=spec.legal)
+        self.params[name] = fitting
+
+    def value(self, name: str) -> Value:
+        """The value of a parameter now."""
+        return self.params.get(name, self.specs[name].value)
+
+    def settings(self) -> dict[str, Any]:
+        """All that the user may have changed, as JSON holds it; see `restore`."""
+        camera = self.camera
+        return {
+            "camera": {
+                "position": camera.position.tolist(),
+                "target": camera.target.tolist(),
+                "up": camera.up.tolist(),
+                "fov": camera.fov,
+                "line": control.as_python(camera),
+            },
+            "params": dict(self.params),
+            "time": self.timeline.time,
+            "view": self.view,
+        }
+
+    def restore(self, settings: Mapping[str, Any]) -> None:
+        """What `settings` gave. SceneError for what it could not have given."""
+        try:
+            camera = settings["camera"]
+            position, target, up = (np.array(camera[k], np.float64) for k in ("position", "target", "up"))
+            if any(v.shape != (3,) or not np.all(np.isfinite(v)) for v in (position, target, up)):
+                raise ValueError("camera")
+            if np.linalg.norm(np.cross(target - position, up)) == 0.0 or not 0 < float(camera["fov"]) < 180:
+                raise ValueError("camera")
+            reach = float(np.linalg.norm(target - position))
+            self.move(View(position, target, up, float(camera["fov"]), reach))
+            for name, value in settings["params"].items():
+                self.set(name, tuple(value) if isinstance(value, list) else value)
+            self.timeline = self.timeline.scrub(float(settings["time"]))
+            if settings["view"] not in VIEWS:
+                raise ValueError("view")
+            self.view = settings["view"]
+        except (KeyError, TypeError, ValueError, AttributeError) as fault:
+            raise SceneError(
+                f"these settings cannot be used: {type(fault).__name__}: {fault}", legal="a file that the window saved"
+            ) from None
+
+
+def opened(file: Path, scene: Scene, params: Mapping[str, Any], aspect: float) -> State:
+    """The state in which a scene is first shown. SceneError for a parameter that is unknown or out of range."""
+    specs = scene.parameters
+    given = set_values(specs, params, 0.0, scene.where)
+    chosen = {name: given.params[name] for name in params}
+    camera = home(scene, given, aspect)
+    return State(file, scene, specs, chosen, camera, Timeline(), _animated(scene), aspect=aspect)
+
+
+def read_settings(file: Path) -> dict[str, Any]:
+    """A file of settings; SceneError if it cannot be read."""
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise SceneError(f"cannot read settings '{file}': {fault}", legal="a file that the window saved") from None
+    if not isinstance(found, dict):
+        raise SceneError(f"cannot use settings '{file}'", legal="a file that the window saved")
+    return found
+
+
+def home(scene: Scene, values: Values, aspect: float) -> View:
+    """The scene's own camera."""
+    camera, subject = scene.camera, scene.subject
+    pose = scene.pose(values, aspect)
+    target = None
+    if camera.target is not None:
+        target = values.of(camera.target)
+    elif subject is not None and subject.bounded and not subject.empty:
+        target = (subject.lower + subject.upper) / 2
+    else:
+        target = np.zeros(3)
+    return control.view_of(pose, target, values.of(camera.up))
+
+
+def shown(value: Value) -> str:
+    """A parameter's value in words."""
+    return f"({', '.join(f'{v:.4g}' for v in value)})" if isinstance(value, tuple) else f"{value:.4g}"
+
+
+def _fitted(spec: Spec, value: Any) -> Value | None:
+    """A value moved into the range of a parameter; None if it is of another type."""
+    try:
+        given = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        return None
+    if given.shape != np.shape(spec.value) or not np.all(np.isfinite(given)):
+        return None
+    low = -np.inf if spec.min is None else np.asarray(spec.min)
+    high = np.inf if spec.max is None else np.asarray(spec.max)
+    inside = np.clip(given, low, high)
+    try:
+        return spec.accept(float(inside) if inside.shape == () else tuple(float(v) for v in inside))
+    except RaymarchError:
+        return None
+
+
+def _animated(scene: Scene) -> bool:
+    return bool(find(scene.expressions(), "time"))
+
+
+def _moves(scene: Scene) -> bool:
+    """Whether the scene's camera depends on time or parameters."""
+    return any(not e.is_constant for e in scene.camera.expressions)

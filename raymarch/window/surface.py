@@ -1,0 +1,224 @@
+"""The window itself: glfw's events as plain values, its sizes, clipboard and cursor."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from raymarch.gpu.context import Context, open_window
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A key went down, up, or repeats; `name` as in `NAMES`, or one character in lower case."""
+
+    name: str
+    down: bool
+    repeated: bool
+    shift: bool
+    control: bool
+    code: int
+
+
+@dataclass(frozen=True, slots=True)
+class Char:
+    """A character was typed."""
+
+    code: int
+
+
+@dataclass(frozen=True, slots=True)
+class Button:
+    """A mouse button went down or up; 0 left, 1 right, 2 middle."""
+
+    button: int
+    down: bool
+    shift: bool
+    control: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """The cursor is at (x, y), in screen coordinates from the upper left of the window."""
+
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scroll:
+    """The wheel was turned; up and right are positive."""
+
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class Drop:
+    """Files were dropped onto the window."""
+
+    files: tuple[Path, ...]
+
+
+Event: TypeAlias = Key | Char | Button | Move | Scroll | Drop
+
+
+class Window:
+    """A window that is shown, with an OpenGL context.
+
+    Parameters
+    ----------
+    size : (width, height) in screen coordinates.
+    title : what its frame says.
+
+    Raises DeviceError if there is no display, no glfw or no context.
+    """
+
+    def __init__(self, size: tuple[int, int], title: str) -> None:
+        self.context: Context = open_window(size, title)
+        self.glfw: Any = importlib.import_module("glfw")
+        self.handle = self.context.window
+        self._names = _key_names(self.glfw)
+        self._events: list[Event] = []
+        self._stale = True
+        self._listen()
+        self.glfw.swap_interval(1)
+
+    def _listen(self) -> None:
+        glfw, handle, add = self.glfw, self.handle, self._events.append
+
+        def key(_: Any, code: int, scancode: int, action: int, mods: int) -> None:
+            name = self._names.get(code) or (glfw.get_key_name(code, scancode) or "").lower()
+            shift, control = bool(mods & glfw.MOD_SHIFT), bool(mods & (glfw.MOD_CONTROL | glfw.MOD_SUPER))
+            add(Key(name, action != glfw.RELEASE, action == glfw.REPEAT, shift, control, code))
+
+        def button(_: Any, which: int, action: int, mods: int) -> None:
+            add(Button(which, action == glfw.PRESS, bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL)))
+
+        def stale(*_: Any) -> None:
+            self._stale = True
+
+        glfw.set_key_callback(handle, key)
+        glfw.set_char_callback(handle, lambda _, code: add(Char(code)))
+        glfw.set_mouse_button_callback(handle, button)
+        glfw.set_cursor_pos_callback(handle, lambda _, x, y: add(Move(x, y)))
+        glfw.set_scroll_callback(handle, lambda _, x, y: add(Scroll(x, y)))
+        glfw.set_drop_callback(handle, lambda _, files: add(Drop(tuple(Path(f) for f in files))))
+        glfw.set_framebuffer_size_callback(handle, stale)
+        glfw.set_window_refresh_callback(handle, stale)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the framebuffer in pixels; (0, 0) while the window is minimised."""
+        width, height = self.glfw.get_framebuffer_size(self.handle)
+        return int(width), int(height)
+
+    @property
+    def extent(self) -> tuple[int, int]:
+        """(width, height) in screen coordinates, those of the cursor."""
+        width, height = self.glfw.get_window_size(self.handle)
+        return max(1, int(width)), max(1, int(height))
+
+    @property
+    def density(self) -> float:
+        """How much larger text must be drawn than on a plain screen, in pixels of the framebuffer."""
+        return max(1.0, float(self.glfw.get_window_content_scale(self.handle)[1]))
+
+    def pixel(self, x: float, y: float) -> tuple[float, float]:
+        """A place of the cursor in pixels of the framebuffer, from the upper left."""
+        (width, height), (across, down) = self.size, self.extent
+        return x * width / across, y * height / down
+
+    @property
+    def cursor(self) -> tuple[float, float]:
+        """Where the cursor is, in screen coordinates."""
+        x, y = self.glfw.get_cursor_pos(self.handle)
+        return float(x), float(y)
+
+    def held(self, name: str) -> bool:
+        """Whether a key is down now; `name` as in glfw, without KEY_."""
+        return bool(self.glfw.get_key(self.handle, getattr(self.glfw, f"KEY_{name.upper()}")) == self.glfw.PRESS)
+
+    @property
+    def shift_held(self) -> bool:
+        """Whether a Shift key is down now."""
+        return self._any_held("LEFT_SHIFT", "RIGHT_SHIFT")
+
+    @property
+    def command_held(self) -> bool:
+        """Whether a key is down that makes others commands: Control, Alt or the system's own."""
+        return self._any_held("LEFT_CONTROL", "RIGHT_CONTROL", "LEFT_ALT", "RIGHT_ALT", "LEFT_SUPER", "RIGHT_SUPER")
+
+    def _any_held(self, *names: str) -> bool:
+        return any(self.held(name) for name in names)
+
+    def wait(self, seconds: float) -> list[Event]:
+        """The events since the last call; waits up to so long for the first of them, not at all for 0."""
+        if seconds > 0:
+            self.glfw.wait_events_timeout(seconds)
+        else:
+            self.glfw.poll_events()
+        found = self._events[:]
+        self._events.clear()
+        return found
+
+    def wake(self) -> None:
+        """End a `wait`; may be called from any thread."""
+        self.glfw.post_empty_event()
+
+    def take_stale(self) -> bool:
+        """Whether the window asked to be drawn anew since the last call."""
+        stale, self._stale = self._stale, False
+        return stale
+
+    @property
+    def closing(self) -> bool:
+        """Whether somebody closed the window."""
+        return bool(self.glfw.window_should_close(self.handle))
+
+    def close(self) -> None:
+        """Ask the window to close; `closing` is True from then on."""
+        self.glfw.set_window_should_close(self.handle, True)
+
+    def title(self, text: str) -> None:
+        """Write into the window's frame."""
+        self.glfw.set_window_title(self.handle, text)
+
+    def clip(self, text: str) -> None:
+        """Put text on the clipboard."""
+        self.glfw.set_clipboard_string(self.handle, text)
+
+    def clipped(self) -> str:
+        """The text on the clipboard, empty if there is none."""
+        text = self.glfw.get_clipboard_string(self.handle)
+        return text.decode(errors="replace") if text else ""
+
+    def swap(self) -> None:
+        """Show what was drawn; waits for the screen where the driver does."""
+        self.context.make_current()
+        self.glfw.swap_buffers(self.handle)
+
+    def release(self) -> None:
+        """Close for good."""
+        self.context.release()
+
+
+def _key_names(glfw: Any) -> dict[int, str]:
+    """Names of the keys that are no characters, or that lie where the letters of their names do on any layout."""
+    named = {
+        "space": glfw.KEY_SPACE,
+        "escape": glfw.KEY_ESCAPE,
+        "enter": glfw.KEY_ENTER,
+        "tab": glfw.KEY_TAB,
+        "left": glfw.KEY_LEFT,
+        "right": glfw.KEY_RIGHT,
+        "up": glfw.KEY_UP,
+        "down": glfw.KEY_DOWN,
+        "home": glfw.KEY_HOME,
+        "f1": glfw.KEY_F1,
+        "f5": glfw.KEY_F5,
+        "f11": glfw.KEY_F11,
+    }
+    return {code: name for name, code in named.items()}

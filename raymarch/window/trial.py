@@ -1,0 +1,221 @@
+"""A scene file tried out in a process of its own, before the window takes it.
+
+Whatever a scene file does there (loop for ever, end Python, eat the memory, crash a library, hang a driver), the window
+lives on, and the trial can be killed. On success the driver's shader cache on disk holds the compiled programs, so
+the window compiles the same text in a few milliseconds.
+
+The process reads requests and writes answers as lines of JSON. On Linux it forks for each request, so that a trial
+starts in milliseconds with all modules loaded; elsewhere it serves one request and ends.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import importlib.util
+import json
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from raymarch.errors import DeviceError, RaymarchError, is_users
+from raymarch.gpu.prepare import prepare
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene.file import load
+from raymarch.scene.scene import Scene
+from raymarch.sdf import box, sphere
+
+FORKS = sys.platform.startswith("linux")
+"""Whether a trial is a fork. Other systems' libraries do not survive one, or there is none."""
+
+SIZE = (16, 9)
+"""Of the picture that warms the driver's cache. Its programs do not depend on the size."""
+
+MEMORY_SHARE = 0.5
+"""The part of the machine's memory that a scene file may take while it runs."""
+
+Answer = dict[str, Any]
+
+
+def serve() -> None:
+    """Answer requests from the standard input until it ends."""
+    out = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)  # what scene files print must not mix with the answers
+
+    def say(answer: Answer) -> None:
+        out.write(json.dumps(answer) + "\n")
+        out.flush()
+
+    prepare(Scene(box().round(0.1) | sphere()))  # forks then find the common definitions made
+    say({"ready": True, "forks": FORKS})
+    for line in sys.stdin:
+        request = json.loads(line)
+        if not FORKS:
+            examine(request, say)
+            return
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that libraries run threads; none of them holds a lock that a trial needs
+            child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                examine(request, say)
+                code = 0
+            finally:
+                out.flush()
+                os._exit(code)
+        say({"id": request["id"], "pid": child})
+        status = os.waitpid(child, 0)[1]
+        say({"id": request["id"], "ended": os.waitstatus_to_exitcode(status)})
+
+
+def examine(request: Answer, say: Callable[[Answer], None]) -> None:
+    """Load, plan, compile and draw a scene file once, and say how that went.
+
+    Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None}: `files` are those of the
+    user that were read, `error` says what, legal, file and line.
+    """
+    number, scene = request["id"], request["scene"]
+    if request.get("trace"):
+        trace = open(request["trace"], "w")  # noqa: SIM115  (stays open for the signal)
+        faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
+    read: set[str] = set()
+    _note_files(read)
+    times: dict[str, float] = {}
+    error: Answer | None = None
+    renderer: Renderer | None = None
+    found: Scene | None = None
+    try:
+        with _limited_memory(), _timed(times, "import"):
+            found = load(scene)
+        with _timed(times, "plan"):
+            prepare(found)
+        if request.get("draw", True):
+            with _timed(times, "compile"):
+                renderer = _warm(found, request.get("params", {}))
+    except RaymarchError as fault:
+        error = _described(fault)
+    except MemoryError as fault:
+        error = {"what": f"out of memory: {fault}", "legal": "a smaller scene", "file": scene, "line": 1}
+    except Exception as fault:
+        traceback.print_exc()
+        what = f"a fault of raymarch: {type(fault).__name__}: {fault}"
+        error = {"what": what, "legal": "", "file": None, "line": None}
+    folder = str(Path(scene).absolute().parent)
+    sources = {_source_of(f) for f in read}
+    files = sorted({str(Path(scene).absolute()), *(f for f in sources if _watchable(f, folder))})
+    say({"id": number, "ok": error is None, "ms": times, "files": files, "error": error})
+    if renderer is not None and found is not None:
+        with _quietly():
+            renderer.render(found, outputs=("depth",))  # so that a click waits for no compiler
+
+
+def _warm(scene: Scene, params: dict[str, Any]) -> Renderer | None:
+    """Draw a small picture off screen; None where there is no such context: then the window compiles by itself."""
+    try:
+        renderer = Renderer(SIZE)
+    except DeviceError:
+        return None
+    known = {name: value for name, value in params.items() if name in scene.parameters}
+    with _quietly():  # a kept value outside the new range is the window's to mend
+        renderer.render(scene, params=known)
+        return renderer
+    renderer.render(scene)
+    return renderer
+
+
+def _described(fault: RaymarchError) -> Answer:
+    where = fault.where
+    return {
+        "what": fault.what,
+        "legal": fault.legal,
+        "file": where.file if where else None,
+        "line": where.line if where else None,
+    }
+
+
+class _timed:
+    """Notes how long a block took, in milliseconds."""
+
+    def __init__(self, times: dict[str, float], name: str) -> None:
+        self._times, self._name = times, name
+
+    def __enter__(self) -> None:
+        self._start = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self._times[self._name] = 1e3 * (time.perf_counter() - self._start)
+
+
+class _quietly:
+    """Passes over what the user can mend."""
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
+        return kind is not None and issubclass(kind, RaymarchError)
+
+
+class _limited_memory:
+    """While a scene file runs it cannot eat the machine; a compiler afterwards may reserve what it likes."""
+
+    def __enter__(self) -> None:
+        self._before: tuple[int, int] | None = None
+        if not FORKS:
+            return
+        import resource
+
+        most = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+        self._before = resource.getrlimit(resource.RLIMIT_DATA)
+        hard = self._before[1]
+        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
+
+    def __exit__(self, *_: object) -> None:
+        if self._before is not None:
+            import resource
+
+            resource.setrlimit(resource.RLIMIT_DATA, self._before)
+
+
+def _note_files(read: set[str]) -> None:
+    """From now on, every file that Python opens is noted: modules, images, meshes, whatever a scene is made of."""
+    busy = threading.local()
+
+    def note(event: str, args: tuple[Any, ...]) -> None:
+        if event != "open" or getattr(busy, "now", False) or not isinstance(args[0], str | bytes):
+            return
+        busy.now = True
+        try:
+            read.add(os.path.abspath(os.fsdecode(args[0])))
+        finally:
+            busy.now = False
+
+    sys.addaudithook(note)
+
+
+def _watchable(file: str, folder: str) -> bool:
+    """True for a file of the user that may be edited, or that may yet appear beside the scene."""
+    if not is_users(file) or file.startswith(("/proc/", "/sys/", "/dev/")):
+        return False
+    return os.path.isfile(file) or os.path.dirname(file) == folder
+
+
+def _source_of(file: str) -> str:
+    """The source that a compiled module came from; other files are their own."""
+    if file.endswith(".pyc"):
+        try:
+            return importlib.util.source_from_cache(file)
+        except ValueError:
+            return file
+    return file
+
+
+if __name__ == "__main__":
+    serve()

@@ -1,0 +1,193 @@
+"""The process in which scene files are tried out, seen from the window: asked, watched, killed, started again."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, TypeAlias
+
+import raymarch
+from raymarch.errors import is_users
+
+Answer: TypeAlias = dict[str, Any]
+
+GLANCE = 0.02
+"""Seconds between two looks at whether a trial shall end."""
+
+
+class Trials:
+    """Runs one trial at a time. To be used from one thread."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[str] | None = None
+        self._answers: SimpleQueue[Answer] = SimpleQueue()
+        self._number = 0
+        self._child: int | None = None
+        handle, self._trace = tempfile.mkstemp(prefix="raymarch-trace-")
+        os.close(handle)
+
+    def run(self, scene: str, params: dict[str, Any], over: Callable[[], str | None]) -> Answer | None:
+        """Try a scene file; see `raymarch.window.trial.examine` for the answer.
+
+        over : asked again and again; gives the reason why the trial shall end early. "changed" gives no answer (None),
+            any other reason is the error, with the line where the file was.
+        """
+        self._settle()
+        self._number += 1
+        self._ask({"id": self._number, "scene": scene, "params": params, "trace": self._trace})
+        while True:
+            reason = over()
+            if reason is not None:
+                where = self._kill(scene)
+                return None if reason == "changed" else _failure(scene, reason, where)
+            try:
+                answer = self._answers.get(timeout=GLANCE)
+            except Empty:
+                continue
+            if answer.get("gone") and self._process is None:
+                continue  # an earlier process, killed by us
+            if answer.get("gone"):
+                self._process = None
+                return _failure(scene, "the scene file ended its process", None)
+            if answer.get("id") != self._number:
+                continue
+            if "pid" in answer:
+                self._child = answer["pid"]
+            elif "ended" in answer:
+                self._child = None
+                return _failure(scene, _death(answer["ended"]), None)
+            elif "ok" in answer:
+                return answer
+
+    def close(self) -> None:
+        """End the process."""
+        self._kill("")
+        if self._process is not None:
+            self._process.kill()
+            self._reap()
+        Path(self._trace).unlink(missing_ok=True)
+
+    def _settle(self) -> None:
+        """End what a former trial still does (it may warm the cache for clicks)."""
+        self._kill_child()
+        if self._process is not None and self._process.poll() is not None:
+            self._reap()
+
+    def _kill_child(self) -> None:
+        child, self._child = self._child, None
+        if child is None or self._process is None:
+            return
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            # A trial that has ended may have left its number to another process.
+            parent = int(Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[1])
+            if parent == self._process.pid:
+                os.kill(child, signal.SIGKILL)
+
+    def _ask(self, request: Answer) -> None:
+        for _ in range(2):
+            if self._process is None:
+                self._start()
+            assert self._process is not None and self._process.stdin is not None
+            try:
+                self._process.stdin.write(json.dumps(request) + "\n")
+                self._process.stdin.flush()
+                return
+            except OSError:
+                self._reap()
+
+    def _start(self) -> None:
+        root = str(Path(raymarch.__file__).parents[1])
+        paths = [root, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
+        answers: SimpleQueue[Answer] = SimpleQueue()
+        self._answers = answers
+        self._child = None
+        self._process = process = subprocess.Popen(
+            [sys.executable, "-m", "raymarch.window.trial"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+            start_new_session=True,  # Ctrl+C in the shell is the window's to handle
+        )
+
+        def read() -> None:
+            assert process.stdout is not None
+            for line in process.stdout:
+                with contextlib.suppress(json.JSONDecodeError):
+                    answers.put(json.loads(line))
+            answers.put({"gone": True})
+
+        threading.Thread(target=read, name="trial answers", daemon=True).start()
+
+    def _reap(self) -> None:
+        process, self._process, self._child = self._process, None, None
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                with contextlib.suppress(OSError):
+                    stream.close()
+
+    def _kill(self, scene: str) -> tuple[str, int] | None:
+        """End the running trial, and say in which line of the user's it was."""
+        where = None
+        if self._child is None and self._process is not None:
+            self._await_child()
+        if self._child is not None:
+            where = self._ask_where(self._child)
+            self._kill_child()
+        elif self._process is not None:
+            self._reap()
+        return where
+
+    def _await_child(self) -> None:
+        """The trial was asked for just now: wait a moment until it says its number."""
+        with contextlib.suppress(Empty):
+            for _ in range(3):
+                answer = self._answers.get(timeout=0.3)
+                if answer.get("id") == self._number and "pid" in answer:
+                    self._child = answer["pid"]
+                    return
+
+    def _ask_where(self, child: int) -> tuple[str, int] | None:
+        """The user's line that a trial is at, by its own traceback; None if it does not answer."""
+        if not hasattr(signal, "SIGUSR1"):
+            return None
+        with contextlib.suppress(OSError):
+            os.truncate(self._trace, 0)
+            os.kill(child, signal.SIGUSR1)
+            for _ in range(25):
+                time.sleep(GLANCE)
+                for file, line in re.findall(r'File "(.+?)", line (\d+)', Path(self._trace).read_text()):
+                    if is_users(file):
+                        return file, int(line)
+        return None
+
+
+def _failure(scene: str, what: str, where: tuple[str, int] | None) -> Answer:
+    file, line = where or (scene, 1)
+    return {"ok": False, "ms": {}, "files": [], "error": {"what": what, "legal": "", "file": file, "line": line}}
+
+
+def _death(code: int) -> str:
+    if code < 0:
+        try:
+            name = signal.Signals(-code).name
+        except ValueError:
+            name = str(-code)
+        return f"the scene file crashed Python or the driver ({name})"
+    return f"the scene file ended its process with code {code}"

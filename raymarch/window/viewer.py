@@ -1,0 +1,303 @@
+"""The loop of the window: events, news of the scene file, the next picture, what is laid over it."""
+
+from __future__ import annotations
+
+import time as clock_time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from raymarch.errors import RaymarchError
+from raymarch.gpu.prepare import prepare
+from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.screen import Screen
+from raymarch.scene.file import load
+from raymarch.window.control import fly
+from raymarch.window.hands import Hands
+from raymarch.window.log import Log
+from raymarch.window.overlay import Card, Overlay
+from raymarch.window.pace import Pace
+from raymarch.window.pick import Inquiry, Pick, picked, ray_through
+from raymarch.window.picture import Picture
+from raymarch.window.reload import Failed, Fault, Loaded, Reloader, Started
+from raymarch.window.save import Sequence
+from raymarch.window.state import State, opened, read_settings
+from raymarch.window.surface import Window
+
+SETTLED = 0.12
+"""Seconds without a change after which the picture is refined."""
+
+IDLE = 0.25
+"""Seconds between two looks at the world while nothing happens; events end the wait."""
+
+SHORTEST = 1 / 120
+"""Seconds that a frame takes at least."""
+
+NOTICED = 4.0
+"""Seconds that a notice stays."""
+
+PATIENT = 0.6
+"""Seconds after which a trial is mentioned."""
+
+
+class Viewer:
+    """A window that shows a scene file, and follows it.
+
+    Parameters
+    ----------
+    file : the scene file; it must be good when the window opens.
+    size : of the window, in screen coordinates.
+    params : values of parameters by name.
+    budget : milliseconds that a frame may take while something moves.
+    settings : a file that the window saved, to start from.
+    log : a file for lines of JSON about what happens.
+
+    Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        size: tuple[int, int] = (960, 540),
+        params: Mapping[str, Any] | None = None,
+        budget: float = 33.0,
+        settings: Path | None = None,
+        log: Path | None = None,
+    ) -> None:
+        scene = load(file)
+        self.state: State = opened(file, scene, params or {}, size[0] / size[1])
+        if settings is not None:
+            self.state.restore(read_settings(settings))
+        ready = prepare(scene)
+        self.log = Log(log)
+        self.window = Window(size, f"raymarch: {file.name}")
+        try:
+            self._open(budget)
+            self.renderer.adopt(scene, ready)
+            self._first()
+        except BaseException:
+            self.window.release()
+            raise
+
+    def _open(self, budget: float) -> None:
+        window = self.window
+        self.screen = Screen(window.context, window.size)
+        self.renderer = Renderer(window.size, context=window.context)
+        self.picture = Picture(self.renderer, self.screen, Pace(budget))
+        self.overlay = Overlay(self.screen)
+        self.hands = Hands(self)
+        self.fault: Fault | None = None
+        self.pick: Pick | None = None
+        self.picks = 0
+        self.frames = 0
+        self.help = False
+        self.sequence: Sequence | None = None
+        self.notices: list[tuple[float, str]] = []
+        self._cards: list[Card] = []
+        self._changed_at = self._at = clock_time.perf_counter()
+        self._reloading: float | None = None
+        self.inquiry = Inquiry(window.wake)
+        self.reloader = Reloader(self.state.file, window.wake, lambda: dict(self.state.params))
+
+    def _first(self) -> None:
+        """The first picture, before anything else, so that a scene that cannot be drawn is refused at once."""
+        self.state.aspect = self.window.size[0] / max(1, self.window.size[1])
+        if not self.state.moved:
+            self.state.reset()
+        self.picture.step(self.state.shot(), self.window.size, False)
+        driver = self.window.context.driver
+        self.log.say("open", size=self.window.size, density=self.window.density, renderer=driver.renderer)
+
+    # The loop
+
+    def run(self, seconds: float | None = None) -> int:
+        """Show the window until it is closed, or for so long. 0, or 2 if the scene file is broken at the end."""
+        end = None if seconds is None else clock_time.perf_counter() + seconds
+        self.reloader.start()
+        try:
+            while not self.window.closing and (end is None or clock_time.perf_counter() < end):
+                self.turn()
+        finally:
+            code = 2 if self.fault is not None else 0
+            self.log.say("closed", code=code, frames=self.frames, compiled=self.renderer.compiled)
+            self.release()
+        return code
+
+    def turn(self) -> None:
+        """One turn of the loop."""
+        self.hands.take(self.window.wait(self._pause()))
+        now = clock_time.perf_counter()
+        passed, self._at = now - self._at, now
+        self._hear(now)
+        state = self.state
+        state.timeline = state.timeline.advance(min(passed, 0.25)) if state.animated else state.timeline
+        forward, right, upward = self.hands.flying()
+        if forward or right or upward:
+            state.move(fly(state.hold(), forward, right, upward, min(passed, 0.1)))
+        if self.sequence is not None and not self.sequence.step(self):
+            self.sequence = None
+        if self.window.size[0] > 0 and self.window.size[1] > 0:
+            self._frame(now)
+
+    def _pause(self) -> float:
+        """How long to wait for the next event."""
+        busy = self.state.animated and self.state.timeline.playing
+        if busy or self.hands.busy or self.sequence is not None or not self.picture.whole:
+            return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
+        return IDLE
+
+    def _frame(self, now: float) -> None:
+        size = self.window.size
+        resized = size != self.screen.size
+        if resized:
+            self.screen.size = size
+            self.state.aspect = size[0] / size[1]
+            self.log.say("resize", size=size)
+        drew = False
+        try:
+            drew = self.picture.step(self.state.shot(), size, now - self._changed_at > SETTLED)
+        except RaymarchError as fault:
+            self._trouble(fault)
+        if drew and self.picture.drawn.moving:
+            self._changed_at = now
+        cards = self._text(now)
+        if not (drew or resized or cards != self._cards or self.window.take_stale()):
+            return
+        self._cards = cards
+        self._present()
+        if drew:
+            self._tell_frame()
+
+    def _present(self) -> None:
+        start = clock_time.perf_counter()
+        canvas = self.picture.canvas
+        if canvas is not None:
+            self.screen.show(canvas)
+        self.overlay.draw(self._cards, self.window.density)
+        self.window.take_stale()
+        self.window.swap()
+        self.frames += 1
+        self.picture.pace.other(1e3 * (clock_time.perf_counter() - start))
+
+    def _tell_frame(self) -> None:
+        drawn = self.picture.drawn
+        facts = {"size": drawn.size, "whole": drawn.whole, "moving": drawn.moving, "ms": round(drawn.milliseconds, 2)}
+        self.log.say("frame", n=self.frames, compiled=self.renderer.compiled, **facts)
+
+    # News
+
+    def _hear(self, now: float) -> None:
+        """What threads have found out since the last turn."""
+        for news in self.reloader.latest():
+            if isinstance(news, Started):
+                self._reloading = now
+                self.log.say("reloading")
+            elif isinstance(news, Failed):
+                self._reloading = None
+                self._fail(news.fault)
+            else:
+                self._swap(news, now)
+        found = self.inquiry.latest()
+        if found is not None and self.pick is not None and found.number == self.pick.number:
+            self.pick = found
+            where = found.where
+            self.log.say(
+                "truth",
+                part=found.part,
+                file=where.file if where else None,
+                line=where.line if where else None,
+                distance=found.true,
+                trouble=found.trouble,
+            )
+
+    def _swap(self, news: Loaded, now: float) -> None:
+        """Draw the new scene; only if that works it takes the place of the old one."""
+        before = (self.state.scene, self.state.specs, dict(self.state.params), self.state.camera, self.state.animated)
+        compiled = self.renderer.compiled
+        try:
+            told = self.state.adopt(news.scene, news.prepared.plan.parameters)
+            self.renderer.adopt(news.scene, news.prepared)
+            start = clock_time.perf_counter()
+            self.picture.step(self.state.shot(), self.window.size, False)
+            first = 1e3 * (clock_time.perf_counter() - start)
+        except RaymarchError as fault:
+            self.state.scene, self.state.specs, self.state.params, self.state.camera, self.state.animated = before
+            self._trouble(fault)
+            return
+        self.state.file, self.fault, self.pick = news.file, None, None
+        self.window.title(f"raymarch: {news.file.name}")
+        for text in told:
+            self.notice(text)
+        parts = {**news.ms, "first frame": first}
+        total = None if self._reloading is None else 1e3 * (clock_time.perf_counter() - self._reloading)
+        self._changed_at, self._reloading = now, None
+        self._present()
+        self.log.say("loaded", ms=parts, total=total, compiled=self.renderer.compiled - compiled)
+
+    def _fail(self, fault: Fault) -> None:
+        self.fault = fault
+        self.log.say("failed", what=fault.what, legal=fault.legal, file=fault.file, line=fault.line)
+
+    def _trouble(self, fault: RaymarchError) -> None:
+        """A scene that loads but cannot be drawn now."""
+        where = fault.where
+        told = Fault(fault.what, fault.legal, where.file if where else None, where.line if where else None)
+        if told != self.fault:
+            self._fail(told)
+
+    # What the hands ask for
+
+    def notice(self, text: str) -> None:
+        """Say something for a few seconds."""
+        self.notices.append((clock_time.perf_counter() + NOTICED, text))
+        self.log.say("notice", text=text)
+
+    def pick_at(self, x: float, y: float) -> Pick | None:
+        """What is at a place of the cursor; its truth follows when it is known."""
+        size = self.window.size
+        column, row = (int(v) for v in self.window.pixel(x, y))
+        if not (0 <= column < size[0] and 0 <= row < size[1]):
+            return None
+        try:
+            shot, values = self.state.shot(), self.state.values
+            texels = self.picture.probe(shot, size, column, row)
+        except RaymarchError as fault:
+            self._trouble(fault)
+            return None
+        view = self.state.hold()
+        ray = ray_through(view, (column, row), size)
+        self.picks += 1
+        pick = picked(self.picks, (column, row), texels, view.position, ray)
+        self.inquiry.ask(pick, shot, values, view.position, ray)
+        return pick
+
+    # Text
+
+    def _text(self, now: float) -> list[Card]:
+        cards = []
+        if self.fault is not None:
+            cards.append(Card(self.fault.text(), "error", "bottom left"))
+        since = self.reloader.busy_since
+        if since is not None and self._reloading is not None and clock_time.monotonic() - since > PATIENT:
+            waited = clock_time.monotonic() - since
+            cards.append(Card(f"{self.state.file.name} runs for {waited:.0f} s (Esc stops it)", "busy", "bottom left"))
+        self.notices = [(until, text) for until, text in self.notices if until > now]
+        cards += [Card(text, "note", "top left") for _, text in self.notices]
+        if self.state.selected is not None:
+            cards.append(Card(self.hands.parameters(), "note", "top left"))
+        if self.pick is not None:
+            cards.append(Card(self.pick.text(), "note", "top right"))
+        if self.help:
+            cards.append(Card(self.hands.help(), "note", "middle"))
+        return cards
+
+    def release(self) -> None:
+        """Close everything."""
+        self.reloader.stop()
+        self.inquiry.stop()
+        self.overlay.release()
+        self.picture.release()
+        self.renderer.close()
+        self.screen.release()
+        self.window.release()
+        self.log.close()

@@ -1,0 +1,115 @@
+"""Which files changed. By watchfiles, and by looking once a second where that sees nothing (some network drives)."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeAlias
+
+Signature: TypeAlias = tuple[Any, ...]
+
+LOOK = 1.0
+"""Seconds between two looks."""
+
+
+class Watch:
+    """Calls back when a file of a list changes, disappears or appears; in a thread of its own.
+
+    Folders are watched, not files, because many editors save by renaming a new file over the old one.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self._changed = changed
+        self._files: tuple[str, ...] = ()
+        self._last: Signature = ()
+        self._lock = threading.Lock()
+        self._stop, self._again = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._work, name="watch", daemon=True)
+
+    def files(self, files: Sequence[str]) -> None:
+        """What to watch from now on, the scene file first. Files watched before keep the state that was last seen."""
+        with self._lock:
+            wanted = tuple(dict.fromkeys(files))
+            if wanted == self._files:
+                return
+            known = dict(zip(self._files, self._last, strict=False))
+            fresh = _signature(wanted)
+            # The last entry is the list of modules beside the scene.
+            kept = [known.get(file, state) for file, state in zip(wanted, fresh, strict=False)]
+            same_scene = self._files[:1] == wanted[:1]
+            self._last = (*kept, self._last[-1] if same_scene and self._last else fresh[-1])
+            self._files = wanted
+        self._again.set()
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._again.set()
+        if self._thread.is_alive():
+            self._thread.join(3)
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            self._again.clear()
+            for _ in self._hints():
+                self._compare()
+                if self._again.is_set() or self._stop.is_set():
+                    break
+
+    def _compare(self) -> None:
+        with self._lock:
+            now = _signature(self._files)
+            if now == self._last:
+                return
+            self._last = now
+        self._changed()
+
+    def _hints(self) -> Iterator[None]:
+        """Yields whenever something may have changed, at least once in `LOOK` seconds."""
+        folders = sorted({os.path.dirname(file) for file in self._files})
+        there = [folder for folder in folders if os.path.isdir(folder)]
+        watchfiles: Any = None
+        with contextlib.suppress(ImportError):
+            watchfiles = importlib.import_module("watchfiles")
+        if watchfiles is None or there != folders:
+            self._again.wait(LOOK if watchfiles is not None else LOOK / 4)
+            yield
+            return
+        with contextlib.suppress(OSError, RuntimeError):  # a folder vanished; the next round sees that
+            for _ in watchfiles.watch(
+                *there,
+                watch_filter=None,
+                debounce=100,
+                step=20,
+                stop_event=self._again,
+                rust_timeout=int(1e3 * LOOK),
+                yield_on_timeout=True,
+                recursive=False,
+                raise_interrupt=False,
+            ):
+                yield
+                if any(not os.path.isdir(folder) for folder in there):
+                    return
+        yield
+        self._again.wait(LOOK / 4)
+
+
+def _signature(files: Sequence[str]) -> Signature:
+    """What changes when a file does; at the end the modules beside the scene, since one may be missing yet."""
+    states: list[Any] = []
+    for file in files:
+        try:
+            found = os.stat(file)
+            states.append((found.st_mtime_ns, found.st_size, found.st_ino))
+        except OSError:
+            states.append(None)
+    beside: tuple[str, ...] = ()
+    if files:
+        with contextlib.suppress(OSError):
+            beside = tuple(sorted(f for f in os.listdir(os.path.dirname(files[0])) if f.endswith(".py")))
+    return (*states, beside)

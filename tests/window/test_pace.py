@@ -1,0 +1,104 @@
+"""The pace keeps the budget on devices of any speed, and gives back resolution when it may."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from raymarch.window.pace import SMALLEST, Pace, scaled
+from raymarch.window.timeline import Timeline
+
+SIZE = (640, 360)
+
+
+def frames(pace: Pace, cost: Callable[[int, int], float], count: int) -> list[float]:
+    """Milliseconds of so many frames on a device where `cost` tells them by number and pixels."""
+    spent = []
+    for i in range(count):
+        width, height = scaled(SIZE, pace.scale(SIZE))
+        spent.append(cost(i, width * height))
+        pace.drawn(spent[-1], width * height)
+    return spent
+
+
+@pytest.mark.parametrize("full", [1.0, 20.0, 60.0, 300.0, 1500.0])
+def test_frames_keep_the_budget_whatever_the_full_picture_costs(full: float) -> None:
+    pace = Pace(33.0)
+    spent = frames(pace, lambda _, pixels: full * pixels / (SIZE[0] * SIZE[1]), 60)
+    assert max(spent[3:]) <= 33.0
+    if full <= 26:
+        assert pace.scale(SIZE) == 1.0
+    else:  # no more is given up than two steps of the ladder
+        assert max(spent[3:]) > 33.0 * 0.8 / 2
+
+
+def test_a_device_that_is_too_slow_gets_the_smallest_picture() -> None:
+    pace = Pace(33.0)
+    frames(pace, lambda _, pixels: 1e5 * pixels / (SIZE[0] * SIZE[1]), 10)
+    assert pace.scale(SIZE) == SMALLEST
+
+
+def test_noise_does_not_break_the_budget() -> None:
+    """A fifth of noise, and a scene that costs three times as much from one frame on."""
+    random = np.random.default_rng(1)
+    noise = random.uniform(0.9, 1.1, 400)
+
+    def cost(i: int, pixels: int) -> float:
+        return float(noise[i] * (60.0 if i < 200 else 180.0) * pixels / (SIZE[0] * SIZE[1]))
+
+    spent = np.array(frames(Pace(33.0), cost, 400))
+    assert np.mean(spent <= 1.5 * 33.0) >= 0.95
+    assert np.sum(spent > 33.0) < 8
+
+
+def test_resolution_comes_back_when_the_scene_gets_cheap() -> None:
+    pace = Pace(33.0)
+    frames(pace, lambda i, pixels: (300.0 if i < 20 else 5.0) * pixels / (SIZE[0] * SIZE[1]), 80)
+    assert pace.scale(SIZE) == 1.0
+
+
+def test_resolution_does_not_flicker() -> None:
+    pace = Pace(33.0)
+    shares = []
+    for i in range(200):
+        share = pace.scale(SIZE)
+        width, height = scaled(SIZE, share)
+        pace.drawn((100.0 + 4 * np.sin(i)) * width * height / (SIZE[0] * SIZE[1]), width * height)
+        shares.append(share)
+    assert np.count_nonzero(np.diff(shares[10:])) <= 2
+
+
+def test_what_a_frame_costs_besides_is_taken_off() -> None:
+    pace = Pace(33.0)
+    for _ in range(50):
+        pace.other(20.0)
+    spent = frames(pace, lambda _, pixels: 60.0 * pixels / (SIZE[0] * SIZE[1]), 60)
+    assert max(spent[3:]) <= 13.0
+
+
+def test_sizes_are_whole_and_never_nothing() -> None:
+    assert scaled((641, 360), 0.5) == (320, 180)
+    assert scaled((3, 1), SMALLEST) == (1, 1)
+
+
+def test_time_plays_pauses_steps_and_scrubs() -> None:
+    clock = Timeline()
+    assert clock.advance(0.5).time == 0.5
+    paused = clock.advance(0.5).toggle()
+    assert paused.advance(3.0).time == 0.5
+    assert paused.toggle().advance(1.0).time == 1.5
+    stepped = paused.step(1)
+    assert np.isclose(stepped.time, 16 / 30) and not stepped.playing
+    assert np.isclose(stepped.step(-2).time, 14 / 30)
+    assert clock.scrub(7.0).time == 7.0 and clock.scrub(7.0).playing
+
+
+def test_time_loops() -> None:
+    clock = Timeline(time=1.0).looping((1.0, 3.0))
+    assert np.isclose(clock.advance(2.5).time, 1.5)
+    assert np.isclose(clock.scrub(0.5).time, 2.5)
+    assert np.isclose(Timeline(time=1.0, speed=-1.0, loop=(1.0, 3.0)).advance(0.5).time, 2.5)
+    assert clock.looping((2.0, 2.0)).loop is None
+    assert clock.looping(None).advance(10).time == 11.0

@@ -1,0 +1,145 @@
+"""`raymarch view` by real events: what the screen shows, and what the command answers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from window_driver import ROOT, Hand, Session
+
+import raymarch as rm
+
+View = Callable[..., Session]
+
+SCENE = """
+import raymarch as rm
+scene = rm.Scene(
+    rm.sphere(1).material(rm.Material(color=(0.8, 0.2, 0.1))) | rm.box((4, 0.2, 4)).translate((0, -1, 0)),
+    camera=rm.Camera(position=(0, 1, 5), target=(0, 0, 0)),
+)
+"""
+
+
+def expected(text: str, size: tuple[int, int]) -> Any:
+    namespace: dict[str, rm.Scene] = {}
+    exec(text, namespace)
+    return np.asarray(rm.render(namespace["scene"], size)).astype(int)
+
+
+def command(*arguments: str, display: str | None) -> subprocess.CompletedProcess[str]:
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    environment["PYTHONPATH"] = str(ROOT)
+    if display:
+        environment["DISPLAY"] = display
+    line = [sys.executable, "-m", "raymarch", "view", *arguments]
+    return subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
+
+
+def test_the_window_shows_what_render_draws_at_every_size(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    seen = session.settled(0)
+    assert np.abs(seen - expected(SCENE, (320, 200))).max() <= 1
+    for size in ((300, 220), (150, 90), (640, 360)):
+        mark = session.mark()
+        session.hand.resize(*size)
+        session.wait("resize", lambda e, size=size: e["size"] == list(size), mark)
+        seen = session.settled(mark)
+        assert np.abs(seen - expected(SCENE, size)).max() <= 1
+    session.hand.close_window()
+    assert session.end() == 0
+    assert session.errors.read_text() == ""
+    assert session.events()[-1]["event"] == "closed"
+
+
+def test_no_frame_of_another_size_is_ever_shown(view: View) -> None:
+    """While the window is dragged to other sizes each picture is drawn for the size it is shown at."""
+    session = view(SCENE, "--size", "200x150")
+    mark = session.mark()
+    for i in range(20):
+        session.hand.resize(200 + 10 * i, 150 + 7 * (i % 3))
+    session.wait("resize", lambda e: e["size"] == [390, 150 + 7], mark)
+    session.settled(mark)
+    size = [200, 150]
+    for event in session.events():
+        if event["event"] == "resize":
+            size = event["size"]
+        if event["event"] == "frame":
+            share = event["size"][0] / size[0]
+            assert abs(event["size"][1] - share * size[1]) <= 1
+
+
+def test_a_dense_screen_gets_more_pixels(display: str, view: View) -> None:
+    hand = Hand(display)
+    hand.set_resource("Xft.dpi:\t192\n")
+    try:
+        session = view(SCENE, "--size", "200x120")
+        opened = session.wait("open")
+        assert opened["density"] == 2.0 and opened["size"] == [400, 240]
+        assert np.abs(session.settled(0) - expected(SCENE, (400, 240))).max() <= 1
+    finally:
+        hand.set_resource("")
+        hand.done()
+
+
+def test_a_demo_ends_by_itself_with_a_true_code(display: str, tmp_path: Path) -> None:
+    file = tmp_path / "scene.py"
+    file.write_text(SCENE)
+    done = command(str(file), "--size", "160x90", "--demo-seconds", "0.5", display=display)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("import raymarch as rm\nscene = rm.sphere(-1)\n", "scene.py:2: sphere: radius = -1"),
+        ("scene = (\n", "scene.py:1: SyntaxError"),
+        ("x = 1\n", "scene.py:1: the file leaves no 'scene'"),
+    ],
+)
+def test_a_bad_scene_opens_no_window(display: str, tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "scene.py"
+    file.write_text(text)
+    done = command(str(file), "--demo-seconds", "1", display=display)
+    assert done.returncode == 2
+    assert words in done.stderr and done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--size", "0x9"), "--size 0x9"),
+        (("--budget", "0"), "--budget 0"),
+        (("--set", "radius=9"), "parameter 'radius' = 9 (a number >= 0.5 and <= 2)"),
+        (("--set", "other=1"), "unknown parameter 'other'"),
+        (("--settings", "none.json"), "cannot read settings 'none.json'"),
+    ],
+)
+def test_bad_options_are_refused(display: str, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+    file = tmp_path / "scene.py"
+    file.write_text("import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2))\n")
+    done = command(str(file), "--demo-seconds", "1", *arguments, display=display)
+    assert done.returncode == 2 and words in done.stderr, done.stderr
+
+
+def test_without_a_display_it_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "scene.py"
+    file.write_text(SCENE)
+    done = command(str(file), display=None)
+    assert done.returncode == 2
+    assert "DISPLAY" in done.stderr and "desktop" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_without_glfw_it_says_so(display: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.py").write_text(SCENE)
+    code = "import sys; sys.modules['glfw'] = None; from raymarch.cli import main; main(['view', 'scene.py'])"
+    environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
+    line = [sys.executable, "-c", code]
+    done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert "glfw cannot be imported" in done.stderr and "pip install glfw" in done.stderr

@@ -1,0 +1,225 @@
+"""A real window on a real X display, driven by real events: Xvfb and the XTEST extension."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import raymarch.errors
+
+ROOT = Path(raymarch.errors.__file__).parents[1]
+PATIENCE = 60.0
+"""Seconds after which something that must happen is taken not to. Nothing takes nearly so long; a busy machine may."""
+
+Events = list[dict[str, Any]]
+
+
+@contextmanager
+def serve_display() -> Iterator[str]:
+    """The name of an X display of our own; OSError where there is no Xvfb."""
+    read_end, write_end = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write_end), "-screen", "0", "1000x700x24", "-nolisten", "tcp"]
+    try:
+        server = subprocess.Popen(command, pass_fds=(write_end,), stderr=subprocess.DEVNULL)
+    except OSError:
+        raise OSError("Xvfb cannot be run: install the package xvfb") from None
+    finally:
+        os.close(write_end)
+    try:
+        ready, _, _ = select.select([read_end], [], [], 20)
+        number = os.read(read_end, 16).decode().strip() if ready else ""
+        if not number:
+            raise OSError("Xvfb did not start")
+        yield f":{number}"
+    finally:
+        os.close(read_end)
+        server.terminate()
+        server.wait()
+
+
+class Hand:
+    """Mouse, keyboard and eyes of somebody before the screen."""
+
+    def __init__(self, display: str) -> None:
+        from Xlib import XK, X
+        from Xlib.display import Display
+        from Xlib.ext import xtest
+
+        self._x, self._keysyms, self._fake = X, XK, xtest.fake_input
+        self._display = Display(display)
+        self._root = self._display.screen().root
+        self._window: Any = None
+
+    def find(self, alive: Callable[[], bool]) -> None:
+        """Wait for the window, and give it the keyboard, as a window manager would."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            assert alive(), "the window's process has ended"
+            for window in self._root.query_tree().children:
+                name = window.get_wm_name()
+                viewable = window.get_attributes().map_state == self._x.IsViewable
+                if name and "raymarch" in str(name) and viewable:
+                    self._window = window
+                    window.set_input_focus(self._x.RevertToParent, self._x.CurrentTime)
+                    self._display.sync()
+                    return
+            time.sleep(0.02)
+        raise AssertionError("no window appeared")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        shape = self._window.get_geometry()
+        return shape.width, shape.height
+
+    def resize(self, width: int, height: int) -> None:
+        self._window.configure(width=width, height=height)
+        self._display.sync()
+
+    def move(self, x: int, y: int) -> None:
+        shape = self._window.get_geometry()
+        self._fake(self._display, self._x.MotionNotify, x=shape.x + x, y=shape.y + y)
+        self._display.sync()
+
+    def press(self, button: int = 1) -> None:
+        self._fake(self._display, self._x.ButtonPress, button)
+        self._display.sync()
+
+    def release(self, button: int = 1) -> None:
+        self._fake(self._display, self._x.ButtonRelease, button)
+        self._display.sync()
+
+    def click(self, x: int, y: int) -> None:
+        self.move(x, y)
+        self.press()
+        self.release()
+
+    def drag(self, start: tuple[int, int], end: tuple[int, int], button: int = 1, steps: int = 4) -> None:
+        self.move(*start)
+        self.press(button)
+        for i in range(1, steps + 1):
+            self.move(*(round(a + (b - a) * i / steps) for a, b in zip(start, end, strict=True)))
+        self.release(button)
+
+    def wheel(self, steps: int) -> None:
+        for _ in range(abs(steps)):
+            self.press(4 if steps > 0 else 5)
+            self.release(4 if steps > 0 else 5)
+
+    def _code(self, name: str) -> int:
+        code: int = self._display.keysym_to_keycode(self._keysyms.string_to_keysym(name))
+        assert code, f"no key {name}"
+        return code
+
+    def hold(self, name: str) -> None:
+        self._fake(self._display, self._x.KeyPress, self._code(name))
+        self._display.sync()
+
+    def let_go(self, name: str) -> None:
+        self._fake(self._display, self._x.KeyRelease, self._code(name))
+        self._display.sync()
+
+    def key(self, *names: str) -> None:
+        """Press keys together: modifiers first."""
+        for name in names:
+            self.hold(name)
+        for name in reversed(names):
+            self.let_go(name)
+
+    def see(self) -> NDArray[np.uint8]:
+        """What the window shows: (H, W, 3) of sRGB bytes."""
+        width, height = self.size
+        image = self._window.get_image(0, 0, width, height, self._x.ZPixmap, 0xFFFFFFFF)
+        return np.frombuffer(image.data, np.uint8).reshape(height, width, 4)[..., 2::-1].copy()
+
+    def close_window(self) -> None:
+        """What the cross of the window's frame sends."""
+        from Xlib.protocol import event
+
+        protocols = self._display.intern_atom("WM_PROTOCOLS")
+        delete = self._display.intern_atom("WM_DELETE_WINDOW")
+        self._window.send_event(
+            event.ClientMessage(window=self._window, client_type=protocols, data=(32, [delete, 0, 0, 0, 0]))
+        )
+        self._display.sync()
+
+    def set_resource(self, text: str) -> None:
+        """The settings of the whole screen, such as its density."""
+        from Xlib import Xatom
+
+        self._root.change_property(Xatom.RESOURCE_MANAGER, Xatom.STRING, 8, text.encode())
+        self._display.sync()
+
+    def done(self) -> None:
+        self._display.close()
+
+
+class Session:
+    """`raymarch view` in a process of its own, the hand that works it, and what it says it does."""
+
+    def __init__(self, display: str, folder: Path, scene: Path, *options: str) -> None:
+        self.folder = folder
+        self._log = folder / "log.jsonl"
+        self._log.unlink(missing_ok=True)
+        self.errors = folder / "errors.txt"
+        environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
+        environment.pop("WAYLAND_DISPLAY", None)
+        command = [sys.executable, "-m", "raymarch", "view", str(scene), "--log", str(self._log), *options]
+        with self.errors.open("w") as errors:
+            self.process = subprocess.Popen(command, cwd=folder, env=environment, stderr=errors, stdout=errors)
+        self.hand = Hand(display)
+        self.hand.find(lambda: self.process.poll() is None)
+        self.wait("frame", lambda e: e["whole"])
+
+    def events(self) -> Events:
+        text = self._log.read_text() if self._log.exists() else ""
+        return [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+
+    def mark(self) -> int:
+        """Where the log stands now, for `wait`."""
+        return len(self.events())
+
+    def wait(
+        self, event: str, fits: Callable[[dict[str, Any]], bool] = lambda _: True, since: int = 0
+    ) -> dict[str, Any]:
+        """The first event of a name that fits, after a mark; waits for it."""
+        until = time.monotonic() + PATIENCE
+        while True:
+            events = self.events()
+            for found in events[since:]:
+                if found["event"] == event and fits(found):
+                    return found
+            if self.process.poll() is not None or time.monotonic() > until:
+                raise AssertionError(f"no {event}: {events[since:]}\n{self.errors.read_text()}")
+            time.sleep(0.01)
+
+    def settled(self, since: int) -> NDArray[np.uint8]:
+        """The picture once it is whole again after a mark."""
+        self.wait("frame", lambda e: e["whole"], since)
+        last = self.mark()
+        time.sleep(0.05)
+        while self.mark() != last:
+            last = self.mark()
+            time.sleep(0.05)
+        return self.hand.see()
+
+    def end(self) -> int:
+        """Wait for the window's end; its exit code."""
+        return self.process.wait(PATIENCE)
+
+    def kill(self) -> None:
+        self.hand.done()
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGKILL)
+            self.process.wait()
