@@ -5,6 +5,7 @@ import raymarch as rm
 rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 """
 
+from raymarch import cost
 from raymarch.errors import CostError, DeviceError, PlanError, RaymarchError, SceneError, ShaderError
 from raymarch.gpu import Frame, Renderer, render
 from raymarch.scene import Camera, Fog, Material, Param, PointLight, Quality, Scene, Sky, Sun, time
@@ -152,6 +153,7 @@ __all__ = [
     "capsule",
     "circle",
     "cone",
+    "cost",
     "cross",
     "cuboctahedron",
     "cut_hollow_sphere",

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn
 
 import raymarch
+from raymarch.cli.choice import choose_quality
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
 from raymarch.errors import RaymarchError
 from raymarch.gpu.doctor import examine
@@ -22,6 +23,7 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.views import VIEWS, picture
 from raymarch.plan import explain, plan
 from raymarch.scene.file import load
+from raymarch.scene.quality import PRESETS
 from raymarch.shader import assemble
 
 app = typer.Typer(
@@ -81,6 +83,15 @@ def render(
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
     ] = None,
     view: Annotated[str, typer.Option(help=f"What to show: {', '.join(VIEWS)}.")] = "final",
+    quality: Annotated[
+        str | None, typer.Option(metavar="NAME", help=f"In place of the scene's own: {', '.join(PRESETS)}.")
+    ] = None,
+    error: Annotated[
+        str | None, typer.Option(metavar="0.5px|flip:X", help="Take the fastest quality that keeps this error.")
+    ] = None,
+    within: Annotated[
+        str | None, typer.Option(metavar="16ms", help="Take the most exact quality that keeps this time.")
+    ] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
 ) -> None:
@@ -88,11 +99,13 @@ def render(
     if view not in VIEWS:
         raise CommandError(f"--view {view}", legal=", ".join(VIEWS))
     width, height = parse_size(size)
+    chooser = choose_quality(quality, error, within)
     found = load(scene)
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     moments = _moments(target, time, frames, fps)
     with Renderer((width, height), backend, device) as renderer, _progress(len(moments)) as progress:
+        found.quality = chooser(found, renderer, moments[0][0], params)
         for i, (moment, file) in enumerate(moments):
             start = clock_time.perf_counter()
             outputs = VIEWS[view]

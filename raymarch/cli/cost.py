@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from raymarch.cli.choice import watched
 from raymarch.cli.commands import app
-from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
+from raymarch.cli.common import CommandError, SceneFile, parse_settings, parse_size, written
 from raymarch.cost.checks import check
 from raymarch.cost.reference import reference
 from raymarch.cost.settings import axes, grid, parse_values
@@ -116,21 +115,3 @@ def _given(texts: Sequence[str]) -> dict[str, Sequence[Any]]:
             raise CommandError(f"--axis {text}", legal="NAME=VALUE,VALUE,...")
         found[name.strip()] = parse_values(name.strip(), values)
     return found
-
-
-@contextmanager
-def watched() -> Iterator[Callable[[str, float], None]]:
-    """A bar on the error stream with what is being done; it leaves nothing behind."""
-    columns = (
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[what]}"),
-    )
-    with Progress(*columns, console=errors, transient=True) as bar:
-        task = bar.add_task("", total=1.0, what="")
-
-        def tell(what: str, share: float) -> None:
-            bar.update(task, completed=share, what=what)
-
-        yield tell

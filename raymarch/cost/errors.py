@@ -14,17 +14,22 @@ from raymarch.cost.reference import Reference
 Array = NDArray[np.float64]
 NAN = float("nan")
 
+ENOUGH = 0.05
+"""Share of the hits that must lie off silhouettes, if those alone are to speak for the picture."""
+
 
 @dataclass(frozen=True, slots=True)
 class Errors:
     """Errors of one frame. Where nothing could be compared they are nan.
 
     Pixels at silhouettes stand apart: there a hair decides between two surfaces. All but the two `_at_edges` and
-    the picture's leave them out, and take errors where both the frame and the truth hit.
+    the picture's leave them out, and take errors where both the frame and the truth hit. Where nearly all that is seen
+    is silhouettes, as on a fractal, distances and normals are compared at them too.
 
     Attributes
     ----------
     pixels : how many were compared.
+    apart : False if silhouettes had to be compared too.
     missed, false : hits that the frame lacks, and that it has too many.
     missed_at_edges, false_at_edges : the same at silhouettes.
     depth_rms, depth_p50, depth_p99, depth_max : abs(depth - truth), in the scene's unit of length.
@@ -37,6 +42,7 @@ class Errors:
     """
 
     pixels: int
+    apart: bool
     missed: int
     false: int
     missed_at_edges: int
@@ -84,10 +90,12 @@ def measure(
     given = _shaped("depth", depth, known.depth.shape)
     hit = np.isfinite(given)
     inner, both = ~known.edges, hit & known.hit
-    compared = inner & both
+    apart = bool((known.hit & inner).sum() >= ENOUGH * known.hit.sum())
+    compared = inner & both if apart else both
     missed, false = known.hit & ~hit, hit & ~known.hit
     found: dict[str, Any] = {
         "pixels": int(compared.sum()),
+        "apart": apart,
         "missed": int((missed & inner).sum()),
         "false": int((false & inner).sum()),
         "missed_at_edges": int((missed & known.edges).sum()),

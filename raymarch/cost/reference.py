@@ -73,7 +73,8 @@ def reference(
     Parameters
     ----------
     scene, size, time, params : as `raymarch.truth` takes them.
-    samples : rays a pixel of the averaged picture, a square number from 1 to 256. 1 is the centre alone.
+    samples : rays a pixel of the averaged picture, a square number from 1 to 256. 1 is the centre alone. 0 leaves out
+        the colours (they are 0 then) and N* (then -1), which take the longest.
     progress : called with what is being computed.
 
     The cache is keyed by the content of the scene and the code that computes the truth. A file that cannot be read
@@ -81,8 +82,8 @@ def reference(
     Raises ValueError for another number of samples, SceneError as `raymarch.truth` does.
     """
     edge = round(max(samples, 0) ** 0.5)
-    if edge * edge != samples or not 1 <= samples <= 256:
-        raise ValueError(f"reference: samples = {samples} (a square number from 1 to 256)")
+    if edge * edge != samples or not 0 <= samples <= 256:
+        raise ValueError(f"reference: samples = {samples} (a square number up to 256)")
     values = set_values(scene.parameters, params or {}, time)
     near = scene.quality.near(certified=True)
     key = content_key(scene, tuple(size), time, dict(values.params), samples, near)
@@ -109,15 +110,16 @@ def cache_folder() -> Path | None:
 
 def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progress: Progress) -> Reference:
     progress("truth: depth, normals, colour")
-    known = truth(scene, size, time, params)
+    known = truth(scene, size, time, params, outputs=("normal", "material"))
     values = set_values(scene.parameters, params or {}, time)
     width, height = known.depth.shape[1], known.depth.shape[0]
-    picture, spread = known.color, np.zeros(known.depth.shape)
+    color = known.color if edge else np.zeros((height, width, 3))
+    picture, spread = color, np.zeros(known.depth.shape)
     if edge > 1:
         progress(f"truth: the picture from {edge * edge} rays a pixel")
         picture, spread = _averaged(scene, (width, height), time, params, edge)
     floor = np.full(known.depth.shape, -1, np.int64)
-    if scene.node.exactness != "estimate":
+    if edge and scene.node.exactness != "estimate":
         progress("floor: the fewest evaluations")
         floor = floor_evaluations(scene, (width, height), time, params)
     return Reference(
@@ -125,7 +127,7 @@ def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progr
         hit=known.hit,
         normal=known.normal,
         material=known.material,
-        color=known.color,
+        color=color,
         direction=known.direction,
         edges=silhouettes(known),
         picture=picture,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from raymarch.errors import CostError, SceneError
-from raymarch.plan import plan
+from raymarch.plan.plan import plan
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 

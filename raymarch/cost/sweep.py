@@ -105,8 +105,15 @@ class Point:
         return self.errors.p1 * self.time.value
 
     def error(self, metric: str) -> float:
-        """One of the errors; infinite where hits are missed or made up, for those are never traded."""
-        return float(getattr(self.errors, metric)) if self.errors.sound else float("inf")
+        """One of the errors; infinite where hits are missed or made up, for those are never traded.
+
+        Where there is nothing to hit, and nothing was, no distance is wrong: it is 0.
+        """
+        errors = self.errors
+        if not errors.sound or (errors.pixels == 0 and errors.missed_at_edges):
+            return float("inf")
+        found = float(getattr(errors, metric))
+        return 0.0 if errors.pixels == 0 and found != found else found
 
 
 @dataclass(slots=True)
@@ -181,12 +188,20 @@ def sweep(
         turns.shuffle(order)
         for i in order:
             tell(f"time: {points[i].name}", done / total)
-            made = with_quality(scene, points[i].setting.quality)
-            start = perf_counter()
-            points[i].times.append(renderer.render(made, time, params, ("color",)).milliseconds)
-            points[i].walls.append(1e3 * (perf_counter() - start))
+            claimed, wall = timed(scene, points[i].setting, renderer, time, params)
+            points[i].times.append(claimed)
+            points[i].walls.append(wall)
             done += 1
     return Sweep(name, known, points, seed, repeats, environment(renderer))
+
+
+def timed(
+    scene: Scene, setting: Setting, renderer: Draws, time: float = 0.0, params: Mapping[str, Any] | None = None
+) -> tuple[float, float]:
+    """Milliseconds of one frame: by the renderer's clock, and what passed on the wall clock while it was asked for."""
+    start = perf_counter()
+    claimed = renderer.render(with_quality(scene, setting.quality), time, params, ("color",)).milliseconds
+    return claimed, 1e3 * (perf_counter() - start)
 
 
 def _examine(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from raymarch.plan.plan import Plan
+from raymarch.plan.presets import meanings
 
 
 def as_dict(plan: Plan) -> dict[str, Any]:
@@ -30,6 +31,10 @@ def as_dict(plan: Plan) -> dict[str, Any]:
         "parameters": [
             {"name": s.name, "value": s.value, "min": s.min, "max": s.max, "where": str(s.where) if s.where else None}
             for s in plan.parameters.values()
+        ],
+        "presets": [
+            {"name": m.name, "pixels": m.pixels, "length": m.length, "epsilon": m.epsilon, "own": m.own}
+            for m in meanings(plan.scene)
         ],
         "warnings": list(plan.warnings),
     }
@@ -71,6 +76,9 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
         heading("Parameters")
         for spec in plan.parameters.values():
             row(spec.name, f"{spec.value}, {spec.legal}")
+    heading("Presets (--quality)")
+    for meaning in meanings(plan.scene):
+        row(meaning.name, meaning.words)
     for warning in plan.warnings:
         console.print("\n[bold]Warning[/bold]", end=" ")
         console.print(warning, markup=False)

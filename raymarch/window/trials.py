@@ -17,7 +17,6 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
-import raymarch
 from raymarch.errors import is_users
 
 Answer: TypeAlias = dict[str, Any]
@@ -107,7 +106,7 @@ class Trials:
                 self._reap()
 
     def _start(self) -> None:
-        root = str(Path(raymarch.__file__).parents[1])
+        root = str(Path(__file__).parents[2])
         paths = [root, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
         answers: SimpleQueue[Answer] = SimpleQueue()

@@ -1,6 +1,12 @@
-"""The scene that these tests measure."""
+"""The scene that these tests measure, and a renderer whose errors and times are known."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 
 import raymarch as rm
 
@@ -10,3 +16,39 @@ SIZE = (64, 36)
 def make_scene() -> rm.Scene:
     solid = (rm.box((1.5, 1, 1)).rotate(0.5) | rm.sphere(0.6).translate((0.9, 0.3, 0.4))) | rm.plane(offset=-0.6)
     return rm.Scene(solid, camera=rm.Camera(position=(1.5, 1.2, 4), target=(0, 0.5, 0)), lights=[rm.Sun(shadow=True)])
+
+
+@dataclass
+class FakeRenderer:
+    """Draws the truth plus an error of `epsilon` pixels, in 1 / `epsilon` milliseconds; 16 steps find nothing."""
+
+    known: Any
+    kept: int = 1
+    calls: list[rm.Quality] = field(default_factory=list)
+    clock: Any = field(default_factory=lambda: SimpleNamespace(kind="wall clock", verdict="ours"))
+    context: Any = field(
+        default_factory=lambda: SimpleNamespace(
+            backend="none", driver=SimpleNamespace(renderer="ours", vendor="us", version="1", is_software=True)
+        )
+    )
+
+    def render(self, scene, time=0.0, params=None, outputs=("color",)):
+        quality = scene.quality
+        first = quality not in self.calls
+        if "color" in outputs:
+            self.calls.append(quality)
+        epsilon = quality.near(certified=True)
+        milliseconds = 1000.0 if first else 1.0 / epsilon
+        depth = self.known.depth * (1.0 + epsilon * self.known.pixel)
+        if quality.max_steps == 16:
+            depth[:] = np.inf
+        shape = depth.shape
+        arrays = {
+            "color": self.known.picture,
+            "depth": depth,
+            "normal": self.known.normal,
+            "evaluations": np.full(shape, 8),
+            "iterations": np.full(shape, 7),
+        }
+        timing = SimpleNamespace(compile=30.0 if first else 0.0, draw=milliseconds, first=first)
+        return SimpleNamespace(timings=[timing], milliseconds=milliseconds, array=arrays.__getitem__)

@@ -77,3 +77,45 @@ def test_wrong_input_says_so_and_leaves_nothing(folder, capsys, args, says):
     assert run(*args) == 2
     assert says in " ".join(capsys.readouterr().err.split())
     assert files(folder) == {"hello.py"}
+
+
+# raymarch render --quality, --error, --within
+
+
+def draw(*args: str) -> int:
+    with pytest.raises(SystemExit) as stop:
+        main(["render", "hello.py", "--size", "32x18", "-o", "a.png", *args])
+    return int(stop.value.code or 0)
+
+
+@pytest.mark.parametrize("name", ["draft", "normal", "fine", "exact"])
+def test_a_preset_is_drawn(folder, name):
+    assert draw("--quality", name) == 0
+    assert files(folder) == {"hello.py", "a.png"}
+
+
+def test_what_was_reached_is_stated(folder, capsys):
+    assert draw("--error", "0.5px") == 0
+    said = capsys.readouterr().err
+    assert "0.5px: " in said
+    assert "no hit missed" in said
+    assert draw("--within", "60s") == 0
+    assert "60s: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("args", "says"),
+    [
+        (("--quality", "best"), "draft, normal, fine, exact"),
+        (("--error", "0.5"), "0.5px"),
+        (("--error", "1e-9px"), "no setting keeps this error"),
+        (("--within", "soon"), "16ms"),
+        (("--within", "0.0001ms"), "no setting that finds every hit"),
+        (("--within", "9ms", "--error", "1px"), "one of them"),
+        (("--quality", "fine", "--error", "1px"), "one of them"),
+    ],
+)
+def test_what_cannot_be_had_is_refused(folder, capsys, args, says):
+    assert draw(*args) == 2
+    assert says in " ".join(capsys.readouterr().err.split())
+    assert files(folder) == {"hello.py"}

@@ -1,0 +1,59 @@
+"""Which quality `raymarch render` draws with: the scene's, a preset, or one found by measuring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TypeAlias
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from raymarch.cli.common import CommandError, errors
+from raymarch.cost import for_error, for_time
+from raymarch.cost.search import parse_error, parse_time
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene.quality import PRESETS, Quality
+from raymarch.scene.scene import Scene
+
+Chooser: TypeAlias = Callable[[Scene, Renderer, float, Mapping[str, Any]], Quality]
+"""The quality for a scene on a renderer, at a time and with parameters."""
+
+
+def choose_quality(preset: str | None, error: str | None, within: str | None) -> Chooser:
+    """What --quality, --error and --within ask for, checked before anything is drawn."""
+    given = [name for name, value in (("--quality", preset), ("--error", error), ("--within", within)) if value]
+    if len(given) > 1:
+        raise CommandError(" together with ".join(given), legal="one of them")
+    if preset is not None:
+        if preset not in PRESETS:
+            raise CommandError(f"--quality {preset}", legal=", ".join(PRESETS))
+        return lambda *_: Quality.preset(preset)
+    if error is not None:
+        parse_error(error)
+        return lambda *where: _found(for_error, error, *where)
+    if within is not None:
+        parse_time(within)
+        return lambda *where: _found(for_time, within, *where)
+    return lambda scene, *_: scene.quality
+
+
+def _found(
+    search: Callable[..., Any], target: str, scene: Scene, renderer: Renderer, time: float, params: Mapping[str, Any]
+) -> Quality:
+    with watched() as tell:
+        found = search(scene, target, renderer.size, time, params, renderer=renderer, progress=tell)
+    errors.print(f"{target}: {found.words}", markup=False)
+    return found.quality
+
+
+@contextmanager
+def watched() -> Iterator[Callable[[str, float], None]]:
+    """A bar on the error stream with what is being done; it leaves nothing behind."""
+    share, what = TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.fields[what]}")
+    with Progress(BarColumn(), share, TimeElapsedColumn(), what, console=errors, transient=True) as bar:
+        task = bar.add_task("", total=1.0, what="")
+
+        def tell(what: str, share: float) -> None:
+            bar.update(task, completed=share, what=what)
+
+        yield tell

@@ -1,0 +1,293 @@
+"""The setting to take: the fastest that keeps an error, or the most exact that keeps a time. Measured, not guessed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from raymarch.cost.reference import Reference, reference
+from raymarch.cost.settings import Setting, named, settled
+from raymarch.cost.statistics import Median, median
+from raymarch.cost.sweep import Draws, Point, Progress, sweep, timed
+from raymarch.errors import CostError
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene.quality import Quality, provide_searches
+from raymarch.scene.scene import Scene
+
+LADDER = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.002)
+"""The epsilons that are tried, coarsest first."""
+STEPS = {0.02: 2048, 0.002: 8192}
+"""Steps that a ray may take, from this epsilon down."""
+TRACERS = ("auto", "front", "enhanced", "relaxed", "plain")
+SAMPLES = (1, 4, 16)
+"""Rays a pixel that are tried where only they can make the picture better."""
+TRUTH_SAMPLES = 16
+REPEATS = 9
+CONTENDERS = 2
+"""How many steps of the ladder that keep the error are timed with every tracer."""
+ERROR = {"px": "pixels_p99", "flip": "flip_p99"}
+WORDS = {
+    "pixels_p99": "99 % of the hits within {:.3g} px of the true ones",
+    "flip_p99": "FLIP at most {:.3g} for 99 % of the pixels",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A setting that was found, and what it reached when it was held against the truth.
+
+    quality : to draw with. name : in what it differs from the scene's own. point : all of its errors.
+    time : median milliseconds with its interval. metric : the error that was looked at. tried : how many settings were.
+    """
+
+    quality: Quality
+    name: str
+    point: Point
+    time: Median
+    metric: str
+    tried: int
+
+    @property
+    def error(self) -> float:
+        """What it reached."""
+        return self.point.error(self.metric)
+
+    @property
+    def words(self) -> str:
+        """One sentence."""
+        errors = self.point.errors
+        apart = "" if self.metric == "flip_p99" or errors.apart else " (silhouettes too, for there is little else)"
+        return (
+            f"{self.name} ({self.point.tracer}): {WORDS[self.metric].format(self.error)}{apart}, no hit missed, "
+            f"{self.time.value:.2f} ms [{self.time.low:.2f}, {self.time.high:.2f}]; the best of {self.tried} settings"
+        )
+
+
+def parse_error(text: str) -> tuple[str, float]:
+    """ "0.5px" -> ("pixels_p99", 0.5); "flip:0.05" -> ("flip_p99", 0.05). CostError for anything else."""
+    number = r"(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)"
+    match = re.fullmatch(rf"\s*(?:{number}\s*px|flip\s*:\s*{number})\s*", str(text))
+    value = float(match[1] or match[2]) if match else 0.0
+    if match is None or value <= 0 or (match[2] and value > 1):
+        raise CostError(f"error {text!r}", legal="a distance in pixels such as 0.5px, or flip:X with 0 < X <= 1")
+    return ERROR["px" if match[1] else "flip"], value
+
+
+def parse_time(text: str | float) -> float:
+    """ "16ms" or 16 -> 16.0 milliseconds. CostError for anything that is no time above 0."""
+    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s)?\s*", str(text))
+    value = float(match[1]) * (1e3 if match[2] == "s" else 1.0) if match else 0.0
+    if value <= 0:
+        raise CostError(f"time {text!r}", legal="milliseconds above 0, such as 16ms")
+    return value
+
+
+def for_error(
+    scene: Scene,
+    error: str,
+    size: tuple[int, int] = (640, 360),
+    time: float = 0.0,
+    params: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+    renderer: Any = None,
+    progress: Progress | None = None,
+) -> Found:
+    """The fastest setting that keeps an error, held against the truth of this very picture.
+
+    Parameters
+    ----------
+    error : see `parse_error`.
+    size, time, params : of the picture that is to keep it.
+    backend : for a renderer of its own; or `renderer` : an open one of that size.
+
+    First the coarsest step of a ladder of epsilons (and of rays a pixel, for a picture's error) is looked for that
+    keeps the error with no hit missed or made up. That one and the next finer are then timed with every tracer, and
+    the fastest is taken of those whose own error keeps the target.
+
+    Raises CostError if none does, with the best that was reached.
+    """
+    metric, target = parse_error(error)
+    flip = metric == "flip_p99"
+    with _Bench(scene, size, time, params, backend, renderer, progress, TRUTH_SAMPLES if flip else 0) as bench:
+        rungs = _rungs(scene, bench, metric, target)
+        contenders = [
+            Setting(_named(scene, quality), quality)
+            for rung in rungs
+            for quality in _with_tracers(scene, rung.setting.quality)
+        ]
+        made = bench.sweep(contenders)
+        keeping = [p for p in made if p.error(metric) <= target]
+        if not keeping:
+            raise AssertionError("a setting kept the error and, drawn again, does not")
+        best = min(keeping, key=lambda p: p.time.value)
+        return Found(best.setting.quality, best.name, best, best.time, metric, bench.tried)
+
+
+def for_time(
+    scene: Scene,
+    within: str | float,
+    size: tuple[int, int] = (640, 360),
+    moment: float = 0.0,
+    params: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+    renderer: Any = None,
+    progress: Progress | None = None,
+) -> Found:
+    """The most exact setting whose frames keep a time on this machine.
+
+    Parameters
+    ----------
+    within : "16ms", or milliseconds.
+    size, moment, params, backend, renderer : as for `for_error`.
+
+    All steps of the ladder are timed in turns. Of those whose median keeps the time, and that miss no hit, the one of
+    the smallest error is timed once more by itself, and given up for the next if that does not keep the time.
+
+    Raises CostError if none does, with the fastest.
+    """
+    target = parse_time(within)
+    metric = "pixels_p99"
+    with _Bench(scene, size, moment, params, backend, renderer, progress, 0) as bench:
+        qualities = list(dict.fromkeys(settled(scene, q) for q in _ladder(scene.quality, 1)))
+        made = bench.sweep([Setting(_named(scene, q), q) for q in qualities])
+        sound = sorted((p for p in made if p.errors.sound), key=lambda p: (p.error(metric), p.time.value))
+        for point in sound:
+            if point.time.value > target:
+                continue
+            again = bench.time(point)
+            if again.value <= target:
+                return Found(point.setting.quality, point.name, point, again, metric, bench.tried)
+    if not sound:
+        raise CostError("no setting finds every hit of this scene", legal="a field that is certified; see explain")
+    fastest = min(sound, key=lambda p: p.time.value)
+    raise CostError(
+        f"no setting that finds every hit draws this in {target:g} ms",
+        legal=f"the fastest, {fastest.name}, takes {fastest.time}; a smaller picture is faster",
+    )
+
+
+class _Bench:
+    """Where candidates are drawn and judged: a renderer, the truth, and what was tried so far."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        time: float,
+        params: Mapping[str, Any] | None,
+        backend: str,
+        renderer: Any,
+        progress: Progress | None,
+        samples: int,
+    ) -> None:
+        self._scene, self._time, self._params = scene, time, params
+        self._progress = progress or (lambda _what, _share: None)
+        self._stack = ExitStack()
+        self._tried: set[Quality] = set()
+        self._known_of: Callable[[], Reference] = lambda: reference(
+            scene, size, time, params, samples, lambda what: self._progress(what, 0.0)
+        )
+        self._open: Callable[[], Draws] = lambda: renderer or self._stack.enter_context(Renderer(size, backend))
+
+    @property
+    def tried(self) -> int:
+        """How many settings were drawn."""
+        return len(self._tried)
+
+    def sweep(self, settings: Sequence[Setting], repeats: int = REPEATS) -> list[Point]:
+        """Errors and times of some settings."""
+        self._tried.update(s.quality for s in settings)
+        return sweep(
+            self._scene,
+            settings,
+            self._known,
+            self._renderer,
+            time=self._time,
+            params=self._params,
+            repeats=repeats,
+            progress=self._progress,
+        ).points
+
+    def time(self, point: Point) -> Median:
+        """One setting timed by itself, as it will be used."""
+        return median(
+            [timed(self._scene, point.setting, self._renderer, self._time, self._params)[0] for _ in range(REPEATS)]
+        )
+
+    def __enter__(self) -> _Bench:
+        self._known = self._known_of()
+        self._renderer = self._open()
+        return self
+
+    def __exit__(self, *fault: Any) -> None:
+        self._stack.close()
+
+
+def _rungs(scene: Scene, bench: _Bench, metric: str, target: float) -> list[Point]:
+    """The coarsest settings that keep an error, and the next finer ones; with as few rays a pixel as will do."""
+    tried: list[Point] = []
+    for samples in _sample_counts(metric):
+        rungs = list(dict.fromkeys(settled(scene, q) for q in _ladder(scene.quality, samples)))
+        settings = [Setting(_named(scene, q), q) for q in rungs]
+        if metric == "flip_p99":  # more steps cannot mend what takes more rays: ask the finest first
+            tried += bench.sweep(settings[-1:], 1)
+            if tried[-1].error(metric) > target:
+                continue
+        found: list[Point] = []
+        for setting in settings:
+            tried += bench.sweep([setting], 1)
+            if tried[-1].error(metric) <= target:
+                found.append(tried[-1])
+            if len(found) == CONTENDERS:
+                break
+        if found:
+            return found
+    raise _nothing_keeps(metric, min(tried, key=lambda p: p.error(metric)))
+
+
+def _nothing_keeps(metric: str, best: Point) -> CostError:
+    if best.errors.sound:
+        reached = WORDS[metric].format(best.error(metric))
+        return CostError(f"no setting keeps this error: the best, {best.name}, has {reached}", legal="a larger error")
+    wrong = f"misses {best.errors.missed} and makes up {best.errors.false}"
+    return CostError(f"no setting finds every hit: {best.name} {wrong}", legal="a certified field; see explain")
+
+
+def _sample_counts(metric: str) -> tuple[int, ...]:
+    return SAMPLES if metric == "flip_p99" and _has("samples") else (1,)
+
+
+def _ladder(base: Quality, samples: int) -> Iterator[Quality]:
+    """The base with each epsilon, coarsest first, at a number of rays a pixel."""
+    more: dict[str, Any] = {"samples": samples} if _has("samples") else {}
+    for epsilon in LADDER:
+        steps = max([base.max_steps, *(n for e, n in STEPS.items() if epsilon <= e)])
+        yield replace(base, tracer="auto", omega=None, epsilon=epsilon, max_steps=steps, **more)
+
+
+def _with_tracers(scene: Scene, quality: Quality) -> list[Quality]:
+    return list(dict.fromkeys(settled(scene, replace(quality, tracer=name)) for name in TRACERS))
+
+
+def _named(scene: Scene, quality: Quality) -> str:
+    base = settled(scene, scene.quality)
+    change = {f.name: getattr(quality, f.name) for f in fields(Quality)}
+    return named({n: v for n, v in change.items() if v != getattr(base, n)} or {"epsilon": quality.epsilon})
+
+
+def _has(name: str) -> bool:
+    return name in {f.name for f in fields(Quality)}
+
+
+def _quality_for_error(scene: Scene, error: str, **where: Any) -> Quality:
+    return for_error(scene, error, **where).quality
+
+
+def _quality_for_time(scene: Scene, within: str | float, **where: Any) -> Quality:
+    return for_time(scene, within, **where).quality
+
+
+provide_searches(_quality_for_error, _quality_for_time)

@@ -1,0 +1,176 @@
+"""Presets, --error and --within: what is claimed is held against the truth here once more."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cost_samples import SIZE, FakeRenderer
+
+import raymarch as rm
+from raymarch.cost.errors import measure
+from raymarch.cost.reference import reference
+from raymarch.cost.search import LADDER, for_error, for_time, parse_error, parse_time
+from raymarch.cost.settings import with_quality
+from raymarch.errors import CostError, SceneError
+from raymarch.scene.quality import PRESETS, PROMISED
+
+# Presets
+
+
+def test_each_preset_promises_less_error_than_the_one_before():
+    assert list(PRESETS) == list(PROMISED) == ["draft", "normal", "fine", "exact"]
+    assert sorted(PROMISED.values(), reverse=True) == list(PROMISED.values())
+    nearness = [rm.Quality.preset(name).near(certified=True) for name in PRESETS]
+    assert sorted(nearness, reverse=True) == nearness
+    assert rm.Quality.preset("normal") == rm.Quality()
+
+
+def test_an_unknown_preset_is_refused():
+    with pytest.raises(SceneError, match="'draft', 'normal', 'fine', 'exact'"):
+        rm.Quality.preset("best")
+
+
+# Targets
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("0.5px", ("pixels_p99", 0.5)),
+        (" 2 px", ("pixels_p99", 2.0)),
+        (".25px", ("pixels_p99", 0.25)),
+        ("1e-3px", ("pixels_p99", 1e-3)),
+        ("flip:0.05", ("flip_p99", 0.05)),
+    ],
+)
+def test_an_error_is_read(text, meant):
+    assert parse_error(text) == meant
+
+
+@pytest.mark.parametrize("text", ["", "0.5", "px", "0px", "-1px", "flip", "flip:0", "flip:2", "flip:0.1px", "nanpx"])
+def test_no_error_is_refused(text):
+    with pytest.raises(CostError, match=re.escape(repr(text))):
+        parse_error(text)
+
+
+def test_a_time_is_read():
+    assert [parse_time(t) for t in ("16ms", "16", 16, "0.5 ms", "1.5s")] == [16, 16, 16, 0.5, 1500]
+    for text in ("", "ms", "0ms", "-3ms", "fast", "16 hours"):
+        with pytest.raises(CostError, match="16ms"):
+            parse_time(text)
+
+
+# With errors and times that are known
+
+
+@pytest.mark.parametrize(("target", "epsilon"), [("2.1px", 2.0), ("0.3px", 0.2), ("0.05px", 0.05), ("0.003px", 0.002)])
+def test_the_fastest_that_keeps_the_error(scene, known, target, epsilon):
+    found = for_error(scene, target, SIZE, renderer=FakeRenderer(known))
+    assert found.quality.epsilon == epsilon
+    assert found.error == pytest.approx(epsilon)
+    assert found.time.value == pytest.approx(1 / epsilon)
+
+
+@pytest.mark.parametrize(("target", "epsilon"), [("0.5ms", 2.0), ("12ms", 0.1), ("999ms", 0.002)])
+def test_the_most_exact_that_keeps_the_time(scene, known, target, epsilon):
+    found = for_time(scene, target, SIZE, renderer=FakeRenderer(known))
+    assert found.quality.epsilon == epsilon
+    assert found.time.value <= parse_time(target)
+
+
+def test_what_nothing_keeps_is_refused_with_the_best(scene, known):
+    with pytest.raises(CostError, match=r"within 0\.002 px"):
+        for_error(scene, "0.001px", SIZE, renderer=FakeRenderer(known))
+    with pytest.raises(CostError, match=r"in 0\.4 ms.*epsilon 2, takes 0\.5"):
+        for_time(scene, "0.4ms", SIZE, renderer=FakeRenderer(known))
+
+
+class Blind(FakeRenderer):
+    """Misses hits wherever epsilon is above a tenth."""
+
+    def render(self, scene, time=0.0, params=None, outputs=("color",)):
+        lost = scene.quality.near(certified=True) > 0.1
+        seen = with_quality(scene, replace(scene.quality, max_steps=16)) if lost else scene
+        return super().render(seen, time, params, outputs)
+
+
+def test_missed_hits_are_never_traded(scene, known):
+    assert for_error(scene, "2px", SIZE, renderer=Blind(known)).quality.epsilon == 0.1
+    assert for_time(scene, "20ms", SIZE, renderer=Blind(known)).quality.epsilon in (0.1, 0.05)
+    with pytest.raises(CostError, match="finds every hit"):
+        for_time(scene, "9ms", SIZE, renderer=Blind(known))
+
+
+class Late(FakeRenderer):
+    """Slower once the sweep is over."""
+
+    def render(self, scene, time=0.0, params=None, outputs=("color",)):
+        frame = super().render(scene, time, params, outputs)
+        if len(self.calls) > 11 * len(LADDER):
+            frame.milliseconds *= 1.5
+        return frame
+
+
+def test_a_time_that_is_not_kept_a_second_time_is_given_up(scene, known):
+    found = for_time(scene, "12ms", SIZE, renderer=Late(known))
+    assert found.quality.epsilon == 0.2
+    assert found.time.value == pytest.approx(7.5)
+
+
+# In earnest
+
+SCENES = {
+    "twist": lambda: rm.Scene(rm.box((0.8, 2, 0.8)).twist(1.2)),
+    "gyroid": lambda: rm.Scene(rm.gyroid() & rm.sphere(2)),
+    "floor": lambda: rm.Scene(rm.ellipsoid() | rm.plane(offset=-1.2)),
+}
+
+
+@pytest.mark.parametrize("target", ["1px", "0.005px"])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_error_is_kept(name, target):
+    scene, size = SCENES[name](), (64, 36)
+    found = for_error(scene, target, size)
+    known = reference(scene, size, samples=0)
+    with rm.Renderer(size) as renderer:
+        depth = renderer.render(with_quality(scene, found.quality), outputs=("depth",)).depth
+    reached = measure(known, depth)
+    assert reached.sound
+    assert reached.pixels_p99 <= parse_error(target)[1]
+    assert reached.pixels_p99 == found.error
+    assert f"{found.error:.3g} px" in found.words
+
+
+def test_by_the_picture():
+    scene, size = rm.Scene(rm.sphere()), (80, 45)
+    loose, tight = for_error(scene, "flip:0.5", size), None
+    assert loose.metric == "flip_p99"
+    assert loose.error <= 0.5
+    with pytest.raises(CostError, match="FLIP at most"):
+        tight = for_error(scene, "flip:0.00001", size)
+    assert tight is None
+
+
+def test_quality_asks_whoever_measures(scene):
+    found = rm.Quality.for_error(scene, "0.5px", size=SIZE)
+    assert isinstance(found, rm.Quality)
+    assert found.near(certified=True) >= 0.5
+    slow = rm.Quality.for_time(scene, "60s", size=SIZE)
+    assert slow.near(certified=True) <= 0.01
+    with pytest.raises(CostError, match=r"'1' \(a distance in pixels"):
+        rm.Quality.for_error(scene, "1")
+
+
+def test_an_estimate_that_shows_nothing_off_silhouettes():
+    scene = rm.Scene(rm.mandelbulb(), camera=rm.Camera(position=(1.2, 1, 1.6), target=(0, 0, 0)))
+    found = for_time(scene, "60s", (48, 27))
+    assert np.isfinite(found.error)
+    assert "silhouettes too" in found.words
+
+
+def test_an_empty_picture_has_no_error():
+    away = rm.Scene(rm.sphere(), camera=rm.Camera(position=(0, 0, 5), target=(0, 0, 9)))
+    assert for_error(away, "0.5px", (16, 9)).error == 0.0
