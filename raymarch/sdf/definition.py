@@ -24,6 +24,7 @@ from raymarch.expr.types import FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
 from raymarch.expr.walk import find
 from raymarch.sdf.domain import Domain, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
+from raymarch.sdf.helptext import help_text
 from raymarch.sdf.node import Node
 
 P = ParamSpec("P")
@@ -393,7 +394,7 @@ def shape(
         def build(*args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make((), args, kwargs)
 
-        _show_signature(build, source, skip=1, first=None)
+        _show_signature(build, definition, skip=1, first=None)
         return build
 
     return decorate
@@ -450,7 +451,7 @@ def operator(
         def build(node: Node, *args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make((node,), args, kwargs)
 
-        _show_signature(build, source, skip=2, first="node")
+        _show_signature(build, definition, skip=2, first="node")
         return cast(Callable[Concatenate[Node, P], Node], build)
 
     return decorate
@@ -498,16 +499,17 @@ def combination(
         def build(nodes: Sequence[Node], *args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make(nodes, args, kwargs)
 
-        _show_signature(build, source, skip=2, first="nodes")
+        _show_signature(build, definition, skip=2, first="nodes")
         return cast(Callable[Concatenate[Sequence[Node], P], Node], build)
 
     return decorate
 
 
-def _show_signature(build: Any, source: Callable[..., Any], skip: int, first: str | None) -> None:
-    """Give the builder the signature that a user sees."""
+def _show_signature(build: Any, definition: Definition, skip: int, first: str | None) -> None:
+    """Give the builder the signature and the help that a user sees."""
     del build.__wrapped__
-    signature = inspect.signature(source)
+    build.__doc__ = help_text(definition)
+    signature = inspect.signature(definition.source)
     shown = list(signature.parameters.values())[skip:]
     if first is not None:
         shown.insert(0, inspect.Parameter(first, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Node"))

@@ -406,6 +406,11 @@ def disc(p: Expr, radius: Positive = 0.8, thickness: NonNegative = 0.1) -> Expr:
 # Parts of balls
 
 
+def _quarter_sine(half_angle: Any) -> Expr:
+    """How wide a sector of the unit ball is."""
+    return where(half_angle < 0.5 * math.pi, sin(half_angle), 1.0)
+
+
 @shape(
     exactness="exact",
     bounds=lambda radius, half_angle: (
@@ -429,11 +434,6 @@ def solid_angle(p: Expr, radius: Positive = 1.0, half_angle: HalfTurn = 0.6) -> 
     past = max(-along, along - radius)
     to_side = where(past > 0.0, where(beyond < 0.0, -1.0, 1.0) * length(vec2(beyond, past)), beyond)
     return max(length(p) - radius, to_side)
-
-
-def _quarter_sine(half_angle: Any) -> Expr:
-    """How wide a sector of the unit ball is."""
-    return where(half_angle < 0.5 * math.pi, sin(half_angle), 1.0)
 
 
 def _rim(radius: Any, cut: Any) -> Expr:

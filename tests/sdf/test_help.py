@@ -1,0 +1,69 @@
+"""What `help` says of a shape or operator: its parameters, its facts, and a line that works."""
+
+from __future__ import annotations
+
+import pydoc
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from node_samples import definitions
+
+import raymarch as rm
+import raymarch.sdf
+from raymarch.sdf.definition import REGISTRY, Definition
+
+ROOT = Path(rm.__file__).parents[1]
+PUBLIC = [name for name in raymarch.sdf.__all__ if name in REGISTRY and REGISTRY[name] in definitions()]
+
+
+def text_of(name: str) -> str:
+    return pydoc.render_doc(getattr(raymarch.sdf, name), renderer=pydoc.plaintext)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_help_tells_all(name: str) -> None:
+    text, definition = text_of(name), REGISTRY[name]
+    assert definition.doc.splitlines()[0] in text
+    for parameter, domain in definition.domains.items():
+        assert re.search(rf"^ +{parameter} : {re.escape(domain.legal)}", text, re.MULTILINE), parameter
+    for fact in ("exactness", "Lipschitz", "bounds", "source"):
+        assert re.search(rf"^ +{fact} : .", text, re.MULTILINE), fact
+    file, line = re.search(r"source : (\S+), line (\d+)", text).groups()  # type: ignore[union-attr]
+    lines = (ROOT / file).read_text().splitlines()[int(line) - 1 :]
+    assert any(f"def {name}(" in row for row in lines[:12])
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_the_example_works(name: str) -> None:
+    found = re.search(r"Example:\n +(.+)", text_of(name))
+    assert found or REGISTRY[name].arity == "many" or any(d.type is None for d in REGISTRY[name].domains.values())
+    if found:
+        assert eval(found[1], {"rm": rm}).definition is _in_use(REGISTRY[name], found[1])
+
+
+def _in_use(definition: Definition, call: str) -> Definition:
+    return definition.flat if definition.flat is not None and "circle" in call else definition
+
+
+def test_facts_are_those_of_the_node() -> None:
+    text = text_of("torus")
+    assert "minor : a number > 0; length; default 0.25" in text
+    assert "exactness : exact" in text
+    assert "bounds : (-1.25, -0.25, -1.25) to (1.25, 0.25, 1.25) at the defaults" in text
+    assert "symmetry : x, y, z" in text
+    assert "rm.torus(major=1.0, minor=0.25)" in text
+
+
+def test_a_shape_of_ones_own_has_help() -> None:
+    @rm.shape(exactness="bound", bounds=lambda radius: ((-radius,) * 3, (radius,) * 3), lipschitz=2.0)
+    def cushion(p: rm.Node, radius: float = 0.7) -> object:
+        """Soft."""
+        return 2.0 * (rm.sdf.noise.max(p.x, p.y) - radius)  # type: ignore[attr-defined]
+
+    assert "Soft." in str(cushion.__doc__)
+    assert "Lipschitz : 2 at the defaults, by which the field is divided" in str(cushion.__doc__)
+    assert "test_help.py" in str(cushion.__doc__)
+    assert "    cushion(radius=0.7)" in str(cushion.__doc__)
+    assert np.isfinite(cushion().distance((0, 0, 0)))
