@@ -8,7 +8,20 @@ rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 from raymarch import cost
 from raymarch.errors import CostError, DeviceError, PlanError, RaymarchError, SceneError, ShaderError
 from raymarch.gpu import Frame, Renderer, render
-from raymarch.scene import Camera, Fog, Material, Param, PointLight, Quality, Scene, Sky, Sun, time
+from raymarch.scene import (
+    Camera,
+    Fog,
+    Material,
+    Param,
+    PointLight,
+    Quality,
+    Scene,
+    Sky,
+    SphereLight,
+    SpotLight,
+    Sun,
+    time,
+)
 from raymarch.sdf import (
     Node,
     apollonian,
@@ -137,6 +150,8 @@ __all__ = [
     "SceneError",
     "ShaderError",
     "Sky",
+    "SphereLight",
+    "SpotLight",
     "Sun",
     "Truth",
     "__version__",

@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import moderngl
+import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -21,7 +22,7 @@ from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target, upload
-from raymarch.plan import Pass
+from raymarch.plan import Pass, lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
@@ -91,6 +92,7 @@ class Renderer:
         self._targets: dict[int, Target] = {}
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
+        self._light_rows: moderngl.Texture | None = None
         self.kept = KEPT
         self._size = size
         try:
@@ -189,6 +191,8 @@ class Renderer:
         ready = self._prepare(scene, outputs)
         uniforms = frame_uniforms(ready, values, self.size, pose)
         uniforms.update({name: self._texture(data) for name, data in ready.shader.samples.items()})
+        if ready.plan.lights_as_data:
+            uniforms["u_lights"] = self._lights(lights.rows(scene, values))
         return [self._draft(ready, chosen, uniforms) for chosen in ready.plan.passes]
 
     def _draft(self, ready: Prepared, chosen: Pass, uniforms: Mapping[str, Any]) -> Draft:
@@ -254,16 +258,28 @@ class Renderer:
         self._textures.move_to_end(data.key)
         return self._textures[data.key]
 
+    def _lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
+        """The texture of many lights, with the rows of this frame."""
+        if self._light_rows is None or self._light_rows.size != rows.shape[1::-1]:
+            if self._light_rows is not None:
+                self._light_rows.release()
+            self._light_rows = self.context.gl.texture(rows.shape[1::-1], 4, dtype="f4")
+            self._light_rows.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._light_rows.write(rows.tobytes())
+        return self._light_rows
+
     def close(self) -> None:
         """Free everything. Idempotent."""
         for target in self._targets.values():
             target.release()
         for program in self._programs.values():
             program.release()
-        if self._textures and not self.context.released:
+        if not self.context.released:
             self.context.make_current()
             for texture in self._textures.values():
                 texture.release()
+            if self._light_rows is not None:
+                self._light_rows.release()
         self._textures.clear()
         self._targets.clear()
         self._programs.clear()

@@ -17,7 +17,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr
 from raymarch.expr.walk import find, topological
-from raymarch.plan import shading
+from raymarch.plan import lights, shading
 from raymarch.plan.feature import Feature
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene, all_nodes
@@ -55,6 +55,8 @@ class Plan:
     gradient: Function | None
     material: Record | None
     material_index: Function | None
+    emission: Function | None
+    model: str
     origins: dict[Expr, Location]
     passes: list[Pass]
     modules: list[tuple[str, str]]
@@ -78,6 +80,11 @@ class Plan:
         return self.scene.quality.near(self.certified)
 
     @property
+    def lights_as_data(self) -> bool:
+        """True if the lights are rows of a texture rather than text."""
+        return self.material is not None and lights.as_data(self.scene)
+
+    @property
     def clipped(self) -> bool:
         """True if the scene's box bounds the rays on some side."""
         facts = self.scene.node.facts
@@ -95,7 +102,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
             legal=f"up to {LARGEST} distinct shapes; `repeat` makes copies of one",
             where=scene.node.where,
         )
-    lit = bool(scene.lights)
+    lit = shading.lit(scene)
     chosen = [PASSES[name] for name in passes]
     geometry = any(p.name == "geometry" for p in chosen)
     tracer, reason = _choose_tracer(scene)
@@ -105,6 +112,8 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
         gradient=None,
         material=None,
         material_index=None,
+        emission=None,
+        model="phong",
         origins=lowering.origins,
         passes=chosen,
         modules=[],
@@ -117,11 +126,13 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
         operations=_operations(definition),
     )
     shaded = lit and any(p.name == "color" for p in chosen)
-    needs_normal = shaded or geometry
+    needs_normal = (shaded and bool(scene.lights)) or geometry
     if needs_normal and scene.quality.normals == "analytic":
         made.gradient = companion(definition)
     if shaded or geometry:
-        made.material, made.material_index = shading.materials(scene, lowering, shaded, geometry)
+        looks = shading.looks(scene, lowering, shaded, geometry)
+        made.model, made.material, made.emission = looks.model, looks.record, looks.emission
+        made.material_index = looks.index
     _choose_modules(made, shaded, needs_normal)
     _describe_effects(made)
     made.warnings += _warnings(scene)
@@ -183,7 +194,7 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
         add(("march/whole", "the scene's box has no end on any side"))
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
-    made.modules += shading.modules(scene, shaded, any(p.name == "color" for p in made.passes))
+    made.modules += shading.modules(scene, made.model if shaded else None, any(p.name == "color" for p in made.passes))
     for chosen in made.passes:
         add((chosen.module, chosen.reason))
 

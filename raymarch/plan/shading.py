@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 from raymarch.errors import Location
@@ -12,44 +13,68 @@ from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr, const
 from raymarch.expr.vocabulary import where
 from raymarch.expr.walk import find
+from raymarch.plan import lights
 from raymarch.plan.feature import Feature
-from raymarch.scene.light import PointLight, Sun
-from raymarch.scene.material import Material
+from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
+from raymarch.scene.material import FIELDS, MIXED, PHONG, PHYSICAL, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering, look_of
 
 Key = TypeVar("Key")
 
 
-def materials(scene: Scene, lowering: Lowering, look: bool, index: bool) -> tuple[Record | None, Function | None]:
+@dataclass(slots=True)
+class Looks:
+    """What is generated to know a surface by.
+
+    model : how materials are shaded: "phong", "physical", or "mixed" where there are both.
+    record : fills the struct Material. emission : light that the surface gives off. index : of the main material.
+    The functions are None where nothing asks for them.
+    """
+
+    model: str = "phong"
+    record: Record | None = None
+    emission: Function | None = None
+    index: Function | None = None
+
+
+def looks(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
     """How a surface looks, and which material it is of: mixed by how much each part moves the field at the hit.
 
-    look, index : which of the two functions is needed; the other is None.
+    look, index : which of the functions are needed.
     """
-    materials = scene.materials
-    marked = lowering.again().field(scene.node, label=materials[0])
+    default = scene.materials[0]
+    marked = lowering.again().field(scene.node, label=default)
     marks = find([marked.body], "mark")
-    looks = [tuple(look_of(mark)) for mark in marks] or [tuple(materials[0].expressions)]
-    shares = [abs(part) for part in sensitivities(marked.body, marks)] if len(set(looks)) > 1 else [const(1.0)]
-    chosen = [mark.data for mark in marks] or [materials[0]]
-    return (
-        Record("material_at", "Material", marked.params, _mixed(looks, shares)) if look else None,
-        Function("material_index", marked.params, _largest(materials, chosen, shares)) if index else None,
-    )
+    values = [tuple(look_of(mark)) for mark in marks] or [tuple(default.expressions)]
+    shares = [abs(part) for part in sensitivities(marked.body, marks)] if len(set(values)) > 1 else [const(1.0)]
+    chosen = [mark.data for mark in marks] or [default]
+    kinds = {m.physical for m in chosen}
+    made = Looks("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
+    if look:
+        fields = _mixed(values, shares)
+        if scene.lights:
+            names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
+            made.record = Record("material_at", "Material", marked.params, tuple((n, fields[n]) for n in names))
+        if any(m.emits for m in chosen):
+            made.emission = Function("emission_at", marked.params, fields["emission"])
+    if index:
+        made.index = Function("material_index", marked.params, _largest(scene.materials, chosen, shares))
+    return made
 
 
-def _mixed(looks: Sequence[tuple[Expr, ...]], shares: Sequence[Expr]) -> tuple[tuple[str, Expr], ...]:
+def _mixed(values: Sequence[tuple[Expr, ...]], shares: Sequence[Expr]) -> dict[str, Expr]:
     """Each field of a material, mixed from all by their shares."""
-    weights = _summed(looks, shares)
+    weights = _summed(values, shares)
     total = sum(weights.values(), const(0.0))
     total = where(total <= 0.0, 1.0, total)
-    fields = []
-    for k, name in enumerate(Material.FIELDS):
-        values = [look[k] for look in weights]
-        same = all(v is values[0] for v in values)
-        mixed = sum((weight * v for weight, v in zip(weights.values(), values, strict=True)), const(0.0)) / total
-        fields.append((name, values[0] if same else mixed))
-    return tuple(fields)
+    fields = {}
+    for k, name in enumerate(FIELDS):
+        each = [look[k] for look in weights]
+        same = all(v is each[0] for v in each)
+        mixed = sum((weight * v for weight, v in zip(weights.values(), each, strict=True)), const(0.0)) / total
+        fields[name] = each[0] if same else mixed
+    return fields
 
 
 def _largest(materials: Sequence[Material], found: Sequence[Material], shares: Sequence[Expr]) -> Expr:
@@ -69,56 +94,98 @@ def _summed(keys: Sequence[Key], shares: Sequence[Expr]) -> dict[Key, Expr]:
     return weights
 
 
-def modules(scene: Scene, shaded: bool, colored: bool) -> list[tuple[str, str]]:
+MODULES = {
+    "sun": ("light/sun", "a light from infinitely far away"),
+    "point": ("light/point", "a light falls off with the inverse square of the distance"),
+    "attenuated": ("light/attenuated", "a light has an attenuation of its own"),
+    "window": ("light/window", "a light has a radius"),
+    "fade": ("light/fade", "a light with an attenuation has a radius"),
+    "spot": ("light/spot", "a light shines into a cone"),
+    "hard": ("light/shadow", "a light casts a hard shadow"),
+    "two-sided": ("light/two_sided", "a light casts a soft shadow"),
+    "cone": ("light/cone", "a light casts a soft shadow by its cone"),
+    "triangulated": ("light/triangulated", "a light casts a triangulated soft shadow"),
+}
+"""The module that each trait of lights calls for, and why."""
+
+SOFT = ("two-sided", "cone", "triangulated")
+
+
+def lit(scene: Scene) -> bool:
+    """True if any light shines, or any surface does."""
+    return bool(scene.lights) or any(m.emits for m in scene.materials)
+
+
+def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, str]]:
     """The modules that shade, each with its reason.
 
-    shaded : surfaces are lit. colored : a picture is drawn, lit or not.
+    model : how surfaces are lit, None if they are not. colored : a picture is drawn, lit or not.
     """
     found: list[tuple[str, str]] = []
-    add = found.append
-    if shaded:
-        add(("material/phong", "lights shade materials"))
-        add(("light/phong", "lights shade materials"))
-        for kind, module in ((Sun, "light/sun"), (PointLight, "light/point")):
-            first = next((light for light in scene.lights if isinstance(light, kind)), None)
-            if first is not None:
-                add((module, f"{kind.__name__} at {first.where}"))
-        casters = [light for light in scene.lights if light.shadow]
-        if casters:
-            add(("light/shadow", f"{len(casters)} of {len(scene.lights)} lights cast a shadow"))
-        for kind, module in ((Sun, "light/sun_shadow"), (PointLight, "light/point_shadow")):
-            first = next((light for light in casters if isinstance(light, kind)), None)
-            if first is not None:
-                add((module, f"{kind.__name__} at {first.where} casts a shadow"))
+    if model is not None and scene.lights:
+        found += _answers(scene, model)
+        for trait in sorted(lights.traits(scene), key=list(MODULES).index):
+            name, why = MODULES[trait]
+            first = next((light for light in scene.lights if trait in lights.traits_of(light)), None)
+            found.append((name, f"{why}: {type(first).__name__} at {first.where}" if first else why))
     if colored:
-        add(("sky/constant", "what is seen where nothing is hit"))
+        found.append(("sky/constant", "what is seen where nothing is hit"))
         if scene.fog is not None:
-            add(("sky/fog", "Scene(fog=...)"))
+            found.append(("sky/fog", "Scene(fog=...)"))
+    return found
+
+
+def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules by which surfaces answer light."""
+    found = [(f"material/{model}", "lights shade materials"), ("light/light", "lights shade materials")]
+    if model != "physical":
+        found.append(("light/phong", "a material is shaded after Phong"))
+    if model != "phong":
+        masking = scene.quality.masking
+        found += [
+            ("light/fresnel", "a material is physical"),
+            ("light/facets", "a material is physical"),
+            (f"light/{masking}", f"Quality(masking={masking!r})"),
+            ("light/physical", "a material is physical"),
+        ]
+    if model == "mixed":
+        found.append(("light/mixed", "some materials are physical and some after Phong"))
     return found
 
 
 def features(scene: Scene) -> list[Feature]:
     """What there is of lights, shadows, materials and fog, used or not."""
-    suns = [light for light in scene.lights if isinstance(light, Sun)]
-    points = [light for light in scene.lights if isinstance(light, PointLight)]
-    casters = [light for light in scene.lights if light.shadow]
-    others = len(scene.materials) - 1
     found: list[Feature] = []
 
     def feature(name: str, used: bool, yes: str, no: str, where_: Location | None = None) -> None:
         found.append(Feature(name, used, yes if used else no, where_ if used else None))
 
-    count = f"{len(suns)} in the scene"
-    feature("sun light", bool(suns), count, "no Sun in the scene", suns[0].where if suns else None)
-    count = f"{len(points)} in the scene"
-    feature("point lights", bool(points), count, "no PointLight in the scene", points[0].where if points else None)
-    feature(
-        "hard shadows",
-        bool(casters),
-        f"{len(casters)} of {len(scene.lights)} lights cast one",
-        "no light has shadow=True",
-        casters[0].where if casters else None,
-    )
-    feature("materials", others > 0, f"{others} besides the default", "no node has a material")
+    def of_lights(name: str, some: Sequence[Light], no: str, yes: str = "{} in the scene") -> None:
+        feature(name, bool(some), yes.format(len(some)), no, some[0].where if some else None)
+
+    every = scene.lights
+    casts = f"{{}} of {len(every)} lights cast one"
+    of_lights("sun light", [x for x in every if isinstance(x, Sun)], "no Sun in the scene")
+    plain = [x for x in every if isinstance(x, PointLight) and not isinstance(x, SpotLight | SphereLight)]
+    of_lights("point lights", plain, "no PointLight in the scene")
+    of_lights("spot lights", [x for x in every if isinstance(x, SpotLight)], "no SpotLight in the scene")
+    of_lights("sphere lights", [x for x in every if isinstance(x, SphereLight)], "no SphereLight in the scene")
+    few = f"up to {lights.AS_TEXT} lights are written out"
+    feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop", few)
+    of_lights("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
+    of_lights("soft shadows", [x for x in every if x.soft], "no light with a shadow has a softness", casts)
+    others = scene.materials[1:]
+    feature("materials", bool(others), f"{len(others)} besides the default", "no node has a material")
+    real = next((m for m in others if m.physical), None)
+    feature("microfacets", real is not None, "a material is physical", "no material is physical", _place(real))
+    patterned = next((m for m in others if m.patterned), None)
+    why = "no value of a material is a function of the position"
+    feature("patterns", patterned is not None, "a material has one", why, _place(patterned))
+    glowing = next((m for m in others if m.emits), None)
+    feature("emission", glowing is not None, "a material has one", "no material has one", _place(glowing))
     feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")
     return found
+
+
+def _place(material: Material | None) -> Location | None:
+    return None if material is None else material.where

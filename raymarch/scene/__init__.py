@@ -2,7 +2,7 @@
 
 from raymarch.scene.camera import Camera
 from raymarch.scene.file import load
-from raymarch.scene.light import Light, PointLight, Sun
+from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, time
 from raymarch.scene.quality import Quality
@@ -19,6 +19,8 @@ __all__ = [
     "Quality",
     "Scene",
     "Sky",
+    "SphereLight",
+    "SpotLight",
     "Sun",
     "load",
     "time",

@@ -1,29 +1,53 @@
-"""Lights. A light casts a shadow only if it says so."""
+"""Lights. A light casts a shadow only if it says so.
+
+Brightness has one meaning for all of them: a white matte surface that faces a light of intensity 1 squarely, at
+distance 1 from lights that have a place, has the value 1. In physical units a sun's irradiance is pi times its colour
+and intensity, and a point light's radiant intensity as well.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from raymarch.errors import Location, SceneError, user_location
 from raymarch.expr.node import Expr
-from raymarch.expr.vocabulary import normalize
+from raymarch.expr.vocabulary import cos, normalize
 from raymarch.scene.parameter import as_number, as_vec3
+
+PENUMBRAS = ("two-sided", "cone", "triangulated")
 
 
 class Light:
-    """What all lights share: linear RGB colour >= 0, intensity >= 0, shadow on or off."""
+    """What all lights share.
 
-    __slots__ = ("color", "intensity", "shadow", "where")
+    Parameters
+    ----------
+    color : linear RGB, each >= 0. intensity : factor >= 0.
+    shadow : whether it casts one; False costs nothing.
+    softness : how wide the light is as its shadows see it, >= 0: the radius of a lamp's body, or the tangent of a sun's
+        angular radius (0.0047 for the real one). 0 is a hard shadow, the cheapest.
+    penumbra : how a soft shadow is found. "two-sided": the share of the light's disc that is left by the nearest
+        obstacle, taken as a straight edge; half at the edge of the geometry, as it should be, but what is thinner
+        than the disc lets light through. "cone": the smallest clearance over the disc's radius (Quilez 2008), dark
+        already at the edge, and behind all that stands in the way. "triangulated": that with the clearance between
+        two samples estimated (Aaltonen 2018).
+    """
 
-    def __init__(self, color: Any, intensity: Any, shadow: bool) -> None:
+    __slots__ = ("color", "intensity", "penumbra", "shadow", "softness", "where")
+
+    def __init__(self, color: Any, intensity: Any, shadow: bool, softness: Any, penumbra: str) -> None:
         name = type(self).__name__
         self.color = as_vec3(f"{name}: color", color, low=0.0)
         self.intensity = as_number(f"{name}: intensity", intensity, low=0.0)
         if not isinstance(shadow, bool):
             raise SceneError(f"{name}: shadow = {shadow!r}", legal="True or False")
-        self.shadow = shadow
+        if penumbra not in PENUMBRAS:
+            raise SceneError(f"{name}: penumbra = {penumbra!r}", legal=", ".join(map(repr, PENUMBRAS)))
+        self.shadow, self.penumbra = shadow, penumbra
+        self.softness = as_number(f"{name}: softness", softness, low=0.0)
         self.where: Location | None = user_location()
 
     @property
@@ -32,9 +56,14 @@ class Light:
         return self.color * self.intensity
 
     @property
+    def soft(self) -> bool:
+        """True if its shadow has a penumbra."""
+        return self.shadow and not _is_zero(self.softness)
+
+    @property
     def expressions(self) -> list[Expr]:
         """All that may depend on parameters or time."""
-        return [self.color, self.intensity]
+        return [self.color, self.intensity, self.softness]
 
 
 class Sun(Light):
@@ -43,20 +72,22 @@ class Sun(Light):
     Parameters
     ----------
     direction : towards the sun, any length but 0.
-    color : linear RGB, each >= 0. intensity : factor >= 0.
-    shadow : whether it casts one; False costs nothing.
+    color, intensity, shadow, softness, penumbra : see `Light`.
     """
 
     __slots__ = ("direction",)
 
     def __init__(
-        self, direction: Any = (0.5, 1.0, 0.7), color: Any = (1.0, 1.0, 1.0), intensity: Any = 1.0, shadow: bool = False
+        self,
+        direction: Any = (0.5, 1.0, 0.7),
+        color: Any = (1.0, 1.0, 1.0),
+        intensity: Any = 1.0,
+        shadow: bool = False,
+        softness: Any = 0.0,
+        penumbra: str = "two-sided",
     ) -> None:
-        super().__init__(color, intensity, shadow)
-        given = as_vec3("Sun: direction", direction)
-        if given.is_constant and not np.any(given.data):
-            raise SceneError(f"Sun: direction = {direction!r}", legal="3 numbers, not all zero")
-        self.direction = normalize(given)
+        super().__init__(color, intensity, shadow, softness, penumbra)
+        self.direction = _direction("Sun: direction", direction)
 
     @property
     def expressions(self) -> list[Expr]:
@@ -69,16 +100,133 @@ class PointLight(Light):
     Parameters
     ----------
     position : vec3.
-    color : linear RGB, each >= 0. intensity : factor >= 0, the brightness at distance 1.
-    shadow : whether it casts one; False costs nothing.
+    color, intensity, shadow, softness, penumbra : see `Light`.
+    radius : nothing farther away is lit, > 0; the light fades towards it by (1 - (d/r)^4)^2, and costs nothing beyond.
+        None is no end.
+    shadow_radius : what is farther away gets no shadow, > 0; None is no end.
+    attenuation : (constant, linear, quadratic), each >= 0, not all 0: the light is divided by their polynomial of the
+        distance in place of its square, and fades by 1 - d/r if there is a radius.
     """
 
-    __slots__ = ("position",)
+    __slots__ = ("attenuation", "position", "radius", "shadow_radius")
 
-    def __init__(self, position: Any, color: Any = (1.0, 1.0, 1.0), intensity: Any = 1.0, shadow: bool = False) -> None:
-        super().__init__(color, intensity, shadow)
-        self.position = as_vec3("PointLight: position", position)
+    def __init__(
+        self,
+        position: Any,
+        color: Any = (1.0, 1.0, 1.0),
+        intensity: Any = 1.0,
+        shadow: bool = False,
+        softness: Any = 0.0,
+        penumbra: str = "two-sided",
+        radius: Any = None,
+        shadow_radius: Any = None,
+        attenuation: Any = None,
+    ) -> None:
+        super().__init__(color, intensity, shadow, softness, penumbra)
+        name = type(self).__name__
+        self.position = as_vec3(f"{name}: position", position)
+        self.radius = _length(f"{name}: radius", radius)
+        self.shadow_radius = _length(f"{name}: shadow_radius", shadow_radius)
+        self.attenuation = None if attenuation is None else as_vec3(f"{name}: attenuation", attenuation, low=0.0)
+        if self.attenuation is not None and self.attenuation.is_constant and not np.any(self.attenuation.data):
+            raise SceneError(f"{name}: attenuation = {attenuation!r}", legal="3 numbers >= 0, not all zero")
 
     @property
     def expressions(self) -> list[Expr]:
-        return [*super().expressions, self.position]
+        optional = (self.radius, self.shadow_radius, self.attenuation)
+        return [*super().expressions, self.position, *(e for e in optional if e is not None)]
+
+
+class SpotLight(PointLight):
+    """Light from one point into a cone.
+
+    Parameters
+    ----------
+    position : vec3. direction : in which it shines, any length but 0.
+    angle : from the axis to the cone's edge, in radians, above 0 and up to pi.
+    blend : share of the angle over which the edge fades, from 0, a sharp one, to 1. With c the cosine to the axis, c0
+        at the edge and c1 where the fading ends, the light is multiplied by ((c - c0) / (c1 - c0))^2.
+    The rest : see `PointLight`.
+    """
+
+    __slots__ = ("angle", "blend", "direction")
+
+    def __init__(
+        self,
+        position: Any,
+        direction: Any = (0.0, -1.0, 0.0),
+        angle: Any = 0.5,
+        blend: Any = 0.2,
+        color: Any = (1.0, 1.0, 1.0),
+        intensity: Any = 1.0,
+        shadow: bool = False,
+        softness: Any = 0.0,
+        penumbra: str = "two-sided",
+        radius: Any = None,
+        shadow_radius: Any = None,
+        attenuation: Any = None,
+    ) -> None:
+        super().__init__(position, color, intensity, shadow, softness, penumbra, radius, shadow_radius, attenuation)
+        self.direction = _direction("SpotLight: direction", direction)
+        self.angle = as_number("SpotLight: angle", angle, 1e-3, math.pi)
+        self.blend = as_number("SpotLight: blend", blend, 0.0, 1.0)
+
+    @property
+    def cosines(self) -> tuple[Expr, Expr]:
+        """Cosines of the angles to the axis at which the light ends, and at which it is whole."""
+        return cos(self.angle), cos(self.angle * (1.0 - self.blend))
+
+    @property
+    def expressions(self) -> list[Expr]:
+        return [*super().expressions, self.direction, self.angle, self.blend]
+
+
+class SphereLight(PointLight):
+    """Light from a ball that itself is not seen: paint a node with an emission of intensity / size^2 to show it.
+
+    Parameters
+    ----------
+    position : of the ball's centre. size : its radius, > 0. It is what softens the shadow.
+    The rest : see `PointLight`; intensity is the brightness at distance 1 from the centre.
+
+    A matte surface that sees the whole ball is lit exactly as by a point light. A highlight is that of a point too.
+    """
+
+    __slots__ = ("size",)
+
+    def __init__(
+        self,
+        position: Any,
+        size: Any = 0.5,
+        color: Any = (1.0, 1.0, 1.0),
+        intensity: Any = 1.0,
+        shadow: bool = False,
+        penumbra: str = "two-sided",
+        radius: Any = None,
+        shadow_radius: Any = None,
+        attenuation: Any = None,
+    ) -> None:
+        given = _length("SphereLight: size", size)
+        if given is None:
+            raise SceneError("SphereLight: size = None", legal="a finite number > 0")
+        super().__init__(position, color, intensity, shadow, given, penumbra, radius, shadow_radius, attenuation)
+        self.size = given
+
+    @property
+    def expressions(self) -> list[Expr]:
+        return [*super().expressions, self.size]
+
+
+def _is_zero(value: Expr) -> bool:
+    return value.is_constant and not np.any(value.data)
+
+
+def _direction(what: str, value: Any) -> Expr:
+    given = as_vec3(what, value)
+    if _is_zero(given):
+        raise SceneError(f"{what} = {value!r}", legal="3 numbers, not all zero")
+    return normalize(given)
+
+
+def _length(what: str, value: Any) -> Expr | None:
+    return None if value is None else as_number(what, value, low=1e-6)

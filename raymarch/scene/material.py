@@ -2,52 +2,207 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from raymarch.errors import Location, user_location
-from raymarch.expr.node import Expr
+import numpy as np
+
+from raymarch.errors import Location, SceneError, user_location
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import vector
+from raymarch.expr.vocabulary import clamp, vec3
+from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number, as_vec3
+from raymarch.sdf.lower import POSITION
+
+PHONG = ("color", "shininess", "specular", "ambient")
+PHYSICAL = ("color", "metalness", "roughness", "f0")
+MIXED = (*PHONG, *PHYSICAL[1:], "physical")
+"""The fields that shading reads: of scenes after Phong, of physical ones, and of those with both."""
+
+FIELDS = (*MIXED, "emission")
 
 
 class Material:
-    """A surface shaded after Phong.
+    """A surface, shaded after Phong or, if any of the physical values is given, by microfacets.
 
     Parameters
     ----------
     color : linear RGB, each in [0, 1].
-    shininess : exponent of the highlight, > 0 (10 dull, 100 polished).
-    specular : strength of the highlight, in [0, 1].
-    ambient : share of each light's colour that arrives from everywhere, shadow or not, in [0, 1].
+    shininess : Phong: exponent of the highlight, > 0 (10 dull, 100 polished); 32.
+    specular : Phong: strength of the highlight, in [0, 1]; 0.25.
+    ambient : Phong: share of each light's colour that arrives from everywhere, shadow or not, in [0, 1]; 0.1.
+    albedo : another name for `color`, which makes the material physical.
+    metalness : physical: 0 for dielectrics, 1 for metals, whose albedo is the colour of their reflection; 0.
+    roughness : physical: from 0, a mirror, to 1; its square is the width of the microfacets' slopes; 0.5. Lights shine
+        on anything below 0.032 as on that, because a mirror shows no point.
+    f0 : physical: reflectance of a dielectric at right angles, a number or linear RGB in [0, 1]; 0.04.
+    emission : linear RGB >= 0 of light that the surface gives off by itself; either kind has it; black.
 
-    Each may depend on parameters, time, and the index of a cell (`raymarch.repeat_varied`). Equal materials are one.
+    A value may be a function of a point, `lambda p: ...`, in the words of `raymarch.expr.vocabulary`; it is asked in
+    the space in which the material is given, so a pattern moves along with what it is painted on. See
+    `raymarch.checker`, `stripes` and `noise`. Equal materials are one.
+
+    The physical model is that of Cook and Torrance (1982): GGX distribution (Walter et al. 2007), height-correlated
+    masking after Smith (Heitz 2014), Fresnel after Schlick (1994), and a diffuse part that gives off no more than
+    what the surface lets in (Ashikhmin and Shirley 2000).
+
+    Raises SceneError for a value outside its range, and for values of both models in one material.
     """
 
-    __slots__ = ("ambient", "color", "shininess", "specular", "where")
-
-    FIELDS = ("color", "shininess", "specular", "ambient")
+    __slots__ = ("_fields", "physical", "where")
 
     def __init__(
-        self, color: Any = (0.8, 0.8, 0.8), shininess: Any = 32.0, specular: Any = 0.25, ambient: Any = 0.1
+        self,
+        color: Any = None,
+        shininess: Any = None,
+        specular: Any = None,
+        ambient: Any = None,
+        *,
+        albedo: Any = None,
+        metalness: Any = None,
+        roughness: Any = None,
+        f0: Any = None,
+        emission: Any = None,
     ) -> None:
-        self.color = as_vec3("Material: color", color, 0.0, 1.0, cells=True)
-        self.shininess = as_number("Material: shininess", shininess, 1e-3, 1e6, cells=True)
-        self.specular = as_number("Material: specular", specular, 0.0, 1.0, cells=True)
-        self.ambient = as_number("Material: ambient", ambient, 0.0, 1.0, cells=True)
         self.where: Location | None = user_location()
+        phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
+        physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}
+        self.physical = any(v is not None for v in physical.values())
+        _refuse_both(phong, physical)
+        if color is not None and albedo is not None:
+            raise SceneError("Material: color together with albedo", legal="one of them; they are the same")
+        name = "color" if albedo is None else "albedo"
+        base = color if albedo is None else albedo
+        self._fields = {
+            "color": _value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
+            "shininess": _value("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
+            "specular": _value("specular", 0.0 if self.physical else _or(specular, 0.25), 1, 0.0, 1.0),
+            "ambient": _value("ambient", 0.0 if self.physical else _or(ambient, 0.1), 1, 0.0, 1.0),
+            "metalness": _value("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
+            "roughness": _value("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
+            "f0": _value("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
+            "physical": expr(1.0 if self.physical else 0.0),
+            "emission": _value("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
+        }
+
+    @property
+    def color(self) -> Expr:
+        """Linear RGB; the albedo."""
+        return self._fields["color"]
+
+    @property
+    def shininess(self) -> Expr:
+        """Exponent of Phong's highlight."""
+        return self._fields["shininess"]
+
+    @property
+    def specular(self) -> Expr:
+        """Strength of Phong's highlight."""
+        return self._fields["specular"]
+
+    @property
+    def ambient(self) -> Expr:
+        """Share of each light that arrives from everywhere."""
+        return self._fields["ambient"]
+
+    @property
+    def metalness(self) -> Expr:
+        """1 for a metal."""
+        return self._fields["metalness"]
+
+    @property
+    def roughness(self) -> Expr:
+        """From a mirror's 0 to 1."""
+        return self._fields["roughness"]
+
+    @property
+    def f0(self) -> Expr:
+        """Reflectance of a dielectric at right angles, linear RGB."""
+        return self._fields["f0"]
+
+    @property
+    def emission(self) -> Expr:
+        """Light that the surface gives off, linear RGB."""
+        return self._fields["emission"]
+
+    @property
+    def emits(self) -> bool:
+        """True if it gives off light."""
+        return not self.emission.is_constant or bool(np.any(self.emission.data))
 
     @property
     def expressions(self) -> list[Expr]:
-        """All that may depend on parameters or time, in the order of FIELDS."""
-        return [self.color, self.shininess, self.specular, self.ambient]
+        """All values in the order of FIELDS; they may depend on parameters, time, POSITION, and indices of cells."""
+        return [self._fields[name] for name in FIELDS]
+
+    @property
+    def patterned(self) -> bool:
+        """True if any value depends on the position."""
+        return POSITION in free_variables(self.expressions)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Material) and all(
-            a is b for a, b in zip(self.expressions, other.expressions, strict=True)
-        )
+        return isinstance(other, Material) and self.expressions == other.expressions
 
     def __hash__(self) -> int:
         return hash(tuple(self.expressions))
 
     def __repr__(self) -> str:
         color = self.color.data.tolist() if self.color.is_constant else "expression"
-        return f"Material(color={color})"
+        return f"Material({'albedo' if self.physical else 'color'}={color})"
+
+
+def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
+    one = next((name for name, v in phong.items() if v is not None), None)
+    other = next((name for name, v in physical.items() if v is not None), None)
+    if one is not None and other is not None:
+        raise SceneError(
+            f"Material: {one} together with {other}",
+            legal="Phong's shininess, specular, ambient; or the physical albedo, metalness, roughness, f0",
+        )
+
+
+def _or(value: Any, otherwise: Any) -> Any:
+    return otherwise if value is None else value
+
+
+def _spread(value: Any) -> Any:
+    """A number as three equal ones."""
+    if isinstance(value, bool | int | float):
+        return (value, value, value)
+    if isinstance(value, Expr) and value.type is vector(1):
+        return vec3(value)
+    return value
+
+
+_PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
+"""Points at which the values of patterns are looked at before they are believed."""
+
+
+def _value(name: str, value: Any, size: int, low: float, high: float) -> Expr:
+    """A value of a material, checked; a function of the position becomes its expression, kept in its range."""
+    what = f"Material: {name}"
+    check = as_number if size == 1 else as_vec3
+    if not callable(value) or isinstance(value, Expr):
+        return check(what, value, low, high, cells=True)
+    return _pattern(what, value, size, low, high)
+
+
+def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:
+    ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
+    legal = f"a function of a point that gives {'a number' if size == 1 else '3 numbers'} {ends}"
+    try:
+        made = expr(function(POSITION))
+    except TypeError as fault:
+        raise SceneError(f"{what}: the function fails: {fault}", legal=legal) from fault
+    if size == 3 and made.type is vector(1):
+        made = vec3(made)
+    if made.type is not vector(size):
+        raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
+    if not find([made], "time", "param", "cell"):
+        values = np.broadcast_to(evaluator([made], [POSITION])(_PROBES)[0], (len(_PROBES), *made.type.shape))
+        worst = values[~((values >= low) & (values <= high))]
+        if worst.size:
+            raise SceneError(f"{what}: the function gives {worst.flat[0]:.6g}", legal=legal)
+    return clamp(made, low, high) if high < np.inf else made

@@ -9,6 +9,7 @@ from typing import Any, Self
 from raymarch.errors import SceneError
 
 TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "front")
+MASKINGS = ("correlated", "separable")
 NORMALS = ("analytic", "tetrahedron", "central", "forward")
 
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
@@ -59,6 +60,8 @@ class Quality:
     omega : factor of the relaxing tracers: 1 to 2 for "relaxed" (default 1.6), 0 to 1 for "enhanced" (default 0.88).
     beta : weight of the newest slope in the average, above 0 and up to 1.
     step_scale : the plain tracer's steps are this part of the distance, above 0 and up to 1; for estimates.
+    masking : how microfacets hide each other, after Smith: "correlated" by their height (Heitz 2014), or "separable",
+        as if the light's way in had nothing to do with its way out (Walter et al. 2007), which some renderers use.
     """
 
     tracer: str = "auto"
@@ -68,12 +71,15 @@ class Quality:
     omega: float | None = None
     beta: float = 0.3
     step_scale: float = 1.0
+    masking: str = "correlated"
 
     def __post_init__(self) -> None:
         if self.tracer not in TRACERS:
             raise SceneError(f"Quality: tracer = {self.tracer!r}", legal=", ".join(map(repr, TRACERS)))
         if self.normals not in NORMALS:
             raise SceneError(f"Quality: normals = {self.normals!r}", legal=", ".join(map(repr, NORMALS)))
+        if self.masking not in MASKINGS:
+            raise SceneError(f"Quality: masking = {self.masking!r}", legal=", ".join(map(repr, MASKINGS)))
         steps = self.max_steps
         if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= 60000:
             raise SceneError(f"Quality: max_steps = {steps!r}", legal="an integer from 1 to 60000")

@@ -22,8 +22,8 @@ HORIZON = 1e4
 """A scene without end is traced to this many times its own scale; a horizon then ends far below a pixel."""
 
 
-DEFAULT = Material()
-"""What parts without a material of their own are made of."""
+DEFAULT, PHYSICAL_DEFAULT = Material(), Material(albedo=(0.8, 0.8, 0.8))
+"""What parts without a material of their own are made of; the second where all given materials are physical."""
 
 
 class Scene:
@@ -33,7 +33,8 @@ class Scene:
     ----------
     node : the solid.
     camera : Camera; None is one that sees the whole scene.
-    lights : any number of Sun and PointLight; None is one sun without shadow, [] is no light at all.
+    lights : any number of Sun, PointLight, SpotLight and SphereLight; None is one sun without shadow, [] is no light
+        at all.
     sky : Sky, or a colour (linear RGB); None is a plain blue.
     fog : Fog, or None.
     quality : Quality; None is the default.
@@ -60,7 +61,10 @@ class Scene:
         given = [Sun()] if lights is None else lights
         if isinstance(given, Light) or not isinstance(given, Iterable):
             raise SceneError(f"Scene: lights = {lights!r}", legal="a list of Sun and PointLight")
-        self.lights = tuple(_instance("lights", light, Light, "Sun(...) or PointLight(...)") for light in given)
+        self.lights = tuple(
+            _instance("lights", light, Light, "Sun(...), PointLight(...), SpotLight(...) or SphereLight(...)")
+            for light in given
+        )
         self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
         self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
         self.quality = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
@@ -74,7 +78,9 @@ class Scene:
     @property
     def materials(self) -> tuple[Material, ...]:
         """Every material of the scene; index 0 is the default, for parts that have none of their own."""
-        return (DEFAULT, *(m for m in self._labels() if m != DEFAULT))
+        given = self._labels()
+        default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
+        return (default, *(m for m in given if m != default))
 
     @property
     def parameters(self) -> dict[str, Spec]:

@@ -18,8 +18,8 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
-from raymarch.expr.node import Expr, make, var
-from raymarch.expr.types import FLOAT, vector
+from raymarch.expr.node import Expr, construct, make, var
+from raymarch.expr.types import FLOAT, VEC3, vector
 from raymarch.expr.walk import find, rebuild, rewrite, substitute, topological
 from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.node import Node
@@ -33,15 +33,21 @@ UNMARKED = object()
 """In place of a label: the material of this part does not matter."""
 
 
+POSITION = var("position of the label", VEC3)
+"""In the expressions of a label: the point in the space in which the label was given to its node."""
+
+
 def cells_of(label: Any) -> list[Expr]:
     """The cells whose index a label depends on, which it shows by a list `expressions`."""
     return find(getattr(label, "expressions", ()), "cell")
 
 
 def look_of(mark: Expr) -> list[Expr]:
-    """The `expressions` of a mark's label, for the cell that the marked part stands in."""
-    cells = dict(zip(cells_of(mark.data), mark.args[1:], strict=True))
-    return substitute(mark.data.expressions, cells) if cells else list(mark.data.expressions)
+    """The `expressions` of a mark's label, at the point and for the cell that the marked part stands in."""
+    _, at, *cells = mark.args
+    here = at if at.type is VEC3 else construct(at, 0.0)
+    known = {POSITION: here, **dict(zip(cells_of(mark.data), cells, strict=True))}
+    return substitute(mark.data.expressions, known)
 
 
 @dataclass(slots=True)
@@ -68,12 +74,12 @@ class Lowering:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
 
         With a `label`, the distance of each part with a material stays findable, as a `mark` whose data is the
-        material; parts without one of their own are marked with `label`. Where a material depends on the index of a
-        cell, the mark has that index as well, see `look_of`.
+        material; parts without one of their own are marked with `label`. The mark also has the point in the space in
+        which the material was given and, where the material depends on them, the indices of cells; see `look_of`.
         """
         self._count_sites(root)
         p = var("p", vector(root.dimension))
-        body = self._run((root, p, label))
+        body = self._run((root, p, label if label is UNMARKED else (label, p)))
         if find([body], "cell"):
             raise SceneError(
                 f"{root.name} depends on the index of a cell that it does not stand in",
@@ -117,9 +123,10 @@ class Lowering:
         marking = label is not UNMARKED
         if marking and not node.labelled:
             distance = yield from self._ask(node, point, UNMARKED)
-            return make("mark", FLOAT, (distance, *cells_of(label)), label)
+            material, at = label
+            return make("mark", FLOAT, (distance, at, *cells_of(material)), material)
         if node.label is not None:
-            return (yield from self._ask(node.children[0], point, node.label if marking else UNMARKED))
+            return (yield from self._ask(node.children[0], point, (node.label, point) if marking else UNMARKED))
         children: Sequence[Node] = _flattened(node) if node.definition.associative else node.children
         if marking and node.definition.cuts:
             children = _cutting(children)

@@ -10,8 +10,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from raymarch import glsl
 from raymarch.errors import Location, is_users
 from raymarch.expr.function import Function
@@ -23,7 +21,7 @@ from raymarch.plan import Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
 from raymarch.shader.chunk import Chunk, Mapped
-from raymarch.shader.shade import Values, shading
+from raymarch.shader.shade import Values, box_ends, light_rows, scene_cone, shading
 
 HEADERS = {
     "330 core": ["#version 330 core"],
@@ -84,10 +82,15 @@ def assemble(plan: Plan) -> Shader:
     values = Values()
     shade = shading(plan, values) if any(p.name == "color" for p in plan.passes) else None
     generated = [_constants(plan)]
-    if plan.clipped or any(name == "light/shadow" for name, _ in plan.modules):
+    needed = {name for chunk in modules for name in chunk.needs}
+    if "scene_box" in needed:
         generated.append(_scene_box(plan))
     if shade is not None:
         generated.append(shade)
+        if "scene_cone" in needed:
+            generated.append(scene_cone(plan))
+        if "u_lights" in shade.needs:
+            generated.append(light_rows())
     taken = {"PASS"}.union(*(chunk.gives for chunk in [*modules, *mains, *generated]))
     fields, parameters, text = _fields(plan, values, taken)
     order = _in_order([*modules, fields, *generated])
@@ -169,15 +172,10 @@ def _constants(plan: Plan) -> Chunk:
 
 def _scene_box(plan: Plan) -> Chunk:
     """The part of a ray inside the scene's box, padded so that rounding cannot cut the surface off."""
-    facts = plan.scene.node.facts
     steps, needs = [], {"Ray"}
-    for i, axis in enumerate("xyz"):
-        ends = [float(facts.lower[i]), float(facts.upper[i])]
-        largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
-        pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's own coordinates
+    for axis, low, high in box_ends(plan.scene.node.facts):
         at = f"ray.origin.{axis}, ray.direction.{axis}"
-        low, high = (literal(e + d) if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
-        planes = ", ".join(end for end in (low, high) if end is not None)
+        planes = ", ".join(literal(end) for end in (low, high) if end is not None)
         if planes:
             clip = "above" if high is None else "below" if low is None else "slab"
             steps.append(f"    range = {clip}(range, {at}, {planes});")
@@ -189,7 +187,7 @@ def _scene_box(plan: Plan) -> Chunk:
 
 def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions that are made from expressions, printed together so that each definition stands once."""
-    optional = (plan.gradient, plan.material, plan.material_index)
+    optional = (plan.gradient, plan.material, plan.emission, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
     text = print_functions(roots, taken)
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}

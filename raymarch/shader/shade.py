@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
 from raymarch.errors import Location
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import constant
+from raymarch.expr.glsl import constant, literal
 from raymarch.expr.node import Expr
-from raymarch.plan import Plan
-from raymarch.scene.light import Light, PointLight, Sun
+from raymarch.plan import Plan, lights
+from raymarch.scene.light import Light, PointLight, SpotLight, Sun
+from raymarch.sdf.facts import Facts
 from raymarch.shader.chunk import Chunk, Mapped
+
+SHADOW = {
+    "hard": "hard_shadow",
+    "two-sided": "two_sided_shadow",
+    "cone": "cone_shadow",
+    "triangulated": "triangulated_shadow",
+}
+"""The functions of the kinds of shadow."""
+
+ANSWER = {"phong": "phong", "physical": "physical", "mixed": "answer"}
+"""The functions by which the models answer a light."""
 
 
 class Values:
@@ -28,49 +44,176 @@ class Values:
 
 
 def shading(plan: Plan, values: Values) -> Chunk:
-    """The colour of a hit: each light in turn, a shadow only where it casts one, then fog.
+    """The colour of a hit: what it gives off, each light in turn, a shadow only where it casts one, then fog.
 
     What it reads of the scene by name goes into `values`.
     """
-    needs = {"Ray", "Hit"}
-    lines = [Mapped("vec3 shade(Ray ray, Hit hit) {", "the scene's lights")]
-    lit = plan.material is not None and bool(plan.scene.lights)
+    scene = plan.scene
+    text = _Lines("the scene's lights")
+    text.needs |= {"Ray", "Hit"}
+    text.add("vec3 shade(Ray ray, Hit hit) {")
+    lit = plan.material is not None and bool(scene.lights)
     if lit:
-        needs |= {"surface_normal", "material_at", "u_side"}
-        for text in (
-            "    vec3 p = ray.origin + hit.t * ray.direction;",
-            "    vec3 normal = u_side * surface_normal(p, ray.direction);",
-            "    Material material = material_at(p);",
-        ):
-            lines.append(Mapped(text, "the scene's lights"))
-    lines.append(Mapped("    vec3 color = vec3(0.0);", "the scene's lights"))
-    for i, light in enumerate(plan.scene.lights if lit else ()):
-        call, used = _light_call(i, light, values)
-        needs |= used
-        lines.append(Mapped(f"    color += {call};", f"{type(light).__name__}", light.where))
-    if plan.scene.fog is not None:
-        needs.add("through_fog")
-        lines.append(Mapped("    color = through_fog(color, hit.t);", "Scene(fog=...)", plan.scene.where))
-    lines += [Mapped("    return color;", "the scene's lights"), Mapped("}", "the scene's lights")]
-    values.add("sky_color", plan.scene.sky.color, plan.scene.where)
-    if plan.scene.fog is not None:
-        values.add("fog_color", plan.scene.fog.color, plan.scene.where)
-        values.add("fog_density", plan.scene.fog.density, plan.scene.where)
-    return Chunk("shade", frozenset(needs), frozenset({"shade"}), tuple(lines))
+        text.add("    Surface surface = surface_at(ray, hit);", "Surface", "surface_at")
+    if plan.emission is not None:
+        text.add("    vec3 color = emission_at(ray.origin + hit.t * ray.direction);", "emission_at")
+    else:
+        text.add("    vec3 color = vec3(0.0);")
+    if lit and lights.as_data(scene):
+        _loop(text, plan)
+    elif lit:
+        for i, light in enumerate(scene.lights):
+            _light(text, i, light, values, ANSWER[plan.model])
+    if scene.fog is not None:
+        text.add("    color = through_fog(color, hit.t);", "through_fog", by="Scene(fog=...)", where=scene.where)
+    text.add("    return color;")
+    text.add("}")
+    values.add("sky_color", scene.sky.color, scene.where)
+    if scene.fog is not None:
+        values.add("fog_color", scene.fog.color, scene.where)
+        values.add("fog_density", scene.fog.density, scene.where)
+    return Chunk("shade", frozenset(text.needs), frozenset({"shade"}), tuple(text.lines))
 
 
-def _light_call(i: int, light: Light, values: Values) -> tuple[str, set[str]]:
-    radiance = values.text(f"light_{i}_radiance", light.radiance, light.where)
+def scene_cone(plan: Plan) -> Chunk:
+    """The part of a cone about a ray, of a slope `width`, that meets the scene's box: the box seen by soft shadows.
+
+    A point beside the ray by width * t is below a plane at `upper` where origin + (direction - width) t is.
+    """
+    text = _Lines("the scene's bounds")
+    text.add("vec2 scene_cone(Ray ray, vec2 range, float width) {", "Ray")
+    for axis, low, high in box_ends(plan.scene.node.facts):
+        at = f"range, ray.origin.{axis}, ray.direction.{axis}"
+        if high is not None:
+            text.add(f"    range = below({at} - width, {literal(high)});", "below")
+        if low is not None:
+            text.add(f"    range = above({at} + width, {literal(low)});", "above")
+    text.add("    return range;")
+    text.add("}")
+    return Chunk("scene cone", frozenset(text.needs), frozenset({"scene_cone"}), tuple(text.lines))
+
+
+def box_ends(facts: Facts) -> list[tuple[str, float | None, float | None]]:
+    """Each axis with the ends of the scene's box, None for none, padded so that rounding cannot cut the surface off."""
+    found: list[tuple[str, float | None, float | None]] = []
+    for i, axis in enumerate("xyz"):
+        ends = [float(facts.lower[i]), float(facts.upper[i])]
+        largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
+        pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's own coordinates
+        low, high = (e + d if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
+        found.append((axis, low, high))
+    return found
+
+
+def light_rows() -> Chunk:
+    """The texture that holds many lights."""
+    lines = (Mapped("uniform sampler2D u_lights;  // a row for each light", "the scene's lights"),)
+    return Chunk("light rows", frozenset(), frozenset({"u_lights"}), lines)
+
+
+class _Lines:
+    """Lines under way, and the names that they need."""
+
+    def __init__(self, made_by: str) -> None:
+        self.made_by = made_by
+        self.lines: list[Mapped] = []
+        self.needs: set[str] = set()
+
+    def add(self, line: str, *needs: str, by: str | None = None, where: Location | None = None) -> None:
+        self.lines.append(Mapped(line, by or self.made_by, where))
+        self.needs |= set(needs)
+
+
+def _light(text: _Lines, i: int, light: Light, values: Values, answer: str) -> None:
+    """The lines of one light, with its numbers in them."""
+    by, where = type(light).__name__, light.where
+
+    def value(name: str, of: Expr) -> str:
+        return values.text(f"light_{i}_{name}", of, where)
+
+    def add(line: str, *needs: str) -> None:
+        text.add(f"    {line}", *needs, by=by, where=where)
+
+    declared = "" if i else "Light "
+    radiance = value("radiance", light.radiance)
     if isinstance(light, Sun):
-        kind, place = "sun", values.text(f"light_{i}_direction", light.direction, light.where)
-        before = "material, normal, -ray.direction"
+        add(f"{declared}light = sun_light({value('direction', light.direction)}, {radiance});", "Light", "sun_light")
     else:
         assert isinstance(light, PointLight)
-        kind, place = "point", values.text(f"light_{i}_position", light.position, light.where)
-        before = "material, p, normal, -ray.direction"
-    used = {f"{kind}_light"}
+        place = f"surface.p, {value('position', light.position)}, {radiance}"
+        if light.attenuation is None:
+            add(f"{declared}light = point_light({place});", "Light", "point_light")
+        else:
+            terms = value("attenuation", light.attenuation)
+            add(f"{declared}light = attenuated_light({place}, {terms});", "Light", "attenuated_light")
+        if light.radius is not None:
+            end = "window" if light.attenuation is None else "fade"
+            add(f"light.radiance *= {end}(light.distance, {value('radius', light.radius)});", end)
+    if isinstance(light, SpotLight):
+        outer, inner = light.cosines
+        cone = ", ".join((value("axis", light.direction), value("outer", outer), value("inner", inner)))
+        add(f"light.radiance *= spot(light.direction, {cone});", "spot")
+    add(f"color += {answer}(surface, light, {_visibility(text, light, value)});", answer)
+
+
+def _visibility(text: _Lines, light: Light, value: Callable[[str, Expr], str]) -> str:
+    """How much of a light is seen from the surface, as text."""
+    if not light.shadow:
+        return "1.0"
+    call = SHADOW[light.penumbra if light.soft else "hard"]
+    text.needs.add(call)
+    width = ""
+    if light.soft:
+        width = f", {value('softness', light.softness)}{'' if isinstance(light, Sun) else ' / light.distance'}"
+    shown = f"{call}(surface, light{width})"
+    if isinstance(light, PointLight) and light.shadow_radius is not None:
+        return f"light.distance < {value('shadow_radius', light.shadow_radius)} ? {shown} : 1.0"
+    return shown
+
+
+def _loop(text: _Lines, plan: Plan) -> None:
+    """The lines of all lights together: their numbers come from the rows of a texture."""
+    has = lights.traits(plan.scene)
+    names = lights.columns(has)
+    answer = ANSWER[plan.model]
+
+    def add(line: str, *needs: str) -> None:
+        text.add(f"        {line}", *needs, where=plan.scene.where)
+
+    text.add(f"    for (int i = 0; i < {len(plan.scene.lights)}; i++) {{", "u_lights", "Light", answer)
+    for k, name in enumerate(names):
+        add(f"vec4 {name} = texelFetch(u_lights, ivec2({k}, i), 0);")
+    add("Light light;")
+    sources = []
+    if "sun" in has:
+        sources.append((lights.SUN, "sun_light(place.xyz, source.rgb)", "sun_light"))
+    if "point" in has:
+        sources.append((lights.POINT, "point_light(surface.p, place.xyz, source.rgb)", "point_light"))
+    if "attenuated" in has:
+        made = "attenuated_light(surface.p, place.xyz, source.rgb, terms.xyz)"
+        sources.append((lights.ATTENUATED, made, "attenuated_light"))
+    for k, (kind, made, need) in enumerate(sources):
+        condition = f"if (place.w == {kind}) " if k < len(sources) - 1 else ""
+        add(f"{'else ' if k else ''}{condition}light = {made};", need)
+    if {"window", "fade"} & has:
+        if {"window", "fade"} <= has:
+            end = f"place.w == {lights.ATTENUATED} ? fade(light.distance, source.w) : window(light.distance, source.w)"
+        else:
+            end = f"{'window' if 'window' in has else 'fade'}(light.distance, source.w)"
+        add(f"if (source.w > 0.0) light.radiance *= {end};", *({"window", "fade"} & has))
+    if "spot" in has:
+        add("if (axis.w > 0.0) light.radiance *= spot(light.direction, axis.xyz, cone.x, cone.y);", "spot")
+    add("if (light.radiance == vec3(0.0)) continue;")
     visibility = "1.0"
-    if light.shadow:
-        visibility = f"{kind}_shadow(p, normal, hit.t, {place})"
-        used.add(f"{kind}_shadow")
-    return f"{kind}_light({before}, {place}, {radiance}, {visibility})", used
+    if "caster" in names:
+        visibility = "visibility"
+        add("float visibility = 1.0;")
+        near = "(caster.z == 0.0 || light.distance < caster.z) && " if has - {"sun"} else ""
+        for k, shadow in enumerate(lights.shadows(has), 1):
+            width = "" if shadow == "hard" else ", caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
+            add(
+                f"if ({near}caster.x == {float(k)}) visibility = {SHADOW[shadow]}(surface, light{width});",
+                SHADOW[shadow],
+            )
+    add(f"color += {answer}(surface, light, {visibility});")
+    text.add("    }")

@@ -15,6 +15,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import min
 from raymarch.expr.walk import depends_on, substitute, topological
+from raymarch.scene.material import FIELDS
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
@@ -99,16 +100,19 @@ class Field:
         weights[~((total > 0.0) & np.isfinite(total))] = np.eye(len(materials))[0]
         return weights / weights.sum(axis=1, keepdims=True)
 
-    def looks(self, points: Array) -> NDArray[np.float64]:
-        """The material of the surface, mixed by the shares: (N, 3) -> (N, 6), the numbers of `_numbers_of`."""
-        usual = np.array([self._values.of(number) for number in _numbers_of(self._scene.materials[0].expressions)])
+    def looks(self, points: Array) -> dict[str, NDArray[np.float64]]:
+        """The values of the surface's material, mixed by the shares: by name, (N, 3) -> (N, 1) or (N, 3)."""
+        default = self._scene.materials[0]
+        usual = np.array([self._values.of(number) for number in _numbers_of(default.expressions)])
         shape = (len(self._marks), len(usual), len(points))
         shares = np.abs(np.array(self._run(self._shares, points, ()))).reshape(shape[0], shape[2])
         values = np.array(self._run(self._looks, points, ())).reshape(shape)
         total = shares.sum(axis=0)
         seen = (total > 0.0) & np.isfinite(total)
         mixed = np.einsum("mn,mkn->nk", np.where(seen, shares, 0.0) / np.where(seen, total, 1.0), values)
-        return np.where(seen[:, None], mixed, usual)
+        mixed = np.where(seen[:, None], mixed, usual)
+        ends = np.cumsum([value.type.size for value in default.expressions])
+        return dict(zip(FIELDS, np.split(mixed, ends[:-1], axis=1), strict=True))
 
     def _numbers(self, evaluate: Evaluate, points: Array) -> NDArray[np.float64]:
         values = self._run(evaluate, points, ())

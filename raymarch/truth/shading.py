@@ -1,4 +1,4 @@
-"""What the light makes of a surface: Phong's model, hard shadows, fog."""
+"""What the light makes of a surface: two models, shadows, emission, fog."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.light import Light, PointLight, Sun
+from raymarch.scene.light import Light, PointLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
+from raymarch.truth.light import Incoming, incoming, microfacets, soft_visibility
 from raymarch.truth.march import GAP, NOISE
 from raymarch.truth.rays import Rays, unit
 from raymarch.truth.visibility import unblocked
@@ -65,10 +66,9 @@ class Surface:
     @cached_property
     def color(self) -> Array:
         """Linear RGB with fog, (N, 3)."""
-        phong = self._phong
-        color = np.zeros((len(self.depth), 3))
+        color = self._look["emission"]
         for light in self.scene.lights:
-            color += self._from(light, phong)
+            color = color + self._from(light)
         fog = self.scene.fog
         if fog is not None:
             through = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
@@ -76,9 +76,9 @@ class Surface:
         return color
 
     @cached_property
-    def _phong(self) -> _Phong:
-        looks = self.field.looks(self.points)
-        return _Phong(looks[:, :3], looks[:, 3:4], looks[:, 4:5], looks[:, 5:])
+    def _look(self) -> dict[str, Array]:
+        """Material of each point, mixed: colours (N, 3), the others (N, 1)."""
+        return self.field.looks(self.points)
 
     @cached_property
     def _shading_normals(self) -> Array:
@@ -88,41 +88,61 @@ class Surface:
         away = np.einsum("ij,ij->i", self.normals, self.directions)[:, None] > 0.0
         return np.where(away, -self.normals, self.normals)
 
-    def _from(self, light: Light, phong: _Phong) -> Array:
-        """What one light adds."""
-        n = self._shading_normals
-        to_light, distance = self._towards(light)
-        radiance = self.values.of(light.radiance)
-        if isinstance(light, PointLight):
-            radiance = radiance / np.where(distance > 0.0, distance, np.inf)[:, None] ** 2
-        facing = np.einsum("ij,ij->i", n, to_light)[:, None]
-        reflected = 2.0 * facing * n - to_light
+    def _from(self, light: Light) -> Array:
+        """What one light adds: the answers of the two models, each by its share."""
+        come = incoming(light, self.values, self.points, self.far)
+        facing = np.einsum("ij,ij->i", self._shading_normals, come.direction)
+        visible = self._visible(light, come, (facing > 0.0) & come.radiance.any(axis=1))[:, None]
+        share = self._look["physical"]
+        added = np.zeros_like(self.points)
+        if np.any(share < 1.0):
+            added += (1.0 - share) * self._phong(come, facing[:, None], visible)
+        if np.any(share > 0.0):
+            look = self._look
+            answer = microfacets(
+                self._shading_normals,
+                -self.directions,
+                come.direction,
+                look["color"],
+                look["metalness"],
+                look["roughness"],
+                look["f0"],
+                self.scene.quality.masking,
+            )
+            added += share * come.radiance * visible * answer
+        return added
+
+    def _phong(self, come: Incoming, facing: Array, visible: Array) -> Array:
+        look = self._look
+        reflected = 2.0 * facing * self._shading_normals - come.direction
         seen = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
-        direct = phong.color * np.maximum(facing, 0.0) + phong.specular * seen**phong.shininess * (facing > 0.0)
-        if light.shadow:
-            direct *= self._visible(to_light, distance, facing[:, 0] > 0.0)[:, None]
-        result: Array = radiance * (phong.ambient * phong.color + direct)
+        gloss = look["specular"] * seen ** look["shininess"] * (facing > 0.0)
+        direct = visible * (look["color"] * np.maximum(facing, 0.0) + gloss)
+        result: Array = come.radiance * (look["ambient"] * look["color"] + direct)
         return result
 
-    def _towards(self, light: Light) -> tuple[Array, Array]:
-        """Unit vectors to a light and its distance; to a sun it is twice how far rays are traced from the camera,
-        for no two points of the scene are farther apart."""
-        if isinstance(light, PointLight):
-            way = self.values.of(light.position) - self.points
-            return unit(way), np.linalg.norm(way, axis=1)
-        assert isinstance(light, Sun)
-        direction = self.values.of(light.direction)
-        return np.broadcast_to(direction, self.points.shape), np.full(len(self.points), 2.0 * self.far)
-
-    def _visible(self, to_light: Array, distance: Array, facing: NDArray[Any]) -> Array:
-        """1 where a light is seen from the surface, else 0. What faces away is not asked."""
-        row = np.flatnonzero(facing)
-        start = self.points[row] + self._offset[row, None] * self._shading_normals[row]
-        rays = Rays(start, to_light[row])
-        visible = np.zeros(len(facing))
-        if row.size:
-            box = self.scene.node.facts
-            visible[row] = unblocked(self.field, rays, box, distance[row], self.depth[row], self.inside)
+    def _visible(self, light: Light, come: Incoming, asked: NDArray[Any]) -> Array:
+        """Share of a light that is seen from the surface, 0 to 1. What is not asked is 0 for a light with a shadow."""
+        if not light.shadow:
+            return np.ones(len(asked))
+        visible = np.zeros(len(asked))
+        if isinstance(light, PointLight) and light.shadow_radius is not None:
+            beyond = come.distance >= self.values.of(light.shadow_radius)
+            visible[beyond] = 1.0
+            asked = asked & ~beyond
+        row = np.flatnonzero(asked)
+        if not row.size:
+            return visible
+        offset = self._offset[row]
+        rays = Rays(self.points[row] + offset[:, None] * self._shading_normals[row], come.direction[row])
+        box, end = self.scene.node.facts, come.distance[row]
+        if light.soft:
+            side = -1.0 if self.inside else 1.0
+            visible[row] = soft_visibility(
+                light, self.values, lambda points: side * self.field.distance(points), rays, box, offset, end
+            )
+        else:
+            visible[row] = unblocked(self.field, rays, box, end, self.depth[row], self.inside)
         return visible
 
     @cached_property
@@ -136,13 +156,3 @@ class Surface:
         size = np.linalg.norm(self.origin) + self.depth
         offset: Array = np.maximum(GAP * self.depth, 64 * NOISE * size)
         return offset
-
-
-@dataclass(frozen=True, slots=True)
-class _Phong:
-    """Material of each point, mixed: color (N, 3), the others (N, 1)."""
-
-    color: Array
-    shininess: Array
-    specular: Array
-    ambient: Array

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import raymarch as rm
+from raymarch.expr.vocabulary import sin
+from raymarch.scene.light import PENUMBRAS
 from raymarch.scene.quality import NORMALS, TRACERS
 
 RED, BLUE = rm.Material((1, 0, 0)), rm.Material((0, 0, 1), shininess=80)
@@ -12,6 +14,18 @@ GAP, TINT = rm.Param("gap", 1.0, 0.5, 2.0), rm.Param("tint", (0.2, 0.4, 0.6), 0,
 def solid() -> rm.Node:
     body = rm.union(rm.box().round(0.1), rm.torus().translate((0, 0.5, 0)), k=0.3).material(RED)
     return body - rm.cylinder(0.2, 3).rotate(0.5, "x").material(BLUE)
+
+
+def lamps() -> list[rm.PointLight | rm.Sun]:
+    """One of each kind."""
+    return [
+        rm.Sun((1, 2, 1), shadow=True, softness=0.05),
+        rm.PointLight((0, 3, 0), radius=5, shadow=True, softness=0.2, shadow_radius=GAP, penumbra="cone"),
+        rm.PointLight((3, 0, GAP), attenuation=(1, 0.1, 0.5), shadow=True),
+        rm.PointLight((0, 0, 3), attenuation=(1, 0.1, 0.5), radius=6, color=TINT),
+        rm.SpotLight((0, 4, 0), angle=GAP, blend=0.5),
+        rm.SphereLight((2, 4, 2), 0.4, shadow=True, penumbra="triangulated"),
+    ]
 
 
 def scenes() -> dict[str, rm.Scene]:
@@ -35,6 +49,20 @@ def scenes() -> dict[str, rm.Scene]:
         ),
         "repeated": rm.Scene((solid() | rm.capsule()).repeat(5).mirror((1, 1, 0)).shell(0.05)),
     }
+    gold = rm.Material(albedo=(1, 0.8, 0.4), metalness=1, roughness=0.3)
+    spotted = rm.Material(roughness=lambda p: 0.5 + 0.4 * sin(9 * p.x), emission=lambda p: 0.1 * abs(p))
+    made["physical"] = rm.Scene(rm.sphere().material(gold) | rm.box().translate((2, 0, 0)))
+    made["masking"] = rm.Scene(rm.sphere().material(gold), quality=rm.Quality(masking="separable"))
+    made["both models"] = rm.Scene(rm.union(rm.sphere().material(gold), solid(), k=0.2))
+    made["patterns"] = rm.Scene(rm.sphere().material(spotted).repeat(3) | rm.plane(offset=-2).material(spotted))
+    made["glow without lights"] = rm.Scene(rm.sphere().material(spotted), lights=[])
+    made["soft shadows"] = rm.Scene(
+        solid() | rm.plane(offset=-1), lights=[rm.Sun(shadow=True, softness=0.1, penumbra=p) for p in PENUMBRAS]
+    )
+    made["soft shadows without end"] = rm.Scene(rm.plane((1, 2, 3)), lights=[rm.Sun(shadow=True, softness=GAP)])
+    made["lamps"] = rm.Scene(solid(), lights=lamps())
+    made["many lamps"] = rm.Scene(solid() | rm.sphere().material(gold).translate((3, 0, 0)), lights=2 * lamps())
+    made["many plain lamps"] = rm.Scene(solid(), lights=[rm.PointLight((k, 3, 0)) for k in range(20)])
     turned = rm.box().rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
     made["copies beside a material"] = rm.Scene(turned | rm.plane().material(RED))
     made |= {f"{n} normals": rm.Scene(solid(), quality=rm.Quality(normals=n)) for n in NORMALS}

@@ -109,10 +109,11 @@ def test_a_module_without_its_header_or_of_no_such_name_is_refused(monkeypatch: 
 
 
 def test_names_that_are_given_twice_are_alternatives() -> None:
-    """Two modules that give one name never stand in one shader: tracers, normals, passes and the two clippings."""
+    """Two modules that give one name never stand in one shader: tracers, normals, passes, the two clippings,
+    structs of materials and ways of masking."""
     givers: dict[str, list[str]] = {}
     for name in MODULES:
         for given in glsl.load(name).gives:
             givers.setdefault(given, []).append(name)
     rooms = {frozenset(name.split("/")[0] for name in names) for names in givers.values() if len(names) > 1}
-    assert rooms <= {frozenset({"march"}), frozenset({"normal"}), frozenset({"view"})}
+    assert rooms <= {frozenset({room}) for room in ("march", "normal", "view", "material", "light")}

@@ -40,7 +40,7 @@ def test_no_light_with_a_shadow_means_no_shadow_code() -> None:
     assert "shadow" not in plain.lower()
     flagged = [rm.Sun(shadow=False), rm.PointLight((0, 3, 0), shadow=False), lights[2]]
     assert text(rm.Scene(rm.sphere(), lights=flagged)) == plain
-    assert "sun_shadow" in text(rm.Scene(rm.sphere(), lights=[rm.Sun(shadow=True)]))
+    assert "hard_shadow" in text(rm.Scene(rm.sphere(), lights=[rm.Sun(shadow=True)]))
 
 
 ABSENT = {

@@ -1,6 +1,7 @@
-// A light from infinitely far away; `direction` points towards it.
-// needs: Material phong
+// A light from infinitely far away; `direction` points towards it. No point of the scene is farther from the camera
+// than u_far, so no two are farther apart than twice that.
+// needs: Light u_far
 // gives: sun_light
-vec3 sun_light(Material material, vec3 normal, vec3 view, vec3 direction, vec3 radiance, float visibility) {
-    return phong(material, normal, view, direction, radiance, visibility);
+Light sun_light(vec3 direction, vec3 radiance) {
+    return Light(direction, 2.0 * u_far, radiance);
 }

@@ -1,0 +1,12 @@
+// The share of light that a surface mirrors, after Schlick (1994). Powers are products: pow of a negative base is
+// undefined, and rounding makes one of 1 - cosine.
+// needs:
+// gives: fifth fresnel
+float fifth(float x) {
+    float square = x * x;
+    return square * square * x;
+}
+
+vec3 fresnel(vec3 f0, float cosine) {
+    return f0 + (1.0 - f0) * fifth(clamp(1.0 - cosine, 0.0, 1.0));
+}

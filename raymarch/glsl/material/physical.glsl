@@ -1,0 +1,9 @@
+// What a surface of microfacets looks like.
+// needs:
+// gives: Material
+struct Material {
+    vec3 color;
+    float metalness;
+    float roughness;
+    vec3 f0;
+};

@@ -1,0 +1,186 @@
+"""What comes from a light to some points, and how much of it soft shadows let through."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.scene.light import Light, PointLight, SpotLight, Sun
+from raymarch.scene.parameter import Values
+from raymarch.sdf.facts import Facts
+from raymarch.truth.rays import Rays, unit
+
+Array = NDArray[np.float64]
+
+TURNS = 5_000
+"""Steps after which a soft shadow is taken as it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Incoming:
+    """Light at N points: unit directions towards its source (N, 3), distances (N,), radiance (N, 3)."""
+
+    direction: Array
+    distance: Array
+    radiance: Array
+
+
+def incoming(light: Light, values: Values, points: Array, far: float) -> Incoming:
+    """What a light sends to some points.
+
+    The distance to a sun is twice how far rays are traced from the camera: no two points of the scene are farther
+    apart.
+    """
+    radiance = values.of(light.radiance)
+    if isinstance(light, Sun):
+        direction = np.broadcast_to(values.of(light.direction), points.shape)
+        return Incoming(direction, np.full(len(points), 2.0 * far), np.broadcast_to(radiance, points.shape))
+    assert isinstance(light, PointLight)
+    way = values.of(light.position) - points
+    distance = np.linalg.norm(way, axis=1)
+    direction = unit(way)
+    weight = _falloff(light, values, distance)
+    if isinstance(light, SpotLight):
+        outer, inner = (float(values.of(c)) for c in light.cosines)
+        cosine = -direction @ values.of(light.direction)
+        weight = weight * np.clip((cosine - outer) / max(inner - outer, 1e-6), 0.0, 1.0) ** 2
+    return Incoming(direction, distance, radiance * weight[:, None])
+
+
+def _falloff(light: PointLight, values: Values, distance: Array) -> Array:
+    """What is left of a light at a distance; a light that touches the surface adds nothing to it."""
+    share = np.inf if light.radius is None else values.of(light.radius)
+    if light.attenuation is not None:
+        constant, linear, quadratic = values.of(light.attenuation)
+        divisor = np.maximum(constant + distance * (linear + distance * quadratic), 1e-300)
+        return np.maximum(1.0 - distance / share, 0.0) / divisor
+    window = np.maximum(1.0 - (distance / share) ** 4, 0.0) ** 2
+    result: Array = window / np.where(distance > 0.0, distance, np.inf) ** 2
+    return result
+
+
+def soft_visibility(
+    light: Light, values: Values, field: Callable[[Array], Array], rays: Rays, box: Facts, near: Array, end: Array
+) -> Array:
+    """Share of a soft light that is seen along each ray, (N,), by the rule that the light names.
+
+    field : distances, positive outside. near : where the rays start to look, > 0. end : the light's distance.
+
+    These are approximations of what a light's disc would show; here they are taken with the steps of the shader, in
+    float64. How far they are from the truth of a disc is measured by `tests/truth/test_truth_soft_shadows.py`.
+    """
+    width = values.of(light.softness) / (1.0 if isinstance(light, Sun) else np.maximum(end, 1e-300))
+    width = np.broadcast_to(width, end.shape)
+    s, stop = _inside_cone(rays, box, width, near, end)
+    rule = {"two-sided": _TwoSided, "cone": _Cone, "triangulated": _Triangulated}[light.penumbra](len(end))
+    row = np.flatnonzero(s < stop)
+    for _ in range(TURNS):
+        if not row.size:
+            break
+        r = field(rays.at(row, s[row]))
+        s[row] += rule.step(row, r, s[row], width[row], near[row])
+        row = row[(rule.least[row] > -1.0) & (s[row] < stop[row])]
+    return rule.visibility()
+
+
+class _Cone:
+    """The smallest clearance over the disc's radius so far, from -1, nothing is left, to 1; (N,)."""
+
+    def __init__(self, n: int) -> None:
+        self.least = np.ones(n)
+
+    def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
+        """Takes in the distances r at s on some rays; gives the length of the next step."""
+        least = np.minimum(self.least[row], r / (width * s))
+        self.least[row] = np.where(r <= 0.125 * near, -1.0, least)
+        return r
+
+    def visibility(self) -> Array:
+        """Share of the light, (N,)."""
+        result: Array = np.maximum(self.least, 0.0)
+        return result
+
+
+class _Triangulated(_Cone):
+    """The same, with the clearance between two samples; `last` is the distance at the sample before, 0 for none."""
+
+    def __init__(self, n: int) -> None:
+        super().__init__(n)
+        self.last = np.zeros(n)
+
+    def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
+        last = self.last[row]
+        back = np.where(last > 0.0, r * r / (2.0 * np.where(last > 0.0, last, 1.0)), 0.0)
+        back = np.where(back > last, 0.0, back)
+        found = np.sqrt(np.maximum(r * r - back * back, 0.0)) / (width * np.maximum(s - back, near))
+        self.least[row] = np.where(r <= 0.125 * near, -1.0, np.minimum(self.least[row], found))
+        self.last[row] = r
+        return r
+
+
+class _TwoSided(_Cone):
+    """The clearance on both sides of the edge: inside of an obstacle it is negative."""
+
+    def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
+        reach = width * s
+        self.least[row] = np.maximum(np.minimum(self.least[row], r / reach), -1.0)
+        result: Array = np.maximum(np.maximum(0.5 * np.abs(r), r - width * (s + r)), 0.05 * reach)
+        return result
+
+    def visibility(self) -> Array:
+        r = self.least
+        result: Array = 0.5 + (r * np.sqrt(1.0 - r * r) + np.arcsin(r)) / np.pi
+        return result
+
+
+def _inside_cone(rays: Rays, box: Facts, width: Array, near: Array, end: Array) -> tuple[Array, Array]:
+    """Where cones about the rays, of slope `width`, enter and leave a box."""
+    start, stop = near.copy(), end.copy()
+    for axis in range(3):
+        o, d = rays.origins[:, axis], rays.directions[:, axis]
+        for side, plane in ((1.0, box.upper[axis]), (-1.0, -box.lower[axis])):
+            if not np.isfinite(plane):
+                continue
+            slope = side * d - width
+            slope = np.where(np.abs(slope) < 1e-20, 1e-20, slope)
+            t = (plane - side * o) / slope
+            stop = np.where(slope > 0.0, np.minimum(stop, t), stop)
+            start = np.where(slope > 0.0, start, np.maximum(start, t))
+    return start, stop
+
+
+def microfacets(
+    normal: Array, view: Array, light: Array, color: Array, metalness: Any, roughness: Any, f0: Array, masking: str
+) -> Array:
+    """The Cook-Torrance reflectance of a surface times the cosine to the light and pi, (N, 3).
+
+    normal, view, light : unit vectors (N, 3). color, f0 : (N, 3). metalness, roughness : (N, 1). masking : see
+    `Quality`. D after GGX (Walter et al. 2007), F after Schlick (1994), masking after Smith, correlated by height
+    (Heitz 2014) or separable; the diffuse part is that of Ashikhmin and Shirley (2000). Below 0 of either cosine it
+    is 0.
+    """
+    facing = np.einsum("ij,ij->i", normal, light)[:, None]
+    seen = np.maximum(np.einsum("ij,ij->i", normal, view)[:, None], 1e-4)
+    lit = facing > 0.0
+    facing = np.where(lit, facing, 1.0)
+    middle = unit(light + view)
+    alpha = np.maximum(roughness * roughness, 1e-3)
+    square, rest = alpha**2, 1.0 - alpha**2
+    cosine = np.einsum("ij,ij->i", normal, middle)[:, None]
+    sine = np.sum(np.cross(normal, middle) ** 2, axis=1, keepdims=True)
+    density = square / (sine + square * cosine**2) ** 2  # times pi
+    to_eye, to_light = (np.sqrt(c * c * rest + square) for c in (seen, facing))
+    if masking == "correlated":
+        hidden = 0.5 / (facing * to_eye + seen * to_light)
+    else:
+        hidden = 1.0 / ((facing + to_light) * (seen + to_eye))
+    base = f0 * (1.0 - metalness) + color * metalness
+    tilt = np.clip(1.0 - np.einsum("ij,ij->i", middle, view)[:, None], 0.0, 1.0)
+    mirrored = (base + (1.0 - base) * tilt**5) * density * hidden
+    entering = 1.05 * (1.0 - (1.0 - facing) ** 5) * (1.0 - (1.0 - seen) ** 5) * (1.0 - metalness)
+    result: Array = np.where(lit, facing * (mirrored + entering * (1.0 - f0) * color), 0.0)
+    return result

@@ -1,0 +1,73 @@
+"""Materials, lights and shadows on the device, held against the float64 truth."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.gpu import Renderer
+from raymarch.plan import lights
+from raymarch.scene.parameter import set_values
+from raymarch.truth import silhouettes, truth
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "shader"))
+from shader_samples import lamps, scenes, solid
+
+SIZE = (80, 60)
+EXACT = ("physical", "masking", "both models", "patterns", "glow without lights", "many plain lamps")
+SOFT = ("soft shadows", "soft shadows without end", "lamps", "many lamps")
+
+
+def differences(renderer: Renderer, scene: rm.Scene) -> np.ndarray:
+    """Off silhouettes, over what is there: a highlight of brightness 20 need not be known to 1/255."""
+    renderer.resize(SIZE)
+    known = truth(scene, SIZE)
+    found = renderer.render(scene).color
+    return (np.abs(found - known.color) / np.maximum(known.color, 1.0)).max(axis=-1)[~silhouettes(known)]
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_look_is_true(renderer: Renderer, name: str) -> None:
+    off = differences(renderer, scenes()[name])
+    assert np.mean(off > 1 / 255) < 1e-3 and np.percentile(off, 95) < 1e-3
+
+
+@pytest.mark.parametrize("name", SOFT)
+def test_a_soft_shadow_is_true(renderer: Renderer, name: str) -> None:
+    """The samples on its way are others in float32, by which the penumbra changes a little; the rest does not."""
+    off = differences(renderer, scenes()[name])
+    assert np.mean(off > 1 / 255) < 0.05 and np.mean(off > 0.05) < 0.01
+
+
+def test_many_lights_are_what_each_of_them_is(renderer: Renderer) -> None:
+    """As rows of a texture in one loop they light like text does."""
+    renderer.resize(SIZE)
+    few = [lamps()[k] for k in (0, 1, 3, 4, 5)]
+    pictures = [
+        renderer.render(rm.Scene(solid(), lights=some)).color
+        for some in (few, [*few, *(rm.PointLight((9, 9, 9), intensity=0) for _ in range(20))])
+    ]
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=1e-5)
+
+
+def test_rows_hold_what_their_lights_have_and_no_more() -> None:
+    plain = rm.Scene(solid(), lights=[rm.PointLight((k, 3, 0)) for k in range(64)])
+    values = set_values(plain.parameters, {})
+    assert lights.rows(plain, values).shape == (64, 2, 4)
+    every = rm.Scene(solid(), lights=4 * lamps())
+    rows = lights.rows(every, set_values(every.parameters, {}))
+    assert rows.shape == (24, 6, 4) and rows.dtype == np.float32
+    assert np.allclose(rows[4, 0], (0, 4, 0, lights.POINT)) and rows[4, 3, 3] == 1.0
+
+
+def test_rows_follow_parameters_without_a_new_shader(renderer: Renderer) -> None:
+    renderer.resize((16, 12))
+    height = rm.Param("height", 3.0, 1.0, 9.0)
+    scene = rm.Scene(rm.sphere(), lights=[rm.PointLight((k, height, 0)) for k in range(12)], sky=(0, 0, 0))
+    low, high = (renderer.render(scene, params={"height": h}) for h in (2.0, 8.0))
+    assert low.color.max() > 2 * high.color.max()
+    assert high.timings[0].compile == 0.0
