@@ -62,7 +62,7 @@ class Scene:
         if isinstance(given, Light) or not isinstance(given, Iterable):
             raise SceneError(f"Scene: lights = {lights!r}", legal="a list of Sun and PointLight")
         self.lights = tuple(
-            _instance("lights", light, Light, "Sun(...), PointLight(...), SpotLight(...) or SphereLight(...)")
+            _instance("lights", light, Light, "Sun(...) or PointLight(...), SpotLight(...), SphereLight(...)")
             for light in given
         )
         self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
