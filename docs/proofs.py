@@ -94,14 +94,67 @@ without symmetry, and inexact. A row has the worst of them. Estimates promise no
 """
 
 
+KINDS = {
+    "lipschitz": "a field that is too steep not divided by its Lipschitz factor",
+    "margin": "a side of a box 3 % short, a box that does not grow with a blend",
+    "look-up": "a copy next door not asked",
+    "sign": "plus for minus, a minus left out",
+    "clamp": "one side of a min or max, a clamp, an abs left out",
+    "factor": "a factor or a divisor left out",
+    "claim": "exact, convex, symmetric or of no spread, where it is not",
+}
+
+
+FAULTS = """
+## Seeded faults
+
+`python tests/sdf/faults.py` breaks every definition on purpose, at most three times for each kind of fault, and runs
+the tests that every node has to pass.
+
+**{caught} of {seeded} were noticed, {share:.1f} %**; {promise} of them, {promised:.1f} % of all, because a promise was
+broken. The others make another field that keeps all of its promises: a union that leaves out a child, a blend of
+another curve. They are noticed because the field is not the one that was measured. No fault, and not counted, is what
+changes no value and no fact, and a smaller box that is proved to hold the solid.
+
+"""
+
+
+def faults() -> list[str]:
+    """The table of seeded faults."""
+    found = ledger("faults")
+    kinds = found["kinds"]
+    total = {o: sum(c[o] for c in kinds.values()) for o in ("promise", "record", "missed", "none")}
+    seeded = total["promise"] + total["record"] + total["missed"]
+    caught = seeded - total["missed"]
+    text = FAULTS.format(
+        caught=caught,
+        seeded=seeded,
+        share=100 * caught / seeded,
+        promise=total["promise"],
+        promised=100 * total["promise"] / seeded,
+    ).splitlines()
+    text += ["| kind | what | by a promise | by the record | not noticed | no fault |", "|---|---|---|---|---|---|"]
+    for kind, what in KINDS.items():
+        c = kinds.get(kind, dict.fromkeys(total, 0))
+        text.append(f"| {kind} | {what} | {c['promise']} | {c['record']} | {c['missed']} | {c['none']} |")
+    return [*text, "", "Not noticed:", "", *[f"- {line}" for line in found["missed"]]]
+
+
 def page() -> str:
     """docs/proofs.md."""
     known = set(names())
     rows = {name: found for name, found in sorted(ledger("nodes").items()) if name in known}
     text = ["# What was measured", "", "Made by `python docs/proofs.py` from `docs/figures/nodes.json`, which"]
-    text += ["`python tests/sdf/measure.py` writes.", "", *summary(rows), *GUIDE.splitlines(), ""]
+    text += [
+        "`python tests/sdf/measure.py` writes, and `docs/figures/faults.json`.",
+        "",
+        *summary(rows),
+        *GUIDE.splitlines(),
+        "",
+    ]
     text += [f"| {' | '.join(COLUMNS)} |", "|" + "---|" * len(COLUMNS)]
     text += [row(name, found) for name, found in rows.items()]
+    text += faults()
     return "\n".join(text) + "\n"
 
 

@@ -18,6 +18,7 @@ from raymarch.expr.vocabulary import (
     clamp,
     cos,
     dot,
+    exp2,
     fract,
     length,
     log,
@@ -26,6 +27,7 @@ from raymarch.expr.vocabulary import (
     mod,
     pow,
     sin,
+    sqrt,
     vec3,
     vec4,
     where,
@@ -83,11 +85,12 @@ def sierpinski(p: Expr, size: Positive = 2.0, iterations: Count = 5) -> Expr:
     return 0.5 * size * ((faces - 1.0) * (1.0 / math.sqrt(3.0)) / scale)
 
 
-@shape(exactness="estimate", bounds=lambda power, iterations: cube(1.25))
+@shape(exactness="estimate", bounds=lambda power, iterations: cube(exp2(1.0 / (power - 1.0))))
 def mandelbulb(p: Expr, power: Power = 8.0, iterations: Count = 5) -> Expr:
     """The Mandelbulb: z -> z^power + p in spherical coordinates (White and Nylander 2009).
 
     power : >= 2; 8 is the usual one. iterations : >= 1. An estimate: log(r) r / (2 |dz|), dz being the growth.
+    Within 2^(1 / (power - 1)) of the origin: where |p| is larger, |z^power + p| >= |z| (|z|^(power - 1) - 1) >= |z|.
     """
 
     def step(i: Expr, z: Expr, growth: Expr) -> tuple[Expr, Expr]:
@@ -102,11 +105,12 @@ def mandelbulb(p: Expr, power: Power = 8.0, iterations: Count = 5) -> Expr:
     return 0.5 * log(max(r, TINY)) * r / growth
 
 
-@shape(exactness="estimate", bounds=lambda c, iterations: cube(2.0))
+@shape(exactness="estimate", bounds=lambda c, iterations: cube(0.5 + sqrt(0.25 + length(c))))
 def julia(p: Expr, c: Vec4 = (-0.2, 0.6, 0.2, 0.2), iterations: Count = 11) -> Expr:
     """A slice of a quaternion Julia set: z -> z^2 + c (Norton 1982).
 
     c : quaternion, real part first, no longer than 2. iterations : >= 1. An estimate: log(|z|) |z| / (2 |z'|).
+    Within R = 1/2 + sqrt(1/4 + |c|) of the origin: where |z| >= R, |z^2 + c| >= R^2 - |c| = R.
     """
 
     def step(i: Expr, z: Expr, growth: Expr) -> tuple[Expr, Expr]:
@@ -119,7 +123,7 @@ def julia(p: Expr, c: Vec4 = (-0.2, 0.6, 0.2, 0.2), iterations: Count = 11) -> E
     return 0.5 * log(max(r, TINY)) * r / max(growth, TINY)
 
 
-@shape(exactness="estimate", bounds=lambda factor, iterations: cube(6.0))
+@shape(exactness="estimate", bounds=lambda factor, iterations: cube(6.0), symmetry="xyz")
 def mandelbox(p: Expr, factor: Number = 2.0, iterations: Count = 8) -> Expr:
     """The Mandelbox: fold into a box, fold into a ball, scale by a factor, add p (Lowe 2010).
 

@@ -71,6 +71,7 @@ class Figures:
     short_outside, short_inside : how much less than the distance an exact node says, in % of its size.
     over : how much more than the distance a node says, in % of its size.
     violations : points, pairs and samples at which a promise was broken.
+    means : for each sample, what its field is known by; see `Seen.means`.
     """
 
     samples: int
@@ -89,6 +90,7 @@ class Figures:
     short_inside: float | None
     over: float | None
     violations: int
+    means: dict[str, list[float]]
 
 
 @dataclass
@@ -240,6 +242,7 @@ def measure(name: str, chosen: list[NodeSample], egl: Context) -> Figures:
                 steepest.found / s.node.lipschitz if promised else None,
                 s.node.lipschitz / max(steepest.found, 1e-9) if promised else None,
                 steepest.usual, inside, margin, outside, within, over, broken,
+                {sample.name: s.means},
             )
         )  # fmt: skip
     return worst_of(rows)
@@ -251,6 +254,8 @@ def worst_of(rows: list[Figures]) -> Figures:
         values = [v for row in rows if (v := getattr(row, f.name)) is not None]
         if f.name in ("samples", "inside", "violations"):
             made[f.name] = sum(values)
+        elif f.name == "means":
+            made[f.name] = {name: means for each in values for name, means in each.items()}
         elif f.name == "best":
             made[f.name] = min(values, key=ORDER.index)
         elif f.name == "exactness":

@@ -27,6 +27,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import cos, sin
+from raymarch.scene.material import Material
 from raymarch.sdf import (
     Node,
     box,
@@ -297,7 +298,7 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         "aslant": lambda: transition(_kind["stretched"](), _kind["bitten"](), (-0.5, -0.1, 0.0), (0.4, 0.3, 0.1)),
         "pair": lambda: transition(_kind["pair"](), _kind["slanted"](), (0.5, 0.0, 0.0), (-0.5, 0.0, 0.0)),
     },
-    "labelled": {"brick": lambda: material(_kind["brick"](), "red")},
+    "labelled": {"brick": lambda: material(_kind["brick"](), Material((0.8, 0.2, 0.1)))},
     "repeat_cells": {
         "without end": lambda: repeat(_kind["brick"](), 1.5),
         "ball aside": lambda: repeat(_kind["ball aside"](), (1.0, None, 1.3), (3, 1, 2)),
@@ -382,6 +383,13 @@ class Seen:
     def surface(self) -> NDArray[np.float64]:
         """2000 points on the surface; none where the solid is empty."""
         return self.field.surface(np.random.default_rng(14), self.points, self.values, 2000)
+
+    @property
+    def means(self) -> list[float]:
+        """Means of the values, of their sizes, and with two random signs for each point: no other field has them."""
+        signs = np.random.default_rng(17).choice([-1.0, 1.0], (2, len(self.values)))
+        weighted = [self.values, np.abs(self.values), signs[0] * self.values, signs[1] * np.abs(self.values)]
+        return [float(f"{w.mean():.10g}") for w in weighted]
 
 
 def look_at(sample: NodeSample) -> Seen:

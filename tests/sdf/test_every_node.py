@@ -5,6 +5,9 @@ Each test reads a fact from the node and holds it against the field itself, eval
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from glsl_harness import assert_es, run
@@ -39,6 +42,19 @@ TWIN_ULPS: dict[str, tuple[float, str]] = {}
 def few_wrong(node: Node) -> float:
     """The share of points at which an estimate may be off: at the edge of a fractal an iteration magnifies rounding."""
     return 0.02 if node.exactness == "estimate" else 0.0
+
+
+MEASURED = json.loads((Path(__file__).parents[2] / "docs" / "figures" / "nodes.json").read_text(encoding="utf-8"))
+
+
+def test_the_field_is_the_one_that_was_measured(s: Seen) -> None:
+    """docs/proofs.md tells of these very fields; one that is another than it was has to be looked at again."""
+    name, sample = s.sample.definition.name, s.sample.name
+    found = MEASURED.get(name, {}).get("means", {}).get(sample)
+    again = f"run `python tests/sdf/measure.py {name}; python docs/proofs.py`, and look at its picture"
+    assert found is not None, f"{name} ({sample}) has not been measured: {again}"
+    loose = 1e-5 if s.node.exactness == "estimate" else 1e-8  # where an iteration magnifies rounding
+    np.testing.assert_allclose(s.means, found, rtol=loose, atol=loose * s.field.size, err_msg=again)
 
 
 def test_every_definition_has_samples() -> None:
@@ -213,6 +229,14 @@ def test_solid_lies_within_its_bounds(s: Seen) -> None:
     assert np.all(s.field.value(far)[outside] > 0)
 
 
+def test_no_side_of_the_box_cuts_the_solid(s: Seen) -> None:
+    """A cap that the points above are too few to meet."""
+    for axis in range(s.node.dimension):
+        for edge in (bounds[axis] for bounds in s.node.bounds):
+            if np.isfinite(edge) and not s.node.facts.empty:
+                assert lowest_on_plane(s.field, axis, edge) >= -1e-9 * s.field.size, (axis, edge)
+
+
 def test_small_values_lie_near_the_bounds(s: Seen) -> None:
     """What is grown or blended relies on it: a field that rises slowly reaches far."""
     spread = s.node.facts.spread
@@ -226,9 +250,10 @@ def test_small_values_lie_near_the_bounds(s: Seen) -> None:
 def test_what_is_called_convex_is_convex(s: Seen) -> None:
     if not s.node.facts.convex:
         return  # not known to be convex
-    inside = s.points[s.values < 0][:20_000]
-    middles = 0.5 * (inside + np.random.default_rng(16).permutation(inside))
-    assert s.field.value(middles).max() <= 1e-12 * s.field.size
+    inside = np.concatenate([s.points[s.values < 0][:20_000], s.surface])
+    random = np.random.default_rng(16)
+    middles = 0.5 * np.concatenate([inside + random.permutation(inside), s.surface + random.permutation(s.surface)])
+    assert s.field.value(middles).max() <= 1e-10 * s.field.size
 
 
 def test_bounds_of_exact_shapes_are_tight(s: Seen) -> None:
