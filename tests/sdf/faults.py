@@ -44,6 +44,7 @@ CHECKS: list[Callable[[Seen], None]] = [
     promises.test_small_values_lie_near_the_bounds,
     promises.test_symmetry_is_symmetry,
     promises.test_what_is_called_convex_is_convex,
+    promises.test_every_child_counts,
     promises.test_special_points,
     lambda s: promises.test_shapes_do_not_know_their_unit(s, 1e6),
     promises.test_distance_is_never_larger_than_to_the_surface,

@@ -24,15 +24,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from glsl_harness import run
 from node_samples import NodeSample, Seen, definitions, look_at, samples
 from scipy.spatial import cKDTree
-from test_every_node import (
-    TWIN_ULPS,
-    ULP,
-    few_wrong,
-    lowest_on_plane,
-    nearest_distance,
-    smooth_differences,
-    thorough_distance,
-)
+from surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance
+from test_every_node import TWIN_ULPS, ULP, few_wrong
 
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VECTORS

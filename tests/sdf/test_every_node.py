@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from glsl_harness import assert_es, run
 from node_samples import POINTS, Field, Seen, definitions, look_at, samples
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance, unit
 
+from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.glsl import print_functions
@@ -82,19 +83,6 @@ def test_glsl_serves_es(s: Seen) -> None:
     assert_es(node.glsl(), "field({0})", [VECTORS[node.dimension]])
 
 
-def smooth_differences(
-    field: Field, points: NDArray[np.float64], h: float, jump: float
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Central differences, and where they mean something: where the slope does not jump from one side to the other."""
-    at = field.value(points)
-    parts, smooth = [], np.ones(len(points), bool)
-    for axis in np.eye(field.dimension):
-        after, before = field.value(points + h * axis), field.value(points - h * axis)
-        parts.append((after - before) / (2 * h))
-        smooth &= np.abs(after - 2 * at + before) <= jump * h
-    return np.stack(parts, axis=-1), smooth
-
-
 def least_smooth(node: Node) -> float:
     """The share of points away from kinks that a test needs; estimates of fractals are rough nearly everywhere."""
     return 0.05 if node.exactness == "estimate" else 0.5
@@ -145,10 +133,6 @@ def test_normals_on_the_surface_survive_float32(s: Seen) -> None:
     single = np.broadcast_to(single, (len(points), s.node.dimension + 1))[:, :-1]
     error = np.linalg.norm(unit(single.astype(np.float64)) - unit(gradient), axis=1)[smooth]
     assert np.mean(~(error < 1e-3)) <= few_wrong(s.node), points[smooth][np.argmax(error)]
-
-
-def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
 def test_never_steeper_than_promised(s: Seen) -> None:
@@ -265,21 +249,6 @@ def test_bounds_of_exact_shapes_are_tight(s: Seen) -> None:
                 assert lowest_on_plane(s.field, axis, edge) <= 0.01 * s.field.size
 
 
-def lowest_on_plane(field: Field, axis: int, at: float) -> float:
-    """The smallest value on an axis-aligned plane, by a grid that closes in."""
-    low, high = field.low.copy(), field.high.copy()
-    best = np.inf
-    for _ in range(5):
-        sides = [np.array([at]) if k == axis else np.linspace(low[k], high[k], 33) for k in range(field.dimension)]
-        grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, field.dimension)
-        values = field.value(grid)
-        middle = grid[np.argmin(values)]
-        best = min(best, float(values.min()))
-        half = 0.15 * (high - low)
-        low, high = middle - half, middle + half
-    return best
-
-
 def test_distance_is_never_larger_than_to_the_surface(s: Seen) -> None:
     """For exact nodes and bounds alike: the surface, found by bisection, is at least as far as the field says."""
     if s.node.exactness == "estimate":
@@ -313,47 +282,20 @@ def test_exact_distance_is_the_distance(s: Seen) -> None:
     )
 
 
-def nearest_distance(
-    field: Field, random: np.random.Generator, cloud: NDArray[np.float64], queries: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distances to the surface: from the nearest known points of it, by trying others around them."""
-    best, index = cKDTree(cloud).query(queries)
-    at = cloud[index]
-    rows = np.arange(len(at))
-    radius = 0.06 * field.size
-    for _ in range(12):
-        slope = field.gradient(at)
-        normal = slope / np.maximum(np.linalg.norm(slope, axis=1), 1e-6)[:, None]
-        along = (queries - at) - ((queries - at) * normal).sum(axis=1)[:, None] * normal  # what slides it nearer
-        steps = [share * along for share in (1.0, 0.5, 0.2)]
-        steps += [radius * random.normal(size=at.shape) for _ in range(6)]
-        tried, distances = projected(field, at[:, None] + np.stack(steps, axis=1), queries[:, None])
-        chosen = np.argmin(distances, axis=1)
-        better = distances[rows, chosen] < best
-        best = np.where(better, distances[rows, chosen], best)
-        at = np.where(better[:, None], tried[rows, chosen], at)
-        radius *= 0.6
-    return best
-
-
-def projected(
-    field: Field, points: NDArray[np.float64], queries: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points moved onto the surface by Newton steps, and their distances from queries; infinite where that failed."""
-    for _ in range(3):
-        slope = field.gradient(points)
-        points = points - (field.value(points) / np.maximum((slope**2).sum(axis=-1), 1e-6))[..., None] * slope
-    distances = np.linalg.norm(points - queries, axis=-1)
-    return points, np.where(np.abs(field.value(points)) < 1e-9 * field.size, distances, np.inf)
-
-
-def thorough_distance(field: Field, random: np.random.Generator, query: NDArray[np.float64], reach: float) -> float:
-    """The nearest of many points of the surface, tried all around a query."""
-    around = random.normal(size=(4000, field.dimension))
-    around *= (reach * random.uniform(0.5, 1.1, 4000) / np.linalg.norm(around, axis=1))[:, None]
-    points, distances = projected(field, query + around, query)
-    start = points[np.argsort(distances)[:20]]
-    return float(nearest_distance(field, random, start, np.broadcast_to(query, start.shape)).min())
+def test_every_child_counts(s: Seen) -> None:
+    """Any child that is moved a little changes the field somewhere: none is forgotten."""
+    node, points = s.node, s.points[:20_000]
+    if len(node.children) > 2:
+        return  # one of many may be hidden by the others
+    for k, child in enumerate(node.children):
+        moved = child.translate(0.02 * s.field.size * np.array([1.0, 0.7, -0.5])[: child.dimension])
+        children = (*node.children[:k], moved, *node.children[k + 1 :])
+        try:
+            facts = node.definition.derive(children, node.params)
+        except SceneError:
+            continue  # made for a child that stands where this one does
+        other = Field(Node(node.definition, children, node.params, facts)).value(points)
+        assert np.abs(other - s.values[: len(points)]).max() > 1e-6 * s.field.size, f"child {k} is without effect"
 
 
 def test_symmetry_is_symmetry(s: Seen) -> None:

@@ -1,0 +1,86 @@
+"""Searches on a field: its slope by differences, its lowest value on a plane, the nearest point of its surface.
+
+They know values and gradients alone, so that they can be held against what a node promises.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from node_samples import Field
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+
+def smooth_differences(
+    field: Field, points: NDArray[np.float64], h: float, jump: float
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Central differences, and where they mean something: where the slope does not jump from one side to the other."""
+    at = field.value(points)
+    parts, smooth = [], np.ones(len(points), bool)
+    for axis in np.eye(field.dimension):
+        after, before = field.value(points + h * axis), field.value(points - h * axis)
+        parts.append((after - before) / (2 * h))
+        smooth &= np.abs(after - 2 * at + before) <= jump * h
+    return np.stack(parts, axis=-1), smooth
+
+
+def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
+
+
+def lowest_on_plane(field: Field, axis: int, at: float) -> float:
+    """The smallest value on an axis-aligned plane, by a grid that closes in."""
+    low, high = field.low.copy(), field.high.copy()
+    best = np.inf
+    for _ in range(5):
+        sides = [np.array([at]) if k == axis else np.linspace(low[k], high[k], 33) for k in range(field.dimension)]
+        grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, field.dimension)
+        values = field.value(grid)
+        middle = grid[np.argmin(values)]
+        best = min(best, float(values.min()))
+        half = 0.15 * (high - low)
+        low, high = middle - half, middle + half
+    return best
+
+
+def nearest_distance(
+    field: Field, random: np.random.Generator, cloud: NDArray[np.float64], queries: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distances to the surface: from the nearest known points of it, by trying others around them."""
+    best, index = cKDTree(cloud).query(queries)
+    at = cloud[index]
+    rows = np.arange(len(at))
+    radius = 0.06 * field.size
+    for _ in range(12):
+        slope = field.gradient(at)
+        normal = slope / np.maximum(np.linalg.norm(slope, axis=1), 1e-6)[:, None]
+        along = (queries - at) - ((queries - at) * normal).sum(axis=1)[:, None] * normal  # what slides it nearer
+        steps = [share * along for share in (1.0, 0.5, 0.2)]
+        steps += [radius * random.normal(size=at.shape) for _ in range(6)]
+        tried, distances = projected(field, at[:, None] + np.stack(steps, axis=1), queries[:, None])
+        chosen = np.argmin(distances, axis=1)
+        better = distances[rows, chosen] < best
+        best = np.where(better, distances[rows, chosen], best)
+        at = np.where(better[:, None], tried[rows, chosen], at)
+        radius *= 0.6
+    return best
+
+
+def projected(
+    field: Field, points: NDArray[np.float64], queries: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points moved onto the surface by Newton steps, and their distances from queries; infinite where that failed."""
+    for _ in range(3):
+        slope = field.gradient(points)
+        points = points - (field.value(points) / np.maximum((slope**2).sum(axis=-1), 1e-6))[..., None] * slope
+    distances = np.linalg.norm(points - queries, axis=-1)
+    return points, np.where(np.abs(field.value(points)) < 1e-9 * field.size, distances, np.inf)
+
+
+def thorough_distance(field: Field, random: np.random.Generator, query: NDArray[np.float64], reach: float) -> float:
+    """The nearest of many points of the surface, tried all around a query."""
+    around = random.normal(size=(4000, field.dimension))
+    around *= (reach * random.uniform(0.5, 1.1, 4000) / np.linalg.norm(around, axis=1))[:, None]
+    points, distances = projected(field, query + around, query)
+    start = points[np.argsort(distances)[:20]]
+    return float(nearest_distance(field, random, start, np.broadcast_to(query, start.shape)).min())
