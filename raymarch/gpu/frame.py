@@ -71,13 +71,18 @@ class Frame:
 
     @property
     def iterations(self) -> NDArray[np.int32]:
-        """Steps of the primary ray, int32, (H, W)."""
+        """Steps of the primary ray and of the cones around it, int32, (H, W)."""
         return self.array("iterations")
 
     @property
-    def evaluations(self) -> NDArray[np.int32]:
-        """Evaluations of the field by the primary ray, int32, (H, W)."""
+    def evaluations(self) -> NDArray[np.float32]:
+        """Evaluations of the field by the primary ray and, shared out, by the cones around it, float32, (H, W)."""
         return self.array("evaluations")
+
+    @property
+    def fallbacks(self) -> NDArray[np.int32]:
+        """Steps of the primary ray that proved too long and were undone, int32, (H, W)."""
+        return self.array("fallbacks")
 
     @property
     def residual(self) -> NDArray[np.float32]:
@@ -103,13 +108,14 @@ def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[
     """The arrays that a pass's textures hold, by name."""
     if name == "color":
         return {"color": textures[0][..., :3].copy()}
-    march, surface = textures
+    march, surface, more = textures
     depth = march[..., 0]
     return {
         "depth": np.where(depth < 0, np.float32(np.inf), depth),
         "residual": march[..., 1].copy(),
-        "iterations": march[..., 2].astype(np.int32),
-        "evaluations": march[..., 3].astype(np.int32),
+        "iterations": np.rint(march[..., 2]).astype(np.int32),
+        "evaluations": march[..., 3].copy(),
+        "fallbacks": more[..., 0].astype(np.int32),
         "normal": surface[..., :3].copy(),
         "material": surface[..., 3].astype(np.int32),
     }

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
+from raymarch.gpu.program import FULL_SCREEN, RAYS
 from raymarch.plan import OUTPUTS, Plan, plan
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
@@ -25,26 +26,30 @@ class Prepared:
     Attributes
     ----------
     plan, shader : what is drawn.
-    texts : the fragment shader by pass.
+    texts : the fragment shader by pass. vertex : the vertex shader of them all.
     distance : the field in float64, a function of points that gives a tuple of one array.
     """
 
     plan: Plan
     shader: Shader
     texts: Mapping[str, str]
+    vertex: str
     distance: Callable[..., tuple[Any, ...]]
 
 
-def prepare(scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
+def prepare(scene: Scene, outputs: Sequence[str] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
     """Plan and assemble a scene for the passes that yield some outputs. May run in any thread.
 
+    size : (width, height) of the picture, by which the plan weighs what a further pass would save.
     Raises SceneError for an unknown output and PlanError for a scene that cannot be planned.
     """
-    made = plan(scene, passes_for(outputs))
+    made = plan(scene, passes_for(outputs), size)
     shader = assemble(made)
     texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
+    vertex = RAYS if scene.quality.rays == "interpolated" else FULL_SCREEN
     known = not without_twin(made.field.body)
-    return Prepared(made, shader, texts, evaluator([made.field.body], made.field.params) if known else _outside)
+    distance = evaluator([made.field.body], made.field.params) if known else _outside
+    return Prepared(made, shader, texts, vertex, distance)
 
 
 def passes_for(outputs: Sequence[str]) -> list[str]:

@@ -2,59 +2,32 @@
 
 from __future__ import annotations
 
-import time as clock_time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
-import moderngl
-import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, SceneError
-from raymarch.expr.samples import Samples
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
+from raymarch.gpu.drafts import Draft, History, drafts_of
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
-from raymarch.gpu.program import FULL_SCREEN, Program
-from raymarch.gpu.targets import Target, upload
-from raymarch.plan import Pass, lights
+from raymarch.gpu.store import Store
+from raymarch.gpu.targets import Target
+from raymarch.gpu.tiles import WHOLE, draw_in_tiles
+from raymarch.plan import lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
 
 Progress = Callable[[float], None]
 
-KEPT = 32
-"""Compiled programs that a renderer keeps at first; the one used longest ago is freed first."""
-
 PLANNED = 8
 """Scenes whose plan and shader a renderer keeps."""
-
-TILE = 128
-"""Edge of the tiles in which a picture is drawn when somebody watches its progress, in pixels."""
-
-
-@dataclass(frozen=True, slots=True)
-class Draft:
-    """A pass with its program, target and uniforms, ready to be drawn, whole or tile by tile.
-
-    `compile` is what the driver took to compile the program for it, in milliseconds; 0 if it had been.
-    """
-
-    chosen: Pass
-    program: Program
-    target: Target
-    uniforms: Mapping[str, Any]
-    compile: float
-
-    def draw(self, tile: tuple[int, int, int, int] | None = None) -> None:
-        """Draw without waiting for the device; `tile` as in `Program.draw`."""
-        self.program.draw(self.target, self.uniforms, tile)
 
 
 class Renderer:
@@ -66,12 +39,6 @@ class Renderer:
     backend : "auto" takes the first that works of "egl", "osmesa" and "window" (a hidden one).
     device : index of the EGL device.
     context : an open context to draw on, which is left open by `close`; None opens one.
-
-    `compiled` counts the programs that the driver compiled so far.
-
-    Attributes
-    ----------
-    kept : how many compiled programs are kept, >= 1; who draws more in turn raises it.
 
     Raises DeviceError if there is no context, or for a size that the driver cannot draw.
     """
@@ -85,18 +52,12 @@ class Renderer:
     ) -> None:
         self.context: Context = open_context(backend, device) if context is None else context
         self._owns_context = context is None
-        self.compiled = 0
         self.clock = Clock(self.context)
-        self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
-        self._drawn: set[Program] = set()
-        self._targets: dict[int, Target] = {}
+        self.store = Store(self.context)
+        self.history = History()
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
-        self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
-        self._light_rows: moderngl.Texture | None = None
-        self.kept = KEPT
-        self._size = size
         try:
-            self._target(1)
+            self._size = self.store.target("color", size).size
         except DeviceError:
             self.close()
             raise
@@ -104,15 +65,31 @@ class Renderer:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
-        return self._target(1).size
+        return self.store.target("color", self._size).size
+
+    @property
+    def kept(self) -> int:
+        """How many compiled programs are kept, >= 1; the one used longest ago is freed first."""
+        return self.store.kept
+
+    @kept.setter
+    def kept(self, programs: int) -> None:
+        self.store.kept = programs
+
+    @property
+    def compiled(self) -> int:
+        """How many programs the driver compiled so far."""
+        return self.store.compiled
 
     def resize(self, size: tuple[int, int]) -> None:
         """Draw at another size from now on; DeviceError, and the old size stays, if it is not possible."""
-        fresh = Target(self.context, size, 1)
-        for target in self._targets.values():
-            target.release()
-        self._targets = {1: fresh}
-        self._size = fresh.size
+        self._size = self.store.target("color", size).size
+        self.store.free_targets("color")
+        self.forget()
+
+    def forget(self) -> None:
+        """Let the next frame take nothing from those before it."""
+        self.history = History()
 
     def render(
         self,
@@ -171,7 +148,7 @@ class Renderer:
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
-        self._prepared[_key(scene, outputs)] = prepared
+        self._prepared[*_key(scene, outputs), self._size] = prepared
         while len(self._prepared) > PLANNED:
             self._prepared.popitem(last=False)
 
@@ -179,9 +156,9 @@ class Renderer:
         return set_values(self._prepare(scene, outputs).plan.parameters, params or {}, time, scene.where)
 
     def _prepare(self, scene: Scene, outputs: Sequence[str]) -> Prepared:
-        found = self._prepared.get(_key(scene, outputs))
+        found = self._prepared.get((*_key(scene, outputs), self._size))
         if found is None:
-            found = prepare(scene, outputs)
+            found = prepare(scene, outputs, self._size)
             self.adopt(scene, found, outputs)
         return found
 
@@ -190,100 +167,40 @@ class Renderer:
             raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
         ready = self._prepare(scene, outputs)
         uniforms = frame_uniforms(ready, values, self.size, pose)
-        uniforms.update({name: self._texture(data) for name, data in ready.shader.samples.items()})
+        uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
         if ready.plan.lights_as_data:
-            uniforms["u_lights"] = self._lights(lights.rows(scene, values))
-        return [self._draft(ready, chosen, uniforms) for chosen in ready.plan.passes]
-
-    def _draft(self, ready: Prepared, chosen: Pass, uniforms: Mapping[str, Any]) -> Draft:
-        program, compiling = self._program(ready, chosen.name)
-        return Draft(chosen, program, self._target(chosen.textures), uniforms, compiling)
+            uniforms["u_lights"] = self.store.lights(lights.rows(scene, values))
+        return drafts_of(self.store, ready, uniforms, self.size, self.history)
 
     def _render_passes(
         self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None, pose: Pose | None
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-        arrays: dict[str, NDArray[Any]] = {}
         timings = []
+        targets: dict[str, Target] = {}
         drafts = self._drafts(scene, values, outputs, pose)
         for i, draft in enumerate(drafts):
-            first = draft.program not in self._drawn
-            self._drawn.add(draft.program)
-            part = None if progress is None else _part(progress, i, len(drafts))
-            chosen = draft.chosen
-            drawn = self._draw(draft, part)
-            timings.append(Timing(chosen.name, drawn, draft.compile, first))
-            arrays.update(unpack(chosen.name, [draft.target.read(k) for k in range(chosen.textures)]))
+            first = self.store.first_draw(draft.program)
+            drawn = self._draw(draft, None if progress is None else _part(progress, i, len(drafts)))
+            timings.append(Timing(draft.chosen.name, drawn, draft.compile, first))
+            targets[draft.chosen.name] = draft.target
+        arrays: dict[str, NDArray[Any]] = {}
+        for name, target in targets.items():
+            if name != "cone":
+                arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings
 
     def _draw(self, draft: Draft, progress: Progress | None) -> float:
         """Milliseconds of a pass, whole or tile by tile."""
-        if progress is None:
+        width, height = draft.target.size
+        if progress is None and width * height <= WHOLE:
             return self.clock.time(draft.draw)
-        spent = 0.0
-        tiles = list(tiles_of(draft.target.size))
-        for i, tile in enumerate(tiles, 1):
-            spent += self.clock.time(lambda tile=tile: draft.draw(tile))  # type: ignore[misc]
-            progress(i / len(tiles))
-        return spent
-
-    def _program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
-        """A pass ready to draw, and the milliseconds that the driver took to compile it now."""
-        text = ready.texts[chosen]
-        found = self._programs.get((chosen, text))
-        if found is not None:
-            self._programs.move_to_end((chosen, text))
-            return found, 0.0
-        start = clock_time.perf_counter()
-        program = Program(self.context, FULL_SCREEN, text, ready.shader.locate, chosen)
-        spent = 1e3 * (clock_time.perf_counter() - start)
-        self.compiled += 1
-        self._programs[chosen, text] = program
-        while len(self._programs) > self.kept:
-            _, oldest = self._programs.popitem(last=False)
-            self._drawn.discard(oldest)
-            oldest.release()
-        return program, spent
-
-    def _target(self, textures: int) -> Target:
-        if textures not in self._targets:
-            self._targets[textures] = Target(self.context, self._size, textures)
-        return self._targets[textures]
-
-    def _texture(self, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
-        """Sampled data on the device; those used longest ago are freed."""
-        if data.key not in self._textures:
-            self._textures[data.key] = upload(self.context, data)
-            while len(self._textures) > KEPT:
-                self._textures.popitem(last=False)[1].release()
-        self._textures.move_to_end(data.key)
-        return self._textures[data.key]
-
-    def _lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
-        """The texture of many lights, with the rows of this frame."""
-        if self._light_rows is None or self._light_rows.size != rows.shape[1::-1]:
-            if self._light_rows is not None:
-                self._light_rows.release()
-            self._light_rows = self.context.gl.texture(rows.shape[1::-1], 4, dtype="f4")
-            self._light_rows.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._light_rows.write(rows.tobytes())
-        return self._light_rows
+        return draw_in_tiles(
+            draft.target.size, lambda tile: self.clock.time(lambda: draft.draw(tile)), progress or (lambda share: None)
+        )
 
     def close(self) -> None:
         """Free everything. Idempotent."""
-        for target in self._targets.values():
-            target.release()
-        for program in self._programs.values():
-            program.release()
-        if not self.context.released:
-            self.context.make_current()
-            for texture in self._textures.values():
-                texture.release()
-            if self._light_rows is not None:
-                self._light_rows.release()
-        self._textures.clear()
-        self._targets.clear()
-        self._programs.clear()
-        self._drawn.clear()
+        self.store.release()
         self._prepared.clear()
         if self._owns_context:
             self.context.release()
@@ -305,15 +222,6 @@ def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
 
 def _part(progress: Progress, i: int, n: int) -> Progress:
     return lambda share: progress((i + share) / n)
-
-
-def tiles_of(size: tuple[int, int]) -> Iterator[tuple[int, int, int, int]]:
-    """The picture in tiles, its top rows first."""
-    width, height = size
-    for top in range(height, 0, -TILE):
-        bottom = max(top - TILE, 0)
-        for x in range(0, width, TILE):
-            yield x, bottom, min(TILE, width - x), top - bottom
 
 
 def render(

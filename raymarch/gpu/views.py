@@ -18,6 +18,7 @@ VIEWS: Mapping[str, tuple[str, ...]] = {
     "normal": ("normal",),
     "iterations": ("iterations",),
     "evaluations": ("evaluations",),
+    "fallbacks": ("fallbacks",),
     "residual": ("residual",),
     "material": ("material",),
 }
@@ -28,7 +29,7 @@ def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
     """A view as an 8-bit image.
 
     depth: near is bright, what was not hit is black. normal: x, y, z from -1 to 1 as red, green, blue.
-    iterations, evaluations: black is 0, white the largest of the picture. residual: logarithmic.
+    iterations, evaluations, fallbacks: black is 0, white the largest of the picture. residual: logarithmic.
     material: a colour for each index.
     """
     if view == "final":

@@ -2,6 +2,7 @@
 
 from raymarch.plan import explain, lights
 from raymarch.plan.feature import Feature
-from raymarch.plan.plan import OUTPUTS, Pass, Plan, plan
+from raymarch.plan.passes import OUTPUTS, Pass
+from raymarch.plan.plan import Plan, plan
 
 __all__ = ["OUTPUTS", "Feature", "Pass", "Plan", "explain", "lights", "plan"]

@@ -17,33 +17,16 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr
 from raymarch.expr.walk import find, topological
-from raymarch.plan import lights, shading
+from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
+from raymarch.plan.marching import Marching
+from raymarch.plan.passes import Pass, passes_of
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.lower import Lowering
 
-OUTPUTS = ("color", "depth", "normal", "iterations", "evaluations", "residual", "material")
-"""The arrays that a frame can hold."""
-
 LARGEST = 1024
 """Shapes that a field may have as text. Beyond this, compilers take many seconds or fail."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pass:
-    """One draw of the full-screen quad: its outputs, and how many colour textures it fills."""
-
-    name: str
-    module: str
-    textures: int
-    reason: str
-
-
-PASSES = {
-    "color": Pass("color", "view/color", 1, "the picture"),
-    "geometry": Pass("geometry", "view/geometry", 2, "depth, normal, material or counts were asked for"),
-}
 
 
 @dataclass(slots=True)
@@ -62,17 +45,21 @@ class Plan:
     modules: list[tuple[str, str]]
     features: list[Feature]
     parameters: dict[str, Spec]
-    tracer: str
-    tracer_reason: str
+    marching: Marching
     shapes: int
     nodes: int
     operations: int
     warnings: list[str] = default(default_factory=list)
 
     @property
+    def tracer(self) -> str:
+        """The tracer that marches the rays, one of `raymarch.scene.quality.TRACERS`."""
+        return self.marching.tracer
+
+    @property
     def certified(self) -> bool:
-        """True if the field is no larger than the distance, so that nothing is stepped over."""
-        return self.scene.node.exactness != "estimate"
+        """True if the field is no larger than the distance, so that nothing is stepped over; or is taken for such."""
+        return marching.trusted(self.scene)
 
     @property
     def epsilon(self) -> float:
@@ -91,8 +78,12 @@ class Plan:
         return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
 
 
-def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
-    """Plan a scene. PlanError for clashing parameters or a field that is too large."""
+def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int] | None = None) -> Plan:
+    """Plan a scene. PlanError for clashing parameters or a field that is too large.
+
+    passes : names of what is to be drawn, of `raymarch.plan.passes.DRAWN`; passes that they need are added.
+    size : (width, height) of the picture, by which the plan weighs what a further pass would save.
+    """
     lowering = Lowering()
     definition = lowering.field(scene.node)
     shapes = len(lowering.shapes)
@@ -103,9 +94,10 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
             where=scene.node.where,
         )
     lit = shading.lit(scene)
-    chosen = [PASSES[name] for name in passes]
-    geometry = any(p.name == "geometry" for p in chosen)
-    tracer, reason = _choose_tracer(scene)
+    operations = _operations(definition)
+    chosen = marching.choose(scene, operations, size)
+    drawn = passes_of(passes, scene.quality, chosen.cones)
+    geometry = any(p.name == "geometry" for p in drawn)
     made = Plan(
         scene=scene,
         field=definition,
@@ -115,17 +107,16 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
         emission=None,
         model="phong",
         origins=lowering.origins,
-        passes=chosen,
+        passes=drawn,
         modules=[],
         features=[],
         parameters=scene.parameters,
-        tracer=tracer,
-        tracer_reason=reason,
+        marching=chosen,
         shapes=shapes,
         nodes=len(all_nodes(scene.node)),
-        operations=_operations(definition),
+        operations=operations,
     )
-    shaded = lit and any(p.name == "color" for p in chosen)
+    shaded = lit and any(p.name == "color" for p in drawn)
     needs_normal = (shaded and bool(scene.lights)) or geometry
     if needs_normal and scene.quality.normals == "analytic":
         made.gradient = companion(definition)
@@ -137,22 +128,6 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",)) -> Plan:
     _describe_effects(made)
     made.warnings += _warnings(scene)
     return made
-
-
-MODULES = {"relaxed_again": "relaxed"}
-"""Tracers whose module has another name."""
-
-
-def _choose_tracer(scene: Scene) -> tuple[str, str]:
-    """The tracer and why."""
-    asked = scene.quality.tracer
-    if scene.node.exactness == "estimate":
-        if asked not in ("auto", "plain"):
-            return "plain", f"the field is an estimate, on which Quality(tracer={asked!r}) would be fooled"
-        return "plain", "the field is an estimate, which proves no longer step"
-    if asked == "auto":
-        return "auto_relaxed", "the field is certified, so a step is as long as its spheres prove"
-    return asked, f"Quality(tracer={asked!r})"
 
 
 def _operations(definition: Function) -> int:
@@ -178,25 +153,12 @@ def _operations(definition: Function) -> int:
 def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     scene, add = made.scene, made.modules.append
     quality = scene.quality
-    add(("view/camera", "every picture has a camera"))
-    add(("march/epsilon", f"a ray looks for its hit within {made.epsilon:g} pixel widths of a surface"))
-    add(("march/hit", "the last step towards a surface is along the measured slope"))
-    add((f"march/{MODULES.get(made.tracer, made.tracer)}", made.tracer_reason))
-    if made.clipped:
-        below, above = np.isfinite(scene.node.facts.upper), np.isfinite(scene.node.facts.lower)
-        add(("march/below", "the scene's box ends on some side"))
-        if np.any(above):
-            add(("march/above", "the scene's box ends below on some axis"))
-        if np.any(above & below):
-            add(("march/slab", "the scene's box has two ends on some axis"))
-        add(("march/clipped", "rays are marched inside the scene's box only"))
-    else:
-        add(("march/whole", "the scene's box has no end on any side"))
+    made.modules += marching.modules(scene, made.marching, made.epsilon)
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
     made.modules += shading.modules(scene, made.model if shaded else None, any(p.name == "color" for p in made.passes))
-    for chosen in made.passes:
-        add((chosen.module, chosen.reason))
+    for drawn in made.passes:
+        add((drawn.module, drawn.reason))
 
 
 def _describe_effects(made: Plan) -> None:
@@ -212,8 +174,12 @@ def _describe_effects(made: Plan) -> None:
     feature("parameters", bool(made.parameters), f"{len(made.parameters)} uniforms", "no Param is used")
     geometry = any(p.name == "geometry" for p in made.passes)
     feature("geometry pass", geometry, "arrays beyond colour were asked for", "only the picture was asked for")
-    feature("anti-aliasing", False, "", "one ray a pixel")
-    feature("history textures", False, "", "nothing in this scene is accumulated over frames")
+    quality = scene.quality
+    feature("cones", made.marching.cones, made.marching.schedule_reason, made.marching.schedule_reason)
+    feature("anti-aliasing", quality.samples > 1, f"{quality.samples} rays a pixel", "one ray a pixel")
+    temporal = quality.temporal != "off"
+    kept = f"Quality(temporal={quality.temporal!r})" if temporal else "the samples of a pixel are averaged"
+    feature("history textures", temporal or quality.samples > 1, kept, "nothing is accumulated over frames or samples")
     made.features.sort(key=lambda f: not f.used)
 
 

@@ -11,6 +11,10 @@ from raymarch.errors import SceneError
 TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "front")
 MASKINGS = ("correlated", "separable")
 NORMALS = ("analytic", "tetrahedron", "central", "forward")
+SCHEDULES = ("auto", "single", "two", "four", "six", "cone", "cones")
+CORRECTIONS = ("proven", "slope", "none")
+TEMPORAL = ("off", "accumulate", "reproject")
+RAYS = ("computed", "interpolated")
 
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 """What `omega` is where it is not given: what the tracers' authors use, and what was measured best for enhanced."""
@@ -50,8 +54,16 @@ class Quality:
         "relaxed": steps longer by `omega` until one proves too long (Keinert et al. 2014); "relaxed_again" goes on
         relaxing after that. "enhanced": steps by the slope of the last two samples (Bálint and Valasek 2018).
         "auto_relaxed": by an averaged slope (Bán and Valasek 2023). "front": by the averaged slope, keeping samples
-        that went too far. A field that is only an estimate is marched plainly, whatever is chosen but "plain".
+        that went too far. A field that is only an estimate is marched plainly, whatever is chosen, unless `trust`.
+    trust : take an estimate for a certified field, so that the tracer and schedule that are asked for are used on it;
+        to compare.
     max_steps : steps that a ray may take, 1 to 60,000 (software renderers end loops at 65,535).
+    schedule : which coarser pictures are marched first, to start rays where a cone around them ended. "single": none.
+        "two", "four" and "six" resolutions: those of Bálint and Valasek 2018, each with its share of `max_steps`.
+        "cone": cones of 4 by 4 pixels, marched until they can go on no more; "cones": those of 16 by 16 before.
+        "auto" lets the plan weigh what they save against their own cost.
+    correction : how a ray ends that came within `epsilon`. "proven": it steps along the slope and asks the field
+        whether that is nearer; a ray that only passes goes on. "slope": one such step, not asked. "none": where it is.
     epsilon : a ray looks for its hit where the field falls below this many pixel widths at that distance, 0.001 to 10.
         None is 0.1 for a certified field, whose hit is then settled to a sixteenth of it; and 0.5 for an estimate,
         whose detail below a pixel has no normal worth showing, so that the ray ends there.
@@ -62,6 +74,15 @@ class Quality:
     step_scale : the plain tracer's steps are this part of the distance, above 0 and up to 1; for estimates.
     masking : how microfacets hide each other, after Smith: "correlated" by their height (Heitz 2014), or "separable",
         as if the light's way in had nothing to do with its way out (Walter et al. 2007), which some renderers use.
+    step_variation : the plain tracer's steps are shorter by up to this part, 0 to 0.9, chosen anew for each pixel and
+        sample: the error of an estimate becomes noise, which `samples` take out, in place of rings.
+    samples : rays a pixel in one frame, spread over the pixel's square, 1 to 4096.
+    temporal : what one frame takes from those before. "off": nothing. "accumulate": while the picture stays the same,
+        each frame adds its samples to the mean of all. "reproject": so too, and while the camera moves, what was seen
+        before is found again where it went. Frames of one `Renderer` only.
+    budget : steps that a ray may take in one pass, 1 to 60,000; the march goes on in the next pass from where it
+        stood, until it ends or has taken `max_steps`. None: one pass.
+    rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
     """
 
     tracer: str = "auto"
@@ -71,22 +92,29 @@ class Quality:
     omega: float | None = None
     beta: float = 0.3
     step_scale: float = 1.0
+    step_variation: float = 0.0
+    schedule: str = "auto"
+    correction: str = "proven"
+    trust: bool = False
+    samples: int = 1
+    temporal: str = "off"
+    budget: int | None = None
+    rays: str = "computed"
     masking: str = "correlated"
 
     def __post_init__(self) -> None:
-        if self.tracer not in TRACERS:
-            raise SceneError(f"Quality: tracer = {self.tracer!r}", legal=", ".join(map(repr, TRACERS)))
-        if self.normals not in NORMALS:
-            raise SceneError(f"Quality: normals = {self.normals!r}", legal=", ".join(map(repr, NORMALS)))
-        if self.masking not in MASKINGS:
-            raise SceneError(f"Quality: masking = {self.masking!r}", legal=", ".join(map(repr, MASKINGS)))
-        steps = self.max_steps
-        if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= 60000:
-            raise SceneError(f"Quality: max_steps = {steps!r}", legal="an integer from 1 to 60000")
+        for name, legal in _CHOICES.items():
+            if getattr(self, name) not in legal:
+                raise SceneError(f"Quality: {name} = {getattr(self, name)!r}", legal=", ".join(map(repr, legal)))
+        _whole("max_steps", self.max_steps, 60000)
+        _whole("samples", self.samples, 4096)
+        if self.budget is not None:
+            _whole("budget", self.budget, 60000)
         if self.epsilon is not None:
             _within("epsilon", self.epsilon, 1e-3, 10)
         _within("beta", self.beta, 1e-3, 1)
         _within("step_scale", self.step_scale, 1e-3, 1)
+        _within("step_variation", self.step_variation, 0, 0.9)
         if self.omega is not None:
             if self.tracer not in RELAXATION:
                 raise SceneError(
@@ -134,6 +162,23 @@ class Quality:
     def contact(self, certified: bool) -> float:
         """The field, in pixel widths, at which a ray has met a surface: what a hit promises."""
         return self.near(certified) * (CONTACT if certified else 1.0)
+
+
+_CHOICES = {
+    "tracer": TRACERS,
+    "normals": NORMALS,
+    "schedule": SCHEDULES,
+    "correction": CORRECTIONS,
+    "trust": (True, False),
+    "temporal": TEMPORAL,
+    "rays": RAYS,
+    "masking": MASKINGS,
+}
+
+
+def _whole(name: str, value: object, most: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
+        raise SceneError(f"Quality: {name} = {value!r}", legal=f"an integer from 1 to {most}")
 
 
 def _within(name: str, value: object, low: float, high: float) -> None:

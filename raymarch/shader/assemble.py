@@ -44,7 +44,7 @@ class Shader:
     Attributes
     ----------
     body : its lines, without version and defines.
-    passes : names of the passes in it; with more than one, `PASS` chooses.
+    passes : names of the passes in it; with more than one, `PASS` chooses. defines : what else each defines.
     parameters : GLSL name of the uniform of each parameter, by the parameter's own name.
     uses_time : whether it has a uniform u_time.
     samples : sampled data by the name of its texture.
@@ -52,6 +52,7 @@ class Shader:
 
     body: tuple[Mapped, ...]
     passes: tuple[str, ...]
+    defines: tuple[tuple[str, ...], ...]
     parameters: Mapping[str, str]
     uses_time: bool
     samples: Mapping[str, Samples]
@@ -64,8 +65,12 @@ class Shader:
         return "\n".join([*self._head(chosen or self.passes[0], version), *(line.text for line in self.body)]) + "\n"
 
     def _head(self, chosen: str, version: str) -> list[str]:
-        define = [f"#define PASS {self.passes.index(chosen)}"] if len(self.passes) > 1 else []
-        return [*HEADERS[version], *define]
+        if len(self.passes) == 1:
+            return HEADERS[version]
+        index = self.passes.index(chosen)
+        # One line whatever is defined, so that lines are counted alike in all passes.
+        defines = [f"#define {name}" for name in self.defines[index]] or [""]
+        return [*HEADERS[version], f"#define PASS {index}", *defines]
 
     def locate(self, line: int, version: str = "330 core") -> tuple[str, Location | None]:
         """What made a line of the text (counted from 1), in words, and the user's line if one did."""
@@ -96,7 +101,8 @@ def assemble(plan: Plan) -> Shader:
     order = _in_order([*modules, fields, *generated])
     body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
     body += _main(mains)
-    return Shader(tuple(body), tuple(p.name for p in plan.passes), parameters, text.uses_time, text.samples)
+    names, defines = tuple(p.name for p in plan.passes), tuple(p.defines for p in plan.passes)
+    return Shader(tuple(body), names, defines, parameters, text.uses_time, text.samples)
 
 
 def _module(name: str) -> Chunk:
@@ -149,21 +155,29 @@ def _main(mains: Sequence[Chunk]) -> list[Mapped]:
 # Generated chunks
 
 
+CONE_SHARE = 0.125
+"""A cone ends where it could go on by less than this share of its own radius."""
+
+
 def _constants(plan: Plan) -> Chunk:
     """The numbers of the quality that the chosen tracer reads."""
     quality = plan.scene.quality
+    steps = str(quality.max_steps)
     values = {
-        "max_steps": ("int", str(quality.max_steps)),
+        "max_steps": ("int", steps),
+        "march_steps": ("int", "" if plan.marching.cones else steps),
         "epsilon_pixels": ("float", literal(plan.epsilon)),
         "contact_share": ("float", literal(CONTACT if plan.certified else 1.0)),
+        "cone_share": ("float", literal(CONE_SHARE)),
         "step_scale": ("float", literal(quality.step_scale)),
+        "step_variation": ("float", literal(quality.step_variation)),
         "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.tracer, 1.0))),
         "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),
         "smoothing": ("float", literal(quality.beta)),
     }
     needed = {name for module, _ in plan.modules for name in glsl.load(module).needs}
     lines = [
-        Mapped(f"const {kind} {name} = {value};", "Quality(...)")
+        Mapped(f"const {kind} {name} = {value};" if value else f"uniform {kind} {name};", "Quality(...)")
         for name, (kind, value) in values.items()
         if name in needed
     ]
@@ -171,15 +185,25 @@ def _constants(plan: Plan) -> Chunk:
 
 
 def _scene_box(plan: Plan) -> Chunk:
-    """The part of a ray inside the scene's box, padded so that rounding cannot cut the surface off."""
+    """The part of a ray inside the scene's box, padded so that rounding cannot cut the surface off.
+
+    A cone is inside from where its nearest edge is: its radius u_cone t moves each plane out, which is as if its axis
+    pointed further inwards. For rays u_cone is 0.
+    """
     steps, needs = [], {"Ray"}
+    cones = plan.marching.cones
     for axis, low, high in box_ends(plan.scene.node.facts):
         at = f"ray.origin.{axis}, ray.direction.{axis}"
-        planes = ", ".join(literal(end) for end in (low, high) if end is not None)
-        if planes:
+        if cones:
+            clips = [(f"above(range, {at} + u_cone, {literal(low)})", "above")] if low is not None else []
+            clips += [(f"below(range, {at} - u_cone, {literal(high)})", "below")] if high is not None else []
+        else:
+            planes = ", ".join(literal(end) for end in (low, high) if end is not None)
             clip = "above" if high is None else "below" if low is None else "slab"
-            steps.append(f"    range = {clip}(range, {at}, {planes});")
-            needs.add(clip)
+            clips = [(f"{clip}(range, {at}, {planes})", clip)] if planes else []
+        steps += [f"    range = {text};" for text, _ in clips]
+        needs |= {name for _, name in clips}
+    needs |= {"u_cone"} if cones else set()
     text = ["vec2 scene_box(Ray ray, vec2 range) {", *steps, "    return range;", "}"]
     lines = tuple(Mapped(line, "the scene's bounds", plan.scene.node.where) for line in text)
     return Chunk("scene box", frozenset(needs), frozenset({"scene_box"}), lines)

@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.gpu.drafts import Draft
 from raymarch.gpu.frame import Frame, unpack
-from raymarch.gpu.renderer import Draft, Renderer, tiles_of
+from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.screen import Screen
 from raymarch.gpu.targets import Target
+from raymarch.gpu.tiles import tiles_of
 from raymarch.gpu.views import VIEWS
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.camera import Pose
@@ -146,8 +148,10 @@ class Picture:
     def _draft(self, shot: Shot, size: tuple[int, int]) -> Draft:
         if self._renderer.size != size:
             self._renderer.resize(size)
-        drafts = self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
-        return drafts[-1]
+        *before, last = self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
+        for draft in before:  # cones, from which its rays start
+            draft.draw()
+        return last
 
     def _put(self, shot: Shot, draft: Draft, tile: tuple[int, int, int, int] | None) -> None:
         """What was drawn onto the canvas, as linear colour."""
@@ -163,7 +167,9 @@ class Picture:
 
     def probe(self, shot: Shot, size: tuple[int, int], x: int, row: int) -> dict[str, NDArray[Any]]:
         """Depth, normal, counts and material of one pixel, each of shape (1, 1, ...)."""
-        (draft,) = self.at(size).drafts(shot.scene, shot.time, shot.params, ("depth",), shot.pose)
+        *before, draft = self.at(size).drafts(shot.scene, shot.time, shot.params, ("depth",), shot.pose)
+        for cone in before:
+            cone.draw()
         draft.draw((x, size[1] - 1 - row, 1, 1))
         texels = [draft.target.read_texel(x, row, k)[None, None] for k in range(draft.chosen.textures)]
         return unpack(draft.chosen.name, texels)

@@ -260,10 +260,10 @@ def test_a_long_picture_shows_its_progress(folder):
     """In a terminal; the bar comes after a second, so the picture is made slow."""
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "TTY_COMPATIBLE": "1"}
     code = (
-        "import time, raymarch.cli.commands as m\nfrom raymarch.gpu import renderer\n"
-        "draw = renderer.Program.draw\n"
+        "import time, raymarch.cli.commands as m\nfrom raymarch.gpu import program\n"
+        "draw = program.Program.draw\n"
         "def slow(*a, **k):\n    time.sleep(0.4)\n    return draw(*a, **k)\n"
-        "renderer.Program.draw = slow\nm.main()"
+        "program.Program.draw = slow\nm.main()"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, "render", "hello.py", "--size", "512x256"],

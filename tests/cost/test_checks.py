@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 from typing import Any
 
@@ -55,7 +56,7 @@ def test_a_tracer_that_stops_at_ten_times_epsilon(scene, known, renderer, monkey
             for line in made.body
         ]
         assert [line.text for line in changed] != [line.text for line in made.body]
-        return type(made)(tuple(changed), made.passes, made.parameters, made.uses_time, made.samples)
+        return dataclasses.replace(made, body=tuple(changed))
 
     settings = [Setting("planted", rm.Quality(tracer=tracer, epsilon=epsilon))]
     assert not measured(scene, known, settings, renderer)[1]

@@ -13,7 +13,8 @@ import raymarch as rm
 from raymarch.expr.arrays import bound, value_of
 from raymarch.gpu.context import Context
 from raymarch.gpu.prepare import prepare
-from raymarch.gpu.renderer import Renderer, tiles_of
+from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.tiles import tiles_of
 from raymarch.scene.parameter import Values
 
 SIZE = (40, 30)

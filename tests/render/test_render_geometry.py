@@ -440,7 +440,7 @@ def test_a_ray_that_runs_out_of_steps_takes_what_it_came_nearest(renderer: rm.Re
     frame = renderer.render(scene_of(view, open_ground(), quality=quality), outputs=("depth", "evaluations"))
     sinking = -view.directions[..., 1]
     t = np.zeros(sinking.shape)
-    for _ in range(39):
+    for _ in range(40):
         t += 1 - t * sinking
     height = 1 - t * sinking
     ran_out = (frame.iterations == 40) & (sinking > 0)

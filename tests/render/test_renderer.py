@@ -12,7 +12,8 @@ from analytic import ULP, View, edges, hit_sphere
 
 import raymarch as rm
 from raymarch.errors import DeviceError, SceneError
-from raymarch.gpu import renderer as module
+from raymarch.gpu import store as module
+from raymarch.gpu import tiles
 from raymarch.gpu.context import Context
 from raymarch.gpu.frame import srgb
 from raymarch.gpu.program import Program
@@ -25,8 +26,9 @@ DTYPES = {
     "depth": np.float32,
     "normal": np.float32,
     "iterations": np.int32,
-    "evaluations": np.int32,
+    "evaluations": np.float32,
     "residual": np.float32,
+    "fallbacks": np.int32,
     "material": np.int32,
 }
 RED = rm.Material((1.0, 0.0, 0.0))
@@ -148,7 +150,7 @@ def test_geometry_is_rendered_once_and_when_first_asked_for(counted: tuple[Count
     frame = renderer.render(scene())
     assert counts.draws == ["color"] and [t.name for t in frame.timings] == ["color"]
     depth = frame.depth
-    assert counts.draws == ["color", "geometry"] and len(counts.programs) == 2 and counts.textures == 3
+    assert counts.draws == ["color", "geometry"] and len(counts.programs) == 2 and counts.textures == 4
     for name in ("normal", "material", "iterations", "evaluations", "residual", "depth"):
         frame.array(name)
     assert frame.depth is depth and counts.draws == ["color", "geometry"]
@@ -306,7 +308,9 @@ def test_tiles_are_the_whole_bit_for_bit(renderer: Renderer, monkeypatch: pytest
     )
     renderer.resize((200, 133))
     whole = renderer.render(made, outputs=("color", "depth"))
-    monkeypatch.setattr(module, "TILE", tile)
+    monkeypatch.setattr(tiles, "EDGE", tile)
+    monkeypatch.setattr(tiles, "SHORT", -1.0)
+    monkeypatch.setattr(tiles, "LONG", np.inf)
     told: list[float] = []
     tiled = renderer.render(made, outputs=("color", "depth"), progress=told.append)
     for name in OUTPUTS:
@@ -315,14 +319,31 @@ def test_tiles_are_the_whole_bit_for_bit(renderer: Renderer, monkeypatch: pytest
     assert told == sorted(told) and len(told) == 2 * passes and told[0] > 0 and told[-1] == 1.0
 
 
-def test_the_top_is_drawn_first(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "TILE", 50)
-    tiles = list(module.tiles_of((70, 120)))
-    assert tiles[0] == (0, 70, 50, 50) and tiles[1] == (50, 70, 20, 50) and tiles[-1] == (50, 0, 20, 20)
+def test_the_top_is_drawn_first() -> None:
+    parts = list(tiles.tiles_of((70, 120), 50))
+    assert parts[0] == (0, 70, 50, 50) and parts[1] == (50, 70, 20, 50) and parts[-1] == (50, 0, 20, 20)
     covered = np.zeros((120, 70), int)
-    for x, y, width, height in tiles:
+    for x, y, width, height in parts:
         covered[y : y + height, x : x + width] += 1
     assert np.all(covered == 1)
+
+
+@pytest.mark.parametrize(("took", "widths"), [(10.0, [128, 256, 512]), (40.0, [128, 128, 128]), (90.0, [128, 64, 32])])
+def test_tiles_grow_and_shrink_with_the_time_they_take(took: float, widths: list[int]) -> None:
+    drawn: list[tiles.Tile] = []
+    told: list[float] = []
+
+    def draw(tile: tiles.Tile) -> float:
+        drawn.append(tile)
+        return took
+
+    assert tiles.draw_in_tiles((2000, 1500), draw, told.append) == took * len(drawn)
+    heights = list(dict.fromkeys(y + height for _, y, _, height in drawn))  # the top of each row of tiles
+    assert [drawn[0][3], heights[0] - heights[1], heights[1] - heights[2]] == [128, 128, widths[1]]
+    covered = np.zeros((1500, 2000), int)
+    for x, y, width, height in drawn:
+        covered[y : y + height, x : x + width] += 1
+    assert np.all(covered == 1) and told == sorted(told) and told[-1] == 1.0
 
 
 def test_a_fault_in_the_progress_report_leaves_the_renderer_usable(renderer: Renderer) -> None:

@@ -21,7 +21,7 @@ WORDS = frozenset(
     radians degrees sin cos tan asin acos atan sinh cosh tanh pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil
     trunc round fract mod min max clamp mix step smoothstep isnan isinf length distance dot cross normalize reflect
     refract transpose inverse determinant texelFetch textureSize texture any all not lessThan greaterThan equal
-    floatBitsToUint uintBitsToFloat gl_FragCoord
+    floatBitsToUint uintBitsToFloat gl_FragCoord ifdef else endif CONE
     """.split()
 )
 
@@ -48,7 +48,7 @@ def declared(code: str) -> set[str]:
     top = outermost(code)
     functions = re.findall(rf"\b{TYPE}\s+(\w+)\s*\(", top)
     structs = re.findall(r"\bstruct\s+(\w+)", top)
-    variables = re.findall(rf"\b(?:uniform|const|out)\s+{TYPE}\s+(\w+)", top)
+    variables = re.findall(rf"(?m)^(?:layout\(.*?\) )?(?:uniform|const|out|in)\s+{TYPE}\s+(\w+)", top)
     return {*functions, *structs, *variables}
 
 

@@ -1,40 +1,41 @@
 // Auto-relaxed sphere tracing (Bán and Valasek 2023): as the enhanced tracer, but with a slope averaged over the
 // steps, and no factor to choose: the step is the whole way to where the spheres would touch. A step that proved too
 // long forgets the slope and is taken again as a plain one.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps smoothing
+// needs: along Ray Hit March missed nearer settle aims exhausted epsilon contact march_steps smoothing
 // gives: march
-Hit march(Ray ray, float near, float far) {
-    Hit hit = missed(near);
-    float t = near;
-    float r = u_side * field(ray.origin + t * ray.direction);
-    hit.evaluations = 1.0;
-    nearer(hit, t, r);
-    float mean = -1.0;  // slope, averaged
-    float slope = 0.0;  // slope of the last step alone
-    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
-    for (int i = 0; i < max_steps; i++) {
-        vec3 p = ray.origin + t * ray.direction;
-        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
-            if (settle(hit, ray, t, r, slope)) return hit;
-            passing = true;
+Hit march(Ray ray, inout March at, float far) {
+    Hit hit = missed(at.t);
+    if (!at.asked) {
+        at.r = along(ray, at.t);
+        at.asked = true;
+        hit.evaluations = 1.0;
+    }
+    nearer(hit, at.t, at.r);
+    float slope = at.slope;  // of the last step alone
+    for (int i = 0; i < march_steps; i++) {
+        vec3 p = ray.origin + at.t * ray.direction;
+        float near = at.passing ? contact(p, at.t) : epsilon(p, at.t);
+        if (at.r < near) {
+            if (settle(hit, ray, at.t, at.r, slope)) return hit;
+            at.passing = true;
         }
-        if (t > far) return hit;
+        if (at.t + at.r > far) return hit;
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
-        float z = max(r, min(2.0 * r / (1.0 - mean), far - t + r));
-        float next = u_side * field(ray.origin + (t + z) * ray.direction);
-        if (z > r + abs(next) && mean > -1.0) {
-            mean = -1.0;
+        float z = max(at.r, min(2.0 * at.r / (1.0 - at.slope), far - at.t + at.r));
+        bool aiming = aims(at.r, slope, near);
+        if (aiming) z = at.r / -slope;
+        float next = along(ray, at.t + z);
+        if (aiming && abs(next) < near && settle(hit, ray, at.t + z, next, (next - at.r) / z)) return hit;
+        if (z > at.r + abs(next)) {
+            slope = at.slope = -1.0;
             hit.fallbacks += 1.0;
             continue;
         }
-        slope = (next - r) / z;
-        mean = clamp(mix(mean, slope, smoothing), -1.0, 0.999);
-        t += z;
-        r = next;
-        nearer(hit, t, r);
+        slope = (next - at.r) / z;
+        at = March(at.t + z, next, clamp(mix(at.slope, slope, smoothing), -1.0, 0.999), true, at.passing);
+        nearer(hit, at.t, at.r);
     }
-    hit.certified = 0.0;
-    hit.found = hit.residual < u_pixel * hit.t;
+    exhausted(hit);
     return hit;
 }

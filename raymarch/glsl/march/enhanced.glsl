@@ -2,43 +2,39 @@
 // surface were the plane that the last two distances suggest, shortened by a factor. The first step is a plain one, for
 // there is no slope yet. Where the ray recedes the plane is never met; the step then ends at the far end of the range.
 // After a step that proved too long, the plain step taken in its place counts as the previous one.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps relaxation
+// needs: along Ray Hit March missed nearer settle exhausted epsilon contact march_steps relaxation
 // gives: march
-Hit march(Ray ray, float near, float far) {
-    Hit hit = missed(near);
-    float t = near;
-    float r = u_side * field(ray.origin + t * ray.direction);
-    hit.evaluations = 1.0;
-    nearer(hit, t, r);
-    float slope = -1.0;
-    float z = r;
-    bool plain = true;
-    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
-    for (int i = 0; i < max_steps; i++) {
-        vec3 p = ray.origin + t * ray.direction;
-        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
-            if (settle(hit, ray, t, r, i > 0 ? slope : 0.0)) return hit;
-            passing = true;
+Hit march(Ray ray, inout March at, float far) {
+    Hit hit = missed(at.t);
+    if (!at.asked) {
+        at.r = along(ray, at.t);
+        at.asked = true;
+        hit.evaluations = 1.0;
+    }
+    nearer(hit, at.t, at.r);
+    bool plain = at.slope <= -1.0;
+    for (int i = 0; i < march_steps; i++) {
+        vec3 p = ray.origin + at.t * ray.direction;
+        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+            if (settle(hit, ray, at.t, at.r, at.slope)) return hit;
+            at.passing = true;
         }
-        if (t > far) return hit;
+        if (at.t + at.r > far) return hit;
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
         // With the slope m = (r - r_before) / d, (d - r_before + r) / (d + r_before - r) = (1 + m) / (1 - m).
-        z = plain ? r : r + relaxation * r * (1.0 + slope) / max(1.0 - slope, 1.0e-6);
-        z = max(r, min(z, far - t + r));
-        float next = u_side * field(ray.origin + (t + z) * ray.direction);
-        if (!plain && z > r + abs(next)) {
+        float z = plain ? at.r : at.r + relaxation * at.r * (1.0 + at.slope) / max(1.0 - at.slope, 1.0e-6);
+        z = max(at.r, min(z, far - at.t + at.r));
+        float next = along(ray, at.t + z);
+        if (!plain && z > at.r + abs(next)) {
             plain = true;
             hit.fallbacks += 1.0;
             continue;
         }
-        slope = clamp((next - r) / z, -1.0, 1.0);
-        t += z;
-        r = next;
+        at = March(at.t + z, next, clamp((next - at.r) / z, -1.0, 1.0), true, at.passing);
         plain = false;
-        nearer(hit, t, r);
+        nearer(hit, at.t, at.r);
     }
-    hit.certified = 0.0;
-    hit.found = hit.residual < u_pixel * hit.t;
+    exhausted(hit);
     return hit;
 }

@@ -3,35 +3,35 @@
 // only the gap before it is not known yet. The gap is halved until it closes, and then the front jumps to the kept
 // sphere's far end, so that a step that was too long is not wasted. A kept sphere inside the solid holds no surface
 // either, and ends the gap for good: the first surface lies before it.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps smoothing
+// needs: along Ray Hit March missed nearer settle exhausted epsilon contact march_steps smoothing
 // gives: march
-Hit march(Ray ray, float near, float far) {
-    Hit hit = missed(near);
-    float t = near;
-    float r = u_side * field(ray.origin + t * ray.direction);
-    hit.evaluations = 1.0;
-    nearer(hit, t, r);
-    float front = t + r;
-    float mean = -1.0;
-    float slope = 0.0;
+Hit march(Ray ray, inout March at, float far) {
+    Hit hit = missed(at.t);
+    if (!at.asked) {
+        at.r = along(ray, at.t);
+        at.asked = true;
+        hit.evaluations = 1.0;
+    }
+    nearer(hit, at.t, at.r);
+    float front = at.t + at.r;
+    float slope = at.slope;  // of the last step alone
     bool kept = false;  // whether a sphere beyond the gap is kept: its centre and radius
     float kept_t = 0.0;
     float kept_r = 0.0;
-    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
-    for (int i = 0; i < max_steps; i++) {
-        vec3 p = ray.origin + t * ray.direction;
-        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
-            if (settle(hit, ray, t, r, slope)) return hit;
-            passing = true;
+    for (int i = 0; i < march_steps; i++) {
+        vec3 p = ray.origin + at.t * ray.direction;
+        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+            if (settle(hit, ray, at.t, at.r, slope)) return hit;
+            at.passing = true;
         }
         if (front > far) return hit;
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
-        float c = min(t + 2.0 * r / (1.0 - mean), far + r);
+        float c = min(at.t + 2.0 * at.r / (1.0 - at.slope), far + at.r);
         float low = kept_t - abs(kept_r);
         if (kept && c >= low) c = 0.5 * (front + low);
         c = max(c, front);
-        float next = u_side * field(ray.origin + c * ray.direction);
+        float next = along(ray, c);
         if (c - next > front && c > front) {
             hit.fallbacks += 1.0;
             kept = true;
@@ -39,22 +39,19 @@ Hit march(Ray ray, float near, float far) {
             kept_r = next;
             continue;
         }
-        slope = (next - r) / (c - t);
-        mean = clamp(mix(mean, slope, smoothing), -1.0, 0.999);
-        t = c;
-        r = next;
+        slope = (next - at.r) / (c - at.t);
+        at = March(c, next, clamp(mix(at.slope, slope, smoothing), -1.0, 0.999), true, at.passing);
         front = max(front, c + next);
-        nearer(hit, t, r);
-        if (kept && kept_r > 0.0 && front >= kept_t - kept_r && kept_t > t) {
-            slope = (kept_r - r) / (kept_t - t);
-            t = kept_t;
-            r = kept_r;
-            front = max(front, t + r);
-            nearer(hit, t, r);
+        nearer(hit, at.t, at.r);
+        if (kept && kept_r > 0.0 && front >= kept_t - kept_r && kept_t > at.t) {
+            slope = (kept_r - at.r) / (kept_t - at.t);
+            at.t = kept_t;
+            at.r = kept_r;
+            front = max(front, at.t + at.r);
+            nearer(hit, at.t, at.r);
         }
-        if (kept && t >= kept_t - abs(kept_r)) kept = false;
+        if (kept && at.t >= kept_t - abs(kept_r)) kept = false;
     }
-    hit.certified = 0.0;
-    hit.found = hit.residual < u_pixel * hit.t;
+    exhausted(hit);
     return hit;
 }

@@ -1,30 +1,30 @@
 // Plain sphere tracing (Hart 1996): each step is the distance itself, so no surface is stepped over.
-// A camera inside a solid sees its inner wall: the field is marched with the sign that it has at the camera.
-// A ray that runs out of steps takes the point where it came nearest, if that is within a pixel.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps step_scale
+// needs: along Ray Hit March missed nearer settle exhausted epsilon contact march_steps step_scale
 // gives: march
-Hit march(Ray ray, float near, float far) {
-    Hit hit = missed(near);
-    float t = near;
-    float last = 0.0;
+Hit march(Ray ray, inout March at, float far) {
+    Hit hit = missed(at.t);
+    if (!at.asked) {
+        at.r = along(ray, at.t);
+        at.asked = true;
+        hit.evaluations = 1.0;
+    }
+    nearer(hit, at.t, at.r);
     float slope = 0.0;
-    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
-    for (int i = 0; i < max_steps; i++) {
-        vec3 p = ray.origin + t * ray.direction;
-        float r = u_side * field(p);
-        if (i > 0) slope = (r - last) / (step_scale * last);  // `last` is not 0: it would have been a hit
+    for (int i = 0; i < march_steps; i++) {
+        vec3 p = ray.origin + at.t * ray.direction;
+        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+            if (settle(hit, ray, at.t, at.r, slope)) return hit;
+            at.passing = true;
+        }
+        if (at.t + step_scale * at.r > far) return hit;
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
-        nearer(hit, t, r);
-        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
-            if (settle(hit, ray, t, r, slope)) return hit;
-            passing = true;
-        }
-        last = r;
-        t += step_scale * r;
-        if (t > far) return hit;
+        float z = step_scale * at.r;
+        float next = along(ray, at.t + z);
+        slope = (next - at.r) / z;
+        at = March(at.t + z, next, slope, true, at.passing);
+        nearer(hit, at.t, at.r);
     }
-    hit.certified = 0.0;
-    hit.found = hit.residual < u_pixel * hit.t;
+    exhausted(hit);
     return hit;
 }

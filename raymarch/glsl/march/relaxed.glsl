@@ -1,40 +1,39 @@
 // Over-relaxed sphere tracing (Keinert et al. 2014): steps are longer than the distance by a fixed factor. A step whose
 // spheres do not touch may have passed a surface; it is undone and a plain step taken in its place. After that the
 // ray goes on with plain steps (Keinert), or relaxes again (Bálint and Valasek 2018), as `relax_again` says.
-// needs: field Ray Hit missed nearer settle u_side u_pixel epsilon contact max_steps relaxation relax_again
+// needs: along Ray Hit March missed nearer settle exhausted epsilon contact march_steps relaxation relax_again
 // gives: march
-Hit march(Ray ray, float near, float far) {
-    Hit hit = missed(near);
-    float t = near;  // last sample that is certified
-    float r = u_side * field(ray.origin + t * ray.direction);
-    hit.evaluations = 1.0;
-    nearer(hit, t, r);
+Hit march(Ray ray, inout March at, float far) {
+    Hit hit = missed(at.t);
+    if (!at.asked) {
+        at.r = along(ray, at.t);
+        at.asked = true;
+        hit.evaluations = 1.0;
+    }
+    nearer(hit, at.t, at.r);
     float slope = 0.0;
     float omega = relaxation;
-    bool passing = false;  // near a surface, but not to meet it: from then on only contact counts
-    for (int i = 0; i < max_steps; i++) {
-        vec3 p = ray.origin + t * ray.direction;
-        if (r < (passing ? contact(p, t) : epsilon(p, t))) {
-            if (settle(hit, ray, t, r, slope)) return hit;
-            passing = true;
+    for (int i = 0; i < march_steps; i++) {
+        vec3 p = ray.origin + at.t * ray.direction;
+        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+            if (settle(hit, ray, at.t, at.r, slope)) return hit;
+            at.passing = true;
         }
-        if (t > far) return hit;
+        if (at.t + at.r > far) return hit;
         hit.iterations += 1.0;
         hit.evaluations += 1.0;
-        float z = omega * r;
-        float next = u_side * field(ray.origin + (t + z) * ray.direction);
-        if (omega > 1.0 && z > r + abs(next)) {
+        float z = omega * at.r;
+        float next = along(ray, at.t + z);
+        if (omega > 1.0 && z > at.r + abs(next)) {
             omega = 1.0;
             hit.fallbacks += 1.0;
             continue;
         }
-        slope = (next - r) / z;
-        t += z;
-        r = next;
+        slope = (next - at.r) / z;
+        at = March(at.t + z, next, slope, true, at.passing);
         if (relax_again) omega = relaxation;
-        nearer(hit, t, r);
+        nearer(hit, at.t, at.r);
     }
-    hit.certified = 0.0;
-    hit.found = hit.residual < u_pixel * hit.t;
+    exhausted(hit);
     return hit;
 }

@@ -1,8 +1,8 @@
 // A ray is marched from the camera to the far end.
-// needs: Ray Hit march
-// gives: trace u_far
+// needs: Ray
+// gives: range_of u_far
 uniform float u_far;
 
-Hit trace(Ray ray) {
-    return march(ray, 0.0, u_far);
+vec2 range_of(Ray ray) {
+    return vec2(0.0, u_far);
 }

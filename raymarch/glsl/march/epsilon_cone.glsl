@@ -1,0 +1,30 @@
+// How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
+// A point at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
+// A cone ends where it can go on by no more than a share of its own width, for good: it has no surface to meet.
+// needs: epsilon_pixels contact_share cone_share u_cone
+// gives: u_pixel nearness epsilon contact
+uniform float u_pixel;  // width of a pixel at distance 1
+
+float nearness(vec3 p, float t, float width) {
+    vec3 size = abs(p);
+    float ulps = 2.3841858e-7 * max(max(size.x, size.y), max(size.z, t));  // 2 ulp of the largest
+    return max(width * t, ulps);
+}
+
+// Within this of a surface, a ray looks for the point where it meets it.
+float epsilon(vec3 p, float t) {
+#ifdef CONE
+    return nearness(p, t, cone_share * u_cone);
+#else
+    return nearness(p, t, epsilon_pixels * u_pixel);
+#endif
+}
+
+// Within this it has met it.
+float contact(vec3 p, float t) {
+#ifdef CONE
+    return epsilon(p, t);
+#else
+    return nearness(p, t, contact_share * epsilon_pixels * u_pixel);
+#endif
+}

@@ -1,0 +1,134 @@
+"""What a renderer keeps on its context between frames: compiled programs, targets, textures of data."""
+
+from __future__ import annotations
+
+import time as clock_time
+from collections import OrderedDict
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.samples import Samples
+from raymarch.gpu.context import Context
+from raymarch.gpu.prepare import Prepared
+from raymarch.gpu.program import Program
+from raymarch.gpu.targets import PingPong, Target, upload
+
+KEPT = 32
+"""Programs, at first, and textures of data, that are kept; the one used longest ago is freed first."""
+
+
+class Store:
+    """Programs by their text, targets by what they are for, textures by their content.
+
+    `compiled` counts the programs that the driver compiled so far, `kept` is how many are kept.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self.compiled = 0
+        self.kept = KEPT
+        self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
+        self._drawn: set[Program] = set()
+        self._targets: dict[str, Target] = {}
+        self._pairs: dict[str, PingPong] = {}
+        self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
+        self._lights: moderngl.Texture | None = None
+
+    def program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
+        """A pass ready to draw, and the milliseconds that the driver took to compile it now."""
+        key = (ready.vertex, ready.texts[chosen])
+        found = self._programs.get(key)
+        if found is not None:
+            self._programs.move_to_end(key)
+            return found, 0.0
+        start = clock_time.perf_counter()
+        program = Program(self.context, *key, ready.shader.locate, chosen)
+        spent = 1e3 * (clock_time.perf_counter() - start)
+        self.compiled += 1
+        self._programs[key] = program
+        while len(self._programs) > self.kept:
+            _, oldest = self._programs.popitem(last=False)
+            self._drawn.discard(oldest)
+            oldest.release()
+        return program, spent
+
+    def first_draw(self, program: Program) -> bool:
+        """True once for each program: drivers finish their work in its first draw."""
+        first = program not in self._drawn
+        self._drawn.add(program)
+        return first
+
+    def target(self, name: str, size: tuple[int, int], textures: int = 1) -> Target:
+        """A target for one purpose; made anew where its size changed."""
+        found = self._targets.get(name)
+        if found is None or (found.size, found.attachments) != (size, textures):
+            fresh = Target(self.context, size, textures)
+            if found is not None:
+                found.release()
+            self._targets[name] = found = fresh
+        return found
+
+    def pair(self, name: str, size: tuple[int, int], textures: int = 1) -> PingPong:
+        """A pair of targets for one purpose; made anew where its size changed."""
+        found = self._pairs.get(name)
+        if found is None or (found.size, found.front.attachments) != (size, textures):
+            fresh = PingPong(self.context, size, textures)
+            if found is not None:
+                found.release()
+            self._pairs[name] = found = fresh
+        return found
+
+    def texture(self, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
+        """Sampled data on the device."""
+        if data.key not in self._textures:
+            self._textures[data.key] = upload(self.context, data)
+            while len(self._textures) > KEPT:
+                self._textures.popitem(last=False)[1].release()
+        self._textures.move_to_end(data.key)
+        return self._textures[data.key]
+
+    def lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
+        """The texture of many lights, with the rows of this frame."""
+        self.context.make_current()
+        if self._lights is None or self._lights.size != rows.shape[1::-1]:
+            if self._lights is not None:
+                self._lights.release()
+            self._lights = self.context.gl.texture(rows.shape[1::-1], 4, dtype="f4")
+            self._lights.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._lights.write(rows.tobytes())
+        return self._lights
+
+    def free_targets(self, *keep: str) -> None:
+        """Free all targets but some, by name; they are made anew when next asked for."""
+        for name in set(self._targets) - set(keep):
+            self._targets.pop(name).release()
+        for name in set(self._pairs) - set(keep):
+            self._pairs.pop(name).release()
+
+    @property
+    def objects(self) -> dict[str, int]:
+        """How many programs, textures of targets, and textures of data are alive."""
+        pairs = sum(2 * pair.front.attachments for pair in self._pairs.values())
+        return {
+            "programs": len(self._programs),
+            "targets": sum(target.attachments for target in self._targets.values()) + pairs,
+            "data": len(self._textures) + (self._lights is not None),
+        }
+
+    def release(self) -> None:
+        """Free everything. Idempotent."""
+        self.free_targets()
+        for program in self._programs.values():
+            program.release()
+        if not self.context.released:
+            self.context.make_current()
+            for texture in self._textures.values():
+                texture.release()
+            if self._lights is not None:
+                self._lights.release()
+        self._lights = None
+        self._textures.clear()
+        self._programs.clear()
+        self._drawn.clear()

@@ -1,0 +1,46 @@
+"""The passes of a plan: draws of the full-screen quad into float textures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from raymarch.scene.quality import Quality
+
+OUTPUTS: Final = ("color", "depth", "normal", "iterations", "evaluations", "residual", "material", "fallbacks")
+"""The arrays that a frame can hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """One draw of the full-screen quad: its outputs, and how many colour textures it fills.
+
+    defines : names that the preprocessor knows in this pass alone.
+    """
+
+    name: str
+    module: str
+    textures: int
+    reason: str
+    defines: tuple[str, ...] = ()
+
+
+CONE: Final = Pass("cone", "view/cone", 1, "rays start where the cones around them ended", ("CONE",))
+
+DRAWN: Final = {
+    "color": Pass("color", "view/color", 1, "the picture"),
+    "geometry": Pass("geometry", "view/geometry", 3, "depth, normal, material or counts were asked for"),
+}
+"""What can be asked for, by name."""
+
+
+def passes_of(names: Sequence[str], quality: Quality, cones: bool) -> list[Pass]:
+    """The passes that draw what is asked for, and those that they need, in the order in which they are drawn."""
+    found = [CONE] if cones else []
+    for name in names:
+        drawn = DRAWN[name]
+        if name == "color" and (quality.samples > 1 or quality.temporal != "off"):
+            drawn = replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples")
+        found.append(drawn)
+    return found
