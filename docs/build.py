@@ -80,6 +80,10 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "transition_between": lambda: rm.box((1.0, 2.2, 1.0)).transition(rm.cylinder(0.35, 2.2), (0, -0.8, 0), (0, 0.8, 0)),
     "noisy": lambda: rm.sphere().displace_by_noise(0.15, 3.0, 4),
     "displaced": lambda: rm.sphere().displace_by(lambda p: 0.06 * sin(14.0 * p.y + 3.0 * p.x)),
+    "turn": lambda: rm.cross().rotate(0.5),
+    "loft": lambda: rm.star().extrude_to(rm.circle(0.5), 1.4),
+    "slice": lambda: rm.torus(0.7, 0.35).rotate(1.2, "x").slice(0.1),
+    "death_star": lambda: rm.death_star().rotate(0.7, "x"),
     "round": lambda: brick().round(0.25),
     "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
 }
