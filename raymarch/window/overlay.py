@@ -16,7 +16,10 @@ from raymarch.gpu.screen import Screen
 POINTS = 14
 """Height of the text on a plain screen, in pixels."""
 
-BACKGROUNDS = {"error": (92, 14, 14, 235), "note": (18, 20, 24, 215), "busy": (64, 50, 8, 225)}
+SMALLEST = 8
+"""Height below which no text is drawn, in pixels."""
+
+BACKGROUNDS = {"error": (92, 14, 14, 255), "note": (18, 20, 24, 215), "busy": (64, 50, 8, 225)}
 """Colours behind the text by what it says, RGBA."""
 
 
@@ -41,12 +44,12 @@ class Overlay:
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
-        self._made: dict[tuple[Card, int, float], Any] = {}
+        self._made: dict[tuple[Card, tuple[int, int], float], Any] = {}
 
     def draw(self, cards: list[Card], density: float) -> None:
         """Lay cards over the screen; those of one corner stand below each other. Images of other cards are freed."""
         width, height = self._screen.size
-        wanted = {(card, width, density): None for card in cards if card.text}
+        wanted = {(card, self._screen.size, density): None for card in cards if card.text}
         for key in [key for key in self._made if key not in wanted]:
             self._screen.context.make_current()
             self._made.pop(key).release()
@@ -54,7 +57,7 @@ class Overlay:
         used: dict[str, int] = {}
         for key in wanted:
             if key not in self._made:
-                self._made[key] = self._screen.image(picture_of(key[0], width, density))
+                self._made[key] = self._screen.image(picture_of(*key))
             texture = self._made[key]
             (wide, high), corner = texture.size, key[0].corner
             before = used.get(corner, margin)
@@ -73,8 +76,16 @@ class Overlay:
         self._made.clear()
 
 
-def picture_of(card: Card, width: int, density: float) -> NDArray[np.uint8]:
-    """A card as RGBA pixels, (H, W, 4), wrapped to fit a window of `width` pixels."""
+def picture_of(card: Card, size: tuple[int, int], density: float) -> NDArray[np.uint8]:
+    """A card as RGBA pixels, (H, W, 4), wrapped to fit a window of `size`, and smaller where that is not enough."""
+    while True:
+        made = _drawn(card, size[0], density)
+        if made.shape[0] <= size[1] or density * POINTS <= SMALLEST:
+            return made
+        density *= 0.9
+
+
+def _drawn(card: Card, width: int, density: float) -> NDArray[np.uint8]:
     font = _font(round(POINTS * density))
     pad = round(7 * density)
     letter = max(1.0, float(font.getlength("n")))

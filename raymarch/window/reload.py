@@ -51,6 +51,13 @@ class Started:
 
 
 @dataclass(frozen=True, slots=True)
+class Watching:
+    """The scene that is shown was tried out: what it reads is known, and followed."""
+
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Loaded:
     """A scene that passed its trial: ready to be drawn. `ms` says how long each part took."""
 
@@ -67,7 +74,7 @@ class Failed:
     fault: Fault
 
 
-News: TypeAlias = Started | Loaded | Failed
+News: TypeAlias = Started | Watching | Loaded | Failed
 
 
 class Reloader:
@@ -165,7 +172,9 @@ class Reloader:
         self._watch.files([str(file.absolute()), *self._known])
         if answer["error"] is not None:
             self._tell(Failed(Fault(**answer["error"])))
-        elif not silent:
+        elif silent:
+            self._tell(Watching(tuple(self._known)))
+        else:
             self._load_here(file, answer)
 
     def _over(self) -> str | None:

@@ -19,7 +19,7 @@ from raymarch.window.overlay import Card, Overlay
 from raymarch.window.pace import Pace
 from raymarch.window.pick import Inquiry, Pick, picked, ray_through
 from raymarch.window.picture import Picture
-from raymarch.window.reload import Failed, Fault, Loaded, Reloader, Started
+from raymarch.window.reload import Failed, Fault, Loaded, Reloader, Started, Watching
 from raymarch.window.save import Sequence
 from raymarch.window.state import State, opened, read_settings
 from raymarch.window.surface import Window
@@ -192,6 +192,8 @@ class Viewer:
             if isinstance(news, Started):
                 self._reloading = now
                 self.log.say("reloading")
+            elif isinstance(news, Watching):
+                self.log.say("watching", files=news.files)
             elif isinstance(news, Failed):
                 self._reloading = None
                 self._fail(news.fault)
@@ -233,6 +235,7 @@ class Viewer:
         self._changed_at, self._reloading = now, None
         self._present()
         self.log.say("loaded", ms=parts, total=total, compiled=self.renderer.compiled - compiled)
+        self._tell_frame()
 
     def _fail(self, fault: Fault) -> None:
         self.fault = fault
@@ -287,9 +290,7 @@ class Viewer:
             cards.append(Card(self.hands.parameters(), "note", "top left"))
         if self.pick is not None:
             cards.append(Card(self.pick.text(), "note", "top right"))
-        if self.help:
-            cards.append(Card(self.hands.help(), "note", "middle"))
-        return cards
+        return [Card(self.hands.help(), "note", "middle")] if self.help else cards
 
     def release(self) -> None:
         """Close everything."""

@@ -27,10 +27,10 @@ def view(display: str, tmp_path: Path) -> Iterator[Callable[..., Session]]:
     """Opens windows on scenes given as text; they are closed at the end whatever happens."""
     opened: list[Session] = []
 
-    def start(text: str, *options: str, name: str = "scene.py") -> Session:
+    def start(text: str, *options: str, name: str = "scene.py", moving: bool = False) -> Session:
         scene = tmp_path / name
         scene.write_text(text)
-        session = Session(display, tmp_path, scene, *options)
+        session = Session(display, tmp_path, scene, *options, moving=moving)
         opened.append(session)
         return session
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import raymarch.errors
 
 ROOT = Path(raymarch.errors.__file__).parents[1]
-PATIENCE = 60.0
+PATIENCE = 20.0
 """Seconds after which something that must happen is taken not to. Nothing takes nearly so long; a busy machine may."""
 
 Events = list[dict[str, Any]]
@@ -30,7 +30,7 @@ Events = list[dict[str, Any]]
 def serve_display() -> Iterator[str]:
     """The name of an X display of our own; OSError where there is no Xvfb."""
     read_end, write_end = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write_end), "-screen", "0", "1000x700x24", "-nolisten", "tcp"]
+    command = ["Xvfb", "-displayfd", str(write_end), "-screen", "0", "1000x700x24", "-nolisten", "tcp", "-noreset"]
     try:
         server = subprocess.Popen(command, pass_fds=(write_end,), stderr=subprocess.DEVNULL)
     except OSError:
@@ -136,6 +136,7 @@ class Hand:
             self.hold(name)
         for name in reversed(names):
             self.let_go(name)
+        time.sleep(0.025)  # what comes sooner is taken for a key that repeats, or for an echo, and is dropped
 
     def see(self) -> NDArray[np.uint8]:
         """What the window shows: (H, W, 3) of sRGB bytes."""
@@ -168,7 +169,7 @@ class Hand:
 class Session:
     """`raymarch view` in a process of its own, the hand that works it, and what it says it does."""
 
-    def __init__(self, display: str, folder: Path, scene: Path, *options: str) -> None:
+    def __init__(self, display: str, folder: Path, scene: Path, *options: str, moving: bool = False) -> None:
         self.folder = folder
         self._log = folder / "log.jsonl"
         self._log.unlink(missing_ok=True)
@@ -180,7 +181,7 @@ class Session:
             self.process = subprocess.Popen(command, cwd=folder, env=environment, stderr=errors, stdout=errors)
         self.hand = Hand(display)
         self.hand.find(lambda: self.process.poll() is None)
-        self.wait("frame", lambda e: e["whole"])
+        self.wait("frame", lambda e: moving or e["whole"])
 
     def events(self) -> Events:
         text = self._log.read_text() if self._log.exists() else ""

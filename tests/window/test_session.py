@@ -1,0 +1,274 @@
+"""A person at work, by real events: look about, change a parameter, edit, break, mend, ask, save, leave."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from window_driver import Session
+
+import raymarch as rm
+
+View = Callable[..., Session]
+
+SCENE = """import raymarch as rm
+
+RADIUS = rm.Param("radius", 1.0, 0.5, 2.0)
+ball = rm.sphere(RADIUS).material(rm.Material(color=(0.8, 0.2, 0.1)))
+floor = rm.box((4, 0.2, 4)).translate((0, -1.2, 0))
+scene = rm.Scene(
+    ball | floor,
+    camera=rm.Camera(position=(0, 1, 6), target=(0, 0, 0)),
+)
+"""
+SIZE = (320, 200)
+MIDDLE = (160, 100)
+
+
+def save(session: Session, text: str) -> int:
+    """Save as editors do: a new file is renamed over the old one. The log's mark before that."""
+    mark = session.mark()
+    fresh = session.folder / "scene.py.new"
+    fresh.write_text(text)
+    os.replace(fresh, session.folder / "scene.py")
+    return mark
+
+
+def drawn(scene: rm.Scene, radius: float = 1.0) -> Any:
+    with rm.Renderer(SIZE) as renderer:
+        return np.asarray(renderer.render(scene, params={"radius": radius}).image()).astype(int)
+
+
+def scene_of(text: str, camera: rm.Camera | None = None) -> rm.Scene:
+    namespace: dict[str, Any] = {}
+    exec(text, namespace)
+    scene: rm.Scene = namespace["scene"]
+    return scene if camera is None else rm.Scene(scene.node, camera)
+
+
+def test_a_session(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    hand = session.hand
+    start = session.settled(0)
+    assert np.abs(start - drawn(scene_of(SCENE))).max() <= 1
+
+    # Orbit, pan, come nearer, fly: the picture changes, and the copied line is the camera that draws it.
+    for act in (
+        lambda: hand.drag(MIDDLE, (220, 130)),
+        lambda: hand.drag(MIDDLE, (170, 90), button=2),
+        lambda: hand.wheel(2),
+        lambda: (hand.hold("s"), session.wait("frame", since=session.mark()), hand.let_go("s")),
+    ):
+        before, mark = hand.see(), session.mark()
+        act()
+        assert not np.array_equal(session.settled(mark), before)
+    mark = session.mark()
+    hand.key("c")
+    line = session.wait("notice", since=mark)["text"].removeprefix("copied ")
+    hand.key("h"), hand.key("h")
+    camera: rm.Camera = eval("rm." + line, {"rm": rm})
+
+    # A parameter: no plan and no compile, and the picture is the true one.
+    compiled = session.events()[-1].get("compiled") or session.wait("frame")["compiled"]
+    hand.key("n")
+    mark = session.mark()
+    for _ in range(5):
+        hand.key("Right")
+    value = session.wait("param", lambda e: e["value"] > 1.14, mark)["value"]
+    hand.key("Escape")
+    seen = session.settled(mark)
+    assert session.wait("frame", lambda e: e["whole"], mark)["compiled"] == compiled
+    bottom = slice(100, None)  # notices stand above for a while
+    assert np.abs(seen[bottom] - drawn(scene_of(SCENE, camera), value)[bottom]).max() <= 2
+
+    # Edit: camera and parameter stay.
+    edited = SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.3, 0.9)")
+    mark = save(session, edited)
+    session.wait("loaded", since=mark)
+    seen = session.settled(mark)
+    assert np.abs(seen[bottom] - drawn(scene_of(edited, camera), value)[bottom]).max() <= 2
+
+    # Break: the picture stays, goes on moving, and the message says where.
+    mark = save(session, edited.replace("(4, 0.2, 4)", "(4, -0.2, 4)"))
+    failed = session.wait("failed", since=mark)
+    assert (Path(failed["file"]).name, failed["line"]) == ("scene.py", 5)
+    assert "size" in failed["what"] and "-0.2" in failed["what"]
+    mark = session.mark()
+    hand.drag(MIDDLE, (120, 100))
+    broken = session.settled(mark)
+    assert np.any(broken[:90] != seen[:90])
+    assert np.any(np.all(broken[-40:] == (92, 14, 14), axis=-1)), "no message lies over the picture"
+    hand.drag((120, 100), MIDDLE)
+
+    # Mend: the message goes.
+    mark = save(session, edited)
+    session.wait("loaded", since=mark)
+    seen = session.settled(mark)
+    assert not np.any(np.all(seen == (92, 14, 14), axis=-1))
+
+    # Ask: the ball, its line, and what is true.
+    mark = session.mark()
+    hand.key("r")
+    session.settled(mark)
+    hand.click(*MIDDLE)
+    pick, truth = session.wait("pick", since=mark), session.wait("truth", since=mark)
+    assert (truth["part"], truth["line"], Path(truth["file"]).name) == ("sphere", 4, "scene.py")
+    ray = np.array([0, -1, -6]) / np.sqrt(37)
+    distance = np.sqrt(37) - value
+    assert abs(truth["distance"] - distance) < 2e-2 and abs(pick["distance"] - truth["distance"]) < 1e-3
+    assert np.allclose(pick["position"], np.array([0, 1, 6]) + pick["distance"] * ray, atol=0.05)
+    assert np.allclose(pick["normal"], -ray, atol=0.05) and pick["evaluations"] > 0
+
+    # Save the picture and the settings, and leave.
+    hand.key("p")
+    saved = session.wait("saved", since=mark)
+    picture = np.asarray(Image.open(session.folder / saved["file"])).astype(int)
+    assert np.abs(picture - drawn(scene_of(edited), value)).max() <= 1
+    mark = session.mark()
+    hand.key("Control_L", "s")
+    settings = json.loads((session.folder / session.wait("saved", since=mark)["file"]).read_text())
+    assert settings["params"] == {"radius": value}
+    hand.key("Control_L", "q")
+    assert session.end() == 0
+    assert session.errors.read_text() == ""
+    assert not [e for e in session.events() if e["event"] == "closed" and e["code"]]
+
+
+def test_settings_open_as_they_were_saved(view: View, tmp_path: Path) -> None:
+    camera = {"position": [1, 1, 6], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40.0}
+    settings = {"camera": camera, "params": {"radius": 1.4}, "time": 0.0, "view": "final"}
+    (tmp_path / "kept.json").write_text(json.dumps(settings))
+    session = view(SCENE, "--size", "320x200", "--settings", "kept.json")
+    expected = drawn(scene_of(SCENE, rm.Camera((1, 1, 6), (0, 0, 0), fov=40)), 1.4)
+    assert np.abs(session.settled(0) - expected).max() <= 1
+
+
+def test_an_imported_module_is_followed_too(view: View, tmp_path: Path) -> None:
+    (tmp_path / "parts.py").write_text("COLOR = (0.9, 0.1, 0.1)\n")
+    text = (
+        "import raymarch as rm\nfrom parts import COLOR\nscene = rm.Scene(rm.sphere().material(rm.Material(COLOR)))\n"
+    )
+    session = view(text, "--size", "320x200")
+    session.wait("watching")
+    mark = session.mark()
+    (tmp_path / "parts.py").write_text("COLOR = (0.1, 0.9, 0.1)\n")
+    session.wait("loaded", since=mark)
+    red, green = session.settled(mark)[100, 160, :2]
+    assert green > red
+    mark = session.mark()
+    (tmp_path / "parts.py").write_text("COLOR = \n")
+    failed = session.wait("failed", since=mark)
+    assert (Path(failed["file"]).name, failed["line"]) == ("parts.py", 1)
+    (tmp_path / "parts.py").unlink()
+    session.wait("failed", lambda e: "parts" in e["what"], mark)
+    (tmp_path / "parts.py").write_text("COLOR = (0.1, 0.9, 0.1)\n")
+    session.wait("loaded", since=mark)
+
+
+HANGS = {
+    "a loop": ("while True:\n    pass\n", (2, 3)),
+    "a loop that holds on": ("while True:\n    try:\n        while True: pass\n    except: pass\n", (4,)),
+    "a sleep": ("import time\ntime.sleep(1000)\n", (3,)),
+    "a loop of C code": ("import itertools\nany(itertools.repeat(False))\n", (3,)),
+}
+
+
+def test_what_hangs_can_be_stopped(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    start = session.settled(0)
+    for name, (text, lines) in HANGS.items():
+        mark = save(session, f"import raymarch as rm\n{text}{SCENE}")
+        session.wait("reloading", since=mark)
+        session.hand.key("Escape")
+        failed = session.wait("failed", since=mark)
+        assert "stopped after" in failed["what"], name
+        assert failed["line"] in lines and Path(failed["file"]).name == "scene.py", (name, failed)
+    mark = save(session, SCENE + "while True:\n    pass\n")
+    session.wait("reloading", since=mark)
+    mark = save(session, SCENE)  # the next save takes the place of what hangs
+    session.wait("loaded", since=mark)
+    assert np.abs(session.settled(mark).astype(int) - start).max() <= 1
+
+
+CRASHES = {
+    "sys.exit": "import sys\nsys.exit(3)\n",
+    "os._exit": "import os\nos._exit(3)\n",
+    "a crash": "import ctypes\nctypes.string_at(0)\n",
+    "a deep recursion": "def f(): return f()\nf()\n",
+    "all of the memory": "x = [0] * 10**13\n",
+}
+
+
+def test_a_scene_that_ends_or_crashes_python_leaves_the_window(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    start = session.settled(0)
+    for name, text in CRASHES.items():
+        mark = save(session, f"import raymarch as rm\n{text}")
+        failed = session.wait("failed", since=mark)
+        assert Path(failed["file"]).name == "scene.py", name
+    mark = save(session, SCENE)
+    session.wait("loaded", since=mark)
+    assert np.abs(session.settled(mark).astype(int) - start).max() <= 1
+
+
+def test_a_scene_that_is_deleted_comes_back(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    session.settled(0)
+    mark = session.mark()
+    (session.folder / "scene.py").unlink()
+    failed = session.wait("failed", since=mark)
+    assert "cannot read scene file" in failed["what"]
+    mark = session.mark()
+    session.hand.drag(MIDDLE, (100, 100))
+    session.settled(mark)
+    mark = save(session, SCENE)
+    session.wait("loaded", since=mark)
+
+
+def test_a_parameter_outside_its_new_range_is_moved_into_it(view: View) -> None:
+    session = view(SCENE, "--size", "320x200", "--set", "radius=1.9")
+    session.settled(0)
+    mark = save(session, SCENE.replace("1.0, 0.5, 2.0", "1.0, 0.5, 1.5"))
+    session.wait("loaded", since=mark)
+    assert session.wait("notice", since=mark)["text"] == "radius = 1.9 lies outside its new range; it is 1.5 now"
+    assert np.abs(session.settled(mark)[120:] - drawn(scene_of(SCENE), 1.5)[120:]).max() <= 1
+
+
+def test_time_plays_pauses_and_steps(view: View) -> None:
+    text = SCENE.replace("ball | floor", "ball.translate((rm.time, 0, 0)) | floor")
+    session = view(text, "--size", "320x200", moving=True)
+    hand = session.hand
+    hand.key("space")
+    paused = session.wait("time", lambda e: not e["playing"])
+    assert paused["time"] > 0
+    mark = session.mark()
+    hand.key("Home")
+    session.wait("time", lambda e: e["time"] == 0, mark)
+    session.settled(mark)
+    hand.key("period")
+    assert np.isclose(session.wait("time", lambda e: e["time"] > 0, mark)["time"], 1 / 30)
+    hand.key("comma")
+    assert np.isclose(session.wait("time", lambda e: e["time"] == 0, mark)["time"], 0)
+
+
+@pytest.mark.parametrize("name", ["depth", "normal"])
+def test_other_views_show_what_render_shows(view: View, name: str, tmp_path: Path) -> None:
+    from raymarch.gpu.views import VIEWS, picture
+
+    session = view(SCENE, "--size", "320x200")
+    session.settled(0)
+    for _ in range(list(VIEWS).index(name)):
+        mark = session.mark()
+        session.hand.key("v")
+        session.wait("notice", since=mark)
+    seen = session.settled(mark)
+    scene = scene_of(SCENE)
+    with rm.Renderer(SIZE) as renderer:
+        expected = np.asarray(picture(renderer.render(scene, outputs=VIEWS[name]), name, scene).convert("RGB"))
+    assert np.abs(seen[120:].astype(int) - expected[120:]).max() <= 1
