@@ -83,8 +83,9 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     """
     number, scene = request["id"], request["scene"]
     if request.get("trace"):
-        trace = open(request["trace"], "w")  # noqa: SIM115  (stays open for the signal)
+        trace = open(request["trace"], "a")  # noqa: SIM115  (stays open for the signal)
         faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
+    say({"id": number, "begun": True})
     read: set[str] = set()
     _note_files(read)
     times: dict[str, float] = {}

@@ -24,6 +24,9 @@ Answer: TypeAlias = dict[str, Any]
 GLANCE = 0.02
 """Seconds between two looks at whether a trial shall end."""
 
+UNANSWERED = 5.0
+"""Seconds after which a process that has not begun is killed without being asked where it is."""
+
 
 class Trials:
     """Runs one trial at a time. To be used from one thread."""
@@ -33,6 +36,7 @@ class Trials:
         self._answers: SimpleQueue[Answer] = SimpleQueue()
         self._number = 0
         self._child: int | None = None
+        self._begun = False
         handle, self._trace = tempfile.mkstemp(prefix="raymarch-trace-")
         os.close(handle)
 
@@ -45,10 +49,11 @@ class Trials:
         self._settle()
         self._number += 1
         self._ask({"id": self._number, "scene": scene, "params": params, "trace": self._trace})
+        self._begun, deadline = False, time.monotonic() + UNANSWERED
         while True:
             reason = over()
-            if reason is not None:
-                where = self._kill(scene)
+            if reason == "changed" or (reason is not None and (self._begun or time.monotonic() > deadline)):
+                where = self._kill(ask=reason != "changed")
                 return None if reason == "changed" else _failure(scene, reason, where)
             try:
                 answer = self._answers.get(timeout=GLANCE)
@@ -63,6 +68,8 @@ class Trials:
                 continue
             if "pid" in answer:
                 self._child = answer["pid"]
+            elif "begun" in answer:
+                self._begun = True
             elif "ended" in answer:
                 self._child = None
                 return _failure(scene, _death(answer["ended"]), None)
@@ -71,7 +78,7 @@ class Trials:
 
     def close(self) -> None:
         """End the process."""
-        self._kill("")
+        self._kill(ask=False)
         if self._process is not None:
             self._process.kill()
             self._reap()
@@ -141,13 +148,13 @@ class Trials:
                 with contextlib.suppress(OSError):
                     stream.close()
 
-    def _kill(self, scene: str) -> tuple[str, int] | None:
+    def _kill(self, *, ask: bool) -> tuple[str, int] | None:
         """End the running trial, and say in which line of the user's it was."""
         where = None
         if self._child is None and self._process is not None:
             self._await_child()
         if self._child is not None:
-            where = self._ask_where(self._child)
+            where = self._ask_where(self._child) if ask else None
             self._kill_child()
         elif self._process is not None:
             self._reap()
@@ -167,9 +174,9 @@ class Trials:
         if not hasattr(signal, "SIGUSR1"):
             return None
         with contextlib.suppress(OSError):
-            os.truncate(self._trace, 0)
-            os.kill(child, signal.SIGUSR1)
-            for _ in range(25):
+            for _ in range(15):  # it may be between two lines of the user's, or still on the way to the first
+                os.truncate(self._trace, 0)
+                os.kill(child, signal.SIGUSR1)
                 time.sleep(GLANCE)
                 for file, line in re.findall(r'File "(.+?)", line (\d+)', Path(self._trace).read_text()):
                     if is_users(file):
