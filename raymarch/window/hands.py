@@ -126,6 +126,7 @@ class Hands:
     # Keys
 
     def _key(self, event: Key) -> None:
+        self._viewer.log.say("key", name=event.name)
         for binding in self._bindings:
             fits = binding.key == event.name and binding.control == event.control
             if fits and binding.shift in (None, event.shift):

@@ -219,6 +219,6 @@ def _key_names(glfw: Any) -> dict[int, str]:
         "home": glfw.KEY_HOME,
         "f1": glfw.KEY_F1,
         "f5": glfw.KEY_F5,
-        "f11": glfw.KEY_F11,
+        "f12": glfw.KEY_F12,
     }
     return {code: name for name, code in named.items()}

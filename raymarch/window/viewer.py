@@ -92,6 +92,7 @@ class Viewer:
         self.frames = 0
         self.help = False
         self.sequence: Sequence | None = None
+        self._idle = False
         self.notices: list[tuple[float, str]] = []
         self._cards: list[Card] = []
         self._changed_at = self._at = clock_time.perf_counter()
@@ -125,7 +126,9 @@ class Viewer:
 
     def turn(self) -> None:
         """One turn of the loop."""
-        self.hands.take(self.window.wait(self._pause()))
+        events = self.window.wait(self._pause())
+        self._idle = self._idle and not events
+        self.hands.take(events)
         now = clock_time.perf_counter()
         passed, self._at = now - self._at, now
         self._hear(now)
@@ -162,7 +165,11 @@ class Viewer:
             self._changed_at = now
         cards = self._text(now)
         if not (drew or resized or cards != self._cards or self.window.take_stale()):
+            if self.picture.whole and not self._idle:
+                self.log.say("idle")
+                self._idle = True
             return
+        self._idle = False
         self._cards = cards
         self._present()
         if drew:

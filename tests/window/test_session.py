@@ -55,7 +55,7 @@ def scene_of(text: str, camera: rm.Camera | None = None) -> rm.Scene:
 def test_a_session(view: View) -> None:
     session = view(SCENE, "--size", "320x200")
     hand = session.hand
-    start = session.settled(0)
+    start = session.settled()
     assert np.abs(start - drawn(scene_of(SCENE))).max() <= 1
 
     # Orbit, pan, come nearer, fly: the picture changes, and the copied line is the camera that draws it.
@@ -67,7 +67,7 @@ def test_a_session(view: View) -> None:
     ):
         before, mark = hand.see(), session.mark()
         act()
-        assert not np.array_equal(session.settled(mark), before)
+        assert not np.array_equal(session.settled(), before)
     mark = session.mark()
     hand.key("c")
     line = session.wait("notice", since=mark)["text"].removeprefix("copied ")
@@ -82,7 +82,7 @@ def test_a_session(view: View) -> None:
         hand.key("Right")
     value = session.wait("param", lambda e: e["value"] > 1.14, mark)["value"]
     hand.key("Escape")
-    seen = session.settled(mark)
+    seen = session.settled()
     assert session.wait("frame", lambda e: e["whole"], mark)["compiled"] == compiled
     bottom = slice(100, None)  # notices stand above for a while
     assert np.abs(seen[bottom] - drawn(scene_of(SCENE, camera), value)[bottom]).max() <= 2
@@ -91,7 +91,7 @@ def test_a_session(view: View) -> None:
     edited = SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.3, 0.9)")
     mark = save(session, edited)
     session.wait("loaded", since=mark)
-    seen = session.settled(mark)
+    seen = session.settled()
     assert np.abs(seen[bottom] - drawn(scene_of(edited, camera), value)[bottom]).max() <= 2
 
     # Break: the picture stays, goes on moving, and the message says where.
@@ -101,7 +101,7 @@ def test_a_session(view: View) -> None:
     assert "size" in failed["what"] and "-0.2" in failed["what"]
     mark = session.mark()
     hand.drag(MIDDLE, (120, 100))
-    broken = session.settled(mark)
+    broken = session.settled()
     assert np.any(broken[:90] != seen[:90])
     assert np.any(np.all(broken[-40:] == (92, 14, 14), axis=-1)), "no message lies over the picture"
     hand.drag((120, 100), MIDDLE)
@@ -109,13 +109,13 @@ def test_a_session(view: View) -> None:
     # Mend: the message goes.
     mark = save(session, edited)
     session.wait("loaded", since=mark)
-    seen = session.settled(mark)
+    seen = session.settled()
     assert not np.any(np.all(seen == (92, 14, 14), axis=-1))
 
     # Ask: the ball, its line, and what is true.
     mark = session.mark()
     hand.key("r")
-    session.settled(mark)
+    session.settled()
     hand.click(*MIDDLE)
     pick, truth = session.wait("pick", since=mark), session.wait("truth", since=mark)
     assert (truth["part"], truth["line"], Path(truth["file"]).name) == ("sphere", 4, "scene.py")
@@ -146,7 +146,7 @@ def test_settings_open_as_they_were_saved(view: View, tmp_path: Path) -> None:
     (tmp_path / "kept.json").write_text(json.dumps(settings))
     session = view(SCENE, "--size", "320x200", "--settings", "kept.json")
     expected = drawn(scene_of(SCENE, rm.Camera((1, 1, 6), (0, 0, 0), fov=40)), 1.4)
-    assert np.abs(session.settled(0) - expected).max() <= 1
+    assert np.abs(session.settled() - expected).max() <= 1
 
 
 def test_an_imported_module_is_followed_too(view: View, tmp_path: Path) -> None:
@@ -159,7 +159,7 @@ def test_an_imported_module_is_followed_too(view: View, tmp_path: Path) -> None:
     mark = session.mark()
     (tmp_path / "parts.py").write_text("COLOR = (0.1, 0.9, 0.1)\n")
     session.wait("loaded", since=mark)
-    red, green = session.settled(mark)[100, 160, :2]
+    red, green = session.settled()[100, 160, :2]
     assert green > red
     mark = session.mark()
     (tmp_path / "parts.py").write_text("COLOR = \n")
@@ -181,7 +181,7 @@ HANGS = {
 
 def test_what_hangs_can_be_stopped(view: View) -> None:
     session = view(SCENE, "--size", "320x200")
-    start = session.settled(0)
+    start = session.settled()
     for name, (text, lines) in HANGS.items():
         mark = save(session, f"import raymarch as rm\n{text}{SCENE}")
         session.wait("reloading", since=mark)
@@ -193,7 +193,7 @@ def test_what_hangs_can_be_stopped(view: View) -> None:
     session.wait("reloading", since=mark)
     mark = save(session, SCENE)  # the next save takes the place of what hangs
     session.wait("loaded", since=mark)
-    assert np.abs(session.settled(mark).astype(int) - start).max() <= 1
+    assert np.abs(session.settled().astype(int) - start).max() <= 1
 
 
 CRASHES = {
@@ -207,37 +207,37 @@ CRASHES = {
 
 def test_a_scene_that_ends_or_crashes_python_leaves_the_window(view: View) -> None:
     session = view(SCENE, "--size", "320x200")
-    start = session.settled(0)
+    start = session.settled()
     for name, text in CRASHES.items():
         mark = save(session, f"import raymarch as rm\n{text}")
         failed = session.wait("failed", since=mark)
         assert Path(failed["file"]).name == "scene.py", name
     mark = save(session, SCENE)
     session.wait("loaded", since=mark)
-    assert np.abs(session.settled(mark).astype(int) - start).max() <= 1
+    assert np.abs(session.settled().astype(int) - start).max() <= 1
 
 
 def test_a_scene_that_is_deleted_comes_back(view: View) -> None:
     session = view(SCENE, "--size", "320x200")
-    session.settled(0)
+    session.settled()
     mark = session.mark()
     (session.folder / "scene.py").unlink()
     failed = session.wait("failed", since=mark)
     assert "cannot read scene file" in failed["what"]
     mark = session.mark()
     session.hand.drag(MIDDLE, (100, 100))
-    session.settled(mark)
+    session.settled()
     mark = save(session, SCENE)
     session.wait("loaded", since=mark)
 
 
 def test_a_parameter_outside_its_new_range_is_moved_into_it(view: View) -> None:
     session = view(SCENE, "--size", "320x200", "--set", "radius=1.9")
-    session.settled(0)
+    session.settled()
     mark = save(session, SCENE.replace("1.0, 0.5, 2.0", "1.0, 0.5, 1.5"))
     session.wait("loaded", since=mark)
     assert session.wait("notice", since=mark)["text"] == "radius = 1.9 lies outside its new range; it is 1.5 now"
-    assert np.abs(session.settled(mark)[120:] - drawn(scene_of(SCENE), 1.5)[120:]).max() <= 1
+    assert np.abs(session.settled()[120:] - drawn(scene_of(SCENE), 1.5)[120:]).max() <= 1
 
 
 def test_time_plays_pauses_and_steps(view: View) -> None:
@@ -250,7 +250,7 @@ def test_time_plays_pauses_and_steps(view: View) -> None:
     mark = session.mark()
     hand.key("Home")
     session.wait("time", lambda e: e["time"] == 0, mark)
-    session.settled(mark)
+    session.settled()
     hand.key("period")
     assert np.isclose(session.wait("time", lambda e: e["time"] > 0, mark)["time"], 1 / 30)
     hand.key("comma")
@@ -262,12 +262,12 @@ def test_other_views_show_what_render_shows(view: View, name: str, tmp_path: Pat
     from raymarch.gpu.views import VIEWS, picture
 
     session = view(SCENE, "--size", "320x200")
-    session.settled(0)
+    session.settled()
     for _ in range(list(VIEWS).index(name)):
         mark = session.mark()
         session.hand.key("v")
         session.wait("notice", since=mark)
-    seen = session.settled(mark)
+    seen = session.settled()
     scene = scene_of(SCENE)
     with rm.Renderer(SIZE) as renderer:
         expected = np.asarray(picture(renderer.render(scene, outputs=VIEWS[name]), name, scene).convert("RGB"))

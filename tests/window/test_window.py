@@ -14,8 +14,10 @@ import pytest
 from window_driver import ROOT, Hand, Session
 
 import raymarch as rm
+from raymarch.cli import main
 
 View = Callable[..., Session]
+Capture = pytest.CaptureFixture[str]
 
 SCENE = """
 import raymarch as rm
@@ -41,15 +43,25 @@ def command(*arguments: str, display: str | None) -> subprocess.CompletedProcess
     return subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
 
 
+def refused(capfd: Capture, *arguments: str) -> str:
+    """The one line of complaint about a command that opens no window."""
+    with pytest.raises(SystemExit) as stop:
+        main(["view", *arguments])
+    assert stop.value.code == 2
+    complaint = capfd.readouterr().err
+    assert complaint.count("\n") == 1
+    return complaint
+
+
 def test_the_window_shows_what_render_draws_at_every_size(view: View) -> None:
     session = view(SCENE, "--size", "320x200")
-    seen = session.settled(0)
+    seen = session.settled()
     assert np.abs(seen - expected(SCENE, (320, 200))).max() <= 1
     for size in ((300, 220), (150, 90), (640, 360)):
         mark = session.mark()
         session.hand.resize(*size)
         session.wait("resize", lambda e, size=size: e["size"] == list(size), mark)
-        seen = session.settled(mark)
+        seen = session.settled()
         assert np.abs(seen - expected(SCENE, size)).max() <= 1
     session.hand.close_window()
     assert session.end() == 0
@@ -64,7 +76,7 @@ def test_no_frame_of_another_size_is_ever_shown(view: View) -> None:
     for i in range(20):
         session.hand.resize(200 + 10 * i, 150 + 7 * (i % 3))
     session.wait("resize", lambda e: e["size"] == [390, 150 + 7], mark)
-    session.settled(mark)
+    session.settled()
     size = [200, 150]
     for event in session.events():
         if event["event"] == "resize":
@@ -81,7 +93,7 @@ def test_a_dense_screen_gets_more_pixels(display: str, view: View) -> None:
         session = view(SCENE, "--size", "200x120")
         opened = session.wait("open")
         assert opened["density"] == 2.0 and opened["size"] == [400, 240]
-        assert np.abs(session.settled(0) - expected(SCENE, (400, 240))).max() <= 1
+        assert np.abs(session.settled() - expected(SCENE, (400, 240))).max() <= 1
     finally:
         hand.set_resource("")
         hand.done()
@@ -102,12 +114,10 @@ def test_a_demo_ends_by_itself_with_a_true_code(display: str, tmp_path: Path) ->
         ("x = 1\n", "scene.py:1: the file leaves no 'scene'"),
     ],
 )
-def test_a_bad_scene_opens_no_window(display: str, tmp_path: Path, text: str, words: str) -> None:
+def test_a_bad_scene_opens_no_window(tmp_path: Path, capfd: Capture, text: str, words: str) -> None:
     file = tmp_path / "scene.py"
     file.write_text(text)
-    done = command(str(file), "--demo-seconds", "1", display=display)
-    assert done.returncode == 2
-    assert words in done.stderr and done.stderr.count("\n") == 1
+    assert words in refused(capfd, str(file))
 
 
 @pytest.mark.parametrize(
@@ -120,11 +130,10 @@ def test_a_bad_scene_opens_no_window(display: str, tmp_path: Path, text: str, wo
         (("--settings", "none.json"), "cannot read settings 'none.json'"),
     ],
 )
-def test_bad_options_are_refused(display: str, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_bad_options_are_refused(tmp_path: Path, capfd: Capture, arguments: tuple[str, ...], words: str) -> None:
     file = tmp_path / "scene.py"
     file.write_text("import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2))\n")
-    done = command(str(file), "--demo-seconds", "1", *arguments, display=display)
-    assert done.returncode == 2 and words in done.stderr, done.stderr
+    assert words in refused(capfd, str(file), *arguments)
 
 
 def test_without_a_display_it_says_so(tmp_path: Path) -> None:

@@ -205,14 +205,13 @@ class Session:
                 raise AssertionError(f"no {event}: {events[since:]}\n{self.errors.read_text()}")
             time.sleep(0.01)
 
-    def settled(self, since: int) -> NDArray[np.uint8]:
-        """The picture once it is whole again after a mark."""
-        self.wait("frame", lambda e: e["whole"], since)
-        last = self.mark()
-        time.sleep(0.05)
-        while self.mark() != last:
-            last = self.mark()
-            time.sleep(0.05)
+    def settled(self) -> NDArray[np.uint8]:
+        """The picture once all that was done so far is shown, and whole; a key that does nothing marks its end."""
+        mark = self.mark()
+        self.hand.key("F12")
+        self.wait("key", lambda e: e["name"] == "f12", mark)
+        at = next(i for i, e in enumerate(self.events()) if i >= mark and e.get("name") == "f12")
+        self.wait("idle", since=at)
         return self.hand.see()
 
     def end(self) -> int:
