@@ -13,6 +13,9 @@ from raymarch.cli.choice import watched
 from raymarch.cli.commands import app
 from raymarch.cli.common import CommandError, SceneFile, parse_settings, parse_size, written
 from raymarch.cost.checks import check
+from raymarch.cost.html import as_html
+from raymarch.cost.maps import plotting
+from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import reference
 from raymarch.cost.settings import axes, grid, parse_values
 from raymarch.cost.sweep import METRICS, Point, Sweep, sweep
@@ -23,7 +26,12 @@ from raymarch.scene.file import load
 WIDTH = 150
 """Columns that the table is given where the output is no terminal, or a narrower one."""
 
-ENDINGS = {"--json": (".json",), "--csv": (".csv",)}
+ENDINGS = {
+    "--json": (".json",),
+    "--csv": (".csv",),
+    "--plot": (".png", ".svg", ".pdf"),
+    "--html": (".html", ".htm"),
+}
 """How the files may end."""
 
 
@@ -49,11 +57,13 @@ def cost_command(
     everything: Annotated[bool, typer.Option("--all", help="Show all settings, not only those that matter.")] = False,
     json: Annotated[Path | None, typer.Option(help="Write all of it as JSON.")] = None,
     csv: Annotated[Path | None, typer.Option(help="Write a line for each setting.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw error against time and more: .png, .svg or .pdf.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write a report with pictures and error maps, in one file.")] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
 ) -> None:
     """Measure how much error each setting leaves, how much time it takes, and which are worth having."""
-    _check_files({"--json": json, "--csv": csv})
+    _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html})
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
     if not 1 <= samples <= 256 or round(samples**0.5) ** 2 != samples:
@@ -67,10 +77,13 @@ def cost_command(
         made = sweep(found, settings, known, renderer, scene.stem, time, params, repeats, seed, tell)
         made.checks = check(made, found, renderer, time, params)
     show(made, by, everything)
-    for file, text in ((json, as_json), (csv, as_csv)):
+    for file, text in ((json, as_json), (csv, as_csv), (html, as_html)):
         if file is not None:
             with written(file) as partial:
                 partial.write_text(text(made, by), encoding="utf-8")
+    if plot is not None:
+        with written(plot) as partial:
+            partial.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
 
 
 def show(made: Sweep, metric: str, everything: bool) -> None:
@@ -101,6 +114,8 @@ def _check_files(files: dict[str, Path | None]) -> None:
             raise CommandError(f"{option} {file}", legal=f"a file ending in {' or '.join(ENDINGS[option])}")
         if not file.absolute().parent.is_dir():
             raise CommandError(f"{option} {file}: no folder '{file.parent}'", legal="a folder that can be written")
+        if option in ("--plot", "--html"):
+            plotting()
 
 
 def _names(cross: str | None) -> Sequence[str] | None:

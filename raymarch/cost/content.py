@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,18 @@ from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.walk import topological
 from raymarch.scene.parameter import Spec
+from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 
 ROOMS = ("expr", "sdf", "scene", "truth")
 """Whose code decides what the truth of a scene is."""
+
+MARCHING = {
+    *("tracer", "max_steps", "epsilon", "normals", "omega", "beta", "step_scale", "step_variation", "schedule"),
+    *("correction", "trust", "samples", "temporal", "budget", "rays"),
+}
+"""Fields of Quality that say how a picture is reached, not which. All others count: a model that truth follows too."""
 
 _BESIDE = {"where", "quality", "node"}
 """Attributes that no truth depends on, or that are taken in another way: the field's expressions stand for the node."""
@@ -28,7 +36,7 @@ _BESIDE = {"where", "quality", "node"}
 def content_key(scene: Scene, *more: Any) -> str:
     """A digest of all that decides a scene's truth, of `more` (size, time, parameters), and of the code of the truth.
 
-    Where a node was written, and the quality, do not count.
+    Where a node was written does not count, nor how the quality reaches its picture.
     """
     content = _Content()
     content.add("code", code_key())
@@ -37,6 +45,9 @@ def content_key(scene: Scene, *more: Any) -> str:
     content.add("field", marked, facts.exactness, facts.lower, facts.upper)
     for name in sorted(_attributes(scene)):
         content.add(name, getattr(scene, name))
+    content.add(
+        "quality", *((f.name, getattr(scene.quality, f.name)) for f in fields(Quality) if f.name not in MARCHING)
+    )
     content.add("more", *more)
     return content.key
 
@@ -55,7 +66,7 @@ def code_key() -> str:
 def _attributes(part: Any) -> list[str]:
     slots = [name for kind in type(part).__mro__ for name in getattr(kind, "__slots__", ())]
     own = list(getattr(part, "__dict__", ()))
-    return [name for name in dict.fromkeys(slots + own) if not name.startswith("_") and name not in _BESIDE]
+    return [name for name in dict.fromkeys(slots + own) if not name.startswith("__") and name not in _BESIDE]
 
 
 class _Content:

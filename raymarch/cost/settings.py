@@ -11,7 +11,7 @@ from typing import Any
 
 from raymarch.errors import CostError, SceneError
 from raymarch.plan.plan import plan
-from raymarch.scene.quality import Quality
+from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 
 
@@ -78,7 +78,7 @@ def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] 
 
 
 def grid(scene: Scene, chosen: Iterable[Axis]) -> list[Setting]:
-    """The settings of a sweep: the scene's own first, then the crossed axes, then the others one at a time.
+    """The settings of a sweep: the scene's own first, the presets, the crossed axes, then the others one at a time.
 
     Combinations that `Quality` refuses, and those that come to the same for this scene, are left out.
     """
@@ -92,7 +92,11 @@ def grid(scene: Scene, chosen: Iterable[Axis]) -> list[Setting]:
         if crossed
     ]
     changes += [{axis.name: value} for axis in single for value in axis.values]
-    found: dict[Quality, Setting] = {}
+    found: dict[Quality, Setting] = {settled(scene, base): Setting("base", base)}
+    for name in PRESETS:
+        quality = Quality.preset(name)
+        meant = settled(scene, quality)
+        found[meant] = replace(found.get(meant, Setting(name, quality)), preset=name)
     for change in changes:
         try:
             quality = replace(base, **change)

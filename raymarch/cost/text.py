@@ -11,7 +11,6 @@ from typing import Any
 
 from rich.table import Table
 
-from raymarch.cost.front import behind
 from raymarch.cost.sweep import Point, Sweep
 
 FORMAT = 1
@@ -109,14 +108,20 @@ def table(made: Sweep, metric: str = "pixels_p99", shown: Sequence[Point] | None
     columns = _columns(made, metric)
     drawn.add_column("", no_wrap=True)
     drawn.add_column("setting", no_wrap=True, min_width=12)
-    for title, _ in columns:
-        drawn.add_column(title, justify="right", no_wrap=True)
+    for heading, _ in columns:
+        drawn.add_column(heading, justify="right", no_wrap=True)
     for point in points:
         mark = "*" if id(point) in front else ""
-        label = f"{point.name} ({point.setting.preset})" if point.setting.preset else point.name
+        label = labelled(point)
         style = "bold" if mark else "dim" if not point.errors.sound else ""
         drawn.add_row(mark, label, *(cell(point) for _, cell in columns), style=style)
     return drawn
+
+
+def labelled(point: Point) -> str:
+    """A point's name, with the preset that it is."""
+    preset = point.setting.preset
+    return f"{point.name} ({preset})" if preset and preset != point.name else point.name
 
 
 def _columns(made: Sweep, metric: str) -> list[Column]:
@@ -154,17 +159,34 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
     if made.floor > 0:
         lines.append(f"no ray on its own can be decided with fewer than N* = {made.floor:.2f} evaluations a pixel")
     if front:
-        lines.append(f"worth having, by {metric}: " + "; ".join(p.name for p in front))
+        lines.append(f"worth having, by {metric}: " + "; ".join(labelled(p) for p in worth(front, metric)))
     else:
         lines.append("no setting finds every hit: nothing here is worth having")
-    base = made.base
-    if base.errors.sound:
-        sound = [p for p in made.points if p.errors.sound]
-        times = behind(base, sound, lambda p: p.time.value, lambda p: p.error(metric))
-        rank = "lies on the front" if times <= 1.0 else f"takes {times:.2f} times what the fastest as exact one takes"
-        lines.append(f"the scene's own setting {rank}")
+    if made.base.errors.sound:
+        lines.append(f"the scene's own setting {_standing(made, metric)}")
     unsound = sum(not p.errors.sound for p in made.points)
     if unsound:
         lines.append(f"{unsound} settings miss or make up hits and are never on the front")
     lines += [f"CHECK FAILED, {c.name}: {c.words}" for c in made.checks if not c.holds]
     return lines
+
+
+def worth(front: Sequence[Point], metric: str) -> list[Point]:
+    """Those of a front that make a difference: each with an error at least a tenth below that of the faster ones."""
+    kept: list[Point] = []
+    for point in front:
+        if not kept or point.error(metric) <= 0.9 * kept[-1].error(metric):
+            kept.append(point)
+    return kept
+
+
+def _standing(made: Sweep, metric: str) -> str:
+    """How far the scene's own setting is from the front, and whether that can be told from noise."""
+    base = made.base
+    rivals = [p for p in made.points if p.errors.sound and p.error(metric) <= base.error(metric)]
+    best = min(rivals, key=lambda p: p.time.value)
+    times = base.time.value / best.time.value
+    if times <= 1.0:
+        return "lies on the front"
+    noise = ", within the intervals" if base.time.overlaps(best.time) else ""
+    return f"takes {times:.2f} times what {best.name} takes, the fastest as exact one{noise}"

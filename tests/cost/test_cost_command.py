@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from raymarch.cli import main
 
@@ -40,7 +42,7 @@ def test_table_json_and_csv(folder, capsys):
     for word in ("hello, 32x18", "epsilon 2", "missed", "N*", "worth having, by pixels_p99"):
         assert word in said
     data = json.loads((folder / "a.json").read_text())
-    assert [p["name"] for p in data["points"]] == ["base", "epsilon 2"]
+    assert [p["name"] for p in data["points"]] == ["base", "draft", "fine", "exact", "epsilon 2"]
     rows = list(csv.DictReader((folder / "a.csv").read_text().splitlines()))
     assert [float(r["evaluations"]) for r in rows] == [p["evaluations"] for p in data["points"]]
     assert files(folder) == {"hello.py", "a.json", "a.csv"}
@@ -52,6 +54,21 @@ def test_what_is_shown_and_what_only_by_all(folder, capsys):
     assert "plain, 3 steps" not in capsys.readouterr().out
     assert run("hello.py", *QUICK, *asked, "--all") == 0
     assert "plain, 3 steps" in capsys.readouterr().out
+
+
+def test_plot_and_report(folder):
+    assert run("hello.py", *QUICK, "--cross", "epsilon", "--plot", "a.png", "--html", "a.html") == 0
+    with Image.open("a.png") as picture:
+        assert picture.format == "PNG"
+    assert (folder / "a.html").read_text().startswith("<!doctype html>")
+    assert files(folder) == {"hello.py", "a.png", "a.html"}
+
+
+def test_without_matplotlib_nothing_is_measured_in_vain(folder, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert run("hello.py", *QUICK, "--plot", "a.png") == 2
+    assert "raymarch[report]" in " ".join(capsys.readouterr().err.split())
+    assert files(folder) == {"hello.py"}
 
 
 @pytest.mark.parametrize(
@@ -68,6 +85,8 @@ def test_what_is_shown_and_what_only_by_all(folder, capsys):
         (("hello.py", "--axis", "epsilon=0.1,99"), "0.001 to 10"),
         (("hello.py", "--json", "a.txt"), ".json"),
         (("hello.py", "--csv", "nowhere/a.csv"), "nowhere"),
+        (("hello.py", "--plot", "a.gif"), ".png or .svg or .pdf"),
+        (("hello.py", "--html", "a.txt"), ".html"),
         (("hello.py", "--set", "speed=1"), "speed"),
         (("hello.py", "--set", "size=9"), "<= 2"),
         (("hello.py", "--repeats", "0"), "repeats"),

@@ -74,6 +74,12 @@ def test_quality_and_place_in_the_file_do_not_count():
     assert content_key(other) == content_key(make_scene())
 
 
+def test_a_model_that_the_truth_follows_counts():
+    other = make_scene()
+    other.quality = rm.Quality(masking="separable")
+    assert content_key(other) != content_key(make_scene())
+
+
 def test_the_key_is_the_same_in_another_process(scene):
     root = Path(__file__).parents[2]
     code = (

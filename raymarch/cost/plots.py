@@ -1,0 +1,170 @@
+"""Figures of a sweep. matplotlib is needed, and nothing of its global state is touched."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from raymarch.cost.maps import plotting
+from raymarch.cost.sweep import Point, Sweep
+from raymarch.cost.text import labelled
+
+COLORS = {
+    "plain": "#7f7f7f",
+    "relaxed": "#e07b00",
+    "relaxed_again": "#b58900",
+    "enhanced": "#2a9d3a",
+    "auto_relaxed": "#1f6fc4",
+    "front": "#b0207a",
+}
+"""The same colour for a tracer in every figure."""
+
+LABELS = {
+    "pixels_p99": "distance from the true hit, pixel footprints, 99th percentile",
+    "pixels_max": "distance from the true hit, pixel footprints, largest",
+    "depth_rms": "depth error, rms, units of the scene",
+    "depth_p99": "depth error, 99th percentile, units of the scene",
+    "p1": "sum of squared depth errors",
+    "normal_p99": "angle of the normals, degrees, 99th percentile",
+    "flip_p99": "FLIP, 99th percentile",
+    "flip_mean": "FLIP, mean",
+    "flip_max": "FLIP, largest",
+}
+
+
+def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
+    """The figure of a sweep: error against time, evaluations beside the floor, and, where tracers were tried at several
+    numbers of steps, error and time relative to the plain tracer as in P1's figure 3."""
+    steps = by_steps(made)
+    columns = 3 if len(steps) > 1 and "plain" in steps else 2
+    drawn = blank(6.4 * columns, 5.2)
+    axes = drawn.subplots(1, columns)
+    draw_front(axes[0], made, metric)
+    draw_evaluations(axes[1], made)
+    if columns == 3:
+        draw_relative(axes[2], steps, "plain")
+    drawn.suptitle(f"{made.name}, {made.known.size[0]}x{made.known.size[1]}, {_measured(made)}", fontsize=9)
+    return drawn
+
+
+def blank(width: float, height: float) -> Any:
+    """An empty figure, inches."""
+    plotting()
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(drawn: Any, kind: str = "png") -> bytes:
+    """A figure as the bytes of a file."""
+    stream = io.BytesIO()
+    drawn.savefig(stream, format=kind, dpi=110)
+    return stream.getvalue()
+
+
+def _measured(made: Sweep) -> str:
+    env = made.environment
+    return f"{env['driver']['renderer']}, {env['clock']['kind']}, {env['date'][:10]}, {made.repeats} frames a setting"
+
+
+def draw_front(axes: Any, made: Sweep, metric: str) -> None:
+    """Error against time: every sound setting with its interval, the front, the presets, the scene's own."""
+    sound = [p for p in made.points if p.errors.sound and p.error(metric) == p.error(metric)]
+    if not sound:
+        axes.text(0.5, 0.5, "no setting finds every hit", ha="center", transform=axes.transAxes)
+        return
+    lowest = min([p.error(metric) for p in sound if p.error(metric) > 0], default=1.0) / 2
+
+    def at(point: Point) -> float:
+        return max(point.error(metric), lowest)
+
+    for tracer in dict.fromkeys(p.tracer for p in sound):
+        some = [p for p in sound if p.tracer == tracer]
+        x = [p.time.value for p in some]
+        spread = [[p.time.value - p.time.low for p in some], [p.time.high - p.time.value for p in some]]
+        style = {"fmt": "o", "ms": 4, "lw": 0.6, "alpha": 0.75, "color": COLORS.get(tracer), "label": tracer}
+        axes.errorbar(x, [at(p) for p in some], xerr=spread, **style)
+    front = made.front(metric)
+    axes.step([p.time.value for p in front], [at(p) for p in front], where="post", color="black", lw=1, label="front")
+    for point in sound:
+        if point is made.base:
+            axes.plot(point.time.value, at(point), "*", ms=13, mfc="none", mec="black", label="the scene's own")
+        if point.setting.preset:
+            spot = (point.time.value, at(point))
+            axes.plot(*spot, "s", ms=9, mfc="none", mec="black")
+            axes.annotate(point.setting.preset, spot, xytext=(7, 5), textcoords="offset points", fontsize=8)
+    axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame, median and 95 % interval", ylabel=LABELS[metric])
+    axes.set_title(f"error against time; {len(made.points) - len(sound)} settings that miss hits are not shown")
+    axes.title.set_fontsize(9)
+    axes.grid(alpha=0.25, which="both", lw=0.4)
+    axes.legend(fontsize=7)
+
+
+def draw_evaluations(axes: Any, made: Sweep) -> None:
+    """Evaluations a pixel of the presets and of each tracer at most steps, beside the floor."""
+    shown = _longest(made)
+    names = [labelled(p) for p in shown]
+    colors = [COLORS.get(p.tracer, "#444444") for p in shown]
+    axes.barh(range(len(shown)), [p.evaluations for p in shown], color=colors, alpha=0.85)
+    axes.set_yticks(range(len(shown)), names, fontsize=8)
+    axes.set_ylim(len(shown), -0.7)
+    if made.floor > 0:
+        axes.axvline(made.floor, color="black", lw=1)
+        label = f"N* = {made.floor:.2f}"
+        axes.text(made.floor, len(shown) - 0.3, f" {label}", fontsize=8, va="center")
+    for row, point in enumerate(shown):
+        over = f" ({point.evaluations / made.floor:.2f} N*)" if made.floor > 0 else ""
+        axes.text(point.evaluations, row, f" {point.evaluations:.1f}{over}", fontsize=7, va="center")
+    axes.margins(x=0.25)
+    axes.set_xlabel("evaluations of the field a pixel, primary rays")
+    axes.grid(alpha=0.25, axis="x", lw=0.4)
+
+
+def _longest(made: Sweep) -> list[Point]:
+    """The base, the presets, and each tracer at the most steps that it was tried at."""
+    shown = {id(p): p for p in made.points if p is made.base or p.setting.preset}
+    for points in by_steps(made).values():
+        shown[id(points[-1])] = points[-1]
+    return list(shown.values())
+
+
+def by_steps(made: Sweep) -> dict[str, list[Point]]:
+    """The points that differ from the base in tracer and steps alone, by tracer, ascending in steps."""
+    base = made.base.setting.quality
+    found: dict[str, list[Point]] = {}
+    for point in made.points:
+        quality = point.setting.quality
+        if point is not made.base and (point.setting.preset or quality.tracer == "auto"):
+            continue
+        others = [n for n in type(base).__dataclass_fields__ if n not in ("tracer", "max_steps", "omega")]
+        if all(getattr(quality, n) == getattr(base, n) for n in others):
+            found.setdefault(point.tracer, []).append(point)
+    for points in found.values():
+        points.sort(key=lambda p: p.setting.quality.max_steps)
+    return {name: points for name, points in found.items() if len(points) > 1}
+
+
+def draw_relative(axes: Any, curves: Mapping[str, Sequence[Point]], baseline: str) -> None:
+    """Time, error and their product over the steps a ray may take, each relative to a baseline: below 1 is better."""
+    against = {p.setting.quality.max_steps: p for p in curves[baseline]}
+    for name, points in curves.items():
+        if name == baseline:
+            continue
+        pairs = [(p, against[s]) for p in points if (s := p.setting.quality.max_steps) in against]
+        steps = [p.setting.quality.max_steps for p, _ in pairs]
+        series = {
+            "time": (":", [p.time.value / q.time.value for p, q in pairs]),
+            "error": ("--", [p.errors.p1 / q.errors.p1 for p, q in pairs]),
+            "error x time": ("-", [p.error_time / q.error_time for p, q in pairs]),
+        }
+        for what, (line, values) in series.items():
+            axes.plot(steps, values, line, color=COLORS.get(name), lw=1.4, label=f"{name}, {what}")
+    axes.set(xscale="log", yscale="log", xlabel="steps a ray may take", ylabel=f"relative to {baseline}")
+    axes.axhline(1.0, color="black", lw=0.8)
+    ticks = sorted(against)
+    axes.set_xticks(ticks, [str(t) for t in ticks])
+    axes.minorticks_off()
+    axes.set_title("P1's measure: squared depth error, time, and their product", fontsize=9)
+    axes.grid(alpha=0.25, which="both", lw=0.4)
+    axes.legend(fontsize=6)

@@ -1,0 +1,137 @@
+"""Figures, error maps and the HTML report."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import re
+import sys
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from cost_samples import FakeRenderer
+from PIL import Image
+
+import raymarch as rm
+from raymarch.cost.checks import Check
+from raymarch.cost.html import as_html
+from raymarch.cost.maps import WRONG, flip_map, footprint_map
+from raymarch.cost.plots import by_steps, figure, save
+from raymarch.cost.settings import Setting, axes, grid
+from raymarch.cost.sweep import Sweep, sweep
+from raymarch.cost.text import findings, worth
+from raymarch.errors import CostError
+
+
+@pytest.fixture
+def made(scene, known) -> Sweep:
+    found = sweep(scene, grid(scene, axes()), known, FakeRenderer(known), name="a <b> & c", repeats=6)
+    found.checks = [Check("clock", True, "agrees"), Check("hits of front", False, "5 % lie <too> far")]
+    return found
+
+
+def test_a_figure_is_drawn(made):
+    with Image.open(io.BytesIO(save(figure(made)))) as picture:
+        assert picture.size[0] > 1500
+        colors = len(np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0))
+    assert colors > 50
+    assert save(figure(made, "flip_p99"), "svg").lstrip().startswith(b"<?xml")
+
+
+def test_the_figure_marks_front_presets_and_base(made):
+    drawn = figure(made)
+    axes_of_front = drawn.axes[0]
+    labels = axes_of_front.get_legend_handles_labels()[1]
+    assert {"front", "the scene's own"} <= set(labels)
+    assert {"draft", "normal", "fine", "exact"} <= {t.get_text() for t in axes_of_front.texts}
+    (front,) = [line for line in axes_of_front.lines if line.get_label() == "front"]
+    assert list(front.get_xdata()) == pytest.approx([p.time.value for p in made.front()])
+    assert any("N*" in t.get_text() for t in drawn.axes[1].texts)
+
+
+def test_curves_by_steps_hold_the_base_too(made):
+    curves = by_steps(made)
+    assert list(curves["plain"][-1].setting.quality.tracer) == list("plain")
+    assert made.base in curves["auto_relaxed"]
+    for points in curves.values():
+        steps = [p.setting.quality.max_steps for p in points]
+        assert steps == sorted(set(steps))
+
+
+def test_a_figure_without_a_sound_point(scene, known):
+    blind = [Setting("blind", rm.Quality(max_steps=16))]
+    assert save(figure(sweep(scene, blind, known, FakeRenderer(known), repeats=1)))
+
+
+class Reader(HTMLParser):
+    """Checks that tags are closed in order, and keeps what is loaded from elsewhere."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loaded: list[str] = []
+        self.pictures = 0
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        source = given.get("src") or given.get("href") or ""
+        self.pictures += source.startswith("data:image/png;base64,")
+        if source and not source.startswith("data:"):
+            self.loaded.append(source)
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_report_is_one_file(made):
+    text = as_html(made)
+    reader = Reader()
+    reader.feed(text)
+    assert not reader.open
+    assert not reader.loaded
+    assert reader.pictures >= 2 + 3 * 4
+    assert "url(" not in text
+    assert "a &lt;b&gt; &amp; c" in text
+    assert "<b>" not in text
+    assert "FAILED" in text
+    assert "5 % lie &lt;too&gt; far" in text
+    assert "llvmpipe" not in text, "it tells of the driver that drew, not of this one"
+    assert "renderer: ours" in text
+
+
+def test_the_table_of_the_report_has_every_setting(made):
+    text = as_html(made)
+    table = text[text.index("<h2>Settings") : text.index("<h2>Pictures")]
+    assert len(re.findall("<tr", table)) == len(made.points) + 1
+    assert len(re.findall('<tr class="front"', table)) == len(made.front())
+
+
+def test_maps_show_where_and_how_much(known):
+    depth = known.depth * (1.0 + known.pixel)
+    row, column = np.argwhere(known.hit)[0]
+    depth[row, column] = np.inf
+    shown = footprint_map(known, depth)
+    assert tuple(shown[row, column]) == WRONG
+    right = footprint_map(known, known.depth)
+    other = tuple(np.argwhere(known.hit)[-1])
+    assert int(shown[other].sum()) > int(right[other].sum()) + 100
+    assert np.all(flip_map(known, known.picture) == flip_map(known, known.picture)[0, 0])
+
+
+def test_without_matplotlib_it_says_what_to_install(made, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for make in (as_html, figure):
+        with pytest.raises(CostError, match=r"raymarch\[report\]"):
+            make(made)
+
+
+def test_only_what_makes_a_difference_is_worth_having(made):
+    front = made.front()
+    kept = worth(front, "pixels_p99")
+    assert kept[0] is front[0]
+    for a, b in itertools.pairwise(kept):
+        assert b.error("pixels_p99") <= 0.9 * a.error("pixels_p99")
+    assert any("the scene's own setting" in line for line in findings(made))
