@@ -19,7 +19,7 @@ from raymarch.sdf.definition import REGISTRY
 HERE = Path(__file__).parent
 ROOM = Path(raymarch.sdf.__file__).parent
 COLUMNS = (
-    "node", "nodes", "exactness", "divisor", "twin", "gradient", "slope", "looseness", "usual", "box", "outside",
+    "node", "samples", "exactness", "divisor", "twin", "gradient", "slope", "looseness", "usual", "box", "outside",
     "inside", "over", "broken",
 )  # fmt: skip
 
@@ -77,9 +77,10 @@ def summary(rows: dict[str, dict[str, Any]]) -> list[str]:
 
 GUIDE = """
 Each node is looked at in several samples: with drawn parameters, and operators on children that are centred, aside,
-without symmetry, and inexact. A row has the worst of them. Estimates promise no slope and no distance.
+without symmetry, and inexact. A row has the worst of them. Estimates promise no slope and no distance. Besides, a
+picture of each node is held against the float64 truth, in `tests/sdf/test_node_pictures.py`.
 
-- nodes: samples. exactness: the best and the weakest of them. divisor: the largest, see `Facts.divisor`.
+- samples: how many. exactness: the best and the weakest of them. divisor: the largest, see `Facts.divisor`.
 - twin: GLSL in float32 on the driver against float64, at 100,000 points a sample, in ulp of max(|p|, size). At most 16
   unless stated; of an estimate, the 98th percentile.
 - gradient: symbolic against float64 central differences, the largest difference where the field is smooth.
@@ -119,6 +120,10 @@ changes no value and no fact, and a smaller box that is proved to hold the solid
 """
 
 
+MISSED = """Not noticed; most of these claims hold for the samples by chance, and the fractals' boxes are larger than
+they need be:"""
+
+
 def faults() -> list[str]:
     """The table of seeded faults."""
     found = ledger("faults")
@@ -137,7 +142,7 @@ def faults() -> list[str]:
     for kind, what in KINDS.items():
         c = kinds.get(kind, dict.fromkeys(total, 0))
         text.append(f"| {kind} | {what} | {c['promise']} | {c['record']} | {c['missed']} | {c['none']} |")
-    return [*text, "", "Not noticed:", "", *[f"- {line}" for line in found["missed"]]]
+    return [*text, "", MISSED, "", *[f"- {line}" for line in found["missed"]]]
 
 
 def page() -> str:

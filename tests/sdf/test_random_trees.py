@@ -110,6 +110,27 @@ def test_facts_hold(node: Node) -> None:
         assert np.all(np.abs(there - values) <= node.lipschitz * distance * (1 + 1e-9) + slack * 1e-3), node
 
 
+def depth(node: Node) -> int:
+    return 1 + max((depth(child) for child in node.children), default=0)
+
+
+def test_promised_slopes_are_met() -> None:
+    """Trees are about as steep as they promise; the median of 60 of them, many eight deep and more."""
+    loose, depths = [], []
+
+    @given(deep_trees)
+    @settings(max_examples=60)
+    def look(node: Node) -> None:
+        depths.append(depth(node))
+        if node.exactness != "estimate":
+            field, points, _ = _looked_at(node)
+            loose.append(node.lipschitz / max(np.linalg.norm(field.gradient(points), axis=1).max(), 1e-9))
+
+    look()
+    assert sum(d >= 8 for d in depths) >= 10
+    assert np.median(loose) <= 1.5
+
+
 @given(deep_trees)
 @settings(max_examples=25)
 def test_twins_agree(egl: Context, node: Node) -> None:
