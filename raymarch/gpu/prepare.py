@@ -89,6 +89,8 @@ def frame_uniforms(ready: Prepared, values: Values, size: tuple[int, int], pose:
         "u_time": values.time,
         "u_side": side_of(ready, values, pose.position),
     }
+    if ready.plan.sky_light:
+        uniforms["u_sky_light"] = scene.sky.harmonics(values)
     for name, uniform in ready.shader.parameters.items():
         uniforms[uniform] = values.params[name]
     return uniforms

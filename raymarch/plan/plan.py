@@ -72,6 +72,11 @@ class Plan:
         return self.material is not None and lights.as_data(self.scene)
 
     @property
+    def sky_light(self) -> bool:
+        """True if the shader reads the harmonics of the sky."""
+        return self.material is not None and self.scene.sky.light
+
+    @property
     def clipped(self) -> bool:
         """True if the scene's box bounds the rays on some side."""
         facts = self.scene.node.facts
@@ -117,7 +122,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
         operations=operations,
     )
     shaded = lit and any(p.name == "color" for p in drawn)
-    needs_normal = (shaded and bool(scene.lights)) or geometry
+    needs_normal = (shaded and shading.surfaced(scene)) or geometry
     if needs_normal and scene.quality.normals == "analytic":
         made.gradient = companion(definition)
     if shaded or geometry:

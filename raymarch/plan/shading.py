@@ -53,7 +53,7 @@ def looks(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
     made = Looks("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
     if look:
         fields = _mixed(values, shares)
-        if scene.lights:
+        if surfaced(scene):
             names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
             made.record = Record("material_at", "Material", marked.params, tuple((n, fields[n]) for n in names))
         if any(m.emits for m in chosen):
@@ -111,9 +111,19 @@ MODULES = {
 SOFT = ("two-sided", "cone", "triangulated")
 
 
+def surfaced(scene: Scene) -> bool:
+    """True if light from elsewhere falls on surfaces, so that their normals and materials count."""
+    return bool(scene.lights) or scene.sky.light
+
+
 def lit(scene: Scene) -> bool:
-    """True if any light shines, or any surface does."""
-    return bool(scene.lights) or any(m.emits for m in scene.materials)
+    """True if light falls on any surface, or comes from one."""
+    return surfaced(scene) or any(m.emits for m in scene.materials)
+
+
+def occluded(scene: Scene, model: str) -> bool:
+    """True if there is ambient light for an Occlusion to dim."""
+    return scene.occlusion is not None and (scene.sky.light or (bool(scene.lights) and model != "physical"))
 
 
 def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, str]]:
@@ -122,22 +132,29 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
     model : how surfaces are lit, None if they are not. colored : a picture is drawn, lit or not.
     """
     found: list[tuple[str, str]] = []
-    if model is not None and scene.lights:
-        found += _answers(scene, model)
+    if model is not None and surfaced(scene):
+        found += [(f"material/{model}", "light shades materials"), ("light/light", "light shades materials")]
+        if scene.lights:
+            found += _answers(scene, model)
         for trait in sorted(lights.traits(scene), key=list(MODULES).index):
             name, why = MODULES[trait]
             first = next((light for light in scene.lights if trait in lights.traits_of(light)), None)
             found.append((name, f"{why}: {type(first).__name__} at {first.where}" if first else why))
+        if scene.sky.light:
+            found += _from_sky(scene, model)
+        if occluded(scene, model):
+            found.append(("light/occlusion", "Scene(occlusion=...)"))
     if colored:
-        found.append(("sky/constant", "what is seen where nothing is hit"))
+        if scene.sky.constant:
+            found.append(("sky/constant", "what is seen where nothing is hit"))
         if scene.fog is not None:
             found.append(("sky/fog", "Scene(fog=...)"))
     return found
 
 
 def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules by which surfaces answer light."""
-    found = [(f"material/{model}", "lights shade materials"), ("light/light", "lights shade materials")]
+    """The modules by which surfaces answer a light."""
+    found = []
     if model != "physical":
         found.append(("light/phong", "a material is shaded after Phong"))
     if model != "phong":
@@ -150,6 +167,18 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
         ]
     if model == "mixed":
         found.append(("light/mixed", "some materials are physical and some after Phong"))
+    return found
+
+
+def _from_sky(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules by which surfaces answer the sky."""
+    why = f"{type(scene.sky).__name__}(light=True)"
+    found = [("sky/mean", why)]
+    if model != "physical":
+        found.append(("sky/matte", why))
+    if model != "phong":
+        found += [] if scene.lights else [("light/fresnel", "a material is physical")]
+        found.append(("sky/glossy", why))
     return found
 
 
@@ -183,6 +212,14 @@ def features(scene: Scene) -> list[Feature]:
     feature("patterns", patterned is not None, "a material has one", why, _place(patterned))
     glowing = next((m for m in others if m.emits), None)
     feature("emission", glowing is not None, "a material has one", "no material has one", _place(glowing))
+    feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")
+    feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky lights nothing")
+    dimmed = scene.occlusion is not None and (
+        scene.sky.light or (bool(every) and not all(m.physical for m in scene.materials))
+    )
+    steps = scene.occlusion.steps if scene.occlusion is not None else 0
+    why = "Scene has no occlusion" if scene.occlusion is None else "there is no ambient light to keep out"
+    feature("ambient occlusion", dimmed, f"{steps} evaluations a hit", why)
     feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")
     return found
 

@@ -4,16 +4,22 @@ from raymarch.scene.camera import Camera
 from raymarch.scene.file import load
 from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
+from raymarch.scene.occlusion import Occlusion
 from raymarch.scene.parameter import Param, time
+from raymarch.scene.pattern import checker, noise, stripes
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
+from raymarch.scene.skies import GradientSky, ImageSky, SunSky
 from raymarch.scene.sky import Fog, Sky
 
 __all__ = [
     "Camera",
     "Fog",
+    "GradientSky",
+    "ImageSky",
     "Light",
     "Material",
+    "Occlusion",
     "Param",
     "PointLight",
     "Quality",
@@ -22,6 +28,10 @@ __all__ = [
     "SphereLight",
     "SpotLight",
     "Sun",
+    "SunSky",
+    "checker",
     "load",
+    "noise",
+    "stripes",
     "time",
 ]

@@ -12,6 +12,7 @@ from raymarch.expr.node import Expr
 from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.light import Light, Sun
 from raymarch.scene.material import Material
+from raymarch.scene.occlusion import Occlusion
 from raymarch.scene.parameter import Spec, Values, specs_in
 from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
@@ -37,12 +38,13 @@ class Scene:
         at all.
     sky : Sky, or a colour (linear RGB); None is a plain blue.
     fog : Fog, or None.
+    occlusion : Occlusion of ambient light, or None.
     quality : Quality; None is the default.
 
     Raises SceneError for what is not one of these.
     """
 
-    __slots__ = ("camera", "fog", "lights", "node", "quality", "sky", "where")
+    __slots__ = ("camera", "fog", "lights", "node", "occlusion", "quality", "sky", "where")
 
     def __init__(
         self,
@@ -52,6 +54,7 @@ class Scene:
         sky: Sky | Any = None,
         fog: Fog | None = None,
         quality: Quality | None = None,
+        occlusion: Occlusion | None = None,
     ) -> None:
         self.where: Location | None = user_location()
         self.node = _instance("node", node, Node, "a node such as sphere()")
@@ -67,6 +70,9 @@ class Scene:
         )
         self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
         self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
+        self.occlusion = None
+        if occlusion is not None:
+            self.occlusion = _instance("occlusion", occlusion, Occlusion, "Occlusion(...) or None")
         self.quality = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
         for part in all_nodes(node):
             if part.label is not None:
@@ -94,7 +100,13 @@ class Scene:
             found += [v for v in node.params.values() if isinstance(v, Expr) and not v.is_constant]
             if node.definition.arity != "many":  # a user's own definition may read parameters by itself
                 found.append(node.definition.template(len(node.children), node.params).body)
-        for part in (self.camera, *self.lights, *self.materials, self.sky, *((self.fog,) if self.fog else ())):
+        for part in (
+            self.camera,
+            *self.lights,
+            *self.materials,
+            self.sky,
+            *(x for x in (self.fog, self.occlusion) if x),
+        ):
             found += part.expressions
         return found
 

@@ -1,24 +1,96 @@
-"""What is seen where nothing is hit, and what lies between the camera and the surface."""
+"""What is seen where nothing is hit, and what lies between the camera and the surface.
+
+A sky is a function of the direction in which it is seen, written in the language of fields; the shader and the
+truth read the same one.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
-from raymarch.expr.node import Expr
-from raymarch.scene.parameter import as_number, as_vec3
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.node import Expr, expr, var
+from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import max
+from raymarch.expr.walk import free_variables
+from raymarch.scene.parameter import Values, as_number, as_vec3
+
+DIRECTION = var("direction", VEC3)
+"""The unit vector along which a sky is seen."""
 
 
 class Sky:
-    """A sky of one colour: linear RGB, each >= 0."""
+    """A sky.
 
-    __slots__ = ("color",)
+    Parameters
+    ----------
+    color : linear RGB, each >= 0; or a function of the unit direction that gives such a colour.
+    light : whether it lights surfaces: matte ones by its mean over their half of the sky (the first nine spherical
+        harmonics, Ramamoorthi and Hanrahan 2001), mirrors by what they face, and all between by a mix. Nothing is in
+        its way but `Occlusion`, if the scene has one. False costs nothing.
+    """
 
-    def __init__(self, color: Any = (0.5, 0.65, 0.85)) -> None:
-        self.color = as_vec3("Sky: color", color, low=0.0)
+    __slots__ = ("light", "radiance")
+
+    def __init__(self, color: Any = (0.5, 0.65, 0.85), light: bool = False) -> None:
+        if not isinstance(light, bool):
+            raise SceneError(f"{type(self).__name__}: light = {light!r}", legal="True or False")
+        self.light = light
+        self.radiance = _radiance(color)
+
+    @property
+    def constant(self) -> bool:
+        """True if it is the same in all directions."""
+        return DIRECTION not in free_variables([self.radiance])
+
+    @property
+    def color(self) -> Expr:
+        """Its radiance, a vec3; a function of DIRECTION unless it is constant."""
+        return self.radiance
 
     @property
     def expressions(self) -> list[Expr]:
-        return [self.color]
+        """All that may depend on parameters or time."""
+        return [self.radiance]
+
+    def seen(self, directions: Any, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Linear RGB along unit directions, (N, 3) -> (N, 3), float64."""
+        with bound(values.params, values.time):
+            color = evaluator([self.radiance], [DIRECTION])(np.asarray(directions, np.float64))[0]
+        return np.array(np.broadcast_to(color, np.shape(directions)), np.float64)
+
+    def harmonics(self, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Nine colours, (9, 3): their sum weighted by `harmonics_at(normal)` is the mean light that a matte surface
+        gets.
+
+        For a constant sky that is the sky itself. Integrated over 4,096 even directions.
+        """
+        n = 4096
+        k = np.arange(n) + 0.5
+        y, turn = 1.0 - 2.0 * k / n, k * math.pi * (3.0 - math.sqrt(5.0))
+        s = np.sqrt(1.0 - y * y)
+        directions = np.stack([s * np.cos(turn), y, s * np.sin(turn)], axis=1)
+        basis = harmonics_at(directions)
+        result: np.ndarray[Any, np.dtype[np.float64]] = _BANDS[:, None] * (basis.T @ self.seen(directions, values) / n)
+        return result
+
+
+_BANDS = np.array([1.0] + [2.0 / 3.0] * 3 + [0.25] * 5)
+"""The cosine lobe over pi in each band of the harmonics, which are normalised to a mean square of 1."""
+
+
+def harmonics_at(n: Any) -> Any:
+    """The first nine real spherical harmonics of unit vectors (N, 3), with a mean square of 1 each; (N, 9)."""
+    x, y, z = n[:, 0], n[:, 1], n[:, 2]
+    a, b = math.sqrt(3.0), math.sqrt(15.0)
+    one = np.ones_like(x)
+    second = [b * x * y, b * y * z, b * z * x, math.sqrt(5.0) / 2 * (3 * y * y - 1), b / 2 * (x * x - z * z)]
+    return np.stack([one, a * x, a * y, a * z, *second], axis=1)
 
 
 class Fog:
@@ -36,3 +108,21 @@ class Fog:
     @property
     def expressions(self) -> list[Expr]:
         return [self.color, self.density]
+
+
+def _radiance(color: Any) -> Expr:
+    """A colour, or a function of the direction, as an expression of DIRECTION."""
+    if not callable(color) or isinstance(color, Expr):
+        return as_vec3("Sky: color", color, low=0.0)
+    legal = "linear RGB >= 0, or a function of a direction that gives such"
+    made = expr(_called(color, legal))
+    if made.type is not VEC3:
+        raise SceneError(f"Sky: the function gives a {made.type}", legal=legal)
+    return max(made, 0.0)
+
+
+def _called(color: Callable[[Expr], Any], legal: str) -> Any:
+    try:
+        return color(DIRECTION)
+    except TypeError as fault:
+        raise SceneError(f"Sky: the function fails: {fault}", legal=legal) from fault

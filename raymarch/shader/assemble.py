@@ -173,6 +173,7 @@ def _constants(plan: Plan) -> Chunk:
         "step_variation": ("float", literal(quality.step_variation)),
         "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.tracer, 1.0))),
         "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),
+        "occlusion_steps": ("int", str(plan.scene.occlusion.steps if plan.scene.occlusion else 0)),
         "smoothing": ("float", literal(quality.beta)),
     }
     needed = {name for module, _ in plan.modules for name in glsl.load(module).needs}

@@ -11,7 +11,9 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import constant, literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
+from raymarch.plan.shading import occluded
 from raymarch.scene.light import Light, PointLight, SpotLight, Sun
+from raymarch.scene.sky import DIRECTION
 from raymarch.sdf.facts import Facts
 from raymarch.shader.chunk import Chunk, Mapped
 
@@ -52,13 +54,16 @@ def shading(plan: Plan, values: Values) -> Chunk:
     text = _Lines("the scene's lights")
     text.needs |= {"Ray", "Hit"}
     text.add("vec3 shade(Ray ray, Hit hit) {")
-    lit = plan.material is not None and bool(scene.lights)
-    if lit:
+    surfaced = plan.material is not None
+    lit = surfaced and bool(scene.lights)
+    if surfaced:
         text.add("    Surface surface = surface_at(ray, hit);", "Surface", "surface_at")
     if plan.emission is not None:
         text.add("    vec3 color = emission_at(ray.origin + hit.t * ray.direction);", "emission_at")
     else:
         text.add("    vec3 color = vec3(0.0);")
+    if surfaced:
+        _ambient(text, plan, values)
     if lit and lights.as_data(scene):
         _loop(text, plan)
     elif lit:
@@ -68,7 +73,10 @@ def shading(plan: Plan, values: Values) -> Chunk:
         text.add("    color = through_fog(color, hit.t);", "through_fog", by="Scene(fog=...)", where=scene.where)
     text.add("    return color;")
     text.add("}")
-    values.add("sky_color", scene.sky.color, scene.where)
+    if scene.sky.constant:
+        values.add("sky_color", scene.sky.radiance, scene.where)
+    else:
+        values.functions.append(Function("sky", (DIRECTION,), scene.sky.radiance, where=scene.where))
     if scene.fog is not None:
         values.add("fog_color", scene.fog.color, scene.where)
         values.add("fog_density", scene.fog.density, scene.where)
@@ -122,6 +130,31 @@ class _Lines:
     def add(self, line: str, *needs: str, by: str | None = None, where: Location | None = None) -> None:
         self.lines.append(Mapped(line, by or self.made_by, where))
         self.needs |= set(needs)
+
+
+FROM_SKY = {
+    "phong": "matte_sky(surface)",
+    "physical": "glossy_sky(surface)",
+    "mixed": "mix(matte_sky(surface), glossy_sky(surface), surface.material.physical)",
+}
+"""What the sky adds to a surface, by model."""
+
+
+def _ambient(text: _Lines, plan: Plan, values: Values) -> None:
+    """Light without a place: the sky's, and the share of each light that Phong's materials take as such."""
+    scene = plan.scene
+    dimmed = occluded(scene, plan.model)
+    if dimmed:
+        assert scene.occlusion is not None
+        for name in ("reach", "strength", "decay"):
+            values.add(f"occlusion_{name}", getattr(scene.occlusion, name), scene.where)
+        text.add("    float open = openness(surface);", "openness", by="Scene(occlusion=...)", where=scene.where)
+        if scene.lights and plan.model != "physical":
+            text.add("    surface.material.ambient *= open;", by="Scene(occlusion=...)", where=scene.where)
+    if scene.sky.light:
+        needs = {"phong": ("matte_sky",), "physical": ("glossy_sky",), "mixed": ("matte_sky", "glossy_sky")}[plan.model]
+        factor = "open * " if dimmed else ""
+        text.add(f"    color += {factor}{FROM_SKY[plan.model]};", *needs, by="the sky's light", where=scene.where)
 
 
 def _light(text: _Lines, i: int, light: Light, values: Values, answer: str) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raymarch.scene.light import Light, PointLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
+from raymarch.scene.sky import harmonics_at
 from raymarch.truth.field import Field
 from raymarch.truth.light import Incoming, incoming, microfacets, soft_visibility
 from raymarch.truth.march import GAP, NOISE
@@ -66,7 +67,7 @@ class Surface:
     @cached_property
     def color(self) -> Array:
         """Linear RGB with fog, (N, 3)."""
-        color = self._look["emission"]
+        color = self._look["emission"] + self._from_sky
         for light in self.scene.lights:
             color = color + self._from(light)
         fog = self.scene.fog
@@ -74,6 +75,45 @@ class Surface:
             through = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
             color = self.values.of(fog.color) * (1.0 - through) + color * through
         return color
+
+    @cached_property
+    def _open(self) -> Array:
+        """Share of the ambient light that corners leave, (N, 1)."""
+        occlusion = self.scene.occlusion
+        if occlusion is None:
+            return np.ones((len(self.depth), 1))
+        reach, strength, decay = (float(self.values.of(v)) for v in occlusion.expressions)
+        side = -1.0 if self.inside else 1.0
+        missing, weights = np.zeros(len(self.depth)), 0.0
+        for i in range(occlusion.steps):
+            far = reach * (i + 1) / occlusion.steps
+            rise = side * self.field.distance(self.points + far * self._shading_normals)
+            missing += decay**i * np.clip(1.0 - rise / far, 0.0, 1.0)
+            weights += decay**i
+        return np.clip(1.0 - strength * missing / weights, 0.0, 1.0)[:, None]
+
+    @cached_property
+    def _from_sky(self) -> Array:
+        """What the sky adds, by the rules of `Sky(light=True)`, (N, 3)."""
+        sky, look, n = self.scene.sky, self._look, self._shading_normals
+        if not sky.light:
+            return np.zeros((len(self.depth), 3))
+        light = sky.harmonics(self.values)
+        even = np.maximum(harmonics_at(n) @ light, 0.0)
+        seen = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
+        mirrored = self.directions + 2.0 * seen * n
+        rough, metal, color, f0 = (look[name] for name in ("roughness", "metalness", "color", "f0"))
+        around = (
+            sky.seen(mirrored, self.values) * (1.0 - rough) + np.maximum(harmonics_at(mirrored) @ light, 0.0) * rough
+        )
+        r = [a * rough + b for a, b in ((-1.0, 1.0), (-0.0275, 0.0425), (-0.572, 1.04), (0.022, -0.04))]
+        edge = np.minimum(r[0] * r[0], np.exp2(-9.28 * seen)) * r[0] + r[1]
+        base = f0 * (1.0 - metal) + color * metal
+        back = np.clip(base * (r[2] - 1.04 * edge) + r[3] + 1.04 * edge, 0.0, 1.0)
+        entering = np.minimum((1.0 - (1.0 - seen) ** 5) * (1.0 - f0), 1.0 - back) * (1.0 - metal)
+        glossy = around * back + even * entering * color
+        result: Array = self._open * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)
+        return result
 
     @cached_property
     def _look(self) -> dict[str, Array]:
@@ -118,7 +158,7 @@ class Surface:
         seen = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
         gloss = look["specular"] * seen ** look["shininess"] * (facing > 0.0)
         direct = visible * (look["color"] * np.maximum(facing, 0.0) + gloss)
-        result: Array = come.radiance * (look["ambient"] * look["color"] + direct)
+        result: Array = come.radiance * (self._open * look["ambient"] * look["color"] + direct)
         return result
 
     def _visible(self, light: Light, come: Incoming, asked: NDArray[Any]) -> Array:

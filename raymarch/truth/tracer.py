@@ -68,7 +68,7 @@ class Truth:
         return self._picture(self._surface.color, self._sky)
 
     def _picture(self, values: Any, background: Any) -> NDArray[Any]:
-        made = np.empty((*self.hit.shape, *np.shape(background)), values.dtype)
+        made = np.empty((*self.hit.shape, *values.shape[1:]), values.dtype)
         made[...] = background
         made[self.hit] = values
         return made
@@ -132,7 +132,7 @@ def truth(
         position=pose.position,
         direction=rays.directions.reshape(*shape, 3),
         _surface=surface,
-        _sky=values.of(scene.sky.color),
+        _sky=scene.sky.seen(rays.directions, values).reshape(*shape, 3),
     )
     for name in outputs:
         getattr(made, name)

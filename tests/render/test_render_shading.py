@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "shader"))
 from shader_samples import lamps, scenes, solid
 
 SIZE = (80, 60)
-EXACT = ("physical", "masking", "both models", "patterns", "glow without lights", "many plain lamps")
+SKIES = ("gradient sky", "sun sky", "blue sky", "matte under a sky", "gold under a sky", "occlusion")
+EXACT = ("physical", "masking", "both models", "patterns", "glow without lights", "many plain lamps", *SKIES)
 SOFT = ("soft shadows", "soft shadows without end", "lamps", "many lamps")
 
 

@@ -63,6 +63,18 @@ def scenes() -> dict[str, rm.Scene]:
     made["lamps"] = rm.Scene(solid(), lights=lamps())
     made["many lamps"] = rm.Scene(solid() | rm.sphere().material(gold).translate((3, 0, 0)), lights=2 * lamps())
     made["many plain lamps"] = rm.Scene(solid(), lights=[rm.PointLight((k, 3, 0)) for k in range(20)])
+    skies = {
+        "gradient": rm.GradientSky(light=True),
+        "sun": rm.SunSky((1, GAP, 1), light=True),
+        "blue": rm.Sky(TINT, True),
+    }
+    for name, sky in skies.items():
+        made[f"{name} sky"] = rm.Scene(rm.union(rm.sphere().material(gold), solid(), k=0.2), lights=[], sky=sky)
+    made["matte under a sky"] = rm.Scene(solid(), lights=[], sky=skies["gradient"])
+    made["gold under a sky"] = rm.Scene(rm.sphere().material(gold), sky=skies["sun"], occlusion=rm.Occlusion())
+    made["sky seen only"] = rm.Scene(rm.sphere(), sky=rm.GradientSky((GAP, 1, 1)), fog=rm.Fog())
+    made["occlusion"] = rm.Scene(solid() | rm.plane(offset=-1), occlusion=rm.Occlusion(4, GAP))
+    made["occlusion in vain"] = rm.Scene(rm.sphere().material(gold), occlusion=rm.Occlusion(4, GAP))
     turned = rm.box().rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
     made["copies beside a material"] = rm.Scene(turned | rm.plane().material(RED))
     made |= {f"{n} normals": rm.Scene(solid(), quality=rm.Quality(normals=n)) for n in NORMALS}

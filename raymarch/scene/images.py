@@ -1,0 +1,139 @@
+"""Pictures read from files, as linear RGB: Radiance, OpenEXR, and what Pillow reads.
+
+OpenEXR files need the package OpenEXR (`pip install 'raymarch[exr]'`).
+"""
+
+from __future__ import annotations
+
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from raymarch.errors import SceneError
+
+Array = NDArray[np.float32]
+
+LARGEST = 2046
+"""Pixels along either edge: sampled data may have 2048 texels, two of which close the circle of a sky."""
+
+
+def read_image(what: str, file: str | PathLike[str], largest: int = LARGEST) -> Array:
+    """A picture as linear RGB, float32 (H, W, 3), row 0 at the top.
+
+    what : who asks, for the message of a SceneError: a file that is missing, broken, or larger than `largest`.
+    """
+    path = Path(fspath(file))
+    legal = f"a picture of up to {largest} x {largest} pixels: .hdr, .exr, .png, .jpg, ..."
+    if not path.is_file():
+        raise SceneError(f"{what}: no file '{path}'", legal=legal)
+    try:
+        pixels = _read(path)
+    except (OSError, ValueError, IndexError, UnidentifiedImageError, Image.DecompressionBombError) as fault:
+        raise SceneError(f"{what}: '{path}' cannot be read: {fault}", legal=legal) from fault
+    height, width = pixels.shape[:2]
+    if max(height, width) > largest or min(height, width) < 1:
+        raise SceneError(f"{what}: '{path}' has {width} x {height} pixels", legal=legal)
+    if not np.all(np.isfinite(pixels)):
+        raise SceneError(f"{what}: '{path}' holds values that are not finite", legal="finite numbers")
+    return np.ascontiguousarray(pixels, np.float32)
+
+
+def _read(path: Path) -> NDArray[Any]:
+    ending = path.suffix.lower()
+    if ending in (".hdr", ".pic", ".rgbe"):
+        return read_radiance(path.read_bytes())
+    if ending == ".exr":
+        return _read_exr(path)
+    with Image.open(path) as image:
+        return linear(np.asarray(image.convert("RGB"), np.float64) / 255.0)
+
+
+def linear(encoded: NDArray[Any]) -> NDArray[Any]:
+    """sRGB values from 0 to 1 (IEC 61966-2-1) as linear ones."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def _read_exr(path: Path) -> NDArray[Any]:
+    try:
+        import OpenEXR
+    except ImportError:
+        raise ValueError("it needs the package OpenEXR: pip install 'raymarch[exr]'") from None
+    try:
+        with OpenEXR.File(str(path)) as opened:
+            channels = opened.channels()
+            for name in ("RGB", "RGBA"):
+                if name in channels:
+                    return np.asarray(channels[name].pixels, np.float32)[..., :3]
+            one = [np.asarray(channels[c].pixels, np.float32) for c in ("R", "G", "B") if c in channels]
+            if not one and "Y" in channels:
+                one = [np.asarray(channels["Y"].pixels, np.float32)] * 3
+    except RuntimeError as fault:
+        raise ValueError(str(fault)) from fault
+    if len(one) != 3:
+        raise ValueError("no channels R, G and B")
+    return np.stack(one, axis=-1)
+
+
+def write_exr(file: str | PathLike[str], color: NDArray[Any]) -> None:
+    """Linear RGB, (H, W, 3), as a float32 OpenEXR file. SceneError without the package OpenEXR."""
+    try:
+        import OpenEXR
+    except ImportError:
+        raise SceneError(f"'{file}' needs the package OpenEXR", legal="pip install 'raymarch[exr]'") from None
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(color, np.float32)}) as made:
+        made.write(fspath(file))
+
+
+def read_radiance(data: bytes) -> Array:
+    """A Radiance picture (Ward 1991), flat or run-length encoded, top row first. ValueError if it is broken."""
+    head, _, rest = data.partition(b"\n\n")
+    if not head.startswith(b"#?") or b"FORMAT=32-bit_rle_rgbe" not in head:
+        raise ValueError("no header of a Radiance picture in RGBE")
+    size, _, body = rest.partition(b"\n")
+    words = size.split()
+    if len(words) != 4 or words[0] not in (b"-Y", b"+Y") or words[2] != b"+X":
+        raise ValueError(f"resolution {size!r}")
+    height, width = int(words[1]), int(words[3])
+    if not (0 < height <= 1 << 15 and 0 < width <= 1 << 15):
+        raise ValueError(f"{width} x {height} pixels")
+    raw = np.frombuffer(body, np.uint8)
+    rgbe = np.empty((height, width, 4), np.uint8)
+    at = 0
+    for row in rgbe:
+        at = _scanline(raw, at, row)
+    scale = np.where(rgbe[..., 3] > 0, np.ldexp(1.0, rgbe[..., 3].astype(np.int32) - 136), 0.0)
+    pixels = (rgbe[..., :3] + 0.5) * scale[..., None]
+    return np.asarray(pixels if words[0] == b"-Y" else pixels[::-1], np.float32)
+
+
+def _scanline(raw: NDArray[np.uint8], at: int, row: NDArray[np.uint8]) -> int:
+    """Decodes one row; gives where the next one starts."""
+    width = len(row)
+    if not (8 <= width < 1 << 15 and at + 4 <= len(raw) and raw[at] == 2 and raw[at + 1] == 2 and raw[at + 2] < 128):
+        flat = raw[at : at + 4 * width]
+        if len(flat) < 4 * width:
+            raise ValueError("it ends too early")
+        row[:] = flat.reshape(width, 4)
+        return at + 4 * width
+    at += 4
+    for channel in range(4):
+        x = 0
+        while x < width:
+            count = int(raw[at])
+            if count > 128:
+                count -= 128
+                values: Any = raw[at + 1]
+                at += 2
+            else:
+                values = raw[at + 1 : at + 1 + count]
+                at += 1 + count
+            if count == 0 or x + count > width or np.size(values) not in (1, count):
+                raise ValueError("a run of pixels does not fit its row")
+            row[x : x + count, channel] = values
+            x += count
+    return at

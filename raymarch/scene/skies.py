@@ -1,0 +1,159 @@
+"""Skies ready made: a gradient, a clear sky with its sun, a picture of all directions."""
+
+from __future__ import annotations
+
+import math
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.samples import Samples, sample
+from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, normalize, tan, vec2, vec3
+from raymarch.scene.images import read_image
+from raymarch.scene.light import Sun
+from raymarch.scene.parameter import as_number, as_vec3
+from raymarch.scene.sky import Sky
+
+
+class GradientSky(Sky):
+    """A sky that goes from a colour at the horizon to another at the zenith, over a ground of one colour.
+
+    zenith, horizon, ground : linear RGB, each >= 0. light : see `Sky`.
+    """
+
+    __slots__ = ()
+
+    def __init__(
+        self,
+        zenith: Any = (0.25, 0.45, 0.8),
+        horizon: Any = (0.75, 0.82, 0.9),
+        ground: Any = (0.3, 0.28, 0.25),
+        light: bool = False,
+    ) -> None:
+        top, rim, low = (
+            as_vec3(f"GradientSky: {name}", value, low=0.0)
+            for name, value in (("zenith", zenith), ("horizon", horizon), ("ground", ground))
+        )
+
+        def color(d: Expr) -> Expr:
+            up = max(d.y, 0.0)
+            return mix(mix(rim, top, up * (2.0 - up)), low, clamp(-12.0 * d.y, 0.0, 1.0))
+
+        super().__init__(color, light)
+
+
+class SunSky(Sky):
+    """A clear sky with its sun, after Preetham, Shirley and Smits (1999), over a ground of one colour.
+
+    Parameters
+    ----------
+    direction : towards the sun, any length but 0; its height is taken to be above the horizon.
+    turbidity : haze, from 2 (clear) to 10.
+    intensity : factor >= 0; at 1 the sky far from the sun is about 0.5 bright.
+    ground : linear RGB below the horizon, each >= 0.
+    light : see `Sky`. The sun's own light is not part of it: `sun()` gives it, as a light for the scene.
+    """
+
+    __slots__ = ("_intensity", "direction")
+
+    def __init__(
+        self,
+        direction: Any = (0.5, 0.6, 0.7),
+        turbidity: Any = 3.0,
+        intensity: Any = 1.0,
+        ground: Any = (0.25, 0.23, 0.2),
+        light: bool = False,
+    ) -> None:
+        given = as_vec3("SunSky: direction", direction)
+        if given.is_constant and not np.any(given.data):
+            raise SceneError(f"SunSky: direction = {direction!r}", legal="3 numbers, not all zero")
+        self.direction = normalize(given)
+        haze = as_number("SunSky: turbidity", turbidity, 2.0, 10.0)
+        self._intensity = as_number("SunSky: intensity", intensity, low=0.0)
+        low = as_vec3("SunSky: ground", ground, low=0.0)
+
+        def color(d: Expr) -> Expr:
+            above = _preetham(d, self.direction, haze) * self._intensity
+            return mix(above, low * self._intensity, clamp(-12.0 * d.y, 0.0, 1.0))
+
+        super().__init__(color, light)
+
+    def sun(self, intensity: Any = 3.0, **parts: Any) -> Sun:
+        """The sun as a light: white at the zenith, red at the horizon. parts : `shadow`, `softness`, `penumbra`."""
+        up = max(self.direction.y, 0.0)
+        through = exp(expr((-0.06, -0.12, -0.28)) / (up + 0.1))
+        return Sun(self.direction, through, expr(intensity) * self._intensity, **parts)
+
+
+class ImageSky(Sky):
+    """A sky from a picture of all directions: longitude across, latitude down, the middle of it along -z.
+
+    Parameters
+    ----------
+    file : Radiance (.hdr), OpenEXR (.exr), or a common picture, up to 2046 pixels wide and high.
+    intensity : factor >= 0. turn : about the y axis, in radians. light : see `Sky`.
+
+    Raises SceneError for a file that is missing, broken or too large.
+    """
+
+    __slots__ = ("file",)
+
+    def __init__(self, file: str | PathLike[str], intensity: Any = 1.0, turn: Any = 0.0, light: bool = False) -> None:
+        self.file = file
+        pixels = np.maximum(read_image("ImageSky", file), 0.0)
+        height, width = pixels.shape[:2]
+        # A column at each side closes the circle, a row at each end repeats the pole's.
+        closed = np.pad(pixels, ((1, 1), (0, 0), (0, 0)), "edge")
+        closed = np.pad(closed, ((0, 0), (1, 1), (0, 0)), "wrap")
+        channels = [Samples(closed[..., c]) for c in range(3)]
+        factor, angle = as_number("ImageSky: intensity", intensity, low=0.0), as_number("ImageSky: turn", turn)
+
+        def color(d: Expr) -> Expr:
+            around = atan2(d.x, -d.z) - angle
+            u = around * (0.5 / math.pi) + 0.5
+            u = u - floor(u)
+            v = acos(d.y) * (1.0 / math.pi)
+            at = vec2(u * width + 0.5, v * height + 0.5)
+            return vec3(*(sample(channel, at) for channel in channels)) * factor
+
+        super().__init__(color, light)
+
+
+# The constants of Preetham's model: distribution of luminance and of the two chromaticities by turbidity (a T + b), and
+# the zenith's chromaticities as a cubic of the sun's angle whose factors are quadratic in T.
+_PEREZ = (
+    ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)),
+    ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452)),
+    ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529)),
+)
+_ZENITH = (
+    ((0.00166, -0.00375, 0.00209, 0.0), (-0.02903, 0.06377, -0.03202, 0.00394), (0.11693, -0.21196, 0.06052, 0.25886)),
+    ((0.00275, -0.00610, 0.00317, 0.0), (-0.04214, 0.08970, -0.04153, 0.00516), (0.15346, -0.26756, 0.06670, 0.26688)),
+)
+_TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+
+
+def _preetham(d: Expr, sun: Expr, haze: Expr) -> Expr:
+    """Radiance of the clear sky in linear RGB, in tens of kilocandela a square metre."""
+    height = max(sun.y, 0.02)
+    angle = acos(height)
+    cosine = max(d.y, 0.01)
+    to_sun = clamp(dot(d, sun), -1.0, 1.0)
+    gamma = acos(to_sun)
+    luminance = (4.0453 * haze - 4.9710) * tan((4.0 / 9.0 - haze / 120.0) * (math.pi - 2.0 * angle))
+    zenith = [max(luminance - 0.2155 * haze + 2.4192, 0.05)]
+    for rows in _ZENITH:
+        parts = [((row[0] * angle + row[1]) * angle + row[2]) * angle + row[3] for row in rows]
+        zenith.append((parts[0] * haze + parts[1]) * haze + parts[2])
+
+    def perez(k: int, c: Expr, g: Expr, cos_g: Expr) -> Expr:
+        f = [row[0] * haze + row[1] for row in _PEREZ[k]]
+        return (1.0 + f[0] * exp(f[1] / c)) * (1.0 + f[2] * exp(f[3] * g) + f[4] * cos_g * cos_g)
+
+    values = [zenith[k] * perez(k, cosine, gamma, to_sun) / perez(k, expr(1.0), angle, cos(angle)) for k in range(3)]
+    bright, x, y = max(values[0], 0.0) * 0.05, values[1], max(values[2], 0.02)
+    xyz = vec3(bright * x / y, bright, bright * (1.0 - x - y) / y)
+    return min(max(vec3(*(dot(tuple(row), xyz) for row in _TO_RGB.tolist())), 0.0), 60.0)
