@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
+from raymarch.errors import Location, SceneError
 from raymarch.expr.node import Expr, Operand, expr, make
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.walk import find
@@ -39,12 +39,14 @@ class RawFunction:
     name : of the function. code : its GLSL, and that of what it calls.
     twin : the same in NumPy, from points (N, 3) to values (N,); None if there is none.
     size : of the solid, a length: what the step of its gradient is measured by.
+    where : the user's line that gave it.
     """
 
     name: str
     code: str
     twin: Twin | None
     size: float
+    where: Location | None = field(default=None, compare=False)
 
     @property
     def defines(self) -> frozenset[str]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raymarch.errors import SceneError
+from raymarch.errors import SceneError, user_location
 from raymarch.expr.glsl import identifier
 from raymarch.expr.node import Expr, const
 from raymarch.expr.raw import RawFunction, Twin, raw, without_comments
@@ -107,7 +107,7 @@ def glsl_node(
     lower, upper = _corners(bounds)
     edges = upper - lower
     size = float(np.max(edges[np.isfinite(edges)], initial=0.0)) or 1.0
-    function = RawFunction(name, code.strip("\n"), twin, size)
+    function = RawFunction(name, code.strip("\n"), twin, size, user_location())
     return raw_field(RawField(function, exactness, float(lipschitz), tuple(lower.tolist()), tuple(upper.tolist())))
 
 

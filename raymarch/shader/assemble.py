@@ -268,8 +268,16 @@ def _mapped(text: Text, places: _Places) -> list[Mapped]:
     """The printed functions, each line with what made it."""
     lines: list[Mapped] = []
     owners = {name: owner for owner, name in text.names.items()}
-    for helper in text.helpers.values():
-        lines += [Mapped(line, "a helper of the vocabulary") for line in [*helper.split("\n"), ""]]
+    given = {
+        f.name: f.where for f in (node.data for node in find([e for o in owners.values() for e in o.inner], "raw"))
+    }
+    for (helper, kind), code in text.helpers.items():
+        if kind == "raw":
+            rows = enumerate(code.split("\n"), 1)
+            lines += [Mapped(line, f"line {i} of the GLSL of {helper}", given.get(helper)) for i, line in rows]
+            lines.append(Mapped("", helper))
+        else:
+            lines += [Mapped(line, "a helper of the vocabulary") for line in [*code.split("\n"), ""]]
     for printed in text.functions:
         name = printed[0].text.partition("(")[0].split()[-1]
         around = places.around(owners[name])

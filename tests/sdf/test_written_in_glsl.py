@@ -58,6 +58,14 @@ def test_a_steep_field_is_divided() -> None:
     np.testing.assert_allclose(node.distance(POINTS), POINTS[:, 1], atol=1e-12)
 
 
+def test_a_fault_in_the_code_leads_to_its_line(egl: Context) -> None:
+    node = glsl_node("float f(vec3 p) {\n    return foo + p.x;\n}", "f", bounds=((-1, -1, -1), (1, 1, 1)))
+    with pytest.raises(rm.ShaderError, match="made by line 2 of the GLSL of f") as caught:
+        rm.render(rm.Scene(sphere(0.5) | node), (8, 6))
+    assert caught.value.where is not None and caught.value.where.file == __file__
+    assert caught.value.where.line == test_a_fault_in_the_code_leads_to_its_line.__code__.co_firstlineno + 1
+
+
 @pytest.mark.parametrize(
     ("make", "says"),
     [
