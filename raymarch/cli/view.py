@@ -20,6 +20,7 @@ def view(
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
     ] = None,
     budget: Annotated[float, typer.Option(metavar="MS", help="Time of a frame while something moves.")] = 33.0,
+    samples: Annotated[int, typer.Option(min=1, max=4096, help="Rays a pixel that a still picture ends with.")] = 16,
     settings: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Camera, parameters, time and view that the window saved.")
     ] = None,
@@ -37,5 +38,5 @@ def view(
         raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
     from raymarch.window.viewer import Viewer  # not before a window is asked for
 
-    viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log)
+    viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples)
     sys.exit(viewer.run(demo_seconds))

@@ -40,6 +40,9 @@ class Renderer:
     device : index of the EGL device.
     context : an open context to draw on, which is left open by `close`; None opens one.
 
+    `planned_for` is the size of pictures by which the plan weighs its passes; None is the size that is drawn, so that a
+    scene is planned anew where that changes.
+
     Raises DeviceError if there is no context, or for a size that the driver cannot draw.
     """
 
@@ -55,6 +58,7 @@ class Renderer:
         self.clock = Clock(self.context)
         self.store = Store(self.context)
         self.history = History()
+        self.planned_for: tuple[int, int] | None = None
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         try:
             self._size = self.store.target("color", size).size
@@ -148,7 +152,7 @@ class Renderer:
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
-        self._prepared[*_key(scene, outputs), self._size] = prepared
+        self._prepared[*_key(scene, outputs), self.planned_for or self._size] = prepared
         while len(self._prepared) > PLANNED:
             self._prepared.popitem(last=False)
 
@@ -156,9 +160,9 @@ class Renderer:
         return set_values(self._prepare(scene, outputs).plan.parameters, params or {}, time, scene.where)
 
     def _prepare(self, scene: Scene, outputs: Sequence[str]) -> Prepared:
-        found = self._prepared.get((*_key(scene, outputs), self._size))
+        found = self._prepared.get((*_key(scene, outputs), self.planned_for or self._size))
         if found is None:
-            found = prepare(scene, outputs, self._size)
+            found = prepare(scene, outputs, self.planned_for or self._size)
             self.adopt(scene, found, outputs)
         return found
 

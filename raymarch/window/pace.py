@@ -62,6 +62,10 @@ class Pace:
         known = self._per_pixel
         self._per_pixel = cost if known is None or cost > known else known + RECOVERY * (cost - known)
 
+    def pixels(self, milliseconds: float) -> float:
+        """How many pixels can be drawn in a time."""
+        return 4096.0 if not self._per_pixel else milliseconds / self._per_pixel
+
     def other(self, milliseconds: float) -> None:
         """Learn what a frame took besides drawing the scene."""
         self.fixed += 0.2 * (milliseconds - self.fixed)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from raymarch.gpu.frame import Frame, unpack
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.screen import Screen
 from raymarch.gpu.targets import Target
-from raymarch.gpu.tiles import tiles_of
+from raymarch.gpu.tiles import Tile, tiles_of
 from raymarch.gpu.views import VIEWS
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.camera import Pose
@@ -35,6 +35,7 @@ class Shot:
     params: Mapping[str, Any]
     pose: Pose
     view: str = "final"
+    samples: int = 1
 
     def same(self, other: Shot | None) -> bool:
         """Whether another shot gives the same picture."""
@@ -47,20 +48,24 @@ class Shot:
 
 @dataclass(slots=True)
 class Drawn:
-    """The last step: milliseconds, the size that was drawn, whether the picture is whole, what was compiled."""
+    """The last step: milliseconds, the size that was drawn, whether the picture is whole, milliseconds of compiling,
+    whole samples of each pixel at full size, evaluations of a pixel where they are known."""
 
     milliseconds: float = 0.0
     size: tuple[int, int] = (0, 0)
     whole: bool = False
     moving: bool = True
     compile: float = 0.0
+    samples: int = 0
     evaluations: float | None = None
 
 
 @dataclass(slots=True)
-class _Refinement:
+class _Part:
+    """A pass that is being drawn: the tiles of it that are left."""
+
     draft: Draft
-    tiles: list[tuple[int, int, int, int]] = field(default_factory=list)
+    tiles: list[Tile]
 
 
 class Picture:
@@ -71,15 +76,17 @@ class Picture:
     renderer : on the window's context; resized at will.
     screen : copies between targets.
     pace : chooses resolutions.
+    samples : rays a pixel that a still picture ends with; more if the scene asks for more.
     """
 
-    def __init__(self, renderer: Renderer, screen: Screen, pace: Pace) -> None:
-        self.pace = pace
+    def __init__(self, renderer: Renderer, screen: Screen, pace: Pace, samples: int = 1) -> None:
+        self.pace, self.samples = pace, samples
         self.drawn = Drawn()
         self._renderer, self._screen = renderer, screen
         self._canvas: Target | None = None
         self._shot: Shot | None = None
-        self._rest: _Refinement | None = None
+        self._rest: list[_Part] | None = None
+        self._done = 0
 
     @property
     def canvas(self) -> Target | None:
@@ -106,54 +113,73 @@ class Picture:
         return True
 
     def _coarse(self, shot: Shot, size: tuple[int, int]) -> None:
+        """The whole shot at the resolution that the budget allows."""
         small = scaled(size, self.pace.scale(size))
-        draft = self._draft(shot, small)
+        drafts = self._drafts(shot, small)
+        compiled = sum(draft.compile for draft in drafts)
         start = clock_time.perf_counter()
-        draft.draw()
+        for draft in drafts:
+            draft.draw()
         self._renderer.context.gl.finish()
         spent = 1e3 * (clock_time.perf_counter() - start)
-        if draft.compile == 0.0:  # the first draw of a program includes work of the driver
+        if compiled == 0.0:  # the first draw of a program includes work of the driver
             self.pace.drawn(spent, small[0] * small[1])
         if self._canvas is None or self._canvas.size != size:
             fresh = Target(self._renderer.context, size)
             if self._canvas is not None:
                 self._canvas.release()
             self._canvas = fresh
-        self._put(shot, draft, None)
-        self._shot, self._rest = shot, None
-        self.drawn = Drawn(spent, small, small == size, True, draft.compile, self.drawn.evaluations)
+        self._put(shot, drafts[-1], None)
+        self._shot, self._rest, self._done = shot, None, 1 if small == size else 0
+        self._say(spent, small, compiled, moving=True)
 
     def _refine(self, shot: Shot, size: tuple[int, int]) -> None:
-        """Tiles of the full picture, the middle first, until the budget of a frame is spent."""
+        """Tiles of the full picture, the middle first, until the budget of a frame is spent; then further samples."""
+        compiled = 0.0
         if self._rest is None:
-            middle = np.array(size) / 2
-            tiles = sorted(tiles_of(size), key=lambda t: float(np.hypot(*(np.array(t[:2]) + 64 - middle))))
-            self._rest = _Refinement(self._draft(shot, size), tiles)
-        rest, start, pixels = self._rest, clock_time.perf_counter(), 0
-        spent = 0.0
-        done: list[tuple[int, int, int, int]] = []
-        while rest.tiles and spent < self.pace.budget:
-            tile = rest.tiles.pop(0)
-            rest.draft.draw(tile)
+            drafts = self._drafts(shot, size)
+            compiled = sum(draft.compile for draft in drafts)
+            self._rest = [_Part(draft, self._tiles(draft.target.size)) for draft in drafts]
+        rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
+        part = rest[0]
+        done: list[Tile] = []
+        while part.tiles and spent < self.pace.budget:
+            tile = part.tiles.pop(0)
+            part.draft.draw(tile)
             self._renderer.context.gl.finish()
             done.append(tile)
-            pixels += tile[2] * tile[3]
             spent = 1e3 * (clock_time.perf_counter() - start)
-        for tile in done if shot.view == "final" else []:
-            self._put(shot, rest.draft, tile)
-        if not rest.tiles and shot.view != "final":
-            self._put(shot, rest.draft, None)
-        self.drawn = Drawn(spent, size, not rest.tiles, False, rest.draft.compile, self.drawn.evaluations)
+        last = len(rest) == 1
+        if last and shot.view == "final" and self._done == 0:
+            for tile in done:
+                self._put(shot, part.draft, tile)
+        if not part.tiles:
+            rest.pop(0)
+            if last and (shot.view != "final" or self._done > 0):
+                self._put(shot, part.draft, None)
+            if last:
+                self._rest, self._done = None, self._done + 1
+        self._say(spent, size, compiled, moving=False)
 
-    def _draft(self, shot: Shot, size: tuple[int, int]) -> Draft:
+    def _say(self, spent: float, size: tuple[int, int], compiled: float, *, moving: bool) -> None:
+        shot = self._shot
+        assert shot is not None
+        enough = max(self.samples, shot.samples) if shot.view == "final" else 1
+        whole = self._done >= enough
+        self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, self.drawn.evaluations)
+
+    def _tiles(self, size: tuple[int, int]) -> list[Tile]:
+        """Tiles that each take about half of the budget, from the middle outwards."""
+        edge = int(np.clip(np.sqrt(self.pace.pixels(self.pace.budget / 2)), 16, 512))
+        middle = np.array(size) / 2
+        return sorted(tiles_of(size, edge), key=lambda t: float(np.hypot(*(np.array(t[:2]) + edge / 2 - middle))))
+
+    def _drafts(self, shot: Shot, size: tuple[int, int]) -> list[Draft]:
         if self._renderer.size != size:
             self._renderer.resize(size)
-        *before, last = self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
-        for draft in before:  # cones, from which its rays start
-            draft.draw()
-        return last
+        return self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
 
-    def _put(self, shot: Shot, draft: Draft, tile: tuple[int, int, int, int] | None) -> None:
+    def _put(self, shot: Shot, draft: Draft, tile: Tile | None) -> None:
         """What was drawn onto the canvas, as linear colour."""
         assert self._canvas is not None
         if shot.view == "final":
@@ -176,7 +202,9 @@ class Picture:
 
     def at(self, size: tuple[int, int]) -> Renderer:
         """The renderer at a size, for somebody else's picture."""
-        self._rest = None  # its draft draws into a texture that may go
+        # Its drafts draw into textures that may go, and their history may be forgotten: from the first sample again.
+        if self._rest is not None or not self.drawn.whole:
+            self._rest, self._done = None, 0
         if self._renderer.size != size:
             self._renderer.resize(size)
         return self._renderer

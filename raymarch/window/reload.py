@@ -17,6 +17,7 @@ from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
+from raymarch.window.live import live
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
 
@@ -85,10 +86,13 @@ class Reloader:
     file : the scene file.
     wake : called after each piece of news, from another thread.
     params : gives the values of parameters that the window holds.
+    size : of the pictures that scenes are planned for.
     """
 
-    def __init__(self, file: Path, wake: Callable[[], None], params: Callable[[], dict[str, Any]]) -> None:
-        self.file = file
+    def __init__(
+        self, file: Path, wake: Callable[[], None], params: Callable[[], dict[str, Any]], size: tuple[int, int]
+    ) -> None:
+        self.file, self.size = file, size
         self.news: SimpleQueue[News] = SimpleQueue()
         self.busy_since: float | None = None
         self._wake, self._params = wake, params
@@ -164,7 +168,7 @@ class Reloader:
         if not silent:
             self._tell(Started())
         file = self.file
-        answer = self._trials.run(str(file), self._params(), self._over)
+        answer = self._trials.run(str(file), self._params(), self.size, self._over)
         if answer is None or self._stopping.is_set():
             return  # a newer change
         known = self._known if answer["error"] is not None and file == self._known_for else []
@@ -188,7 +192,7 @@ class Reloader:
 
     def _load_here(self, file: Path, answer: Answer) -> None:
         took = sum(answer["ms"].values()) * 1e-3
-        found = _guarded(lambda: _load(file), max(HERE_AT_LEAST, HERE_FACTOR * took))
+        found = _guarded(lambda: _load(file, self.size), max(HERE_AT_LEAST, HERE_FACTOR * took))
         if isinstance(found, RaymarchError):
             where = found.where
             self._tell(Failed(Fault(found.what, found.legal, *((where.file, where.line) if where else (None, None)))))
@@ -200,12 +204,12 @@ class Reloader:
             self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
 
 
-def _load(file: Path) -> tuple[Scene, Prepared, dict[str, float]]:
+def _load(file: Path, size: tuple[int, int]) -> tuple[Scene, Prepared, dict[str, float]]:
     start = time.perf_counter()
     with contextlib.redirect_stdout(io.StringIO()):  # the trial printed it
         scene = load(file)
     middle = time.perf_counter()
-    prepared = prepare(scene)
+    prepared = prepare(live(scene), size=size)
     return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
 
 

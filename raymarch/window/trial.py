@@ -25,11 +25,12 @@ from pathlib import Path
 from typing import Any
 
 from raymarch.errors import DeviceError, RaymarchError, is_users
-from raymarch.gpu.prepare import prepare
+from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
+from raymarch.window.live import live
 
 FORKS = sys.platform.startswith("linux")
 """Whether a trial is a fork. Other systems' libraries do not survive one, or there is none."""
@@ -94,12 +95,13 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     found: Scene | None = None
     try:
         with _limited_memory(), _timed(times, "import"):
-            found = load(scene)
+            found = live(load(scene))
+        size = tuple(request.get("size", SIZE))
         with _timed(times, "plan"):
-            prepare(found)
+            ready = prepare(found, size=size)
         if request.get("draw", True):
             with _timed(times, "compile"):
-                renderer = _warm(found, request.get("params", {}))
+                renderer = _warm(found, ready, size, request.get("params", {}))
     except RaymarchError as fault:
         error = _described(fault)
     except MemoryError as fault:
@@ -117,12 +119,14 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             renderer.render(found, outputs=("depth",))  # so that a click waits for no compiler
 
 
-def _warm(scene: Scene, params: dict[str, Any]) -> Renderer | None:
+def _warm(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str, Any]) -> Renderer | None:
     """Draw a small picture off screen; None where there is no such context: then the window compiles by itself."""
     try:
         renderer = Renderer(SIZE)
     except DeviceError:
         return None
+    renderer.planned_for = size
+    renderer.adopt(scene, ready)
     known = {name: value for name, value in params.items() if name in scene.parameters}
     with _quietly():  # a kept value outside the new range is the window's to mend
         renderer.render(scene, params=known)

@@ -40,7 +40,9 @@ class Trials:
         handle, self._trace = tempfile.mkstemp(prefix="raymarch-trace-")
         os.close(handle)
 
-    def run(self, scene: str, params: dict[str, Any], over: Callable[[], str | None]) -> Answer | None:
+    def run(
+        self, scene: str, params: dict[str, Any], size: tuple[int, int], over: Callable[[], str | None]
+    ) -> Answer | None:
         """Try a scene file; see `raymarch.window.trial.examine` for the answer.
 
         over : asked again and again; gives the reason why the trial shall end early. "changed" gives no answer (None),
@@ -48,7 +50,7 @@ class Trials:
         """
         self._settle()
         self._number += 1
-        self._ask({"id": self._number, "scene": scene, "params": params, "trace": self._trace})
+        self._ask({"id": self._number, "scene": scene, "params": params, "size": size, "trace": self._trace})
         self._begun, deadline = False, time.monotonic() + UNANSWERED
         while True:
             reason = over()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,7 @@ class Viewer:
     budget : milliseconds that a frame may take while something moves.
     settings : a file that the window saved, to start from.
     log : a file for lines of JSON about what happens.
+    samples : rays a pixel that a still picture ends with.
 
     Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
     """
@@ -63,27 +65,29 @@ class Viewer:
         budget: float = 33.0,
         settings: Path | None = None,
         log: Path | None = None,
+        samples: int = 16,
     ) -> None:
         scene = load(file)
         self.state: State = opened(file, scene, params or {}, size[0] / size[1])
         if settings is not None:
             self.state.restore(read_settings(settings))
-        ready = prepare(scene)
+        ready = prepare(self.state.live, size=size)
         self.log = Log(log)
         self.window = Window(size, f"raymarch: {file.name}")
         try:
-            self._open(budget)
-            self.renderer.adopt(scene, ready)
+            self._open(budget, size, samples)
+            self.renderer.adopt(self.state.live, ready)
             self._first()
         except BaseException:
             self.window.release()
             raise
 
-    def _open(self, budget: float) -> None:
+    def _open(self, budget: float, size: tuple[int, int], samples: int) -> None:
         window = self.window
         self.screen = Screen(window.context, window.size)
         self.renderer = Renderer(window.size, context=window.context)
-        self.picture = Picture(self.renderer, self.screen, Pace(budget))
+        self.renderer.planned_for = size
+        self.picture = Picture(self.renderer, self.screen, Pace(budget), samples)
         self.overlay = Overlay(self.screen)
         self.hands = Hands(self)
         self.fault: Fault | None = None
@@ -98,7 +102,7 @@ class Viewer:
         self._changed_at = self._at = clock_time.perf_counter()
         self._reloading: float | None = None
         self.inquiry = Inquiry(window.wake)
-        self.reloader = Reloader(self.state.file, window.wake, lambda: dict(self.state.params))
+        self.reloader = Reloader(self.state.file, window.wake, lambda: dict(self.state.params), size)
 
     def _first(self) -> None:
         """The first picture, before anything else, so that a scene that cannot be drawn is refused at once."""
@@ -188,7 +192,13 @@ class Viewer:
 
     def _tell_frame(self) -> None:
         drawn = self.picture.drawn
-        facts = {"size": drawn.size, "whole": drawn.whole, "moving": drawn.moving, "ms": round(drawn.milliseconds, 2)}
+        facts = {
+            "size": drawn.size,
+            "whole": drawn.whole,
+            "moving": drawn.moving,
+            "samples": drawn.samples,
+            "ms": round(drawn.milliseconds, 2),
+        }
         self.log.say("frame", n=self.frames, compiled=self.renderer.compiled, **facts)
 
     # News
@@ -221,16 +231,16 @@ class Viewer:
 
     def _swap(self, news: Loaded, now: float) -> None:
         """Draw the new scene; only if that works it takes the place of the old one."""
-        before = (self.state.scene, self.state.specs, dict(self.state.params), self.state.camera, self.state.animated)
+        before = replace(self.state, params=dict(self.state.params))
         compiled = self.renderer.compiled
         try:
             told = self.state.adopt(news.scene, news.prepared.plan.parameters)
-            self.renderer.adopt(news.scene, news.prepared)
+            self.renderer.adopt(self.state.live, news.prepared)
             start = clock_time.perf_counter()
             self.picture.step(self.state.shot(), self.window.size, False)
             first = 1e3 * (clock_time.perf_counter() - start)
         except RaymarchError as fault:
-            self.state.scene, self.state.specs, self.state.params, self.state.camera, self.state.animated = before
+            self.state = before
             self._trouble(fault)
             return
         self.state.file, self.fault, self.pick = news.file, None, None

@@ -176,7 +176,8 @@ class Session:
         self.errors = folder / "errors.txt"
         environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
         environment.pop("WAYLAND_DISPLAY", None)
-        command = [sys.executable, "-m", "raymarch", "view", str(scene), "--log", str(self._log), *options]
+        command = [sys.executable, "-m", "raymarch", "view", str(scene), "--log", str(self._log)]
+        command += options if "--samples" in options else [*options, "--samples", "1"]
         with self.errors.open("w") as errors:
             self.process = subprocess.Popen(command, cwd=folder, env=environment, stderr=errors, stdout=errors)
         self.hand = Hand(display)
