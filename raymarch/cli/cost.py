@@ -71,7 +71,7 @@ def cost_command(
     asked = axes(_names(cross), _given(axis or []))
     pixels, params = parse_size(size), parse_settings(set_ or [])
     found = load(scene)
-    settings = grid(found, asked)
+    settings = grid(found, asked, pixels)
     with watched() as tell, Renderer(pixels, backend, device) as renderer:
         known = reference(found, pixels, time, params, samples, lambda what: tell(what, 0.0))
         made = sweep(found, settings, known, renderer, scene.stem, time, params, repeats, seed, tell)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raymarch.cost.settings import with_quality
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.gpu.clock import Trial, try_timer
+from raymarch.plan.marching import trusted
 from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
@@ -74,14 +75,13 @@ def _claim(point: Point) -> float:
 def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: NDArray[Any]) -> Check:
     """How far from the surface the hits of one setting lie, by the field in float64.
 
-    A setting promises a field of at most `contact` pixel widths, or what rounding allows. Rays that ran out of
+    A setting promises a field of at most `Quality.contact` pixel widths, or what rounding allows. Rays that ran out of
     steps promise nothing.
     """
-    quality = with_quality(scene, point.setting.quality).quality
-    certified = scene.node.exactness != "estimate"
-    promised = quality.contact(certified)
+    quality = point.setting.quality
+    promised = quality.contact(trusted(with_quality(scene, quality)))
     known = made.known
-    ended = np.isfinite(point.depth) & (point.steps < quality.max_steps)
+    ended = np.isfinite(point.depth) & point.done
     depth = point.depth[ended].astype(np.float64)
     points = origin + depth[:, None] * known.direction[ended]
     if not depth.size:

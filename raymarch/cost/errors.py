@@ -33,8 +33,8 @@ class Errors:
     missed, false : hits that the frame lacks, and that it has too many.
     missed_at_edges, false_at_edges : the same at silhouettes.
     depth_rms, depth_p50, depth_p99, depth_max : abs(depth - truth), in the scene's unit of length.
-    p1 : the sum of (depth - truth)^2 over all pixels where both hit, silhouettes too, the measure of Bálint and
-        Valasek (2018).
+    p1 : the sum of (depth - truth)^2 over all pixels that the truth hits, silhouettes too, the measure of Bálint and
+        Valasek (2018). A ray that has not found its hit counts with how far it came.
     pixels_p50, pixels_p99, pixels_max : abs(depth - truth) in footprints, a pixel's size at that distance.
     normal_p50, normal_p99, normal_max : angle between the normals in degrees.
     flip_mean, flip_p99, flip_max : FLIP of the picture against the averaged truth, over all pixels.
@@ -74,7 +74,11 @@ class Errors:
 
 
 def measure(
-    known: Reference, depth: ArrayLike, normal: ArrayLike | None = None, color: ArrayLike | None = None
+    known: Reference,
+    depth: ArrayLike,
+    normal: ArrayLike | None = None,
+    color: ArrayLike | None = None,
+    reach: ArrayLike | None = None,
 ) -> Errors:
     """The errors of a frame's arrays.
 
@@ -84,6 +88,7 @@ def measure(
     depth : (H, W), inf where nothing was hit.
     normal : (H, W, 3), any length but 0; None leaves the angles nan.
     color : (H, W, 3), linear RGB; None leaves the picture's errors nan.
+    reach : (H, W), how far each ray came; None leaves rays without a hit out of `p1`.
 
     Raises ValueError for arrays of another shape.
     """
@@ -101,12 +106,15 @@ def measure(
         "missed_at_edges": int((missed & known.edges).sum()),
         "false_at_edges": int((false & known.edges).sum()),
     }
+    if both.any() or reach is not None:
+        came = given if reach is None else np.where(hit, given, _shaped("reach", reach, given.shape))
+        counted = both if reach is None else known.hit
+        found["p1"] = float(np.sum((came[counted] - known.depth[counted]) ** 2))
     off = np.abs(given[compared] - known.depth[compared])
     if off.size:
         found["depth_rms"] = float(np.sqrt(np.mean(off**2)))
         found |= _ranks("depth", off, 50, 99, 100)
         found |= _ranks("pixels", off / (known.pixel * known.depth[compared]), 50, 99, 100)
-        found["p1"] = float(np.sum((given[both] - known.depth[both]) ** 2))
         if normal is not None:
             shaped = _shaped("normal", normal, known.normal.shape)
             found |= _ranks("normal", _angles(shaped[compared], known.normal[compared]), 50, 99, 100)

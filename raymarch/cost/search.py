@@ -21,11 +21,12 @@ LADDER = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.002)
 """The epsilons that are tried, coarsest first."""
 STEPS = {0.02: 2048, 0.002: 8192}
 """Steps that a ray may take, from this epsilon down."""
-TRACERS = ("auto", "front", "enhanced", "relaxed", "plain")
+TRACERS = ("auto", "front", "enhanced", "plain")
+SCHEDULES = ("single", "cone")
 SAMPLES = (1, 4, 16)
 """Rays a pixel that are tried where only they can make the picture better."""
 TRUTH_SAMPLES = 16
-REPEATS = 9
+REPEATS = 7
 CONTENDERS = 2
 """How many steps of the ladder that keep the error are timed with every tracer."""
 ERROR = {"px": "pixels_p99", "flip": "flip_p99"}
@@ -112,11 +113,11 @@ def for_error(
     metric, target = parse_error(error)
     flip = metric == "flip_p99"
     with _Bench(scene, size, time, params, backend, renderer, progress, TRUTH_SAMPLES if flip else 0) as bench:
-        rungs = _rungs(scene, bench, metric, target)
+        rungs = _rungs(scene, bench, size, metric, target)
         contenders = [
-            Setting(_named(scene, quality), quality)
+            Setting(_named(scene, quality, size), quality)
             for rung in rungs
-            for quality in _with_tracers(scene, rung.setting.quality)
+            for quality in _contenders(scene, rung.setting.quality, size)
         ]
         made = bench.sweep(contenders)
         keeping = [p for p in made if p.error(metric) <= target]
@@ -151,8 +152,8 @@ def for_time(
     target = parse_time(within)
     metric = "pixels_p99"
     with _Bench(scene, size, moment, params, backend, renderer, progress, 0) as bench:
-        qualities = list(dict.fromkeys(settled(scene, q) for q in _ladder(scene.quality, 1)))
-        made = bench.sweep([Setting(_named(scene, q), q) for q in qualities])
+        qualities = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, 1)))
+        made = bench.sweep([Setting(_named(scene, q, size), q) for q in qualities])
         sound = sorted((p for p in made if p.errors.sound), key=lambda p: (p.error(metric), p.time.value))
         for point in sound:
             if point.time.value > target:
@@ -226,12 +227,12 @@ class _Bench:
         self._stack.close()
 
 
-def _rungs(scene: Scene, bench: _Bench, metric: str, target: float) -> list[Point]:
+def _rungs(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, target: float) -> list[Point]:
     """The coarsest settings that keep an error, and the next finer ones; with as few rays a pixel as will do."""
     tried: list[Point] = []
     for samples in _sample_counts(metric):
-        rungs = list(dict.fromkeys(settled(scene, q) for q in _ladder(scene.quality, samples)))
-        settings = [Setting(_named(scene, q), q) for q in rungs]
+        rungs = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, samples)))
+        settings = [Setting(_named(scene, q, size), q) for q in rungs]
         if metric == "flip_p99":  # more steps cannot mend what takes more rays: ask the finest first
             tried += bench.sweep(settings[-1:], 1)
             if tried[-1].error(metric) > target:
@@ -265,15 +266,17 @@ def _ladder(base: Quality, samples: int) -> Iterator[Quality]:
     more: dict[str, Any] = {"samples": samples} if _has("samples") else {}
     for epsilon in LADDER:
         steps = max([base.max_steps, *(n for e, n in STEPS.items() if epsilon <= e)])
-        yield replace(base, tracer="auto", omega=None, epsilon=epsilon, max_steps=steps, **more)
+        yield replace(base, tracer="auto", schedule="auto", omega=None, epsilon=epsilon, max_steps=steps, **more)
 
 
-def _with_tracers(scene: Scene, quality: Quality) -> list[Quality]:
-    return list(dict.fromkeys(settled(scene, replace(quality, tracer=name)) for name in TRACERS))
+def _contenders(scene: Scene, quality: Quality, size: tuple[int, int]) -> list[Quality]:
+    """One quality with every tracer and with and without cones, as far as that makes a difference for this scene."""
+    pairs = [replace(quality, tracer=tracer, schedule=schedule) for tracer in TRACERS for schedule in SCHEDULES]
+    return list(dict.fromkeys(settled(scene, q, size) for q in pairs))
 
 
-def _named(scene: Scene, quality: Quality) -> str:
-    base = settled(scene, scene.quality)
+def _named(scene: Scene, quality: Quality, size: tuple[int, int]) -> str:
+    base = settled(scene, scene.quality, size)
     change = {f.name: getattr(quality, f.name) for f in fields(Quality)}
     return named({n: v for n, v in change.items() if v != getattr(base, n)} or {"epsilon": quality.epsilon})
 

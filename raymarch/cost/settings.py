@@ -10,7 +10,9 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from raymarch.errors import CostError, SceneError
+from raymarch.plan.marching import trusted
 from raymarch.plan.plan import plan
+from raymarch.plan.schedule import PIXEL, SCHEDULES
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 
@@ -29,7 +31,8 @@ AXES = (
     Axis("tracer", ("plain", "relaxed", "enhanced", "auto_relaxed", "front"), crossed=True),
     Axis("max_steps", (16, 32, 64, 128, 512), crossed=True),
     Axis("epsilon", (2.0, 0.5, 0.1, 0.02, 0.004)),
-    Axis("schedule", ("single", "two", "four", "six", "cone")),
+    Axis("schedule", ("single", "two", "four", "six", "cone", "cones")),
+    Axis("correction", ("proven", "slope", "none")),
     Axis("normals", ("analytic", "tetrahedron", "central", "forward")),
     Axis("beta", (0.15, 0.3, 0.6)),
     Axis("step_scale", (0.7, 1.0)),
@@ -37,6 +40,7 @@ AXES = (
     Axis("occlusion_samples", (2, 5, 10)),
     Axis("light_samples", (1, 4, 16)),
     Axis("samples", (1, 4, 16)),
+    Axis("rays", ("computed", "interpolated")),
     Axis("scale", (0.5, 1.0)),
 )
 """What `raymarch cost` tries. A name that is no field of `Quality` is passed over."""
@@ -77,7 +81,7 @@ def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] 
     return tuple(replace(defaults[name], crossed=True) for name in names)
 
 
-def grid(scene: Scene, chosen: Iterable[Axis]) -> list[Setting]:
+def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = None) -> list[Setting]:
     """The settings of a sweep: the scene's own first, the presets, the crossed axes, then the others one at a time.
 
     Combinations that `Quality` refuses, and those that come to the same for this scene, are left out.
@@ -92,29 +96,41 @@ def grid(scene: Scene, chosen: Iterable[Axis]) -> list[Setting]:
         if crossed
     ]
     changes += [{axis.name: value} for axis in single for value in axis.values]
-    found: dict[Quality, Setting] = {settled(scene, base): Setting("base", base)}
+    found: dict[Quality, Setting] = {settled(scene, base, size): Setting("base", base)}
     for name in PRESETS:
         quality = Quality.preset(name)
-        meant = settled(scene, quality)
+        meant = settled(scene, quality, size)
         found[meant] = replace(found.get(meant, Setting(name, quality)), preset=name)
     for change in changes:
         try:
             quality = replace(base, **change)
         except SceneError:
             continue
-        meant = settled(scene, quality)
+        meant = settled(scene, quality, size)
         found.setdefault(meant, Setting(named(change), quality))
     return list(found.values())
 
 
-def settled(scene: Scene, quality: Quality) -> Quality:
-    """A quality with what the plan makes of it for this scene: the tracer that is taken, the epsilon that is meant."""
-    tracer = plan(with_quality(scene, quality)).tracer
-    certified = scene.node.exactness != "estimate"
+def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None) -> Quality:
+    """A quality with what the plan makes of it for this scene: the tracer and the schedule that are taken, the epsilon
+    that is meant. `size` of the picture, by which the plan chooses the schedule."""
+    marching = plan(with_quality(scene, quality), size=size).marching
+    tracer = marching.tracer
+    certified = trusted(with_quality(scene, quality))
+    levels = tuple(level for level in marching.schedule.levels if level != PIXEL)
+    schedule = next(name for name, known in SCHEDULES.items() if known.levels == levels)
     omega = quality.omega if tracer == quality.tracer else None
     scale = quality.step_scale if tracer == "plain" else 1.0
     beta = quality.beta if tracer in ("auto_relaxed", "front") else 0.3
-    return replace(quality, tracer=tracer, epsilon=quality.near(certified), omega=omega, step_scale=scale, beta=beta)
+    return replace(
+        quality,
+        schedule=schedule,
+        tracer=tracer,
+        epsilon=quality.near(certified),
+        omega=omega,
+        step_scale=scale,
+        beta=beta,
+    )
 
 
 def with_quality(scene: Scene, quality: Quality) -> Scene:

@@ -73,7 +73,7 @@ class Point:
     compile_ms, first_ms : the driver's compilation, and the first frame after it; of no other frame's time a part.
     times : milliseconds of each measured frame. time : their median with its interval.
     walls : milliseconds that passed on the wall clock while each was asked for: more than a true time, never less.
-    depth, steps, color : what was drawn; steps are the iterations of each ray.
+    depth, done, color : what was drawn; `done` is False where a ray ran out of steps.
     """
 
     setting: Setting
@@ -86,7 +86,7 @@ class Point:
     compile_ms: float
     first_ms: float
     depth: NDArray[Any] = field(repr=False)
-    steps: NDArray[Any] = field(repr=False)
+    done: NDArray[Any] = field(repr=False)
     color: NDArray[Any] = field(repr=False)
     walls: list[float] = field(default_factory=list, repr=False)
     times: list[float] = field(default_factory=list)
@@ -221,7 +221,7 @@ def _examine(
     return Point(
         setting=setting,
         tracer=planned.tracer,
-        errors=measure(known, depth, geometry.array("normal"), color),
+        errors=measure(known, depth, geometry.array("normal"), color, geometry.array("reach")),
         evaluations=float(evaluations.mean()),
         iterations=float(geometry.array("iterations").mean()),
         worst_evaluations=int(evaluations.max()),
@@ -229,6 +229,6 @@ def _examine(
         compile_ms=compile_ms,
         first_ms=first_ms,
         depth=depth,
-        steps=geometry.array("iterations"),
+        done=geometry.array("done"),
         color=color,
     )

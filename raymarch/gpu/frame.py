@@ -85,6 +85,16 @@ class Frame:
         return self.array("fallbacks")
 
     @property
+    def done(self) -> NDArray[np.bool_]:
+        """False where the primary ray ran out of steps, bool, (H, W)."""
+        return self.array("done")
+
+    @property
+    def reach(self) -> NDArray[np.float32]:
+        """How far the primary ray came, float32, (H, W): to its hit, or to where it was nearest to a surface."""
+        return self.array("reach")
+
+    @property
     def residual(self) -> NDArray[np.float32]:
         """Size of the field at the last sample, float32, (H, W)."""
         return self.array("residual")
@@ -116,6 +126,8 @@ def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[
         "iterations": np.rint(march[..., 2]).astype(np.int32),
         "evaluations": march[..., 3].copy(),
         "fallbacks": more[..., 0].astype(np.int32),
+        "done": more[..., 1] > 0.5,
+        "reach": more[..., 2].copy(),
         "normal": surface[..., :3].copy(),
         "material": surface[..., 3].astype(np.int32),
     }

@@ -27,7 +27,7 @@ from raymarch.scene.scene import Scene
 Progress = Callable[[float], None]
 
 PLANNED = 8
-"""Scenes whose plan and shader a renderer keeps."""
+"""Scenes whose plan and shader a renderer keeps at least; it keeps more where it keeps more programs."""
 
 
 class Renderer:
@@ -153,7 +153,7 @@ class Renderer:
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
         self._prepared[*_key(scene, outputs), self.planned_for or self._size] = prepared
-        while len(self._prepared) > PLANNED:
+        while len(self._prepared) > max(PLANNED, self.kept // 4):
             self._prepared.popitem(last=False)
 
     def _values(self, scene: Scene, params: Mapping[str, Any] | None, time: float, outputs: Sequence[str]) -> Values:

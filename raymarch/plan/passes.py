@@ -8,7 +8,10 @@ from typing import Final
 
 from raymarch.scene.quality import Quality
 
-OUTPUTS: Final = ("color", "depth", "normal", "iterations", "evaluations", "residual", "material", "fallbacks")
+OUTPUTS: Final = (
+    *("color", "depth", "normal", "iterations", "evaluations", "residual", "material", "fallbacks"),
+    *("done", "reach"),
+)
 """The arrays that a frame can hold."""
 
 

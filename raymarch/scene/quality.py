@@ -161,7 +161,7 @@ class Quality:
 
     def contact(self, certified: bool) -> float:
         """The field, in pixel widths, at which a ray has met a surface: what a hit promises."""
-        return self.near(certified) * (CONTACT if certified else 1.0)
+        return self.near(certified) * (CONTACT if certified and self.correction == "proven" else 1.0)
 
 
 _CHOICES = {

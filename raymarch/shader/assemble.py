@@ -82,7 +82,9 @@ class Shader:
 
 def assemble(plan: Plan) -> Shader:
     """The shader of a plan."""
-    modules = [_module(name) for name, _ in plan.modules if not name.startswith("view/") or name == "view/camera"]
+    modules = [
+        _module(name) for name, _ in plan.modules if not name.startswith("view/") or name.startswith("view/camera")
+    ]
     mains = [_module(p.module) for p in plan.passes]
     values = Values()
     shade = shading(plan, values) if any(p.name == "color" for p in plan.passes) else None

@@ -49,6 +49,8 @@ class FakeRenderer:
             "normal": self.known.normal,
             "evaluations": np.full(shape, 8),
             "iterations": np.full(shape, 7),
+            "done": np.isfinite(depth),
+            "reach": np.zeros(shape),
         }
         timing = SimpleNamespace(compile=30.0 if first else 0.0, draw=milliseconds, first=first)
         return SimpleNamespace(timings=[timing], milliseconds=milliseconds, array=arrays.__getitem__)

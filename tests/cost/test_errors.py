@@ -33,6 +33,14 @@ def test_depth_in_footprints_and_in_length(known: Reference):
     assert found.p1 == pytest.approx(np.sum(off[known.hit] ** 2))
 
 
+def test_rays_on_their_way_count_with_how_far_they_came(known: Reference):
+    depth = np.where(known.edges, np.inf, known.depth)
+    reach = np.where(np.isfinite(known.depth), known.depth - 0.5, 0.0)
+    found = measure(known, depth, reach=reach)
+    assert found.p1 == pytest.approx(0.25 * (known.hit & known.edges).sum())
+    assert measure(known, depth).p1 == 0.0
+
+
 def test_a_few_bad_pixels_are_in_the_maximum_alone(known: Reference):
     depth = known.depth.copy()
     row, column = np.argwhere(known.hit & ~known.edges)[5]

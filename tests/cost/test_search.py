@@ -12,7 +12,7 @@ from cost_samples import SIZE, FakeRenderer
 import raymarch as rm
 from raymarch.cost.errors import measure
 from raymarch.cost.reference import reference
-from raymarch.cost.search import LADDER, for_error, for_time, parse_error, parse_time
+from raymarch.cost.search import LADDER, REPEATS, for_error, for_time, parse_error, parse_time
 from raymarch.cost.settings import with_quality
 from raymarch.errors import CostError, SceneError
 from raymarch.scene.quality import PRESETS, PROMISED
@@ -109,7 +109,7 @@ class Late(FakeRenderer):
 
     def render(self, scene, time=0.0, params=None, outputs=("color",)):
         frame = super().render(scene, time, params, outputs)
-        if len(self.calls) > 11 * len(LADDER):
+        if len(self.calls) > (REPEATS + 2) * len(LADDER):
             frame.milliseconds *= 1.5
         return frame
 

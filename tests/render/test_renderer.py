@@ -29,6 +29,8 @@ DTYPES = {
     "evaluations": np.float32,
     "residual": np.float32,
     "fallbacks": np.int32,
+    "done": np.bool_,
+    "reach": np.float32,
     "material": np.int32,
 }
 RED = rm.Material((1.0, 0.0, 0.0))

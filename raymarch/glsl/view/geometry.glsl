@@ -3,14 +3,14 @@
 // gives: main out_march out_surface out_more
 layout(location = 0) out vec4 out_march;  // depth along the ray, residual, iterations, evaluations
 layout(location = 1) out vec4 out_surface;  // normal, index of the material
-layout(location = 2) out vec4 out_more;  // fallbacks, 1 if the march came to its end
+layout(location = 2) out vec4 out_more;  // fallbacks, 1 if the march came to its end, how far it came
 
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy);
     Hit hit = trace(ray);
     out_march = vec4(hit.found ? hit.t : -1.0, hit.residual, hit.iterations, hit.evaluations);
     out_surface = vec4(0.0, 0.0, 0.0, -1.0);
-    out_more = vec4(hit.fallbacks, hit.done ? 1.0 : 0.0, 0.0, 0.0);
+    out_more = vec4(hit.fallbacks, hit.done ? 1.0 : 0.0, hit.t, 0.0);
     if (hit.found) {
         vec3 p = ray.origin + hit.t * ray.direction;
         out_surface = vec4(surface_normal(p, ray.direction), material_index(p));
