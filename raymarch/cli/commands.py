@@ -20,9 +20,10 @@ from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings,
 from raymarch.errors import RaymarchError
 from raymarch.gpu.doctor import examine
 from raymarch.gpu.renderer import Renderer
-from raymarch.gpu.views import VIEWS, picture
+from raymarch.gpu.views import VIEWS, light, picture
 from raymarch.plan import explain, plan
 from raymarch.scene.file import load
+from raymarch.scene.images import write_exr
 from raymarch.scene.quality import PRESETS
 from raymarch.shader import assemble
 
@@ -110,9 +111,11 @@ def render(
             start = clock_time.perf_counter()
             outputs = VIEWS[view]
             frame = renderer.render(found, moment, params, outputs, lambda share, i=i: progress(i + share))  # type: ignore[misc]
-            shown = picture(frame, view, found)
             with written(file) as partial:
-                shown.save(partial, FORMATS[file.suffix.lower()])
+                if file.suffix.lower() == ".exr":
+                    write_exr(partial, light(frame, view))
+                else:
+                    picture(frame, view, found).save(partial, FORMATS[file.suffix.lower()])
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
@@ -123,8 +126,8 @@ def render(
 
 def _moments(target: Path, time: float | None, frames: str | None, fps: float) -> list[tuple[float, Path]]:
     """When to draw, and into which file."""
-    if target.suffix.lower() not in FORMATS:
-        raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {', '.join(FORMATS)}")
+    if target.suffix.lower() not in (*FORMATS, ".exr"):
+        raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {', '.join((*FORMATS, '.exr'))}")
     if frames is None:
         return [(0.0 if time is None else time, target)]
     if time is not None:

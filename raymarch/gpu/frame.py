@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from raymarch.scene.tone import Tone, encode
+
 Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 
 
 def srgb(linear: NDArray[Any]) -> NDArray[np.uint8]:
     """Linear values to 8-bit sRGB (IEC 61966-2-1); what lies outside [0, 1] is clipped."""
-    x = np.clip(np.nan_to_num(linear.astype(np.float64), nan=0.0), 0.0, 1.0)
-    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(255.0 * encoded), np.uint8)
+    return encode(np.clip(np.nan_to_num(linear.astype(np.float64), nan=0.0), 0.0, 1.0))
 
 
 @dataclass(slots=True)
@@ -45,6 +45,7 @@ class Frame:
     timings: list[Timing]
     _arrays: dict[str, NDArray[Any]]
     _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
+    tone: Tone = field(default_factory=Tone, repr=False)
 
     def array(self, name: str) -> NDArray[Any]:
         """An array by its name, one of `raymarch.plan.OUTPUTS`."""
@@ -110,8 +111,8 @@ class Frame:
         return sum(t.draw for t in self.timings)
 
     def image(self) -> Image.Image:
-        """The picture as 8-bit sRGB."""
-        return Image.fromarray(srgb(self.color))
+        """The picture as 8-bit sRGB, its light brought to the screen by `tone`."""
+        return Image.fromarray(self.tone.image(self.color))
 
 
 def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:

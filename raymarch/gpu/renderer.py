@@ -133,7 +133,7 @@ class Renderer:
             return self._render_passes(scene, values, [name], None, pose)
 
         arrays, timings = self._render_passes(scene, values, outputs, progress, pose)
-        return Frame(self.size, values.time, timings, arrays, render_for)
+        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone)
 
     def drafts(
         self,

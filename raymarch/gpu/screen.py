@@ -13,12 +13,17 @@ from numpy.typing import NDArray
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Surface, Target, confine
+from raymarch.scene.tone import Tone
 
 _SAMPLE = """#version 330 core
 uniform sampler2D picture;
 uniform vec2 size;  // of the surface that is drawn, in pixels
 uniform bool encode;
 out vec4 color;
+
+vec3 toned(vec3 color) {
+    return color;
+}
 
 // IEC 61966-2-1; NaN becomes 0.
 vec3 srgb(vec3 linear) {
@@ -28,9 +33,13 @@ vec3 srgb(vec3 linear) {
 
 void main() {
     vec4 found = texture(picture, gl_FragCoord.xy / size);
-    color = encode ? vec4(srgb(found.rgb), 1.0) : found;
+    color = encode ? vec4(srgb(toned(mix(found.rgb, vec3(0.0), isnan(found.rgb)))), 1.0) : found;
 }
 """
+
+_CLIPPED = """vec3 toned(vec3 color) {
+    return color;
+}"""
 
 _LAYER = """#version 330 core
 uniform sampler2D picture;
@@ -92,26 +101,42 @@ class Screen:
         self.size = size
         context.make_current()
         self.framebuffer: moderngl.Framebuffer = context.gl.detect_framebuffer(0)
-        self._sample = Program(context, FULL_SCREEN, _SAMPLE, _ours, "window")
+        self._samplers: dict[str, Program] = {}
         self._layer = Program(context, FULL_SCREEN, _LAYER, _ours, "overlay")
         self._mesh: Mesh | None = None
 
-    def show(self, picture: Target) -> None:
-        """Fill the window with a picture of linear colour; smoothly where its size is another."""
-        self._fill(self, picture, True, None)
+    def show(self, picture: Target, tone: Tone | None = None) -> None:
+        """Fill the window with a picture of linear colour, brought to the screen by `tone` (None clips it); smoothly
+        where its size is another."""
+        self._fill(self, picture, True, None, tone)
 
     def copy(self, picture: Target, into: Target, tile: tuple[int, int, int, int] | None = None) -> None:
         """Copy a picture into another target, or a tile of it; smoothly where its size is another."""
         self._fill(into, picture, False, tile)
 
-    def _fill(self, surface: Surface, picture: Target, encode: bool, tile: tuple[int, int, int, int] | None) -> None:
+    def _fill(
+        self,
+        surface: Surface,
+        picture: Target,
+        encode: bool,
+        tile: tuple[int, int, int, int] | None,
+        tone: Tone | None = None,
+    ) -> None:
         texture = picture.textures[0]
         smooth = picture.size != surface.size
         if smooth:
             texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self._sample.draw(surface, {"picture": texture, "size": surface.size, "encode": encode}, tile)
+        self._sampler(tone).draw(surface, {"picture": texture, "size": surface.size, "encode": encode}, tile)
         if smooth:
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+    def _sampler(self, tone: Tone | None) -> Program:
+        """The program that copies pictures, or shows them by a tone."""
+        text = _CLIPPED if tone is None else tone.glsl()
+        if text not in self._samplers:
+            source = _SAMPLE.replace(_CLIPPED, text)
+            self._samplers[text] = Program(self.context, FULL_SCREEN, source, _ours, "window")
+        return self._samplers[text]
 
     def image(self, pixels: NDArray[np.uint8]) -> moderngl.Texture:
         """A texture of an RGBA image of shape (H, W, 4), row 0 at the top; free it with `release`."""
@@ -154,7 +179,7 @@ class Screen:
 
     def release(self) -> None:
         """Free the programs. Idempotent."""
-        for owned in (self._sample, self._layer, self._mesh):
+        for owned in (*self._samplers.values(), self._layer, self._mesh):
             if owned is not None:
                 owned.release()
 

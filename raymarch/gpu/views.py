@@ -47,6 +47,12 @@ def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
     return _bytes(_stretched(values.astype(np.float64)))
 
 
+def light(frame: Frame, view: str) -> NDArray[np.float32]:
+    """A view as it is, (H, W, 3) in float32: linear colour, or an array's own numbers, one number three times."""
+    values = np.asarray(frame.color if view == "final" else frame.array(view), np.float32)
+    return values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=-1)
+
+
 def _bytes(values: NDArray[Any]) -> Image.Image:
     return Image.fromarray(np.asarray(np.rint(255 * np.clip(values, 0, 1)), np.uint8))
 

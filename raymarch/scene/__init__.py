@@ -11,6 +11,7 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.scene.skies import GradientSky, ImageSky, SunSky
 from raymarch.scene.sky import Fog, Sky
+from raymarch.scene.tone import Tone
 
 __all__ = [
     "Camera",
@@ -29,6 +30,7 @@ __all__ = [
     "SpotLight",
     "Sun",
     "SunSky",
+    "Tone",
     "checker",
     "load",
     "noise",

@@ -16,6 +16,7 @@ from raymarch.scene.occlusion import Occlusion
 from raymarch.scene.parameter import Spec, Values, specs_in
 from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
+from raymarch.scene.tone import Tone
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
 
@@ -39,12 +40,13 @@ class Scene:
     sky : Sky, or a colour (linear RGB); None is a plain blue.
     fog : Fog, or None.
     occlusion : Occlusion of ambient light, or None.
+    tone : Tone, how light becomes a picture; None clips what is above 1.
     quality : Quality; None is the default.
 
     Raises SceneError for what is not one of these.
     """
 
-    __slots__ = ("camera", "fog", "lights", "node", "occlusion", "quality", "sky", "where")
+    __slots__ = ("camera", "fog", "lights", "node", "occlusion", "quality", "sky", "tone", "where")
 
     def __init__(
         self,
@@ -55,6 +57,7 @@ class Scene:
         fog: Fog | None = None,
         quality: Quality | None = None,
         occlusion: Occlusion | None = None,
+        tone: Tone | None = None,
     ) -> None:
         self.where: Location | None = user_location()
         self.node = _instance("node", node, Node, "a node such as sphere()")
@@ -70,6 +73,7 @@ class Scene:
         )
         self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
         self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
+        self.tone = Tone() if tone is None else _instance("tone", tone, Tone, "Tone(...)")
         self.occlusion = None
         if occlusion is not None:
             self.occlusion = _instance("occlusion", occlusion, Occlusion, "Occlusion(...) or None")

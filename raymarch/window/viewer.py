@@ -183,7 +183,8 @@ class Viewer:
         start = clock_time.perf_counter()
         canvas = self.picture.canvas
         if canvas is not None:
-            self.screen.show(canvas)
+            shown = self.state
+            self.screen.show(canvas, shown.scene.tone if shown.view == "final" else None)
         self.overlay.draw(self._cards, self.window.density)
         self.window.take_stale()
         self.window.swap()

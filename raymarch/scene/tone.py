@@ -1,0 +1,132 @@
+"""From light without an upper end to what a screen can show.
+
+Curves are written in the language of fields: `Frame.image` reads them with NumPy, the window as GLSL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import print_functions
+from raymarch.expr.node import Expr, expr, var
+from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import clamp, dot, log2, max, pow, vec3
+
+COLOR = var("color", VEC3)
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+
+def _matrix(rows: tuple[tuple[float, float, float], ...], c: Expr) -> Expr:
+    return vec3(*(dot(row, c) for row in rows))
+
+
+def _linear(c: Expr) -> Expr:
+    """Clipped at 1."""
+    return c
+
+
+def _reinhard(c: Expr) -> Expr:
+    """L / (1 + L) of the luminance, the hue kept (Reinhard et al. 2002)."""
+    return c / (1.0 + dot(LUMINANCE, c))
+
+
+def _aces(c: Expr) -> Expr:
+    """Hill's fit of the reference and output transforms of ACES 1.0 (2015)."""
+    v = _matrix(((0.59719, 0.35458, 0.04823), (0.076, 0.90834, 0.01566), (0.0284, 0.13383, 0.83777)), c)
+    v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
+    return _matrix(((1.60475, -0.53108, -0.07367), (-0.10208, 1.10813, -0.00605), (-0.00327, -0.07276, 1.07602)), v)
+
+
+def _agx(c: Expr) -> Expr:
+    """Sobotka's AgX (2022), its curve as a polynomial (Wrensch 2023): 16.5 stops, bright colours towards white."""
+    inset = (
+        (0.842479062253094, 0.0784335999999992, 0.0792237451477643),
+        (0.0423282422610123, 0.878468636469772, 0.0791661274605434),
+        (0.0423756549057051, 0.0784336, 0.879142973793104),
+    )
+    outset = (
+        (1.19687900512017, -0.0980208811401368, -0.0990297440797205),
+        (-0.0528968517574562, 1.15190312990417, -0.0989611768448433),
+        (-0.0529716355144438, -0.0980434501171241, 1.15107367264116),
+    )
+    v = clamp((log2(max(_matrix(inset, c), 1e-10)) + 12.47393) / 16.5, 0.0, 1.0)
+    x = v * v
+    q = x * x
+    curve = 15.5 * q * x - 40.14 * q * v + 31.96 * q - 6.868 * x * v + 0.4298 * x + 0.1191 * v - 0.00232
+    return pow(max(_matrix(outset, curve), 0.0), 2.2)
+
+
+CURVES: Mapping[str, Callable[[Expr], Expr]] = {"linear": _linear, "reinhard": _reinhard, "aces": _aces, "agx": _agx}
+
+
+class Tone:
+    """How linear light becomes a picture.
+
+    Parameters
+    ----------
+    curve : "linear" clips what is above 1; "reinhard" presses all luminance below 1; "aces" and "agx" are the looks of
+        film, the second of which turns bright colours towards white.
+    exposure : stops, from -30 to 30: the light is multiplied by two to this power first.
+    dither : rounds to 8 bits up or down at random, by a hash of the pixel, so that gradients show no steps; the same
+        picture gives the same bytes.
+    """
+
+    __slots__ = ("curve", "dither", "exposure")
+
+    def __init__(self, curve: str = "linear", exposure: float = 0.0, dither: bool = False) -> None:
+        if curve not in CURVES:
+            raise SceneError(f"Tone: curve = {curve!r}", legal=", ".join(map(repr, CURVES)))
+        if isinstance(exposure, bool) or not isinstance(exposure, int | float) or not -30 <= exposure <= 30:
+            raise SceneError(f"Tone: exposure = {exposure!r}", legal="a number of stops from -30 to 30")
+        if not isinstance(dither, bool):
+            raise SceneError(f"Tone: dither = {dither!r}", legal="True or False")
+        self.curve, self.exposure, self.dither = curve, float(exposure), dither
+
+    def apply(self, color: NDArray[Any]) -> NDArray[np.float64]:
+        """Linear light (..., 3) as linear values for the screen, from 0 to 1, in float64; NaN becomes 0."""
+        light = np.clip(np.nan_to_num(np.asarray(color, np.float64), nan=0.0), 0.0, 1e30)
+        made = evaluator([self._function.body], [COLOR])(light)[0]
+        return np.clip(np.broadcast_to(made, light.shape), 0.0, 1.0)
+
+    def image(self, color: NDArray[Any]) -> NDArray[np.uint8]:
+        """Linear light (H, W, 3) as 8-bit sRGB (IEC 61966-2-1)."""
+        return encode(self.apply(color), self.dither)
+
+    def glsl(self) -> str:
+        """`vec3 toned(vec3 color)`, the same as text."""
+        return "\n".join(line.text for line in print_functions([self._function]).lines())
+
+    @property
+    def _function(self) -> Function:
+        return _toned(self.curve, self.exposure)
+
+
+@cache
+def _toned(curve: str, exposure: float) -> Function:
+    return Function("toned", (COLOR,), CURVES[curve](COLOR * expr(2.0**exposure)))
+
+
+def encode(linear: NDArray[Any], dither: bool = False) -> NDArray[np.uint8]:
+    """Linear values from 0 to 1 as 8-bit sRGB, (H, W, 3), rounded to the nearest or by a hash of the pixel."""
+    x = np.asarray(linear, np.float64)
+    encoded = 255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+    if not dither:
+        return np.asarray(np.rint(encoded), np.uint8)
+    bits = _hashed(np.arange(x.size, dtype=np.uint32)).reshape(x.shape)
+    return np.asarray(np.minimum(np.floor(encoded + bits * 2.0**-32), 255.0), np.uint8)
+
+
+def _hashed(v: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """The output permutation of a PCG generator (O'Neill 2014)."""
+    v = v * np.uint32(747796405) + np.uint32(2891336453)
+    v = ((v >> ((v >> np.uint32(28)) + np.uint32(4))) ^ v) * np.uint32(277803737)
+    return (v >> np.uint32(22)) ^ v
