@@ -1,0 +1,135 @@
+"""Cones that start rays: nothing lies before where they end, and the picture is as if rays started at the camera."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.gpu.context import Context
+from raymarch.gpu.drafts import cells, widest
+from raymarch.gpu.renderer import Renderer
+from raymarch.plan import plan
+from raymarch.plan.schedule import PIXEL, SCHEDULES, Level
+from raymarch.scene.quality import TRACERS
+
+SIZE = (161, 90)  # no level divides it
+PUBLISHED = ("two", "four", "six")
+
+
+def scene(quality: rm.Quality) -> rm.Scene:
+    """Near and far, thin and round, with a horizon."""
+    bars = rm.box((0.02, 1.5, 0.02)).repeat((0.4, None, None), (7, 1, 1)).translate((0, 0, 0.6))
+    ring = rm.union(rm.torus(0.7, 0.2).rotate(1.2, "x"), rm.sphere(0.4), k=0.2)
+    return rm.Scene(
+        bars | ring | rm.plane(offset=-0.8),
+        rm.Camera((0.9, 0.8, 3.4), (0, -0.1, 0), fov=50),
+        lights=[rm.Sun()],
+        quality=quality,
+    )
+
+
+@pytest.fixture(scope="module")
+def renderer(egl: Context) -> Renderer:
+    del egl
+    with Renderer(SIZE, "egl") as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def truth() -> rm.Truth:
+    return rm.truth(scene(rm.Quality()), SIZE)
+
+
+@pytest.mark.parametrize(
+    ("schedule", "tracer"),
+    [
+        *itertools.product(("cone", "cones"), (t for t in TRACERS if t != "auto")),
+        *((schedule, "auto") for schedule in PUBLISHED),
+    ],
+)
+def test_every_hit_is_found_and_where_it_is(renderer: Renderer, truth: rm.Truth, schedule: str, tracer: str) -> None:
+    quality = rm.Quality(tracer=tracer, schedule=schedule, max_steps=4000)
+    frame = renderer.render(scene(quality), outputs=("depth", "evaluations"))
+    hit = np.isfinite(truth.depth)
+    assert np.isfinite(frame.depth)[hit].all()
+    # Where a ray just passes or meets an edge, an epsilon decides; a missed surface would be many pixels.
+    both = hit & np.isfinite(frame.depth)
+    error = np.abs(frame.depth[both] / truth.depth[both] - 1)
+    assert np.quantile(error, 0.99) < 1e-3 and (error > 0.01).mean() < 0.004
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("schedule", sorted(set(SCHEDULES) - {"single"}))
+def test_no_cone_goes_on_beyond_what_it_holds(renderer: Renderer, truth: rm.Truth, schedule: str, samples: int) -> None:
+    """Row 54 of the hard cases: whatever lies in a cell of any level lies behind where its cone ended."""
+    made = scene(rm.Quality(schedule=schedule, samples=samples))
+    for draft in renderer.drafts(made):
+        draft.draw()
+    levels = plan(made, size=SIZE).marching.schedule.levels
+    assert len(levels) == len(SCHEDULES[schedule].levels) + (samples > 1)
+    for i, level in enumerate(levels):
+        ended = renderer.store.target(f"cone {i}", level.size(SIZE)).read()[..., 0]
+        rows = np.minimum((np.arange(SIZE[1]) + 0.5) / SIZE[1] * ended.shape[0], ended.shape[0] - 1).astype(int)
+        columns = np.minimum((np.arange(SIZE[0]) + 0.5) / SIZE[0] * ended.shape[1], ended.shape[1] - 1).astype(int)
+        free = ended[rows][:, columns]
+        free = np.where(free < 0, np.inf, free)
+        assert np.all(free <= truth.depth * (1 + 1e-5)), (schedule, i)
+        if level.share == 1 and level.scale >= 0.25:
+            both = np.isfinite(truth.depth) & np.isfinite(free)
+            assert np.median(free[both] / truth.depth[both]) > 0.8, "a cone goes near to what it holds"
+
+
+def test_a_cone_holds_all_rays_of_its_cell() -> None:
+    """The angle that is worked out is no less than that of any cell, and is theirs in the middle of the picture."""
+    for size, scale, fov in itertools.product(((64, 64), (161, 90), (33, 200)), (1 / 16, 1 / 4, 3 / 4, 1.0), (20, 140)):
+        level = Level(scale)
+        slope = float(np.tan(np.radians(fov) / 2))
+        for jittered in (False, True):
+            (width, height), footprint = cells(level, size, jittered)
+            bound = widest(footprint, 2 * slope / size[1])
+            columns, rows = level.size(size)
+            x, y = np.meshgrid((np.arange(columns) + 0.5) * width, (np.arange(rows) + 0.5) * height)
+            middle = _direction(x, y, size, slope)
+            angles = [
+                np.linalg.norm(_direction(x + sx * footprint[0], y + sy * footprint[1], size, slope) - middle, axis=-1)
+                for sx, sy in itertools.product((-1, 1), (-1, 1))
+            ]
+            assert np.max(angles) <= bound
+            if min(columns, rows) > 4:
+                assert bound <= 1.2 * np.max(angles) + 1e-6
+
+
+def _direction(x: np.ndarray, y: np.ndarray, size: tuple[int, int], slope: float) -> np.ndarray:
+    ray = np.stack([(2 * x - size[0]) / size[1] * slope, (2 * y - size[1]) / size[1] * slope, -np.ones_like(x)], -1)
+    return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
+
+
+def test_cones_save_evaluations(renderer: Renderer) -> None:
+    single = renderer.render(scene(rm.Quality(schedule="single")), outputs=("evaluations",)).evaluations.mean()
+    for schedule in ("cone", "cones"):
+        cones = renderer.render(scene(rm.Quality(schedule=schedule)), outputs=("evaluations",)).evaluations.mean()
+        assert cones < 0.85 * single
+
+
+def test_the_published_schedules() -> None:
+    """Bálint and Valasek 2018: resolutions and parts of the steps, which make up the whole."""
+    assert [level.scale for level in SCHEDULES["two"].levels] == [1 / 2]
+    assert [level.scale for level in SCHEDULES["four"].levels] == [1 / 4, 1 / 2, 3 / 4]
+    assert [level.scale for level in SCHEDULES["six"].levels] == [1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6]
+    for name in PUBLISHED:
+        assert sum(level.share for level in SCHEDULES[name].levels) + SCHEDULES[name].share == 1
+    assert PIXEL.size(SIZE) == SIZE
+
+
+def test_the_plan_marches_cones_only_where_they_pay_and_are_safe() -> None:
+    cheap, costly = rm.sphere(), rm.union(*(rm.sphere(0.1).translate((i, 0, 0)) for i in range(60)))
+    assert not plan(rm.Scene(cheap), size=(640, 360)).marching.cones
+    assert plan(rm.Scene(costly), size=(640, 360)).marching.cones
+    assert not plan(rm.Scene(costly), size=(16, 9)).marching.cones and not plan(rm.Scene(costly)).marching.cones
+    guess = rm.Scene(rm.mandelbulb(), quality=rm.Quality(schedule="cones"))
+    assert not plan(guess, size=(640, 360)).marching.cones
+    trusting = rm.Scene(rm.mandelbulb(), quality=rm.Quality(schedule="cones", trust=True))
+    assert plan(trusting, size=(640, 360)).marching.cones
