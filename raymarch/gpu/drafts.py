@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from raymarch.gpu.jitter import r2
+from raymarch.gpu.jitter import halton, r2
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import Program
 from raymarch.gpu.store import Store
@@ -42,19 +42,32 @@ class History:
 
     Attributes
     ----------
-    still : all that the picture depends on; a frame with the same goes on from it.
-    samples : how many of a pixel were averaged so far. cones : whether the frame drew its cones itself.
+    view : all that the cones depend on, of those that were drawn last. text : the shader of the last picture.
+    samples : how many of a pixel were averaged since the picture changed.
+    cones : whether the last picture drew its cones itself.
+    before : the camera of the last picture, as uniforms; None if there is none.
+    frames : pictures since all was forgotten.
     """
 
-    still: Any = None
+    view: Any = None
+    text: str | None = None
     samples: int = 0
     cones: bool = True
+    before: Mapping[str, Any] | None = None
+    frames: int = 0
 
-    def begin(self, still: Any, keep: bool) -> None:
-        """A frame of a picture: the same as before, or another, or one that takes nothing from those before."""
-        self.cones = not (keep and still == self.still)
-        if self.cones:
-            self.still, self.samples = still, 0
+    def begin(self, view: Any, text: str | None, keep: bool) -> bool:
+        """Begin a frame; True if its cones are still there.
+
+        view, text : as above; no text for a frame without a picture. keep : False to take nothing from before.
+        """
+        kept = keep and view == self.view
+        if text is not None:
+            if not kept or text != self.text:
+                self.samples = 0
+            self.text, self.cones = text, not kept
+        self.view = view
+        return kept
 
 
 def drafts_of(
@@ -62,37 +75,36 @@ def drafts_of(
 ) -> list[Draft]:
     """All draws of a frame. `history` is brought up to date as if they had been drawn."""
     drafts: list[Draft] = []
-    quality = ready.plan.scene.quality
-    colored = any(chosen.name == "color" for chosen in ready.plan.passes)
-    if colored:
-        history.begin(still_of(ready, uniforms, size), quality.temporal != "off")
+    keep = ready.plan.scene.quality.temporal != "off"
+    kept = history.begin(_view(ready, uniforms, size), ready.texts.get("color"), keep)
     rays = dict(uniforms)
     if ready.plan.marching.cones:
         cones, carried = _cones(store, ready, uniforms, size)
-        drafts += cones if history.cones else []
-        rays.update(carried, u_spent=1.0 if history.cones else 0.0)
+        drafts += [] if kept else cones
+        rays.update(carried, u_spent=1.0 if history.cones or not keep else 0.0)
     for chosen in ready.plan.passes:
-        if chosen.name == "color" and chosen.module == "view/accumulate":
+        if chosen.module == "view/accumulate":
             drafts += _samples(store, ready, chosen, rays, size, history)
-        elif chosen.name != "cone":
+        elif chosen.module == "temporal/resolve":
+            drafts += _joined(store, ready, chosen, rays, size, history)
+        elif chosen.name not in ("cone", "sample"):
             target = store.target(chosen.name, size, chosen.textures)
             drafts.append(_draft(store, ready, chosen, target, rays))
     return drafts
 
 
-def still_of(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
-    """All that a picture depends on, as something to compare."""
+def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
+    """What is seen and from where, to compare: the field, the quality, the camera and all values."""
     read = {name: value for name, value in uniforms.items() if name != "u_time" or ready.shader.uses_time}
-    numbers = tuple(
-        (
-            name,
-            np.asarray(value, np.float64).tobytes()
-            if isinstance(value, int | float | tuple | list | np.ndarray)
-            else id(value),
-        )
-        for name, value in sorted(read.items())
-    )
-    return ready.texts["color"], numbers, tuple(size)
+    numbers = tuple((name, _content(value)) for name, value in sorted(read.items()))
+    return ready.plan.field.body, ready.plan.scene.quality, numbers, size
+
+
+def _content(value: Any) -> Any:
+    """A uniform's value, to compare: numbers by their bits, textures by their identity."""
+    if isinstance(value, int | float | tuple | list | np.ndarray):
+        return np.asarray(value, np.float64).tobytes()
+    return id(value)
 
 
 def _draft(store: Store, ready: Prepared, chosen: Pass, target: Target, uniforms: Mapping[str, Any]) -> Draft:
@@ -118,6 +130,50 @@ def _samples(
         history.samples += 1
 
 
+def _joined(
+    store: Store, ready: Prepared, chosen: Pass, uniforms: Mapping[str, Any], size: tuple[int, int], history: History
+) -> Iterator[Draft]:
+    """Two draws for each sample: what it sees, and that joined to what earlier frames saw."""
+    sample = next(p for p in ready.plan.passes if p.name == "sample")
+    pair = store.pair("history", size, chosen.textures)
+    target = store.target(sample.name, size, sample.textures)
+    camera = {name: uniforms[f"u_camera_{name}"] for name in ("position", "frame", "slope")}
+    known = history.before is not None and not _is_cut(history.before, camera, uniforms["u_far"])
+    for _ in range(ready.plan.scene.quality.samples):
+        still = history.samples > 0
+        jitter = r2(history.samples) if still or not known else halton(history.frames % PERIOD)
+        own = {**uniforms, "u_jitter": jitter, "u_sample": history.samples if still else history.frames}
+        yield _draft(store, ready, sample, target, own)
+        joined = {
+            **own,
+            "u_color": (target, 0),
+            "u_surface": (target, 1),
+            "u_history": (pair.front, 0),
+            "u_history_surface": (pair.front, 1),
+            "u_keep": still or known,
+            "u_still": still,
+            **{f"u_before_{name}": value for name, value in (history.before or camera).items()},
+        }
+        yield _draft(store, ready, chosen, pair.back, joined)
+        pair.swap()
+        history.samples += 1
+    history.before = camera
+    history.frames += 1
+
+
+PERIOD = 16
+"""Samples after which the jitter of a moving picture repeats: about what its history remembers."""
+
+
+def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) -> bool:
+    """True if the camera went so far between two frames that nothing of the history is of use: turned by more than a
+    third of a radian, or moved by more than a tenth of the scene's depth, or zoomed by half."""
+    turned = float(np.dot(np.asarray(before["frame"])[:, 2], np.asarray(camera["frame"])[:, 2])) < math.cos(1 / 3)
+    moved = float(np.linalg.norm(np.subtract(before["position"], camera["position"]))) > 0.1 * far
+    zoomed = not 2 / 3 < before["slope"] / camera["slope"] < 3 / 2
+    return turned or moved or zoomed
+
+
 # Cones
 
 
@@ -128,7 +184,7 @@ def _cones(
     plan = ready.plan
     (chosen,) = (p for p in plan.passes if p.name == "cone")
     steps = plan.scene.quality.max_steps
-    jittered = any(p.module == "view/accumulate" for p in plan.passes)
+    jittered = plan.marching.jittered
     carried: dict[str, Any] = {"u_carried_cell": (0.0, 0.0)}
     drafts = []
     for i, level in enumerate(plan.marching.schedule.levels):

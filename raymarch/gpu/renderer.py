@@ -189,7 +189,7 @@ class Renderer:
             targets[draft.chosen.name] = draft.target
         arrays: dict[str, NDArray[Any]] = {}
         for name, target in targets.items():
-            if name != "cone":
+            if name not in ("cone", "sample"):
                 arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings
 

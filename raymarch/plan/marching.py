@@ -28,6 +28,11 @@ class Marching:
     schedule_reason: str
 
     @property
+    def jittered(self) -> bool:
+        """True if rays come from all of a pixel's square, and not from its middle alone."""
+        return PIXEL in self.schedule.levels
+
+    @property
     def cones(self) -> bool:
         """True if something is marched before the rays."""
         return bool(self.schedule.levels)

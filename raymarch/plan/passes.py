@@ -31,6 +31,10 @@ class Pass:
 
 CONE: Final = Pass("cone", "view/cone", 1, "rays start where the cones around them ended", ("CONE",))
 
+SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample of each pixel, and what it saw")
+
+RESOLVE: Final = Pass("color", "temporal/resolve", 2, "the picture: the sample, and what earlier frames saw there")
+
 DRAWN: Final = {
     "color": Pass("color", "view/color", 1, "the picture"),
     "geometry": Pass("geometry", "view/geometry", 3, "depth, normal, material or counts were asked for"),
@@ -43,7 +47,19 @@ def passes_of(names: Sequence[str], quality: Quality, cones: bool) -> list[Pass]
     found = [CONE] if cones else []
     for name in names:
         drawn = DRAWN[name]
-        if name == "color" and (quality.samples > 1 or quality.temporal != "off"):
-            drawn = replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples")
-        found.append(drawn)
+        if name == "color" and quality.temporal == "reproject":
+            found += [SAMPLE, RESOLVE]
+        elif name == "color" and (quality.samples > 1 or quality.temporal != "off"):
+            found.append(replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples"))
+        else:
+            found.append(drawn)
     return found
+
+
+def joining(drawn: Sequence[Pass]) -> list[tuple[str, str]]:
+    """The modules by which samples and frames are joined, each with its reason."""
+    modules = {p.module for p in drawn}
+    if "temporal/resolve" in modules:
+        reason = "what earlier frames saw is found again where it went"
+        return [(f"temporal/{name}", reason) for name in ("finite", "history", "seen", "clip")]
+    return [("temporal/finite", "samples are averaged")] if "view/accumulate" in modules else []

@@ -20,7 +20,7 @@ from raymarch.expr.walk import find, topological
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
 from raymarch.plan.marching import Marching
-from raymarch.plan.passes import Pass, passes_of
+from raymarch.plan.passes import Pass, joining, passes_of
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.lower import Lowering
@@ -102,7 +102,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     operations = _operations(definition)
     chosen = marching.choose(scene, operations, size)
     drawn = passes_of(passes, scene.quality, chosen.cones)
-    geometry = any(p.name == "geometry" for p in drawn)
+    geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
         scene=scene,
         field=definition,
@@ -162,6 +162,7 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
     made.modules += shading.modules(scene, made.model if shaded else None, any(p.name == "color" for p in made.passes))
+    made.modules += joining(made.passes)
     for drawn in made.passes:
         add((drawn.module, drawn.reason))
 

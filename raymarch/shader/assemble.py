@@ -82,9 +82,8 @@ class Shader:
 
 def assemble(plan: Plan) -> Shader:
     """The shader of a plan."""
-    modules = [
-        _module(name) for name, _ in plan.modules if not name.startswith("view/") or name.startswith("view/camera")
-    ]
+    drawn = {p.module for p in plan.passes}
+    modules = [_module(name) for name, _ in plan.modules if name not in drawn]
     mains = [_module(p.module) for p in plan.passes]
     values = Values()
     shade = shading(plan, values) if any(p.name == "color" for p in plan.passes) else None

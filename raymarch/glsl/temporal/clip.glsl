@@ -1,0 +1,34 @@
+// The history's colour, drawn towards the middle of the colours around the new sample until it lies among them
+// (Karis 2014, Salvi 2016), in a space where brightness stands alone.
+// needs:
+// gives: u_color SPREAD to_ycocg from_ycocg clipped
+uniform sampler2D u_color;
+
+const float SPREAD = 1.0;  // standard deviations around the mean that a history's colour may have
+
+vec3 to_ycocg(vec3 c) {
+    return vec3(0.25 * c.r + 0.5 * c.g + 0.25 * c.b, 0.5 * c.r - 0.5 * c.b, -0.25 * c.r + 0.5 * c.g - 0.25 * c.b);
+}
+
+vec3 from_ycocg(vec3 c) {
+    return vec3(c.x + c.y - c.z, c.x + c.z, c.x - c.y - c.z);
+}
+
+vec3 clipped(vec3 color) {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    ivec2 last = textureSize(u_color, 0) - 1;
+    vec3 sum = vec3(0.0);
+    vec3 squares = vec3(0.0);
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
+            vec3 c = to_ycocg(texelFetch(u_color, clamp(at + ivec2(x, y), ivec2(0), last), 0).rgb);
+            sum += c;
+            squares += c * c;
+        }
+    }
+    vec3 mean = sum / 9.0;
+    vec3 deviation = SPREAD * sqrt(max(squares / 9.0 - mean * mean, 0.0));
+    vec3 away = to_ycocg(color) - mean;
+    vec3 outside = abs(away) / max(deviation, 1.0e-6);
+    return from_ycocg(mean + away / max(1.0, max(outside.x, max(outside.y, outside.z))));
+}

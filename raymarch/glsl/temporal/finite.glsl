@@ -1,0 +1,7 @@
+// True if no component is NaN or infinite. By their bits: compilers turn `not less` into `greater or equal`, which lets
+// NaN through.
+// needs:
+// gives: finite
+bool finite(vec4 v) {
+    return all(lessThan(floatBitsToUint(v) & 0x7F800000u, uvec4(0x7F800000u)));
+}
