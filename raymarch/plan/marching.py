@@ -98,9 +98,11 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
     add((f"march/along{cone}", "the field is asked along rays" + " and cones" * marching.cones))
     if quality.correction == "proven":
         add(("march/settle", "the last steps towards a surface are along the measured slope, and proven"))
-        add((f"march/aim{cone}", "a ray whose next step would end near a surface steps to it"))
     else:
         add((f"march/{'stop' if quality.correction == 'none' else 'slope'}", f"{quality.correction!r} correction"))
+    if marching.tracer == "auto_relaxed":
+        proven = quality.correction == "proven"
+        add((f"march/aim{cone if proven else '_never'}", "where a ray would come near a surface, it may step to it"))
     add(("march/exhausted", f"a ray may take {quality.max_steps} steps"))
     tracer = MODULES.get(marching.tracer, marching.tracer)
     if tracer == "plain" and quality.step_variation > 0:

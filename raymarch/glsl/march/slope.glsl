@@ -1,14 +1,10 @@
 // A ray ends at the first sample that is within an epsilon of a surface, with one last step along the measured slope.
 // The field is not asked there, so that nothing proves the step: rays that only pass an edge count as hits too.
 // needs: Ray Hit
-// gives: settle aims
+// gives: settle
 bool settle(inout Hit hit, Ray ray, float t, float r, float slope) {
     hit.t = slope < 0.0 ? t + min(r / -slope, t) : t;
     hit.residual = abs(r);
     hit.found = true;
     return true;
-}
-
-bool aims(float r, float slope, float near) {
-    return false;
 }
