@@ -23,7 +23,7 @@ CONTACT = 0.0625
 """The share of epsilon within which a ray must come to have hit a certified field."""
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "draft": {"epsilon": 1.0},
+    "draft": {"epsilon": 0.5},
     "normal": {},
     "fine": {"epsilon": 0.02, "max_steps": 2048},
     "exact": {"epsilon": 0.002, "max_steps": 8192},
