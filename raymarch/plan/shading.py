@@ -178,7 +178,7 @@ def _from_sky(scene: Scene, model: str) -> list[tuple[str, str]]:
         found.append(("sky/matte", why))
     if model != "phong":
         found += [] if scene.lights else [("light/fresnel", "a material is physical")]
-        found.append(("sky/glossy", why))
+        found += [("light/furnace", why), ("sky/glossy", why)]
     return found
 
 

@@ -184,3 +184,13 @@ def microfacets(
     entering = 1.05 * (1.0 - (1.0 - facing) ** 5) * (1.0 - (1.0 - seen) ** 5) * (1.0 - metalness)
     result: Array = np.where(lit, facing * (mirrored + entering * (1.0 - f0) * color), 0.0)
     return result
+
+
+def furnace(v: Array, r: Array) -> tuple[Array, Array]:
+    """What facets of roughness r, seen under the cosine v, give back of even light from all around: f0 times the first
+    value plus the second. A fit to the integral of `microfacets`, off by 0.05 at most."""
+    lost = r * (0.445 - v * (0.2619 + 0.396 * v) + r * (1.2682 * v - 0.658 + 0.3441 * r))
+    even = 1.0207 + v * (0.1525 + v * (3.3888 * v - 6.5391))
+    rough = -2.0124 + v * (4.7975 + 7.5886 * v) + r * (0.376 - 6.2715 * v + 0.722 * r)
+    edge = np.clip(np.exp2(-6.0 * v) * (even + r * rough), 0.0, 1.0)
+    return np.maximum(1.0 - lost - edge, 0.0), edge

@@ -14,7 +14,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
 from raymarch.truth.field import Field
-from raymarch.truth.light import Incoming, incoming, microfacets, soft_visibility
+from raymarch.truth.light import Incoming, furnace, incoming, microfacets, soft_visibility
 from raymarch.truth.march import GAP, NOISE
 from raymarch.truth.rays import Rays, unit
 from raymarch.truth.visibility import unblocked
@@ -106,10 +106,9 @@ class Surface:
         around = (
             sky.seen(mirrored, self.values) * (1.0 - rough) + np.maximum(harmonics_at(mirrored) @ light, 0.0) * rough
         )
-        r = [a * rough + b for a, b in ((-1.0, 1.0), (-0.0275, 0.0425), (-0.572, 1.04), (0.022, -0.04))]
-        edge = np.minimum(r[0] * r[0], np.exp2(-9.28 * seen)) * r[0] + r[1]
         base = f0 * (1.0 - metal) + color * metal
-        back = np.clip(base * (r[2] - 1.04 * edge) + r[3] + 1.04 * edge, 0.0, 1.0)
+        share, edge = furnace(seen, rough)
+        back = base * share + edge
         entering = np.minimum((1.0 - (1.0 - seen) ** 5) * (1.0 - f0), 1.0 - back) * (1.0 - metal)
         glossy = around * back + even * entering * color
         result: Array = self._open * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)

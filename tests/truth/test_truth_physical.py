@@ -12,7 +12,7 @@ from raymarch.expr.vocabulary import step
 from raymarch.scene import Camera, Material, PointLight, Quality, Scene, SphereLight, SpotLight, Sun
 from raymarch.sdf import box, plane, sphere, union
 from raymarch.truth import truth
-from raymarch.truth.light import microfacets
+from raymarch.truth.light import furnace, microfacets
 
 ABOVE = Camera((0, 5, 0), (0, 0, 0), up=(0, 0, 1))
 ROUGH, METAL, SEEN = (0.05, 0.2, 0.5, 0.8, 1.0), (0.0, 0.5, 1.0), (0.02, 0.1, 0.3, 0.6, 0.95)
@@ -66,6 +66,15 @@ def test_a_white_furnace_gives_back_no_more_than_it_gets(masking: str) -> None:
         for metal in METAL:
             for seen in SEEN:
                 assert albedo(seen, 1.0, metal, rough, masking) <= 1.0 + 2e-3, (rough, metal, seen)
+
+
+def test_the_furnace_as_a_fit() -> None:
+    """What the sky's light uses in place of the integral, at every roughness and angle."""
+    for rough in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
+        for seen in (0.05, 0.15, 0.3, 0.6, 0.95):
+            share, edge = (float(x) for x in furnace(np.float64(seen), np.float64(rough)))
+            assert abs(share + edge - albedo(seen, 1.0, 1.0, rough, "correlated")) < 0.06, (rough, seen)
+            assert abs(0.04 * share + edge - albedo(seen, 0.04, 1.0, rough, "correlated")) < 0.06, (rough, seen)
 
 
 def test_a_smooth_metal_loses_nothing_and_a_rough_one_what_smith_says() -> None:

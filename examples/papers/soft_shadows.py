@@ -1,0 +1,24 @@
+"""Spheres and a box under a broad light: shadows that are sharp where they start and wide where they end.
+
+After figure 7 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021), with the two-sided
+form of the shadow in place of the paper's, which is dark already where half of the light is seen.
+"""
+
+import raymarch as rm
+
+softness = rm.Param("softness", 0.12, min=0.005, max=0.4)
+
+pole = rm.rounded_cylinder(0.12, 2.4, 0.04).translate((-1.1, 1.2, 0))
+solids = (
+    pole | rm.sphere(0.7).translate((0.3, 0.9, 0)) | rm.box((0.8, 0.8, 0.8)).round(0.05).translate((1.7, 0.4, -0.3))
+)
+white = rm.Material(albedo=(0.8, 0.78, 0.74), roughness=0.7)
+
+scene = rm.Scene(
+    (solids | rm.plane()).material(white),
+    camera=rm.Camera(position=(0.5, 4, 5.4), target=(0.2, 0.5, 0), fov=40),
+    lights=[rm.Sun(direction=(1.2, 1.6, 0.9), color=(1, 0.95, 0.88), intensity=0.9, shadow=True, softness=softness)],
+    sky=rm.Sky((0.25, 0.3, 0.4), light=True),
+    occlusion=rm.Occlusion(reach=0.5),
+    fog=rm.Fog((0.4, 0.42, 0.45), 0.02),
+)

@@ -1,0 +1,54 @@
+"""The scenes of the papers: each draws, and those whose field is certified are held against the float64 truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene import load
+from raymarch.truth import silhouettes, truth
+
+FOLDER = Path(__file__).parents[2] / "examples" / "papers"
+SCENES = sorted(p.stem for p in FOLDER.glob("*.py"))
+SIZE = (64, 36)
+HELD = {"soft_shadows": SIZE, "smoothing": SIZE, "lights": (32, 18)}
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[Renderer]:
+    with Renderer(SIZE, "egl") as made:
+        yield made
+
+
+def test_the_papers_figures_are_there() -> None:
+    assert {"carpet", "mandelbulb", "lights", "soft_shadows", "array", "smoothing"} <= set(SCENES)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_of_a_paper_draws(name: str, renderer: Renderer) -> None:
+    """Light everywhere finite, something to see, and no speck far brighter than all around it."""
+    renderer.resize(SIZE)
+    frame = renderer.render(load(FOLDER / f"{name}.py"))
+    light = np.minimum(frame.color, 2.0)
+    assert np.isfinite(frame.color).all() and frame.color.min() >= 0
+    assert light.std() > 0.02
+    assert np.asarray(frame.image()).std() > 10
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_a_scene_of_a_paper_is_true(name: str, renderer: Renderer) -> None:
+    scene = load(FOLDER / f"{name}.py")
+    renderer.resize(HELD[name])
+    known = truth(scene, HELD[name])
+    found = renderer.render(scene).color
+    off = (np.abs(found - known.color) / np.maximum(known.color, 1.0)).max(axis=-1)[~silhouettes(known)]
+    assert np.percentile(off, 90) < 1 / 255 and np.mean(off > 0.05) < 0.03
+
+
+def test_sixty_four_lights_are_rows_of_a_texture() -> None:
+    scene = load(FOLDER / "lights.py")
+    assert len(scene.lights) == 64 and all(light.shadow for light in scene.lights)

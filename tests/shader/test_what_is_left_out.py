@@ -1,0 +1,109 @@
+"""What a scene does not call for might as well not be in the package: deleted, it leaves the same text."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from shader_samples import PASSES, scenes
+
+import raymarch
+from raymarch import glsl
+from raymarch.plan import plan
+from raymarch.shader import assemble
+
+PACKAGE = Path(raymarch.__file__).parent
+
+SCRIPT = """
+import json, sys
+from pathlib import Path
+from raymarch import glsl
+from raymarch.plan import plan
+from raymarch.shader import assemble
+from shader_samples import PASSES, scenes
+
+folder = Path(glsl.__file__).parent
+stored = {str(f.relative_to(folder)): f.read_text(encoding="utf-8") for f in folder.rglob("*.glsl")}
+kept = json.loads(sys.stdin.read())
+texts = {}
+for name, scene in scenes().items():
+    for file, text in stored.items():
+        (folder / file).unlink(missing_ok=True)
+        if file[:-5] in kept[name]:
+            (folder / file).write_text(text, encoding="utf-8")
+    glsl.load.cache_clear()
+    texts[name] = [assemble(plan(scene, passes)).text() for passes in PASSES]
+print(json.dumps(texts))
+"""
+
+
+def named(scene: raymarch.Scene) -> list[str]:
+    """The modules that a scene calls for, and those of its passes."""
+    found = []
+    for passes in PASSES:
+        made = plan(scene, passes)
+        found += [name for name, _ in made.modules]
+    return sorted(set(found))
+
+
+def test_deleted_modules_that_a_scene_does_not_call_for_change_no_byte(tmp_path: Path) -> None:
+    copy = tmp_path / "raymarch"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    made = scenes()
+    kept = {name: named(scene) for name, scene in made.items()}
+    every = {str(f.relative_to(PACKAGE / "glsl"))[:-5] for f in (PACKAGE / "glsl").rglob("*.glsl")}
+    assert all(len(names) < len(every) for names in kept.values()) and len(kept["plain"]) < len(every) / 2
+    path = os.pathsep.join([str(tmp_path), str(Path(__file__).parent)])
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        input=json.dumps(kept),
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    for name, texts in json.loads(done.stdout).items():
+        for passes, text in zip(PASSES, texts, strict=True):
+            assert text == assemble(plan(made[name], passes)).text(), (name, passes)
+
+
+@pytest.mark.parametrize(
+    ("plain", "with_it"),
+    [
+        ({"lights": [raymarch.Sun()]}, {"lights": [raymarch.Sun(softness=0.3, penumbra="cone")]}),
+        ({"lights": [raymarch.Sun(shadow=True)]}, {"lights": [raymarch.Sun(shadow=True, softness=0)]}),
+        ({"sky": (0.1, 0.2, 0.3)}, {"sky": raymarch.Sky((0.1, 0.2, 0.3), light=False)}),
+        ({}, {"tone": raymarch.Tone("agx", 2, dither=True)}),
+        ({"lights": []}, {"lights": [], "occlusion": raymarch.Occlusion()}),
+    ],
+)
+def test_an_effect_turned_off_is_one_never_had(plain: dict[str, object], with_it: dict[str, object]) -> None:
+    texts = [assemble(plan(raymarch.Scene(raymarch.sphere(), **parts))).text() for parts in (plain, with_it)]  # type: ignore[arg-type]
+    assert texts[0] == texts[1]
+
+
+def test_a_plain_scene_has_no_texture_and_no_uniform_of_an_effect() -> None:
+    shader = assemble(plan(raymarch.Scene(raymarch.sphere())))
+    text = shader.text()
+    for word in (
+        "u_lights",
+        "u_sky_light",
+        "sampler",
+        "openness",
+        "physical",
+        "facets",
+        "emission",
+        "shadow",
+        "light_0",
+    ):
+        assert word not in text
+    assert not shader.samples and len(plan(raymarch.Scene(raymarch.sphere())).passes) == 1
+    assert "light/physical" not in {name for name, _ in plan(raymarch.Scene(raymarch.sphere())).modules}
+    assert glsl.load("light/physical").gives == {"physical"}
