@@ -11,7 +11,7 @@ from typing import Any, Literal, Self, TypeAlias, cast
 import moderngl
 import numpy as np
 
-from raymarch.errors import Location, ShaderError
+from raymarch.errors import DeviceError, Location, ShaderError
 from raymarch.gpu.context import Context
 from raymarch.gpu.targets import Surface, Target, confine
 
@@ -115,7 +115,11 @@ class Program:
             self._program = context.gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())
         except moderngl.Error as error:
             raise _refusal(name, str(error), fragment, locate) from error
-        self._triangle = context.gl.vertex_array(self._program, [])
+        try:
+            self._triangle = context.gl.vertex_array(self._program, [])
+        except moderngl.Error as error:
+            self._program.release()
+            raise DeviceError(f"pass {name}: the device failed: {error}", legal="a new Renderer") from error
 
     @property
     def uniforms(self) -> tuple[str, ...]:

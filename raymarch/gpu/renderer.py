@@ -14,6 +14,7 @@ from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.drafts import Draft, History, drafts_of
+from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
 from raymarch.gpu.store import Store
@@ -171,12 +172,22 @@ class Renderer:
             raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
         ready = self._prepare(scene, outputs)
         uniforms = frame_uniforms(ready, values, self.size, pose)
-        uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
-        if ready.plan.lights_as_data:
-            uniforms["u_lights"] = self.store.lights(lights.rows(scene, values))
-        return drafts_of(self.store, ready, uniforms, self.size, self.history)
+        with in_pass(*(chosen.name for chosen in ready.plan.passes)):
+            uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
+            if ready.plan.lights_as_data:
+                uniforms["u_lights"] = self.store.lights(lights.rows(scene, values))
+            return drafts_of(self.store, ready, uniforms, self.size, self.history)
 
     def _render_passes(
+        self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None, pose: Pose | None
+    ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+        try:
+            return self._passes(scene, values, outputs, progress, pose)
+        except BaseException:
+            self.forget()  # the history was brought up to date for draws that were not made
+            raise
+
+    def _passes(
         self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None, pose: Pose | None
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         timings = []
@@ -184,13 +195,15 @@ class Renderer:
         drafts = self._drafts(scene, values, outputs, pose)
         for i, draft in enumerate(drafts):
             first = self.store.first_draw(draft.program)
-            drawn = self._draw(draft, None if progress is None else _part(progress, i, len(drafts)))
+            with in_pass(draft.chosen.name):
+                drawn = self._draw(draft, None if progress is None else _part(progress, i, len(drafts)))
             timings.append(Timing(draft.chosen.name, drawn, draft.compile, first))
             targets[draft.chosen.name] = draft.target
         arrays: dict[str, NDArray[Any]] = {}
         for name, target in targets.items():
             if name not in ("cone", "sample"):
-                arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
+                with in_pass(name):
+                    arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings
 
     def _draw(self, draft: Draft, progress: Progress | None) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr.samples import Samples
 from raymarch.gpu.context import Context
+from raymarch.gpu.failure import in_pass
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import Program
 from raymarch.gpu.targets import PingPong, Target, upload
@@ -64,7 +65,8 @@ class Store:
         """A target for one purpose; made anew where its size changed."""
         found = self._targets.get(name)
         if found is None or (found.size, found.attachments) != (size, textures):
-            fresh = Target(self.context, size, textures)
+            with in_pass(name):
+                fresh = Target(self.context, size, textures)
             if found is not None:
                 found.release()
             self._targets[name] = found = fresh
@@ -74,7 +76,8 @@ class Store:
         """A pair of targets for one purpose; made anew where its size changed."""
         found = self._pairs.get(name)
         if found is None or (found.size, found.front.attachments) != (size, textures):
-            fresh = PingPong(self.context, size, textures)
+            with in_pass(name):
+                fresh = PingPong(self.context, size, textures)
             if found is not None:
                 found.release()
             self._pairs[name] = found = fresh
@@ -95,6 +98,7 @@ class Store:
         if self._lights is None or self._lights.size != rows.shape[1::-1]:
             if self._lights is not None:
                 self._lights.release()
+                self._lights = None  # should the next line fail
             self._lights = self.context.gl.texture(rows.shape[1::-1], 4, dtype="f4")
             self._lights.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._lights.write(rows.tobytes())

@@ -1,0 +1,181 @@
+"""Cases of light: shadows, microfacets, lamps in bad places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from analytic import unit
+from glsl_harness import run
+
+import raymarch as rm
+from raymarch import glsl
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.gpu.prepare import frame_uniforms, prepare
+from raymarch.gpu.program import FULL_SCREEN, Program
+from raymarch.gpu.targets import Target
+from raymarch.scene.parameter import Values
+from tests.hard.world import ULP, Figure, World, case
+
+MATT = rm.Material((1, 1, 1), specular=0.0, ambient=0.0)
+
+
+def module(name: str) -> str:
+    return "\n".join(glsl.load(name).lines)
+
+
+@case(29, "secondary rays", before="all of 2,968 rays without an offset; 20 with one of 1e-4")
+def secondary(world: World) -> Iterator[Figure]:
+    """A shadow ray that starts on a surface meets it at once; it starts two epsilons off, in any unit of length."""
+    dark = tried = 0
+    sun = unit(np.array([1.0, 0.3, 0.2]))
+    for scale in (1e-4, 1.0, 1e4):
+        for node in (
+            rm.sphere(scale),
+            rm.torus(scale, 0.3 * scale).rotate(1.2, "x"),
+            rm.ellipsoid((scale, 0.5 * scale, 0.7 * scale)),
+        ):
+            light = sun if node.name == "sphere" else unit(np.array([0.0, 0.2, 1.0]))
+            scene = rm.Scene(node.material(MATT), rm.Camera((0, 0, 4 * scale)), [rm.Sun(tuple(light), shadow=True)])
+            free = rm.Scene(node.material(MATT), rm.Camera((0, 0, 4 * scale)), [rm.Sun(tuple(light))])
+            frame, known = world.draw(scene, outputs=("color",)), world.draw(free, outputs=("color",))
+            truth = rm.truth(scene, (64, 48), outputs=("color",)).color[..., 0]
+            lit = (known.color[..., 0] > 0.02) & (truth > 0.02)
+            tried += int(lit.sum())
+            dark += int(np.sum(frame.color[..., 0][lit] == 0))
+    yield Figure(f"points that shadow themselves, of {tried} at three scales", dark, 0, "two epsilons off the surface")
+
+
+@case(30, "refraction")
+def refraction(world: World) -> Iterator[Figure]:
+    """Total internal reflection gives a zero vector, and inside the sign turns. No scene can ask for refraction yet:
+    with the first that can, this row needs the furnace of a slab."""
+    from pathlib import Path
+
+    texts = [f.read_text(encoding="utf-8") for f in Path(glsl.__file__).parent.glob("*/*.glsl")]
+    yield Figure(
+        "modules that refract without a furnace", sum("refract(" in text for text in texts), 0, "none refracts"
+    )
+
+
+@case(38, "a light at the surface")
+def light_at_surface(world: World) -> Iterator[Figure]:
+    """The inverse square is infinite where the light touches, and its direction 0/0."""
+    bad = tried = 0
+    for y in (1.5, 1.001, 1.0 + 1e-6, 1.0, 1.0 - 1e-6, 0.5, 0.0):
+        for light in (
+            rm.PointLight((0, y, 0), shadow=True),
+            rm.SphereLight((0, y, 0), 0.1, shadow=True),
+            rm.SpotLight((0, y, 0), (0, -1, 0), shadow=True),
+        ):
+            frame = world.draw(rm.Scene(rm.sphere(), rm.Camera((0, 4, 0.01), (0, 0, 0)), [light]), outputs=("color",))
+            tried += frame.color.size
+            bad += int(np.sum(~np.isfinite(frame.color)) + np.sum(frame.color < 0))
+    yield Figure(f"colours that are not finite, of {tried}", bad, 0, "distances have a floor")
+
+
+@case(39, "microfacets of a mirror", before="NaN at roughness 0, infinite at alpha = 1e-4")
+def mirror(world: World) -> Iterator[Figure]:
+    """The density of a mirror's facets is infinite; 1 - cosine² would lose all its digits before that."""
+    u = np.linspace(1e-4, 1 - 1e-4, 2000)
+    worst = bad = 0.0
+    for alpha in (1e-3, 1e-2, 0.1, 0.5, 1.0):
+        tangent = alpha * np.sqrt(u / (1 - u))
+        h = np.stack([tangent, np.zeros_like(u), np.ones_like(u)], axis=-1) / np.sqrt(1 + tangent**2)[:, None]
+        h = h.astype(np.float32).astype(np.float64)
+        cosine, sine = h[:, 2], np.hypot(h[:, 0], h[:, 1])
+        true = alpha**2 / (np.pi * (sine**2 + (alpha * cosine) ** 2) ** 2)
+        call = f"facets(vec3(0.0, 0.0, 1.0), {{0}}, {alpha!r})"
+        found = run(world.context, module("light/facets"), call, [(VEC3, h)])
+        bad += int(np.sum(~np.isfinite(found)))
+        worst = max(worst, float(np.max(np.abs(found / true - 1))))
+    yield Figure("densities that are not finite", bad, 0, "a floor under the spread")
+    yield Figure(
+        "largest relative error of a density in ulp", worst / ULP, 32, "rounding: sine and cosine each by some ulp"
+    )
+    for roughness in (0.0, 1e-4, 0.03):
+        metal = rm.Material((1, 0.8, 0.5), metalness=1.0, roughness=roughness)
+        scene = rm.Scene(
+            rm.sphere().material(metal), rm.Camera((0.2, 0.3, 3)), [rm.Sun(tuple(unit(np.array([0.2, 0.3, 3.0]))))]
+        )
+        frame = world.draw(scene, outputs=("color",))
+        yield Figure(
+            f"colours at roughness {roughness:g} that are not finite",
+            int(np.sum(~np.isfinite(frame.color))),
+            0,
+            "alpha is at least 1e-3",
+        )
+
+
+@case(40, "rough surfaces at grazing angles")
+def grazing_energy(world: World) -> Iterator[Figure]:
+    """A microfacet model with the wrong masking gives back more light than it gets."""
+    n = 64
+    u, v = (x.ravel() for x in np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n))
+    for form in ("correlated", "separable"):
+        worst = 0.0
+        for alpha in (0.1, 0.5, 1.0):
+            for seen in (0.02, 0.1, 0.5, 1.0):
+                cosine = np.sqrt((1 - u) / (1 + (alpha**2 - 1) * u))
+                sine = np.sqrt(1 - cosine**2)
+                h = np.stack([sine * np.cos(2 * np.pi * v), sine * np.sin(2 * np.pi * v), cosine], axis=-1)
+                eye = np.array([np.sqrt(1 - seen**2), 0, seen])
+                both = h @ eye
+                facing = (2 * both[:, None] * h - eye)[:, 2]
+                masks = run(
+                    world.context,
+                    module(f"light/{form}"),
+                    f"masking({{0}}, {seen!r}, {alpha!r})",
+                    [(FLOAT, np.maximum(facing, 1e-6))],
+                )
+                weight = np.where((facing > 0) & (both > 0), masks * 4 * facing * both / cosine, 0)
+                worst = max(worst, float(weight.mean()))
+        yield Figure(f"largest reflectance of white metal, {form}", worst, 1 + 2e-3, "furnace; 4,096 samples")
+
+
+@case(41, "soft shadow at t = 0")
+def soft_start(world: World) -> Iterator[Figure]:
+    """The cone of a soft shadow is 0 wide where it starts, and the surface itself is nearest there."""
+    sun = unit(np.array([0.3, 1.0, 0.2]))
+    for penumbra in ("two-sided", "cone", "triangulated"):
+        light = rm.Sun(tuple(sun), shadow=True, softness=0.05, penumbra=penumbra)
+        node = (rm.plane() | rm.sphere(0.2).translate((0, 30, 0))).material(MATT)
+        frame = world.draw(rm.Scene(node, rm.Camera((0, 1.0, 3.0), (0, 0, 0)), [light]), outputs=("color", "depth"))
+        near = frame.depth < 20
+        missing = float(np.max(np.abs(frame.color[..., 0][near] / sun[1] - 1)))
+        yield Figure(f"light that a free plane lacks, {penumbra}", missing, 32 * ULP, "nothing is in the way")
+
+
+@case(59, "shadow ray that leaves the scene", before="86 evaluations a pixel to a far end")
+def leaving(world: World) -> Iterator[Figure]:
+    """A ray to the sun that goes on to a far end asks the field for nothing; it ends at the scene's box."""
+    node = rm.box((1, 1, 1)) - rm.sphere(0.65)
+    scenes = [
+        rm.Scene(node | far, rm.Camera((2, 1.5, 3), (0, 0, 0)), [rm.Sun(shadow=True)])
+        for far in (node, rm.plane(offset=-1e4))
+    ]
+    near, endless = (_evaluations(world, scene) for scene in scenes)
+    yield Figure(
+        "evaluations of a lit pixel, primary ray and shadow ray", near, 20, "SPEED: 15 where it ends at the box"
+    )
+    yield Figure("their share of those without a box", near / endless, 1, "a box saves")
+
+
+def _evaluations(world: World, scene: rm.Scene) -> float:
+    """Of the field, by all rays of a pixel that shows the scene; counted by the shader itself."""
+    size = (64, 48)
+    ready = prepare(scene, ("color",), size)
+    text = ready.texts["color"]
+    assert text.count("float field(vec3 p) {") == 1 and text.count("out_color = vec4(hit.found") == 1
+    text = text.replace("float field(vec3 p) {", "int asked = 0;\nfloat field(vec3 p) {\n    asked++;")
+    text = text.replace("    out_color = vec4(hit.found", "    vec4 shown = vec4(hit.found")
+    head, _, tail = text.rpartition("}")
+    text = head + "    out_color = vec4(shown.rgb * 0.0 + float(asked), hit.found ? 1.0 : 0.0);\n}" + tail
+    with Program(world.context, FULL_SCREEN, text, lambda line: ("", None), "count") as program:
+        target = Target(world.context, size)
+        try:
+            program.draw(target, frame_uniforms(ready, Values({}), size))
+            found = target.read()
+        finally:
+            target.release()
+    return float(found[..., 0][found[..., 3] > 0].mean())

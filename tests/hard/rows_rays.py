@@ -1,0 +1,367 @@
+"""Cases of rays: where marching is hard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from analytic import angles, around, hit_plane, hit_sphere, points
+
+import raymarch as rm
+from raymarch.plan import plan
+from raymarch.scene.quality import CONTACT, TRACERS
+from tests.hard.world import EPSILON, ULP, Figure, World, bytes_off, camera_of, case, off, steepest, view_of
+
+RED, BLUE = rm.Material((0.9, 0.1, 0.1)), rm.Material((0.1, 0.1, 0.9))
+REAL = [name for name in TRACERS if name != "auto"]
+
+
+@case(1, "thin shell")
+def thin_shell(world: World) -> Iterator[Figure]:
+    """A step a fifth too long goes through a shell of a thousandth, and most rays land on its far side."""
+    node = rm.sphere(1.0).shell(0.002)
+    outer = float(-node.bounds[0][0])
+    view = view_of((0.5, 0.8, 3.5), (0, 0, 0))
+    t = hit_sphere(view.origin, view.directions, (0, 0, 0), outer)
+    normal = points(view.origin, view.directions, t)
+    cosine = np.sum(normal * view.directions, axis=-1) / outer
+    sure = np.isfinite(t) & (np.abs(cosine) > 0.05)
+    holes, worst = 0, 0.0
+    for tracer in REAL:
+        frame = world.draw(rm.Scene(node, camera_of(view), quality=rm.Quality(tracer=tracer)))
+        holes += int(np.sum(sure & ~np.isfinite(frame.depth)))
+        worst = max(worst, off(frame.depth, view, t, cosine, sure & np.isfinite(frame.depth)))
+    yield Figure("rays that miss, of all tracers", holes, 0, "a safe step passes nothing")
+    yield Figure("largest error of a depth, in epsilons along the ray", worst, 1, "epsilon / cosine")
+
+
+@case(2, "grazing plane")
+def grazing(world: World) -> Iterator[Figure]:
+    """Plain steps towards a plane seen at 10, 1 and .1 degrees number 49, 524 and 5,273."""
+    node = rm.plane() | rm.sphere().translate((0, 30, 60))
+    for degrees, most in ((10.0, 0.0), (1.0, 0.0)):
+        view = view_of((0, 1, 0), (0, 1 - np.tan(np.radians(degrees)), -1), degrees / 2)
+        frame = world.draw(rm.Scene(node, camera_of(view)), outputs=("depth", "iterations"))
+        yield Figure(
+            f"share of rays that run out of steps at {degrees:g}°",
+            float(np.mean(frame.iterations >= 512)),
+            most,
+            "512 steps are enough",
+        )
+        t = hit_plane(view.origin, view.directions, 0.0)
+        yield Figure(
+            f"largest error of a depth at {degrees:g}°, in epsilons along the ray",
+            off(frame.depth, view, t, view.directions[..., 1], np.isfinite(t)),
+            1,
+            "epsilon / cosine",
+        )
+    view = view_of((0, 1, 0), (0, 1 - np.tan(np.radians(0.1)), -1), 4.0)
+    frame = world.draw(rm.Scene(node, camera_of(view)), outputs=("depth", "iterations"))
+    down = view.directions[..., 1] < 0
+    yield Figure(
+        "holes at 0.1°", int(np.sum(~np.isfinite(frame.depth)[down])), 0, "the nearest sample is within a pixel"
+    )
+    view = view_of((0, 1, 0), (0, 1 - np.tan(np.radians(0.1)), -1), 0.08)
+    frame = world.draw(rm.Scene(node, camera_of(view), quality=rm.Quality(max_steps=8192)), outputs=("depth",))
+    t = hit_plane(view.origin, view.directions, 0.0)
+    worst = off(frame.depth, view, t, view.directions[..., 1], np.isfinite(t))
+    yield Figure("largest error at 0.1° with 8,192 steps, in epsilons along the ray", worst, 1, "epsilon / cosine")
+
+
+@case(3, "tangent miss")
+def tangent(world: World) -> Iterator[Figure]:
+    """Steps grow with 1/sqrt(gap) along a ray that just misses; the silhouette must neither swell nor shrink."""
+    position = np.array([0.3, 0.2, 6.0])
+    ahead = -position / np.linalg.norm(position)
+    edge = np.cross(ahead, (0, 1, 0))
+    edge /= np.linalg.norm(edge)
+    limb = 1 / np.sqrt(1 - 1 / float(position @ position))  # in the plane of the centre
+    wrong = ran_out = 0
+    for fov in (2.0, 0.1):
+        view = view_of(tuple(position), tuple(edge * limb), fov)
+        along = -np.sum(view.directions * view.origin, axis=-1)
+        passing = np.linalg.norm(view.origin + along[..., None] * view.directions, axis=-1) - 1
+        allowed = CONTACT * EPSILON * view.pixel * along + 4 * ULP * 6
+        frame = world.draw(rm.Scene(rm.sphere(), camera_of(view)), outputs=("depth", "iterations"))
+        hit = np.isfinite(frame.depth)
+        wrong += int(np.sum((hit & (passing > allowed)) | (~hit & (passing < -allowed))))
+        ran_out += int(np.sum(frame.iterations >= 512))
+    yield Figure(
+        "rays on the wrong side of the silhouette by more than a contact", wrong, 0, "a sixteenth of epsilon, and 4 ulp"
+    )
+    yield Figure("rays that run out of steps", ran_out, 0, "512 steps are enough")
+
+
+@case(6, "coplanar materials")
+def coplanar(world: World) -> Iterator[Figure]:
+    """Two surfaces in one plane flicker where rounding decides; a tie is decided the same way everywhere."""
+    red, blue = rm.box((2, 1, 2)).material(RED), rm.box((1, 1, 3)).material(BLUE)
+    view = view_of((0.4, 4, 1.5), (0, 0, 0))
+    scenes = [
+        rm.Scene(rm.union(*pair), camera_of(view), lights=[rm.Sun((0, 1, 0))]) for pair in ((red, blue), (blue, red))
+    ]
+    kinds = []
+    for scene in scenes:
+        frame = world.draw(scene, outputs=("depth", "material", "normal"))
+        at = points(view.origin, view.directions, np.where(np.isfinite(frame.depth), frame.depth, 0).astype(np.float64))
+        shared = (
+            np.isfinite(frame.depth)
+            & (np.abs(at[..., 0]) < 0.48)
+            & (np.abs(at[..., 2]) < 0.98)
+            & (frame.normal[..., 1] > 0.9)
+        )
+        kinds.append(len(np.unique(frame.material[shared])))
+    yield Figure("materials seen on the shared face, beyond the one", max(kinds) - 1, 0, "no pixel decides by itself")
+    first = world.draw(scenes[0], outputs=("color",))
+    again = world.draw(scenes[0], outputs=("color",))
+    yield Figure("8-bit steps between two frames", bytes_off(first, again), 0, "the same text and numbers")
+
+
+@case(7, "a shape united with itself")
+def self_union(world: World) -> Iterator[Figure]:
+    """Twice the same distance is a tie everywhere."""
+    node = rm.box() - rm.sphere(0.65)
+    one = world.draw(rm.Scene(node), outputs=("color", "depth"))
+    for name, other in (("|", node | node), ("&", node & node), ("union of 3", rm.union(node, node, node))):
+        two = world.draw(rm.Scene(other), outputs=("color", "depth"))
+        yield Figure(
+            f"pixels that {name} changes",
+            int(np.sum(one.color != two.color) + np.sum(one.depth != two.depth)),
+            0,
+            "equal subtrees are one",
+        )
+
+
+@case(23, "displacement")
+def displacement(world: World) -> Iterator[Figure]:
+    """Bumps steepen the field, and rays step through them; their slope adds to the bound."""
+    node = rm.sphere().displace(0.05, 12.0)
+    yield Figure("slope over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz")
+    scene = rm.Scene(node, rm.Camera((0.3, 0.4, 3.2), (0, 0, 0)))
+    frame, known = world.draw(scene, outputs=("depth",)), rm.truth(scene, (64, 48), outputs=("depth",))
+    inner = known.hit & ~around(~known.hit)
+    yield Figure("holes", int(np.sum(inner & ~np.isfinite(frame.depth))), 0, "a safe step passes nothing")
+    both = inner & np.isfinite(frame.depth)
+    past = frame.depth[both] - known.depth[both]
+    pixel = 2 * np.tan(np.radians(22.5)) / 48
+    yield Figure(
+        "pixels behind the first surface by a pixel's width",
+        int(np.sum(past > pixel * 3.2)),
+        0,
+        "nothing is stepped over",
+    )
+
+
+@case(27, "camera inside a solid")
+def camera_inside(world: World) -> Iterator[Figure]:
+    """The field is negative from the start; the rule is that the inner wall is seen."""
+    holes, worst = 0, 0.0
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            target = np.zeros(3)
+            target[axis] = sign
+            view = view_of(
+                (0.1, -0.2, 0.15),
+                tuple(np.add((0.1, -0.2, 0.15), target)),
+                90.0,
+                up=(0, 1, 0) if axis != 1 else (0, 0, 1),
+            )
+            frame = world.draw(rm.Scene(rm.box((2, 3, 4)), camera_of(view)), outputs=("depth", "normal"))
+            d, half = view.directions, np.array([1.0, 1.5, 2.0])
+            ways = (np.where(d > 0, half, -half) - view.origin) / d
+            t = ways.min(axis=-1)
+            cosine = np.abs(np.take_along_axis(d, ways.argmin(axis=-1)[..., None], -1)[..., 0])
+            holes += int(np.sum(~np.isfinite(frame.depth)))
+            worst = max(worst, off(frame.depth, view, t, cosine, np.isfinite(frame.depth)))
+    yield Figure("holes in six views", holes, 0, "a closed wall all around")
+    yield Figure("largest error of a depth, in epsilons along the ray", worst, 1, "epsilon / cosine")
+
+
+@case(28, "fractal without bail-out")
+def fractals(world: World) -> Iterator[Figure]:
+    """The derivative of a power of 8 overflows in the third turn of the loop; loops end, and bail out."""
+    from glsl_harness import run
+
+    from raymarch.expr.glsl import print_functions
+    from raymarch.expr.types import VEC3
+    from raymarch.sdf.lower import lower
+
+    random = np.random.default_rng(7)
+    near = random.uniform(-2, 2, (2000, 3))
+    everywhere = np.concatenate([near, near * 1e3, near * 1e-6, np.zeros((1, 3)), np.eye(3), near * 1e8])
+    bad = 0
+    for node in (rm.mandelbulb(), rm.julia(), rm.mandelbox(), rm.apollonian(), rm.menger(), rm.sierpinski()):
+        assert print_functions([lower(node)])
+        bad += int(np.sum(~np.isfinite(run(world.context, node.glsl(), "field({0})", [(VEC3, everywhere)]))))
+    yield Figure("values that are not finite, of 6 fractals, out to 2e8", bad, 0, "bail-out and floors")
+
+
+@case(35, "tiny or huge units")
+def units(world: World) -> Iterator[Figure]:
+    """length() of 1e-23 is 0 and of 3e19 infinite; no constant in the shader is a length, so units do not matter."""
+
+    def sized(s: float) -> rm.Scene:
+        node = (rm.box(s).round(0.1 * s) | rm.torus(s, 0.2 * s).translate((0.2 * s, 0, 0))) - rm.sphere(0.6 * s)
+        lights = [rm.Sun(shadow=True), rm.PointLight((s, 3 * s, 2 * s), intensity=4 * s * s)]
+        return rm.Scene(node, rm.Camera((s, 1.5 * s, 4 * s), (0, 0, 0)), lights)
+
+    one = world.draw(sized(1.0), outputs=("color", "evaluations", "material", "depth"))
+    for s in (1e-6, 1e6):
+        other = world.draw(sized(s), outputs=("color", "evaluations", "material", "depth"))
+        shown = np.asarray(one.image(), int)
+        flat = ~around(
+            around(
+                np.pad(np.abs(np.diff(shown, axis=1)).max(-1) > 24, [(0, 0), (0, 1)])
+                | np.pad(np.abs(np.diff(shown, axis=0)).max(-1) > 24, [(0, 1), (0, 0)])
+            )
+        )
+        yield Figure(
+            f"8-bit steps off edges at a scale of {s:g}", bytes_off(one, other, flat), 1, "rounding of the sizes alone"
+        )
+    exact = world.draw(sized(2.0**20), outputs=("evaluations", "depth"))
+    yield Figure(
+        "pixels whose evaluations differ at a scale of 2^20",
+        int(np.sum(exact.evaluations != one.evaluations)),
+        0,
+        "powers of two are exact",
+    )
+
+
+@case(54, "cone pass")
+def cones(world: World) -> Iterator[Figure]:
+    """A cone that hands on the t at which it got stuck starts rays behind surfaces, and jitter leaves the cone."""
+    node = (
+        rm.sphere(0.6).repeat((1.4, None, 1.4), (5, None, 5))
+        | rm.box((0.02, 1.5, 0.02)).translate((0.3, 0.4, 2.2))
+        | rm.plane(offset=-0.6)
+    )
+    camera = rm.Camera((1.5, 1.6, 4.5), (0, 0, 0))
+    known = rm.truth(rm.Scene(node, camera), (64, 48), outputs=("depth", "normal"))
+    pixel = 2 * np.tan(np.radians(22.5)) / 48
+    cosine = np.abs(np.sum(known.normal * known.direction, axis=-1))
+    beyond = holes = 0
+    for schedule in ("two", "four", "six", "cone", "cones"):
+        frame = world.draw(rm.Scene(node, camera, quality=rm.Quality(schedule=schedule)), outputs=("depth",))
+        sure = known.hit & (cosine > 0.05) & ~around(known.depth > 30)
+        holes += int(np.sum(sure & ~np.isfinite(frame.depth)))
+        allowed = EPSILON * pixel * np.where(known.hit, known.depth, 0) / np.maximum(cosine, 0.05) + 1e-5
+        silhouettes = rm_silhouettes(known)
+        beyond += int(np.sum(sure & ~silhouettes & (frame.depth > known.depth + allowed)))
+    yield Figure("pixels beyond the truth, of 5 schedules", beyond, 0, "epsilon / cosine, silhouettes apart")
+    yield Figure("holes", holes, 0, "a cone passes nothing")
+    plain = world.draw(rm.Scene(node, camera, quality=rm.Quality(samples=8, schedule="single")), outputs=("color",))
+    jittered = world.draw(rm.Scene(node, camera, quality=rm.Quality(samples=8, schedule="cone")), outputs=("color",))
+    calm = ~around(rm_silhouettes(known)) & known.hit & (known.depth < 8)
+    yield Figure(
+        "8-bit steps that cones make to 8 jittered samples, silhouettes apart",
+        bytes_off(plain, jittered, calm),
+        1,
+        "the same hits within epsilon",
+    )
+
+
+def rm_silhouettes(known: Any) -> Any:
+    from raymarch.truth import silhouettes
+
+    return silhouettes(known)
+
+
+@case(55, "relaxed tracer on an estimate")
+def estimates(world: World) -> Iterator[Figure]:
+    """Overlapping spheres prove nothing where the field may be too large; such a field is marched by plain steps."""
+    wrong = 0
+    for tracer in REAL:
+        made = plan(rm.Scene(rm.mandelbulb(), quality=rm.Quality(tracer=tracer)))
+        wrong += made.tracer != "plain" or (tracer != "plain" and tracer not in made.marching.tracer_reason)
+        wrong += not any("estimate" in warning for warning in made.warnings)
+    yield Figure("tracers that relax on it, or do not say why not", wrong, 0, "the plan falls back, and says so")
+
+
+@case(56, "first step of the enhanced tracer")
+def enhanced(world: World) -> Iterator[Figure]:
+    """As printed, its first step is 0/0, and a receding ray takes an infinite one."""
+    node = rm.sphere() | rm.plane(offset=-1.0) | rm.sphere(0.2).translate((0.3, 0.2, 2.5))
+    camera = rm.Camera((0.8, 0.5, 3.5), (0, 0, 0))
+    for tracer in ("enhanced", "auto_relaxed", "front"):
+        plain, other = (
+            world.draw(rm.Scene(node, camera, quality=rm.Quality(tracer=name))) for name in ("plain", tracer)
+        )
+        inner = ~around(np.isfinite(plain.depth) != np.isfinite(other.depth))
+        bad = int(np.sum(~np.isfinite(other.evaluations)) + np.sum(np.isnan(other.depth)))
+        bad += int(np.sum(around(~np.isfinite(plain.depth)) != around(~np.isfinite(other.depth))))
+        yield Figure(f"pixels of {tracer} without a number, or unlike plain", bad, 0, "guarded denominators")
+        assert inner.any()
+
+
+@case(57, "seam of a bound through a blend")
+def seam(world: World) -> Iterator[Figure]:
+    """Where space is cut into parts that know only what is near, a blend that reaches across shows a seam. The scene's
+    box is such a cut: the blend must lie in it whole."""
+    node = rm.union(
+        rm.box(1.0), rm.sphere(0.7).translate((0.9, 0.3, 0)), rm.torus(0.8, 0.2).translate((0, 0.6, 0)), k=0.6
+    )
+    camera = rm.Camera((1.5, 2.0, 4.0), (0.2, 0.2, 0))
+    clipped = world.draw(rm.Scene(node, camera))
+    endless = world.draw(rm.Scene(node | rm.plane(offset=-1e4) | rm.plane((0, -1, 0), -1e4), camera))
+    near = endless.depth < 100
+    yield Figure(
+        "pixels that the box cuts off or adds",
+        int(np.sum(near != np.isfinite(clipped.depth))),
+        0,
+        "the box holds the blend",
+    )
+    both = near & np.isfinite(clipped.depth)
+    turned = float(np.degrees(angles(clipped.normal.astype(np.float64), endless.normal.astype(np.float64))[both].max()))
+    yield Figure("turn of a normal in degrees", turned, 2.0, "hits differ by an epsilon at most")
+
+
+@case(58, "infinite plane at the horizon")
+def horizon(world: World) -> Iterator[Figure]:
+    """Rays that run out of steps leave a band of holes under the horizon; they take the nearest sample."""
+    node = rm.plane() | rm.sphere().translate((0, 30, 60))
+    holes = above = 0
+    for tracer in REAL:
+        view = view_of((0, 1, 0), (0, 1, -1), 30.0)
+        frame = world.draw(rm.Scene(node, camera_of(view), quality=rm.Quality(tracer=tracer)), outputs=("depth",))
+        hit = np.isfinite(frame.depth)
+        holes += int(np.sum(~hit[24:]))
+        above += int(np.sum(hit[:23]))
+    yield Figure("holes below the horizon, of all tracers", holes, 0, "within a pixel's width is a hit")
+    yield Figure("hits more than a pixel above it", above, 0, "the sky is empty")
+
+
+@case(46, "sizes of the picture")
+def sizes(world: World) -> Iterator[Figure]:
+    """One pixel, odd, thin and very long pictures: halves of 0, a wrong aspect; sizes beyond the limit are refused."""
+    node = rm.sphere() | rm.plane(offset=-1)
+    wrong = 0
+    most = world.context.limits.picture[0]
+    for size in ((1, 1), (1, 64), (64, 1), (63, 37), (2, 3), (4096, 1), (1, 4096), (min(16384, most), 1)):
+        view = replace(view_of((0.2, 0.3, 4.0), (0, 0, 0)), size=size)
+        frame = world.draw(rm.Scene(node, camera_of(view)), size, ("color", "depth"))
+        ball, ground = (
+            hit_sphere(view.origin, view.directions, (0, 0, 0), 1.0),
+            hit_plane(view.origin, view.directions, -1.0),
+        )
+        t = np.minimum(ball, ground)
+        cosine = np.where(
+            ball < ground,
+            -np.sum(points(view.origin, view.directions, ball) * view.directions, axis=-1),
+            -view.directions[..., 1],
+        )
+        sure = np.isfinite(t) & (np.abs(cosine) > 0.05) & (t < 1e3)
+        found = np.isfinite(frame.depth)
+        wrong += frame.color.shape != (size[1], size[0], 3)
+        wrong += int(np.sum(sure & ~found)) + (off(frame.depth, view, t, cosine, sure & found) > 1)
+    yield Figure("wrong pixels and shapes, of 8 sizes", wrong, 0, "epsilon / cosine")
+    from raymarch.errors import DeviceError
+
+    refused = 0
+    for size in ((most + 1, 1), (0, 4), (-1, 4)):
+        try:
+            world.renderer.resize(size)
+        except DeviceError as error:
+            refused += str(size[0]) in str(error)
+    yield Figure("sizes accepted beyond the limit, of 3", 3 - refused, 0, "a clear refusal")
