@@ -1,0 +1,238 @@
+"""Light and materials against Mitsuba 3, an independent renderer: the relative error of the mean, and of each pixel.
+
+python -m tests.bench.reference [WIDTH]
+
+Needs `pip install 'raymarch[reference]'`. Geometry is a floor and balls; Mitsuba's pictures are means over the pixel,
+ours are of its middle, so single pixels differ at edges. Brightness: our intensities are times pi in physical units.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import raymarch as rm
+from raymarch.truth.light import microfacets
+
+PI = math.pi
+CAMERA = {"position": (0.4, 2.2, 4.5), "target": (0.1, 0.4, 0.0), "fov": 40.0}
+BALL, RADIUS = (0.2, 0.7, 0.1), 0.5
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One scene, both ways: our lights, sky and material, and Mitsuba's emitters and BSDF.
+
+    samples : Mitsuba's rays a pixel. bounces : its `max_depth`. floor : whether there is one, not only a ball.
+    """
+
+    ours: Callable[[], dict[str, Any]]
+    skin: Callable[[], rm.Material]
+    emitters: Callable[[Any], dict[str, Any]]
+    bsdf: dict[str, Any]
+    samples: int = 32
+    floor: bool = True
+
+
+def _color(*rgb: float) -> dict[str, Any]:
+    return {"type": "rgb", "value": list(rgb)}
+
+
+MATTE = {"type": "diffuse", "reflectance": _color(0.6, 0.4, 0.3)}
+
+
+def _matte() -> rm.Material:
+    return rm.Material((0.6, 0.4, 0.3), specular=0.0, ambient=0.0)
+
+
+def _sun(mi: Any) -> dict[str, Any]:
+    return {"sun": {"type": "directional", "direction": [-1.0, -1.5, -0.5], "irradiance": _color(PI, PI, PI)}}
+
+
+def _point(mi: Any) -> dict[str, Any]:
+    return {"lamp": {"type": "point", "position": [1.5, 2.5, 1.5], "intensity": _color(*[8 * PI] * 3)}}
+
+
+def _spot(mi: Any) -> dict[str, Any]:
+    look = mi.ScalarTransform4f().look_at([0.5, 3.5, 1.0], [0.2, 0.2, 0.1], [0, 0, 1])
+    whole = math.degrees(0.6)
+    return {
+        "lamp": {
+            "type": "spot",
+            "to_world": look,
+            "intensity": _color(*[12 * PI] * 3),
+            "cutoff_angle": whole,
+            "beam_width": whole - 1e-3,
+        }
+    }
+
+
+def _ball_of_light(mi: Any) -> dict[str, Any]:
+    emitter = {"type": "area", "radiance": _color(*[10 / 0.3**2] * 3)}
+    return {"lamp": {"type": "sphere", "center": [1.2, 3.2, 0.8], "radius": 0.3, "light": emitter}}
+
+
+def _sky(mi: Any) -> dict[str, Any]:
+    return {"sky": {"type": "constant", "radiance": _color(0.4, 0.6, 0.9)}}
+
+
+SHADOWED = {"shadow": True}
+SUN = {"direction": (1.0, 1.5, 0.5), **SHADOWED}
+
+
+def _metal(roughness: float) -> tuple[Callable[[], rm.Material], dict[str, Any]]:
+    bsdf = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": roughness**2}
+    return lambda: rm.Material(albedo=(1, 1, 1), metalness=1.0, roughness=roughness), bsdf
+
+
+METAL, METAL_BSDF = _metal(0.6)
+
+SEPARABLE = rm.Quality(masking="separable")
+
+SCENES = {
+    "sun": Compared(lambda: {"lights": [rm.Sun(**SUN)]}, _matte, _sun, MATTE),
+    "point": Compared(
+        lambda: {"lights": [rm.PointLight((1.5, 2.5, 1.5), intensity=8, shadow=True)]}, _matte, _point, MATTE
+    ),
+    "spot": Compared(
+        lambda: {
+            "lights": [
+                rm.SpotLight((0.5, 3.5, 1.0), (-0.3, -3.3, -0.9), angle=0.6, blend=0.0, intensity=12, shadow=True)
+            ]
+        },
+        _matte,
+        _spot,
+        MATTE,
+    ),
+    "area": Compared(
+        lambda: {"lights": [rm.SphereLight((1.2, 3.2, 0.8), 0.3, intensity=10, shadow=True)]},
+        _matte,
+        _ball_of_light,
+        MATTE,
+        samples=96,
+    ),
+    "sky": Compared(
+        lambda: {"lights": [], "sky": rm.Sky((0.4, 0.6, 0.9), light=True)}, _matte, _sky, MATTE, samples=96, floor=False
+    ),
+    "metal": Compared(lambda: {"lights": [rm.Sun(**SUN)], "quality": SEPARABLE}, METAL, _sun, METAL_BSDF),
+    "dielectric": Compared(
+        lambda: {"lights": [rm.Sun(**SUN)]},
+        lambda: rm.Material(albedo=(0.7, 0.3, 0.2), roughness=0.45),
+        _sun,
+        {"type": "raymarch_dielectric"},
+        samples=8,
+    ),
+}
+
+
+def ours(name: str, width: int) -> rm.Scene:
+    """The scene for us."""
+    chosen = SCENES[name]
+    ball = rm.sphere(RADIUS).translate(BALL)
+    node = (ball | rm.plane() if chosen.floor else ball).material(chosen.skin())
+    return rm.Scene(node, camera=rm.Camera(**CAMERA), **{"sky": (0, 0, 0), **chosen.ours()})
+
+
+def theirs(mi: Any, name: str, width: int, seed: int = 0) -> NDArray[np.float64]:
+    """Mitsuba's picture, (H, W, 3), and its hits, alpha as the fourth value."""
+    chosen = SCENES[name]
+    if chosen.bsdf["type"] == "raymarch_dielectric":
+        _register(mi)
+    to_world = mi.ScalarTransform4f()
+    height = width * 3 // 4
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 2},
+        "sensor": {
+            "type": "perspective",
+            "fov": CAMERA["fov"],
+            "fov_axis": "y",
+            "to_world": to_world.look_at(list(CAMERA["position"]), list(CAMERA["target"]), [0, 1, 0]),
+            "film": {
+                "type": "hdrfilm",
+                "width": width,
+                "height": height,
+                "rfilter": {"type": "box"},
+                "pixel_format": "rgba",
+            },
+            "sampler": {"type": "independent", "sample_count": chosen.samples},
+        },
+        "ball": {"type": "sphere", "center": list(BALL), "radius": RADIUS, "skin": chosen.bsdf},
+        **chosen.emitters(mi),
+    }
+    if chosen.floor:
+        lying = to_world.rotate([1, 0, 0], -90).scale([40, 40, 1])
+        scene["floor"] = {"type": "rectangle", "to_world": lying, "skin": chosen.bsdf}
+    return np.asarray(mi.render(mi.load_dict(scene), seed=seed), np.float64)
+
+
+def _register(mi: Any) -> None:
+    """Our dielectric as a BSDF of Mitsuba's: only evaluated, for lights that have a direction."""
+
+    class Dielectric(mi.BSDF):  # type: ignore[misc]
+        def __init__(self, props: Any) -> None:
+            mi.BSDF.__init__(self, props)
+            flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
+            self.m_flags, self.m_components = flags, [flags]
+
+        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            wi = np.array([[float(si.wi[k]) for k in range(3)]])
+            to = np.array([[float(wo[k]) for k in range(3)]])
+            if wi[0, 2] <= 0 or to[0, 2] <= 0:
+                return mi.Color3f(0.0)
+            normal, tint, f0 = np.array([[0.0, 0.0, 1.0]]), np.array([[0.7, 0.3, 0.2]]), np.full((1, 3), 0.04)
+            found = microfacets(normal, wi, to, tint, np.zeros((1, 1)), np.full((1, 1), 0.45), f0, "correlated")
+            return mi.Color3f(*(found[0] / PI).tolist())
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return 0.0
+
+        def sample(self, ctx: Any, si: Any, one: Any, two: Any, active: Any = True) -> Any:
+            return mi.BSDFSample3f(), mi.Color3f(0.0)
+
+        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.eval(ctx, si, wo, active), 0.0
+
+        def to_string(self) -> str:
+            return "raymarch_dielectric"
+
+    mi.register_bsdf("raymarch_dielectric", Dielectric)
+
+
+@dataclass(frozen=True)
+class Error:
+    """mean : relative error of the mean light over the hits. median, p95 : of single pixels, over the mean light."""
+
+    mean: float
+    median: float
+    p95: float
+
+
+def compare(found: NDArray[Any], known: NDArray[Any]) -> Error:
+    """Ours (H, W, 3) against theirs (H, W, 4), where Mitsuba's pixel is hit all over."""
+    hit = known[..., 3] > 0.999
+    a, b = np.asarray(found, np.float64)[hit], known[hit][:, :3]
+    off = np.abs(a - b).mean(axis=1) / b.mean()
+    return Error(float(abs(a.mean() - b.mean()) / b.mean()), float(np.median(off)), float(np.percentile(off, 95)))
+
+
+def main() -> None:
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    width = int(sys.argv[1]) if len(sys.argv) > 1 else 96
+    print(f"{'scene':<12}{'mean':>10}{'median':>10}{'p95':>10}   relative errors, {width} pixels wide")
+    with rm.Renderer((width, width * 3 // 4)) as renderer:
+        for name in SCENES:
+            error = compare(renderer.render(ours(name, width)).color, theirs(mi, name, width))
+            print(f"{name:<12}{error.mean:>10.4%}{error.median:>10.4%}{error.p95:>10.4%}")
+
+
+if __name__ == "__main__":
+    main()
