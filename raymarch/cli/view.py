@@ -21,6 +21,7 @@ def view(
     ] = None,
     budget: Annotated[float, typer.Option(metavar="MS", help="Time of a frame while something moves.")] = 33.0,
     samples: Annotated[int, typer.Option(min=1, max=4096, help="Rays a pixel that a still picture ends with.")] = 16,
+    panel: Annotated[bool, typer.Option(help="Show the panel at first, where its extra is installed.")] = True,
     settings: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Camera, parameters, time and view that the window saved.")
     ] = None,
@@ -38,5 +39,5 @@ def view(
         raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
     from raymarch.window.viewer import Viewer  # not before a window is asked for
 
-    viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples)
+    viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples, panel)
     sys.exit(viewer.run(demo_seconds))

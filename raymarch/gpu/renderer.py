@@ -160,6 +160,10 @@ class Renderer:
     def _values(self, scene: Scene, params: Mapping[str, Any] | None, time: float, outputs: Sequence[str]) -> Values:
         return set_values(self._prepare(scene, outputs).plan.parameters, params or {}, time, scene.where)
 
+    def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
+        """The plan and shader of a scene, kept from earlier where there are any."""
+        return self._prepare(scene, outputs)
+
     def _prepare(self, scene: Scene, outputs: Sequence[str]) -> Prepared:
         found = self._prepared.get((*_key(scene, outputs), self.planned_for or self._size))
         if found is None:

@@ -163,8 +163,8 @@ class Screen:
     ) -> None:
         """Lay coloured, textured triangles over the window.
 
-        vertices : each (x, y, u, v) in float32 and RGBA in bytes. indices : uint16 or uint32, told by nobody but
-        `Mesh.index_size`. size : of the window in the units of x and y.
+        vertices : each (x, y, u, v) in float32 and RGBA in bytes. indices : uint32. size : of the window in the units
+        of x and y.
         """
         if self._mesh is None:
             self._mesh = Mesh(self.context)
@@ -187,7 +187,7 @@ class Screen:
 class Mesh:
     """Draws triangles from buffers that grow as they must; see `Screen.triangles`."""
 
-    index_size = 2
+    index_size = 4
     """Bytes of an index."""
 
     def __init__(self, context: Context) -> None:

@@ -82,6 +82,12 @@ class Scene:
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)
 
+    def changed(self, **parts: Any) -> Scene:
+        """The same scene with some parts exchanged, by the names of the parameters; they are checked as ever."""
+        made = Scene(**{name: parts.get(name, getattr(self, name)) for name in self.__slots__ if name != "where"})
+        made.where = self.where
+        return made
+
     def _labels(self) -> list[Any]:
         return list(dict.fromkeys(n.label for n in all_nodes(self.node) if n.label is not None))
 

@@ -119,6 +119,11 @@ def fly(view: View, forward: float, right: float, upward: float, seconds: float)
     return replace(view, position=view.position + shift, target=view.target + shift)
 
 
+def zoomed(view: View, fov: float) -> View:
+    """The same view through another lens; `fov` in degrees."""
+    return replace(view, fov=fov)
+
+
 def focus(view: View, point: Vector) -> View:
     """Turn about another point from now on: it comes to the middle, seen from the same side and distance."""
     distance = float(np.linalg.norm(point - view.position))

@@ -12,6 +12,7 @@ from raymarch.gpu.views import VIEWS
 from raymarch.window import control, save
 from raymarch.window.state import shown
 from raymarch.window.surface import Button, Drop, Event, Key, Move, Scroll
+from raymarch.window.toolkit import HINT
 
 if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
@@ -57,7 +58,10 @@ class Hands:
 
     def take(self, events: Sequence[Event]) -> None:
         """Act on events, in their order."""
+        panel = self._viewer.panel
         for event in events:
+            if panel is not None and panel.take(event) and self._button is None:
+                continue
             if isinstance(event, Move):
                 self._move(event)
             elif isinstance(event, Button):
@@ -140,7 +144,7 @@ class Hands:
         return [
             Binding("f", "F", "turn about the point under the cursor", self._focus),
             Binding("r", "R", "the scene's own camera again", self._reset),
-            Binding("c", "C", "copy the camera as a line of Python", self._copy),
+            Binding("c", "C", "copy the camera as a line of Python", self.copy),
             Binding("v", "V", "next view: final, depth, normal, ...", lambda: self._view(1)),
             Binding("v", "Shift+V", "previous view", lambda: self._view(-1), shift=True),
             Binding("space", "Space", "play or pause", self._toggle),
@@ -157,6 +161,7 @@ class Hands:
             Binding("s", "Ctrl+S", "save camera, parameters, time and view", lambda: save.settings(v), control=True),
             Binding("f5", "F5", "load the scene file again", lambda: v.reloader.reload()),
             Binding("escape", "Esc", "stop a scene file that does not end; close what is laid over", self._escape),
+            Binding("tab", "Tab", "the panel, on and off", self._panel),
             Binding("h", "H, F1", "this help", self._help),
             Binding("f1", "", "", self._help),
             Binding("q", "Ctrl+Q", "quit", lambda: v.window.close(), control=True),
@@ -194,7 +199,8 @@ class Hands:
     def _reset(self) -> None:
         self._viewer.state.reset()
 
-    def _copy(self) -> None:
+    def copy(self) -> None:
+        """The camera as a line of Python, onto the clipboard."""
         line = control.as_python(self._viewer.state.hold())
         self._viewer.window.clip(line)
         self._viewer.notice(f"copied {line}")
@@ -265,6 +271,14 @@ class Hands:
             viewer.notice(f"stopped after {viewer.sequence.done} pictures")
             viewer.sequence = None
         viewer.pick, viewer.help, viewer.state.selected = None, False, None
+
+    def _panel(self) -> None:
+        panel = self._viewer.panel
+        if panel is None:
+            self._viewer.notice(HINT)
+        else:
+            panel.toggle()
+            self._viewer.log.say("panel", shown=panel.shown)
 
     def _help(self) -> None:
         self._viewer.help = not self._viewer.help

@@ -16,8 +16,4 @@ def live(scene: Scene) -> Scene:
     temporal = "accumulate" if quality.temporal == "off" else quality.temporal
     if quality.samples == 1 and temporal == quality.temporal:
         return scene
-    made = Scene(
-        scene.node, scene.camera, scene.lights, scene.sky, scene.fog, replace(quality, samples=1, temporal=temporal)
-    )
-    made.where = scene.where
-    return made
+    return scene.changed(quality=replace(quality, samples=1, temporal=temporal))

@@ -46,10 +46,14 @@ class Overlay:
         self._screen = screen
         self._made: dict[tuple[Card, tuple[int, int], float], Any] = {}
 
-    def draw(self, cards: list[Card], density: float) -> None:
-        """Lay cards over the screen; those of one corner stand below each other. Images of other cards are freed."""
+    def draw(self, cards: list[Card], density: float, edge: int = 0) -> None:
+        """Lay cards over the screen, to the right of `edge`; those of one corner stand below each other.
+
+        Images of other cards are freed.
+        """
         width, height = self._screen.size
-        wanted = {(card, self._screen.size, density): None for card in cards if card.text}
+        free = (max(1, width - edge), height)
+        wanted = {(card, free, density): None for card in cards if card.text}
         for key in [key for key in self._made if key not in wanted]:
             self._screen.context.make_current()
             self._made.pop(key).release()
@@ -61,10 +65,10 @@ class Overlay:
             texture = self._made[key]
             (wide, high), corner = texture.size, key[0].corner
             before = used.get(corner, margin)
-            left = margin if corner.endswith("left") else width - wide - margin
+            left = edge + margin if corner.endswith("left") else width - wide - margin
             top = before if corner.startswith("top") else height - before - high
             if corner == "middle":
-                left, top = (width - wide) // 2, (height - high) // 2
+                left, top = edge + (width - edge - wide) // 2, (height - high) // 2
             self._screen.lay(texture, left, top)
             used[corner] = before + high + margin
 

@@ -154,7 +154,7 @@ def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vect
     """A pick with the truth of its ray, and with the shape that stands there."""
     up = (0.0, 1.0, 0.0) if abs(ray[1]) < 0.9 else (1.0, 0.0, 0.0)
     camera = Camera(tuple(origin), tuple(origin + ray), up, fov=1.0)
-    alone = Scene(scene.node, camera, [], scene.sky, scene.fog, scene.quality)
+    alone = scene.changed(camera=camera, lights=[])
     params = {name: value for name, value in values.params.items() if name in alone.parameters}
     found = truth(alone, (1, 1), values.time, params, ("depth", "normal"))
     depth = float(found.depth[0, 0])

@@ -173,6 +173,10 @@ class Window:
         stale, self._stale = self._stale, False
         return stale
 
+    def touch(self) -> None:
+        """Let the window be drawn anew."""
+        self._stale = True
+
     @property
     def closing(self) -> bool:
         """Whether somebody closed the window."""

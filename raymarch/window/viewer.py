@@ -12,18 +12,24 @@ from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.screen import Screen
+from raymarch.plan import Plan
 from raymarch.scene.file import load
+from raymarch.scene.scene import Scene
+from raymarch.window.cards import cards_of
 from raymarch.window.control import fly
+from raymarch.window.edits import Edits
 from raymarch.window.hands import Hands
 from raymarch.window.log import Log
 from raymarch.window.overlay import Card, Overlay
-from raymarch.window.pace import Pace
+from raymarch.window.pace import Pace, scaled
+from raymarch.window.panel import Panel
 from raymarch.window.pick import Inquiry, Pick, picked, ray_through
-from raymarch.window.picture import Picture
+from raymarch.window.picture import Picture, Shot
 from raymarch.window.reload import Failed, Fault, Loaded, Reloader, Started, Watching
 from raymarch.window.save import Sequence
 from raymarch.window.state import State, opened, read_settings
 from raymarch.window.surface import Window
+from raymarch.window.toolkit import find as find_imgui
 
 SETTLED = 0.12
 """Seconds without a change after which the picture is refined."""
@@ -36,9 +42,6 @@ SHORTEST = 1 / 120
 
 NOTICED = 4.0
 """Seconds that a notice stays."""
-
-PATIENT = 0.6
-"""Seconds after which a trial is mentioned."""
 
 
 class Viewer:
@@ -53,6 +56,7 @@ class Viewer:
     settings : a file that the window saved, to start from.
     log : a file for lines of JSON about what happens.
     samples : rays a pixel that a still picture ends with.
+    panel : whether the panel is shown at first, where its extra is installed.
 
     Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
     """
@@ -66,6 +70,7 @@ class Viewer:
         settings: Path | None = None,
         log: Path | None = None,
         samples: int = 16,
+        panel: bool = True,
     ) -> None:
         scene = load(file)
         self.state: State = opened(file, scene, params or {}, size[0] / size[1])
@@ -77,6 +82,8 @@ class Viewer:
         try:
             self._open(budget, size, samples)
             self.renderer.adopt(self.state.live, ready)
+            if self.panel is not None:
+                self.panel.shown = panel
             self._first()
         except BaseException:
             self.window.release()
@@ -89,6 +96,12 @@ class Viewer:
         self.renderer.planned_for = size
         self.picture = Picture(self.renderer, self.screen, Pace(budget), samples)
         self.overlay = Overlay(self.screen)
+        self.base: Scene = self.state.scene
+        self.edits = Edits()
+        self._wanted: Edits | None = None
+        self._evaluated: tuple[Shot, float] | None = None
+        imgui = find_imgui()
+        self.panel: Panel | None = None if imgui is None else Panel(imgui, self)
         self.hands = Hands(self)
         self.fault: Fault | None = None
         self.pick: Pick | None = None
@@ -100,7 +113,7 @@ class Viewer:
         self.notices: list[tuple[float, str]] = []
         self._cards: list[Card] = []
         self._changed_at = self._at = clock_time.perf_counter()
-        self._reloading: float | None = None
+        self.reloading: float | None = None
         self.inquiry = Inquiry(window.wake)
         self.reloader = Reloader(self.state.file, window.wake, lambda: dict(self.state.params), size)
 
@@ -141,6 +154,8 @@ class Viewer:
         forward, right, upward = self.hands.flying()
         if forward or right or upward:
             state.move(fly(state.hold(), forward, right, upward, min(passed, 0.1)))
+        if self._wanted is not None:
+            self._change(self._wanted)
         if self.sequence is not None and not self.sequence.step(self):
             self.sequence = None
         if self.window.size[0] > 0 and self.window.size[1] > 0:
@@ -167,8 +182,9 @@ class Viewer:
             self._trouble(fault)
         if drew and self.picture.drawn.moving:
             self._changed_at = now
-        cards = self._text(now)
-        if not (drew or resized or cards != self._cards or self.window.take_stale()):
+        cards = cards_of(self, now)
+        live = self.panel is not None and self.panel.busy
+        if not (drew or resized or live or cards != self._cards or self.window.take_stale()):
             if self.picture.whole and not self._idle:
                 self.log.say("idle")
                 self._idle = True
@@ -185,11 +201,24 @@ class Viewer:
         if canvas is not None:
             shown = self.state
             self.screen.show(canvas, shown.scene.tone if shown.view == "final" else None)
-        self.overlay.draw(self._cards, self.window.density)
+        self.overlay.draw(self._cards, self.window.density, 0 if self.panel is None else self.panel.width)
+        if self.panel is not None:
+            self._draw_panel(self.panel)
         self.window.take_stale()
+        rest = 1e3 * (clock_time.perf_counter() - start)
         self.window.swap()
         self.frames += 1
-        self.picture.pace.other(1e3 * (clock_time.perf_counter() - start))
+        self.picture.pace.other(rest)
+        if self.panel is not None:
+            self.panel.note(self.picture.drawn.milliseconds, rest)
+
+    def _draw_panel(self, panel: Panel) -> None:
+        """The panel; a fault of its toolkit costs the panel, not the window."""
+        try:
+            panel.draw()
+        except RuntimeError as fault:
+            self.panel = None
+            self.notice(f"the panel failed, the window goes on: {fault}")
 
     def _tell_frame(self) -> None:
         drawn = self.picture.drawn
@@ -208,12 +237,12 @@ class Viewer:
         """What threads have found out since the last turn."""
         for news in self.reloader.latest():
             if isinstance(news, Started):
-                self._reloading = now
+                self.reloading = now
                 self.log.say("reloading")
             elif isinstance(news, Watching):
                 self.log.say("watching", files=news.files)
             elif isinstance(news, Failed):
-                self._reloading = None
+                self.reloading = None
                 self._fail(news.fault)
             else:
                 self._swap(news, now)
@@ -235,8 +264,10 @@ class Viewer:
         before = replace(self.state, params=dict(self.state.params))
         compiled = self.renderer.compiled
         try:
-            told = self.state.adopt(news.scene, news.prepared.plan.parameters)
-            self.renderer.adopt(self.state.live, news.prepared)
+            scene = self.edits.apply(news.scene)
+            told = self.state.adopt(scene, scene.parameters)
+            if scene is news.scene:
+                self.renderer.adopt(self.state.live, news.prepared)
             start = clock_time.perf_counter()
             self.picture.step(self.state.shot(), self.window.size, False)
             first = 1e3 * (clock_time.perf_counter() - start)
@@ -244,16 +275,37 @@ class Viewer:
             self.state = before
             self._trouble(fault)
             return
-        self.state.file, self.fault, self.pick = news.file, None, None
+        self.state.file, self.base, self.fault, self.pick = news.file, news.scene, None, None
         self.window.title(f"raymarch: {news.file.name}")
         for text in told:
             self.notice(text)
         parts = {**news.ms, "first frame": first}
-        total = None if self._reloading is None else 1e3 * (clock_time.perf_counter() - self._reloading)
-        self._changed_at, self._reloading = now, None
+        total = None if self.reloading is None else 1e3 * (clock_time.perf_counter() - self.reloading)
+        self._changed_at, self.reloading = now, None
         self._present()
         self.log.say("loaded", ms=parts, total=total, compiled=self.renderer.compiled - compiled)
         self._tell_frame()
+
+    def edit(self, edits: Edits) -> None:
+        """Lay other edits over the scene, in the next turn."""
+        self._wanted = edits
+
+    def _change(self, edits: Edits) -> None:
+        before, self._wanted = replace(self.state, params=dict(self.state.params)), None
+        try:
+            scene = edits.apply(self.base)
+            self.state.adopt(scene, scene.parameters)
+            self.picture.step(self.state.shot(), self.window.size, False)
+        except RaymarchError as fault:
+            self.state = before
+            self.notice(f"not possible: {fault.what}")
+            return
+        self.edits, self._changed_at = edits, clock_time.perf_counter()
+        lights = None if edits.lights is None else [light.kind for light in edits.lights]
+        self.log.say("edited", lights=lights, materials=sorted(edits.materials), quality=edits.quality)
+        if self.panel is not None:
+            self.panel.active = 3
+        self._present()
 
     def _fail(self, fault: Fault) -> None:
         self.fault = fault
@@ -266,7 +318,7 @@ class Viewer:
         if told != self.fault:
             self._fail(told)
 
-    # What the hands ask for
+    # What hands and panel ask for
 
     def notice(self, text: str) -> None:
         """Say something for a few seconds."""
@@ -292,28 +344,32 @@ class Viewer:
         self.inquiry.ask(pick, shot, values, view.position, ray)
         return pick
 
-    # Text
+    def mark(self, name: str) -> None:
+        """Remember where the panel's last item is."""
+        if self.panel is not None:
+            self.panel.mark(name)
 
-    def _text(self, now: float) -> list[Card]:
-        cards = []
-        if self.fault is not None:
-            cards.append(Card(self.fault.text(), "error", "bottom left"))
-        since = self.reloader.busy_since
-        if since is not None and self._reloading is not None and clock_time.monotonic() - since > PATIENT:
-            waited = clock_time.monotonic() - since
-            cards.append(Card(f"{self.state.file.name} runs for {waited:.0f} s (Esc stops it)", "busy", "bottom left"))
-        self.notices = [(until, text) for until, text in self.notices if until > now]
-        cards += [Card(text, "note", "top left") for _, text in self.notices]
-        if self.state.selected is not None:
-            cards.append(Card(self.hands.parameters(), "note", "top left"))
-        if self.pick is not None:
-            cards.append(Card(self.pick.text(), "note", "top right"))
-        return [Card(self.hands.help(), "note", "middle")] if self.help else cards
+    def evaluations(self) -> float | None:
+        """Mean evaluations of a pixel in the whole picture, from one of a quarter of its size; None while it moves."""
+        if not self.picture.whole:
+            return None
+        shot = self.state.shot()
+        if self._evaluated is None or not shot.same(self._evaluated[0]):
+            renderer = self.picture.at(scaled(self.window.size, 0.25))
+            made = renderer.render(shot.scene, shot.time, shot.params, ("evaluations",), pose=shot.pose)
+            self._evaluated = (shot, float(made.evaluations.mean()))
+        return self._evaluated[1]
+
+    def plan(self) -> Plan:
+        """The plan of what is shown."""
+        return self.renderer.prepared(self.state.live).plan
 
     def release(self) -> None:
         """Close everything."""
         self.reloader.stop()
         self.inquiry.stop()
+        if self.panel is not None:
+            self.panel.release()
         self.overlay.release()
         self.picture.release()
         self.renderer.close()

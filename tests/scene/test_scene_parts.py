@@ -262,3 +262,13 @@ def test_values_replace_defaults() -> None:
     assert set_values(SPECS, {"r": 2}).params == {"r": 2.0, "sky": (0.1, 0.2, 0.3)}  # both ends are legal
     radius = rm.Param("r", 1, 0.5, 2)
     assert float(values.of(radius * 2 + rm.time)) == 4.0
+
+
+def test_a_changed_scene_keeps_all_other_parts():
+    made = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5)), [rm.Sun()], (1, 0, 0), rm.Fog(), rm.Quality(max_steps=9))
+    other = made.changed(lights=[])
+    assert other.lights == () and other.where == made.where
+    for name in set(made.__slots__) - {"lights"}:
+        assert getattr(other, name) is getattr(made, name), name
+    with pytest.raises(rm.SceneError, match="node"):
+        made.changed(node=3)

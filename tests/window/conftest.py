@@ -27,10 +27,12 @@ def view(display: str, tmp_path: Path) -> Iterator[Callable[..., Session]]:
     """Opens windows on scenes given as text; they are closed at the end whatever happens."""
     opened: list[Session] = []
 
-    def start(text: str, *options: str, name: str = "scene.py", moving: bool = False) -> Session:
+    def start(
+        text: str, *options: str, name: str = "scene.py", moving: bool = False, path: Path | None = None
+    ) -> Session:
         scene = tmp_path / name
         scene.write_text(text)
-        session = Session(display, tmp_path, scene, *options, moving=moving)
+        session = Session(display, tmp_path, scene, *options, moving=moving, path=path)
         opened.append(session)
         return session
 

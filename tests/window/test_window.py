@@ -69,6 +69,19 @@ def test_the_window_shows_what_render_draws_at_every_size(view: View) -> None:
     assert session.events()[-1]["event"] == "closed"
 
 
+def test_a_still_picture_gathers_samples(view: View) -> None:
+    session = view(SCENE, "--size", "200x120", "--samples", "4")
+    namespace: dict[str, rm.Scene] = {}
+    exec(SCENE, namespace)
+    scene = namespace["scene"]
+    smooth = rm.Scene(scene.node, scene.camera, quality=rm.Quality(samples=4))
+    seen = session.settled()
+    assert np.abs(seen - np.asarray(rm.render(smooth, (200, 120))).astype(int)).max() <= 1
+    assert np.abs(seen - expected(SCENE, (200, 120))).max() > 20, "edges are not smooth"
+    samples = [e["samples"] for e in session.events() if e["event"] == "frame" and not e["moving"]]
+    assert samples == sorted(samples) and samples[-1] == 4
+
+
 def test_no_frame_of_another_size_is_ever_shown(view: View) -> None:
     """While the window is dragged to other sizes each picture is drawn for the size it is shown at."""
     session = view(SCENE, "--size", "200x150")

@@ -169,15 +169,24 @@ class Hand:
 class Session:
     """`raymarch view` in a process of its own, the hand that works it, and what it says it does."""
 
-    def __init__(self, display: str, folder: Path, scene: Path, *options: str, moving: bool = False) -> None:
+    def __init__(
+        self, display: str, folder: Path, scene: Path, *options: str, moving: bool = False, path: Path | None = None
+    ) -> None:
+        """`path` goes before all others where modules are looked for."""
         self.folder = folder
         self._log = folder / "log.jsonl"
         self._log.unlink(missing_ok=True)
         self.errors = folder / "errors.txt"
-        environment = {**os.environ, "DISPLAY": display, "PYTHONPATH": str(ROOT)}
+        environment = {
+            **os.environ,
+            "DISPLAY": display,
+            "PYTHONPATH": os.pathsep.join(str(p) for p in (path, ROOT) if p),
+        }
         environment.pop("WAYLAND_DISPLAY", None)
         command = [sys.executable, "-m", "raymarch", "view", str(scene), "--log", str(self._log)]
-        command += options if "--samples" in options else [*options, "--samples", "1"]
+        if "--samples" not in options:
+            command += ["--samples", "1"]
+        command += options if "--panel" in options else ["--no-panel", *options]
         with self.errors.open("w") as errors:
             self.process = subprocess.Popen(command, cwd=folder, env=environment, stderr=errors, stdout=errors)
         self.hand = Hand(display)
@@ -214,6 +223,12 @@ class Session:
         at = next(i for i, e in enumerate(self.events()) if i >= mark and e.get("name") == "f12")
         self.wait("idle", since=at)
         return self.hand.see()
+
+    def item(self, name: str) -> tuple[int, int]:
+        """Where an item of the panel is, its middle."""
+        places = [e["at"] for e in self.events() if e["event"] == "items"]
+        x, y = places[-1][name]
+        return x, y
 
     def end(self) -> int:
         """Wait for the window's end; its exit code."""

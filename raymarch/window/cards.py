@@ -1,0 +1,34 @@
+"""What the window says over the picture at a moment."""
+
+from __future__ import annotations
+
+import time as clock_time
+from typing import TYPE_CHECKING
+
+from raymarch.window.overlay import Card
+
+if TYPE_CHECKING:
+    from raymarch.window.viewer import Viewer
+
+PATIENT = 0.6
+"""Seconds after which a trial is mentioned."""
+
+
+def cards_of(viewer: Viewer, now: float) -> list[Card]:
+    """The cards to show; notices whose time is over are forgotten."""
+    if viewer.help:
+        return [Card(viewer.hands.help(), "note", "middle")]
+    cards = []
+    if viewer.fault is not None:
+        cards.append(Card(viewer.fault.text(), "error", "bottom left"))
+    since = viewer.reloader.busy_since
+    if since is not None and viewer.reloading is not None and clock_time.monotonic() - since > PATIENT:
+        waited = clock_time.monotonic() - since
+        cards.append(Card(f"{viewer.state.file.name} runs for {waited:.0f} s (Esc stops it)", "busy", "bottom left"))
+    viewer.notices = [(until, text) for until, text in viewer.notices if until > now]
+    cards += [Card(text, "note", "top left") for _, text in viewer.notices]
+    if viewer.state.selected is not None:
+        cards.append(Card(viewer.hands.parameters(), "note", "top left"))
+    if viewer.pick is not None:
+        cards.append(Card(viewer.pick.text(), "note", "top right"))
+    return cards

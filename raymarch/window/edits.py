@@ -1,0 +1,249 @@
+"""Lights, materials and quality edited in the window: laid over a scene, and written out as Python.
+
+An edited number becomes a parameter of the scene, so moving its slider recompiles nothing. Adding or removing a light,
+or a choice such as its shadow, makes another shader.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from raymarch.expr.node import Expr
+from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
+from raymarch.scene.material import Material
+from raymarch.scene.parameter import Param, Value
+from raymarch.scene.scene import Scene
+from raymarch.sdf.node import Node
+
+Range: TypeAlias = tuple[float | None, float | None]
+
+COMMON: dict[str, Range] = {"color": (0.0, None), "intensity": (0.0, None)}
+KINDS: dict[str, tuple[type[Light], dict[str, Range]]] = {
+    "Sun": (Sun, {"direction": (-1.0, 1.0), **COMMON, "softness": (0.0, 1.0)}),
+    "PointLight": (PointLight, {"position": (None, None), **COMMON, "softness": (0.0, 10.0)}),
+    "SpotLight": (
+        SpotLight,
+        {
+            "position": (None, None),
+            "direction": (-1.0, 1.0),
+            "angle": (0.01, 3.1),
+            "blend": (0.0, 1.0),
+            **COMMON,
+            "softness": (0.0, 10.0),
+        },
+    ),
+    "SphereLight": (SphereLight, {"position": (None, None), "size": (0.01, 10.0), **COMMON}),
+}
+"""The kinds of light, with the values of each that can be moved and their ranges."""
+
+KEPT = ("radius", "shadow_radius", "attenuation")
+"""Values of lights that stay as the scene has them."""
+
+SOFT = 0.1
+"""The softness that a shadow is first given."""
+
+PHONG: dict[str, Range] = {
+    "color": (0.0, 1.0),
+    "shininess": (1.0, 500.0),
+    "specular": (0.0, 1.0),
+    "ambient": (0.0, 1.0),
+    "emission": (0.0, None),
+}
+PHYSICAL: dict[str, Range] = {
+    "albedo": (0.0, 1.0),
+    "metalness": (0.0, 1.0),
+    "roughness": (0.0, 1.0),
+    "f0": (0.0, 1.0),
+    "emission": (0.0, None),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LightEdit:
+    """One light: its kind, its numbers by name, its choices.
+
+    `number` names its parameters and stays while others come and go. Values that are no plain numbers are kept as they
+    are and cannot be moved.
+    """
+
+    number: int
+    kind: str
+    values: dict[str, Any]
+    shadow: bool
+    penumbra: str
+    kept: dict[str, Any] = field(default_factory=dict)
+
+    def name(self, value: str) -> str:
+        """The parameter of a value."""
+        return f"light {self.number} {value}"
+
+    def softened(self) -> LightEdit:
+        """With a soft shadow, whose width can be moved from then on."""
+        return replace(self, values={**self.values, "softness": SOFT}, shadow=True)
+
+    def light(self) -> Light:
+        """The light, with parameters for its numbers."""
+        made, ranges = KINDS[self.kind]
+        values: dict[str, Any] = {}
+        for name, value in self.values.items():
+            values[name] = value if isinstance(value, Expr) else Param(self.name(name), value, *ranges[name])
+        kind: Any = made
+        return kind(**values, shadow=self.shadow, penumbra=self.penumbra, **self.kept)
+
+    def python(self, params: dict[str, Value]) -> str:
+        """As a scene file says it; `params` are the values of moved parameters."""
+        parts = [f"{name}={_written(params.get(self.name(name), value))}" for name, value in self.values.items()]
+        if self.shadow:
+            parts.append("shadow=True")
+        parts += [f"{name}={_written(value)}" for name, value in self.kept.items()]
+        return f"rm.{self.kind}({', '.join(parts)})"
+
+
+@dataclass(frozen=True, slots=True)
+class Edits:
+    """What the window changed of a scene file's scene; None and empty dicts are what the file says.
+
+    Attributes
+    ----------
+    lights : all lights in place of the scene's.
+    materials : which of `scene.materials` are edited: the values of each, by index.
+    quality : fields of `Quality` in place of the scene's.
+    """
+
+    lights: tuple[LightEdit, ...] | None = None
+    materials: dict[int, dict[str, Any]] = field(default_factory=dict)
+    quality: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def empty(self) -> bool:
+        return self.lights is None and not self.materials and not self.quality
+
+    def apply(self, scene: Scene) -> Scene:
+        """The edited scene. Materials that the scene no longer has are passed over."""
+        if self.empty:
+            return scene
+        lights = scene.lights if self.lights is None else tuple(light.light() for light in self.lights)
+        node = _painted(scene, self.materials) if self.materials else scene.node
+        quality = replace(scene.quality, **self.quality)
+        return scene.changed(node=node, lights=lights, quality=quality)
+
+    def python(self, scene: Scene, params: dict[str, Value]) -> str:
+        """The edits as lines for the scene file."""
+        lines = []
+        if self.lights is not None:
+            lines += ["lights = [", *(f"    {light.python(params)}," for light in self.lights), "]"]
+        for index, values in self.materials.items():
+            parts = [f"{n}={_written(params.get(material_name(index, n), v))}" for n, v in values.items()]
+            old = scene.materials[index] if index < len(scene.materials) else None
+            where = f"  # {old.where}" if old is not None and old.where else ""
+            lines.append(f"material_{index} = rm.Material({', '.join(parts)}){where}")
+        if self.quality:
+            parts = [f"{name}={value!r}" for name, value in self.quality.items()]
+            lines.append(f"quality = rm.Quality({', '.join(parts)})")
+        return "\n".join(lines)
+
+
+def editable_lights(scene: Scene) -> tuple[LightEdit, ...]:
+    """The lights of a scene, ready to be edited."""
+    return tuple(_editable(i, light) for i, light in enumerate(scene.lights, 1))
+
+
+def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
+    """A light of a kind, above the subject of a scene."""
+    subject = scene.subject
+    reach = 1.0 if subject is None or not subject.bounded or subject.empty else float(np.linalg.norm(subject.size))
+    place = (0.6 * reach, 1.2 * reach, 0.8 * reach)
+    bright = 1.0 if kind == "Sun" else round(reach**2, 3)
+    first: dict[str, Any] = {
+        "direction": (0.4, 0.8, 0.45) if kind == "Sun" else (-0.4, -0.8, -0.45),
+        "position": tuple(round(v, 3) for v in place),
+        "angle": 0.5,
+        "blend": 0.2,
+        "size": round(0.1 * reach, 3),
+        "color": (1.0, 1.0, 1.0),
+        "intensity": bright,
+    }
+    return LightEdit(number, kind, {n: first[n] for n in KINDS[kind][1] if n in first}, False, "two-sided")
+
+
+def editable_material(material: Material) -> dict[str, Any]:
+    """The values of a material that are plain numbers or parameters, by name."""
+    ranges = PHYSICAL if material.physical else PHONG
+    return {name: _plain(material_value(material, name)) for name in ranges}
+
+
+def material_value(material: Material, name: str) -> Any:
+    """A value of a material."""
+    return getattr(material, "color" if name == "albedo" else name)
+
+
+def material_name(index: int, value: str) -> str:
+    """The parameter of a value of an edited material."""
+    return f"material {index} {value}"
+
+
+def _editable(number: int, light: Light) -> LightEdit:
+    kind = type(light).__name__
+    values = {name: _plain(getattr(light, name)) for name in KINDS[kind][1]}
+    if values.get("softness") == 0.0:
+        del values["softness"]  # a parameter could be more, and would call for a soft shadow
+    kept = {name: getattr(light, name) for name in KEPT if getattr(light, name, None) is not None}
+    return LightEdit(number, kind, values, light.shadow, light.penumbra, kept)
+
+
+def _plain(value: Any) -> Any:
+    """A constant expression as a number or tuple; anything else as it is."""
+    if not isinstance(value, Expr) or not value.is_constant:
+        return value
+    data = np.asarray(value.data, np.float64)
+    return float(data) if data.shape == () else tuple(float(v) for v in data)
+
+
+def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
+    """The tree with some of its materials exchanged. Parts without one show material 0: it goes around all."""
+    exchanged: dict[Material, Material] = {}
+    for index, values in materials.items():
+        if index < len(scene.materials):
+            old = scene.materials[index]
+            ranges = PHYSICAL if old.physical else PHONG
+            new = {
+                name: value if not _number(value) else Param(material_name(index, name), value, *ranges[name])
+                for name, value in values.items()
+                if name in ranges
+            }
+            exchanged[old] = Material(**new)
+    made: dict[Node, Node] = {}
+    pending = [scene.node]
+    while pending:
+        node = pending[-1]
+        missing = [child for child in node.children if child not in made]
+        if missing:
+            pending += missing
+            continue
+        pending.pop()
+        if node in made:
+            continue
+        label = exchanged.get(node.label, node.label) if node.label is not None else None
+        children = tuple(made[child] for child in node.children)
+        if label is node.label and children == node.children:
+            made[node] = node
+        else:
+            made[node] = Node(node.definition, children, node.params, node.facts, label)
+            made[node].where = node.where
+    root = made[scene.node]
+    default = scene.materials[0]
+    return root.material(exchanged[default]) if default in exchanged else root
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float | tuple)
+
+
+def _written(value: Any) -> str:
+    plain = _plain(value)
+    if isinstance(plain, tuple):
+        return f"({', '.join(f'{v:.6g}' for v in plain)})"
+    return f"{plain:.6g}" if isinstance(plain, int | float) else "..."

@@ -1,0 +1,119 @@
+"""Edits of lights, materials and quality: what they draw, and that their Python says the same."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.gpu.context import Context
+from raymarch.gpu.renderer import Renderer
+from raymarch.window import edits
+from raymarch.window.edits import Edits
+
+SIZE = (48, 32)
+RED = rm.Material(color=(0.8, 0.1, 0.1))
+
+
+def scene() -> rm.Scene:
+    return rm.Scene(
+        rm.sphere().material(RED) | rm.box((4, 0.2, 4)).translate((0, -1, 0)),
+        camera=rm.Camera((2, 2, 4), (0, 0, 0)),
+        lights=[
+            rm.Sun((1, 2, 1), shadow=True),
+            rm.PointLight((-2, 2, 2), color=(0.2, 0.4, 0.9), intensity=5, radius=9),
+            rm.SpotLight((0, 4, 0), angle=0.4, intensity=9),
+            rm.SphereLight((2, 3, 2), size=0.4, intensity=3, shadow=True),
+        ],
+    )
+
+
+@pytest.fixture
+def renderer(egl: Context) -> Iterator[Renderer]:
+    with Renderer(SIZE, context=egl) as made:
+        yield made
+
+
+def close(a: Any, b: Any) -> bool:
+    return bool(np.allclose(a, b, atol=2e-3))
+
+
+def test_no_edits_are_the_scene_itself() -> None:
+    made = scene()
+    assert Edits().apply(made) is made and Edits().empty
+
+
+def test_lights_taken_over_look_the_same(renderer: Renderer) -> None:
+    made = scene()
+    taken = Edits(lights=edits.editable_lights(made))
+    assert close(renderer.render(taken.apply(made)).color, renderer.render(made).color)
+
+
+def test_moving_a_light_compiles_nothing(renderer: Renderer) -> None:
+    made = scene()
+    edited = Edits(lights=edits.editable_lights(made)).apply(made)
+    before = renderer.render(edited).color
+    compiled = renderer.compiled
+    after = renderer.render(edited, params={"light 2 intensity": 50.0, "light 1 direction": (0.1, 1.0, 0.2)}).color
+    assert renderer.compiled == compiled and not close(before, after)
+
+
+def test_a_material_is_exchanged_where_it_is(renderer: Renderer) -> None:
+    made = scene()
+    values = edits.editable_material(RED)
+    green = {**values, "color": (0.1, 0.8, 0.1)}
+    edited = Edits(materials={1: green}).apply(made)
+    expected = rm.Scene(
+        rm.sphere().material(rm.Material(color=(0.1, 0.8, 0.1))) | rm.box((4, 0.2, 4)).translate((0, -1, 0)),
+        made.camera,
+        made.lights,
+    )
+    assert close(renderer.render(edited).color, renderer.render(expected).color)
+    moved = renderer.render(edited, params={"material 1 color": values["color"]}).color
+    assert close(moved, renderer.render(made).color)
+    assert edited.node.where == made.node.where
+
+
+def test_the_default_material_can_be_edited(renderer: Renderer) -> None:
+    made = scene()
+    values = {**edits.editable_material(made.materials[0]), "color": (0.0, 0.0, 0.9)}
+    picture = renderer.render(Edits(materials={0: values}).apply(made))
+    floor = picture.color[-4:, 20:28].reshape(-1, 3).mean(axis=0)
+    ball = picture.color[14:16, 23:25].reshape(-1, 3).mean(axis=0)
+    assert floor[2] > 3 * floor[0] and ball[0] > ball[2] / 2
+
+
+@pytest.mark.parametrize("kind", list(edits.KINDS))
+def test_a_new_light_of_every_kind_lights(renderer: Renderer, kind: str) -> None:
+    made = rm.Scene(rm.sphere(), rm.Camera((2, 2, 4), (0, 0, 0)), lights=[])
+    lit = Edits(lights=(edits.new_light(kind, 1, made),)).apply(made)
+    assert renderer.render(lit).color.max() > renderer.render(made).color[16, 24].max() + 0.1
+
+
+def test_the_python_of_edits_draws_the_same(renderer: Renderer) -> None:
+    made = scene()
+    lights = edits.editable_lights(made)
+    lights = (replace(lights[0], shadow=False), *lights[1:3])
+    edited = Edits(lights, {1: edits.editable_material(RED)}, {"normals": "central"})
+    params: dict[str, Any] = {"light 2 intensity": 2.5, "material 1 color": (0.3, 0.3, 0.1)}
+    names: dict[str, Any] = {"rm": rm}
+    exec(edited.python(made, params), names)
+    written = rm.Scene(
+        rm.sphere().material(names["material_1"]) | rm.box((4, 0.2, 4)).translate((0, -1, 0)),
+        made.camera,
+        names["lights"],
+        quality=names["quality"],
+    )
+    shown = renderer.render(edited.apply(made), params=params).color
+    assert close(shown, renderer.render(written).color)
+
+
+def test_an_expression_stays_one() -> None:
+    made = rm.Scene(rm.sphere(), lights=[rm.Sun(intensity=1 + rm.time)])
+    edited = Edits(lights=edits.editable_lights(made)).apply(made)
+    assert edited.lights[0].intensity is made.lights[0].intensity
+    assert "intensity=..." in Edits(lights=edits.editable_lights(made)).python(made, {})
