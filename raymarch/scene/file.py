@@ -114,6 +114,6 @@ def _called(make: Callable[..., Any], where: Location) -> Any:
 def _line_in(fault: BaseException, name: str) -> Location:
     """The innermost line of the user's own code in a traceback."""
     frames = traceback.extract_tb(fault.__traceback__)
-    own = [f for f in frames if f.filename == name] or [f for f in frames if is_users(f.filename)]
+    own = [f for f in frames if f.filename == name or (is_users(f.filename) and not f.filename.startswith("<"))]
     frame = own[-1] if own else None
     return Location(frame.filename, frame.lineno or 1) if frame else Location(name, 1)

@@ -237,7 +237,7 @@ def test_a_fault_beside_the_file_names_that_file(tmp_path: Path) -> None:
     written(tmp_path, "import raymarch as rm\n\n\ndef made():\n    return rm.sphere(-1)\n", "parts.py")
     fault_of(file, 5, "sphere: radius = -1", where=beside)
     written(tmp_path, "def made():\n    return {}['key']\n", "parts.py")
-    fault_of(file, 3, "KeyError: 'key'")  # the line of the scene that called it
+    fault_of(file, 2, "KeyError: 'key'", where=beside)
 
 
 def test_clashing_parameters_name_the_line_of_one(tmp_path: Path) -> None:
