@@ -20,6 +20,9 @@ HEADROOM = 0.8
 RECOVERY = 0.15
 """How fast the estimate follows frames that were cheaper than expected. Dearer ones are believed at once."""
 
+BELIEVED = 2.0
+"""By how much one frame may raise the estimate: one that waited for something else must not spoil the next fifty."""
+
 
 @dataclass(slots=True)
 class Pace:
@@ -60,7 +63,12 @@ class Pace:
         if not math.isfinite(cost) or cost < 0:
             return
         known = self._per_pixel
-        self._per_pixel = cost if known is None or cost > known else known + RECOVERY * (cost - known)
+        if known is None:
+            self._per_pixel = cost
+        elif cost > known:
+            self._per_pixel = min(cost, BELIEVED * known)
+        else:
+            self._per_pixel = known + RECOVERY * (cost - known)
 
     def pixels(self, milliseconds: float) -> float:
         """How many pixels can be drawn in a time."""

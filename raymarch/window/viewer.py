@@ -110,6 +110,7 @@ class Viewer:
         self.help = False
         self.sequence: Sequence | None = None
         self._idle = False
+        self._rest = 0.0
         self.notices: list[tuple[float, str]] = []
         self._cards: list[Card] = []
         self._changed_at = self._at = clock_time.perf_counter()
@@ -207,6 +208,7 @@ class Viewer:
         self.window.take_stale()
         rest = 1e3 * (clock_time.perf_counter() - start)
         self.window.swap()
+        self._rest = 1e3 * (clock_time.perf_counter() - start)
         self.frames += 1
         self.picture.pace.other(rest)
         if self.panel is not None:
@@ -228,6 +230,7 @@ class Viewer:
             "moving": drawn.moving,
             "samples": drawn.samples,
             "ms": round(drawn.milliseconds, 2),
+            "rest": round(self._rest, 2),
         }
         self.log.say("frame", n=self.frames, compiled=self.renderer.compiled, **facts)
 

@@ -53,6 +53,15 @@ def test_noise_does_not_break_the_budget() -> None:
     assert np.sum(spent > 33.0) < 8
 
 
+def test_one_frame_that_had_to_wait_does_not_spoil_the_next() -> None:
+    pace = Pace(33.0)
+    frames(pace, lambda _, pixels: 60.0 * pixels / (SIZE[0] * SIZE[1]), 40)
+    before = pace.scale(SIZE)
+    frames(pace, lambda _, pixels: 3000.0, 1)
+    frames(pace, lambda _, pixels: 60.0 * pixels / (SIZE[0] * SIZE[1]), 12)
+    assert pace.scale(SIZE) >= 0.8 * before
+
+
 def test_resolution_comes_back_when_the_scene_gets_cheap() -> None:
     pace = Pace(33.0)
     frames(pace, lambda i, pixels: (300.0 if i < 20 else 5.0) * pixels / (SIZE[0] * SIZE[1]), 80)

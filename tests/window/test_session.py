@@ -40,9 +40,11 @@ def save(session: Session, text: str) -> int:
     return mark
 
 
-def drawn(scene: rm.Scene, radius: float = 1.0) -> Any:
+def drawn(scene: rm.Scene, radius: float | None = 1.0) -> Any:
+    """The picture with a value of the parameter; None is its default."""
     with rm.Renderer(SIZE) as renderer:
-        return np.asarray(renderer.render(scene, params={"radius": radius}).image()).astype(int)
+        params = {} if radius is None else {"radius": radius}
+        return np.asarray(renderer.render(scene, params=params).image()).astype(int)
 
 
 def scene_of(text: str, camera: rm.Camera | None = None) -> rm.Scene:
@@ -177,6 +179,20 @@ HANGS = {
     "a sleep": ("import time\ntime.sleep(1000)\n", (3,)),
     "a loop of C code": ("import itertools\nany(itertools.repeat(False))\n", (3,)),
 }
+
+
+def test_an_edit_that_leaves_the_shader_alone_compiles_nothing(view: View) -> None:
+    """A comment, the camera, the default of a parameter; a number in the scene is another shader."""
+    session = view(SCENE, "--size", "320x200")
+    for edited, compiles in (
+        (SCENE + "# a comment\n", 0),
+        (SCENE.replace("position=(0, 1, 6)", "position=(1, 2, 6)"), False),
+        (SCENE.replace('"radius", 1.0', '"radius", 1.2'), False),
+        (SCENE.replace("-1.2", "-1.3"), True),
+    ):
+        mark = save(session, edited)
+        assert bool(session.wait("loaded", since=mark)["compiled"]) == compiles, edited
+        assert np.abs(session.settled().astype(int) - drawn(scene_of(edited), None)).max() <= 1
 
 
 def test_what_hangs_can_be_stopped(view: View) -> None:

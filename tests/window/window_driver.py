@@ -170,9 +170,16 @@ class Session:
     """`raymarch view` in a process of its own, the hand that works it, and what it says it does."""
 
     def __init__(
-        self, display: str, folder: Path, scene: Path, *options: str, moving: bool = False, path: Path | None = None
+        self,
+        display: str,
+        folder: Path,
+        scene: Path,
+        *options: str,
+        moving: bool = False,
+        path: Path | None = None,
+        command: list[str] | None = None,
     ) -> None:
-        """`path` goes before all others where modules are looked for."""
+        """`path` goes before all others where modules are looked for; `command` takes the place of `raymarch view`."""
         self.folder = folder
         self._log = folder / "log.jsonl"
         self._log.unlink(missing_ok=True)
@@ -183,10 +190,10 @@ class Session:
             "PYTHONPATH": os.pathsep.join(str(p) for p in (path, ROOT) if p),
         }
         environment.pop("WAYLAND_DISPLAY", None)
-        command = [sys.executable, "-m", "raymarch", "view", str(scene), "--log", str(self._log)]
-        if "--samples" not in options:
-            command += ["--samples", "1"]
-        command += options if "--panel" in options else ["--no-panel", *options]
+        if command is None:
+            command = [sys.executable, "-m", "raymarch", "view", str(scene), "--log", str(self._log), *options]
+            command += [] if "--samples" in options else ["--samples", "1"]
+            command += [] if "--panel" in options else ["--no-panel"]
         with self.errors.open("w") as errors:
             self.process = subprocess.Popen(command, cwd=folder, env=environment, stderr=errors, stdout=errors)
         self.hand = Hand(display)
@@ -212,7 +219,7 @@ class Session:
                 if found["event"] == event and fits(found):
                     return found
             if self.process.poll() is not None or time.monotonic() > until:
-                raise AssertionError(f"no {event}: {events[since:]}\n{self.errors.read_text()}")
+                raise AssertionError(f"no {event}: {events[since:][-20:]}\n{self.errors.read_text()}")
             time.sleep(0.01)
 
     def settled(self) -> NDArray[np.uint8]:
