@@ -84,7 +84,7 @@ def _choose_schedule(
     work = operations * size[0] * size[1]
     if work < WORTH:
         return SINGLE, f"{work:.2g} operations for one evaluation a pixel, too few for cones to pay"
-    return SCHEDULES["cone"], f"{work:.2g} operations for one evaluation a pixel, of which cones save the larger part"
+    return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation a pixel, of which cones save the larger part"
 
 
 def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str, str]]:

@@ -48,7 +48,7 @@ SCHEDULES: Final = {
     "four": _published((1 / 4, 1 / 2, 3 / 4)),
     "six": _published((1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)),
     "cone": Schedule((Level(1 / 4),)),
-    "cones": Schedule((Level(1 / 16), Level(1 / 4))),
+    "cones": Schedule((Level(1 / 16), Level(1 / 4), Level(1 / 2))),
 }
 """By the name that `Quality` has for it."""
 

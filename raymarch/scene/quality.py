@@ -60,8 +60,8 @@ class Quality:
     max_steps : steps that a ray may take, 1 to 60,000 (software renderers end loops at 65,535).
     schedule : which coarser pictures are marched first, to start rays where a cone around them ended. "single": none.
         "two", "four" and "six" resolutions: those of Bálint and Valasek 2018, each with its share of `max_steps`.
-        "cone": cones of 4 by 4 pixels, marched until they can go on no more; "cones": those of 16 by 16 before.
-        "auto" lets the plan weigh what they save against their own cost.
+        "cone": cones of 4 by 4 pixels, marched until they can go on no more; "cones": of 16 by 16, then 4 by 4,
+        then 2 by 2. "auto" lets the plan weigh what they save against their own cost.
     correction : how a ray ends that came within `epsilon`. "proven": it steps along the slope and asks the field
         whether that is nearer; a ray that only passes goes on. "slope": one such step, not asked. "none": where it is.
     epsilon : a ray looks for its hit where the field falls below this many pixel widths at that distance, 0.001 to 10.

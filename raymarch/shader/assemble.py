@@ -156,7 +156,7 @@ def _main(mains: Sequence[Chunk]) -> list[Mapped]:
 # Generated chunks
 
 
-CONE_SHARE = 0.125
+CONE_SHARE = 0.25
 """A cone ends where it could go on by less than this share of its own radius."""
 
 

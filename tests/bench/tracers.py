@@ -1,11 +1,15 @@
-"""Evaluations a pixel of every tracer on the examples, beside the floor N*.
+"""Evaluations a pixel of every tracer and schedule on the examples, beside the floor N*; misses against the truth.
 
-python -m tests.bench.tracers
+python -m tests.bench.tracers [NAME ...]     examples by name; all that are there without one
 """
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 import raymarch as rm
 from raymarch.scene import load
@@ -14,21 +18,31 @@ from raymarch.truth.floor import floor_evaluations
 
 SIZE = (320, 180)
 EXAMPLES = Path(__file__).parents[2] / "examples"
+STEPS = 4000  # enough for each schedule to come to its end
 
 
 def main() -> None:
-    names = [name for name in TRACERS if name != "auto"]
-    print(f"{'':<12}{'N*':>8}" + "".join(f"{name:>16}" for name in names))
+    settings = [(name, "single") for name in TRACERS if name != "auto"]
+    settings += [("auto", schedule) for schedule in ("two", "four", "six", "cone", "cones")]
+    files = [EXAMPLES / f"{name}.py" for name in sys.argv[1:]] or sorted(EXAMPLES.glob("*.py"))
+    print("evaluations a pixel (times N*), hits missed and invented against float64\n")
     with rm.Renderer(SIZE) as renderer:
-        for file in sorted(EXAMPLES.glob("*.py")):
+        for file in files:
             scene = load(file)
-            floor = float(floor_evaluations(scene, SIZE).mean())
-            cells = []
-            for name in names:
-                scene.quality = rm.Quality(tracer=name)
-                mean = float(renderer.render(scene, outputs=("evaluations",)).evaluations.mean())
-                cells.append(f"{mean:8.2f} ({mean / floor:.2f})")
-            print(f"{file.stem:<12}{floor:8.2f}" + "".join(f"{cell:>16}" for cell in cells))
+            certified = scene.node.exactness != "estimate"
+            floor = float(floor_evaluations(scene, SIZE).mean()) if certified else float("nan")
+            truth = rm.truth(scene, SIZE)
+            true_hit = np.isfinite(truth.depth)
+            print(f"{file.stem}   N* {floor:.2f}")
+            given = scene.quality
+            for tracer, schedule in settings:
+                scene.quality = replace(
+                    given, tracer=tracer, schedule=schedule, max_steps=STEPS, trust=not certified, omega=None
+                )
+                frame = renderer.render(scene, outputs=("evaluations",))
+                mean, hit = float(frame.evaluations.mean()), np.isfinite(frame.depth)
+                missed, invented = int((true_hit & ~hit).sum()), int((hit & ~true_hit).sum())
+                print(f"  {tracer:<14}{schedule:<8}{mean:9.2f} ({mean / floor:4.2f}) {missed:7d}{invented:7d}")
 
 
 if __name__ == "__main__":

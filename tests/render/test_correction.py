@@ -1,0 +1,47 @@
+"""The last step along the measured slope, against ending where the ray came within an epsilon."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.gpu.context import Context
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene import load
+
+SIZE = (96, 54)
+EXAMPLES = Path(__file__).parents[2] / "examples"
+CERTIFIED = ("hello", "primitives", "village")
+
+
+@pytest.fixture(scope="module")
+def renderer(egl: Context) -> Iterator[Renderer]:
+    del egl
+    with Renderer(SIZE, "egl") as made:
+        yield made
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+@pytest.mark.parametrize("distance", [1e-2, 1e-3])
+def test_the_correction_takes_out_nearly_all_of_the_error(renderer: Renderer, name: str, distance: float) -> None:
+    """Rays end within 1e-2 and 1e-3 of the surface, at the median depth of the picture: the step of no evaluation makes
+    the median error at least ten times smaller, the proven steps more so."""
+    scene = load(EXAMPLES / f"{name}.py")
+    truth = rm.truth(scene, SIZE)
+    hit = np.isfinite(truth.depth)
+    pixel = 2 * np.tan(np.radians(22.5)) / SIZE[1]
+    epsilon = float(np.clip(distance / (pixel * np.median(truth.depth[hit])), 1e-3, 10))
+
+    def error(correction: str) -> tuple[float, float]:
+        scene.quality = rm.Quality(correction=correction, epsilon=epsilon, schedule="single")
+        frame = renderer.render(scene, outputs=("depth",))
+        both = hit & np.isfinite(frame.depth)
+        return float(np.median(np.abs(frame.depth[both] - truth.depth[both]))), float(frame.evaluations.mean())
+
+    (without, plain), (along, same), (proven, _) = error("none"), error("slope"), error("proven")
+    assert same == plain, "the step costs no evaluation"
+    assert along * 10 <= without and proven * 10 <= without
