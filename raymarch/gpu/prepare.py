@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ class Prepared:
     ----------
     plan, shader : what is drawn.
     texts : the fragment shader by pass. vertex : the vertex shader of them all.
-    distance : the field in float64, a function of points that gives a tuple of one array.
+    distance : the field in float64, a function of points from the plan's origin that gives a tuple of one array.
     """
 
     plan: Plan
@@ -78,7 +78,8 @@ def frame_uniforms(ready: Prepared, values: Values, size: tuple[int, int], pose:
     """
     scene = ready.plan.scene
     if pose is None:
-        pose = scene.pose(values, size[0] / size[1])
+        pose = ready.plan.given.pose(values, size[0] / size[1])
+    pose = replace(pose, position=pose.position - ready.plan.origin)
     uniforms: dict[str, Any] = {
         "u_camera_position": pose.position,
         "u_camera_frame": pose.frame,

@@ -179,7 +179,7 @@ class Renderer:
         with in_pass(*(chosen.name for chosen in ready.plan.passes)):
             uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
-                uniforms["u_lights"] = self.store.lights(lights.rows(scene, values))
+                uniforms["u_lights"] = self.store.lights(lights.rows(ready.plan.scene, values))
             return drafts_of(self.store, ready, uniforms, self.size, self.history)
 
     def _render_passes(

@@ -12,11 +12,11 @@ from raymarch.plan.presets import meanings
 
 def as_dict(plan: Plan) -> dict[str, Any]:
     """The plan as plain data for JSON. Infinite bounds are None."""
-    facts = plan.scene.node.facts
+    facts = plan.given.node.facts
     return {
         "field": {
-            "exactness": plan.scene.node.exactness,
-            "lipschitz": _finite(plan.scene.node.lipschitz),
+            "exactness": plan.given.node.exactness,
+            "lipschitz": _finite(plan.given.node.lipschitz),
             "bounds": [[_finite(v) for v in corner] for corner in (facts.lower, facts.upper)],
             "nodes": plan.nodes,
             "shapes": plan.shapes,
@@ -34,7 +34,7 @@ def as_dict(plan: Plan) -> dict[str, Any]:
         ],
         "presets": [
             {"name": m.name, "pixels": m.pixels, "length": m.length, "epsilon": m.epsilon, "own": m.own}
-            for m in meanings(plan.scene)
+            for m in meanings(plan.given)
         ],
         "warnings": list(plan.warnings),
     }
@@ -46,7 +46,7 @@ def _finite(value: float) -> float | None:
 
 def show(plan: Plan, shader_bytes: int, console: Any) -> None:
     """Print the plan, a reason a line. `console` is a rich console."""
-    node = plan.scene.node
+    node = plan.given.node
 
     def heading(text: str) -> None:
         console.print(f"\n[bold]{text}[/bold]")
@@ -77,7 +77,7 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
         for spec in plan.parameters.values():
             row(spec.name, f"{spec.value}, {spec.legal}")
     heading("Presets (--quality)")
-    for meaning in meanings(plan.scene):
+    for meaning in meanings(plan.given):
         row(meaning.name, meaning.words)
     for warning in plan.warnings:
         console.print("\n[bold]Warning[/bold]", end=" ")

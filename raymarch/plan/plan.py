@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from dataclasses import field as default
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import Location, PlanError
 from raymarch.expr.derivative import companion
@@ -21,6 +22,7 @@ from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
 from raymarch.plan.marching import Marching
 from raymarch.plan.passes import Pass, joining, passes_of
+from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.lower import Lowering
@@ -31,8 +33,14 @@ LARGEST = 1024
 
 @dataclass(slots=True)
 class Plan:
-    """What is to be compiled and drawn for a scene."""
+    """What is to be compiled and drawn for a scene.
 
+    given : the scene as it was given. origin : the point that the shader counts coordinates from, shape (3,), float64.
+    scene : the same scene from there; what else is here belongs to it.
+    """
+
+    given: Scene
+    origin: NDArray[np.float64]
     scene: Scene
     field: Function
     gradient: Function | None
@@ -89,6 +97,8 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     passes : names of what is to be drawn, of `raymarch.plan.passes.DRAWN`; passes that they need are added.
     size : (width, height) of the picture, by which the plan weighs what a further pass would save.
     """
+    given, origin = scene, origin_of(scene)
+    scene = seen_from(given, origin)
     lowering = Lowering()
     definition = lowering.field(scene.node)
     shapes = len(lowering.shapes)
@@ -104,6 +114,8 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     drawn = passes_of(passes, scene.quality, chosen.cones)
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
+        given=given,
+        origin=origin,
         scene=scene,
         field=definition,
         gradient=None,
@@ -131,7 +143,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
         made.material_index = looks.index
     _choose_modules(made, shaded, needs_normal)
     _describe_effects(made)
-    made.warnings += _warnings(scene)
+    made.warnings += [*_warnings(given), *range_warning(given, origin)]
     return made
 
 
@@ -180,6 +192,9 @@ def _describe_effects(made: Plan) -> None:
     feature("parameters", bool(made.parameters), f"{len(made.parameters)} uniforms", "no Param is used")
     geometry = any(p.name == "geometry" for p in made.passes)
     feature("geometry pass", geometry, "arrays beyond colour were asked for", "only the picture was asked for")
+    moved = bool(np.any(made.origin))
+    place = ", ".join(f"{v:.8g}" for v in made.origin)
+    feature("camera-relative", moved, f"coordinates count from ({place}), near the camera", "the scene is not far away")
     quality = scene.quality
     feature("cones", made.marching.cones, made.marching.schedule_reason, made.marching.schedule_reason)
     feature("anti-aliasing", quality.samples > 1, f"{quality.samples} rays a pixel", "one ray a pixel")

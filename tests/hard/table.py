@@ -19,7 +19,7 @@ from tests.hard.world import CASES, Case, Figure, World
 ROOT = Path(__file__).parents[2]
 LEDGER = ROOT / "docs" / "figures" / "stability.json"
 PAGE = ROOT / "docs" / "stability.md"
-ROWS = ("rows_scene", "rows_rays", "rows_light", "rows_frames", "rows_device")
+ROWS = ("rows_scene", "rows_rays", "rows_light", "rows_frames", "rows_device", "rows_far")
 
 HEAD = """# Hard cases
 

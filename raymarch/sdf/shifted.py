@@ -1,0 +1,124 @@
+"""The same solid seen from another origin.
+
+Far from the origin float32 has no digits left: at 1e6 its steps are 0.06. A solid that was moved there and is looked at
+from there is therefore described from an origin nearby: translations on the way to it are combined in float64, and
+what is left of them is small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.arrays import value_of
+from raymarch.expr.node import Expr, const
+from raymarch.expr.walk import find, topological
+from raymarch.sdf.lower import POSITION
+from raymarch.sdf.node import Node
+from raymarch.sdf.placing import rotation_matrix, translate
+from raymarch.sdf.repetition import INFINITE
+
+Vector: TypeAlias = NDArray[np.float64]
+Request: TypeAlias = tuple[Node, tuple[float, ...]]
+Work: TypeAlias = Generator[Request, Node, Node]
+
+
+def shifted(node: Node, by: Vector) -> Node:
+    """A solid whose field at p is that of `node` at p + by; by has shape (3,), float64.
+
+    The shift is handed down through unions, blends, labels, rotations and even scales to the translations and planes
+    that take it up; anything else is translated.
+    """
+    done: dict[Request, Node] = {}
+    first: Request = (node, tuple(float(v) for v in by))
+    stack = [(first, _shift(node, np.array(by, np.float64)))]
+    value: Any = None
+    while stack:  # a stack of our own, so that depth is no limit
+        try:
+            request = stack[-1][1].send(value)
+        except StopIteration as stop:
+            key, _ = stack.pop()
+            value = done[key] = stop.value
+            continue
+        value = done.get(request)
+        if value is None:
+            stack.append((request, _shift(request[0], np.array(request[1]))))
+    return done[first]
+
+
+def _shift(node: Node, by: Vector) -> Work:
+    if not np.any(by):
+        return node
+    name, params = node.definition.name, node.params
+    if _reads_place(node.label):
+        return _moved(node, by)
+    if name == "translate" and params["offset"].is_constant:
+        return (yield node.children[0], _key(by - params["offset"].data))
+    if name == "translate":
+        return _again(node, node.children, {**params, "offset": params["offset"] - const(by)})
+    if name == "plane" and params["normal"].is_constant:
+        return _again(node, (), {**params, "offset": params["offset"] - float(np.dot(_unit(params["normal"]), by))})
+    if name == "rotate_about" and all(params[n].is_constant for n in ("axis", "angle")):
+        turn = np.asarray(value_of(rotation_matrix(params["axis"], params["angle"])), np.float64)
+        return _again(node, ((yield node.children[0], _key(turn.T @ by)),), params)
+    if name == "scale_evenly" and params["factor"].is_constant:
+        return _again(node, ((yield node.children[0], _key(by / float(params["factor"].data))),), params)
+    if name == "repeat_cells" and params["spacing"].is_constant:
+        return _moved(node, _within_a_cell(params, by))
+    if node.children and _pointwise(node):
+        return (yield from _below(node, by))
+    return _moved(node, by)
+
+
+def _below(node: Node, by: Vector) -> Work:
+    """The shift handed to all children."""
+    children = []
+    for child in node.children:
+        children.append((yield child, _key(by)))
+    return _again(node, tuple(children), node.params)
+
+
+def _key(by: Vector) -> tuple[float, ...]:
+    return tuple(float(v) for v in by)
+
+
+def _unit(direction: Expr) -> Vector:
+    return np.asarray(direction.data, np.float64) / np.linalg.norm(direction.data)
+
+
+def _within_a_cell(params: Any, by: Vector) -> Vector:
+    """An endless repetition is the same after a whole number of cells."""
+    spacing = np.asarray(params["spacing"].data, np.float64)
+    endless = np.array([params[n] == INFINITE for n in ("nx", "ny", "nz")])
+    return np.where(endless, by - spacing * np.rint(by / spacing), by)
+
+
+def _again(node: Node, children: tuple[Node, ...], params: Any) -> Node:
+    """A node of the same definition, where the user wrote the first one."""
+    made = Node(node.definition, children, params, node.definition.derive(children, params), node.label)
+    made.where = node.where
+    return made
+
+
+def _moved(node: Node, by: Vector) -> Node:
+    if not np.any(by):
+        return node
+    made: Node = translate(node, tuple(-float(v) for v in by))
+    made.where = node.where
+    return made
+
+
+def _reads_place(label: Any) -> bool:
+    """True for a material that differs from point to point."""
+    return POSITION in find(getattr(label, "expressions", ()), "var")
+
+
+def _pointwise(node: Node) -> bool:
+    """True if the definition asks its children at its own point, and reads the point for nothing else."""
+    template = node.definition.template(len(node.children), node.params)
+    p = template.params[0]
+    parts = topological([template.body])
+    return all(part.args[0] is p if part.op == "apply" else p not in part.args for part in parts)

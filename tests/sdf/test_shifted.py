@@ -1,0 +1,57 @@
+"""A solid seen from another origin is the same solid, and nothing far is left in it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from node_samples import NodeSample, definitions, samples
+
+import raymarch as rm
+from raymarch.scene.origin import origin_of, seen_from
+from raymarch.sdf.shifted import shifted
+
+LAST = {sample.definition.name: sample for sample in samples() if sample.definition.dimension == 3}
+
+
+@pytest.mark.parametrize("sample", LAST.values(), ids=LAST)
+def test_the_field_is_the_same(sample: NodeSample) -> None:
+    node = sample.build()
+    by = np.array([0.7, -1.3, 2.1])
+    points = np.random.default_rng(1).uniform(-1.5, 1.5, (200, 3))
+    seen = shifted(node, by)
+    np.testing.assert_allclose(seen.distance(points), node.distance(points + by), rtol=0, atol=1e-9)
+    low, high = node.bounds
+    assert np.all(seen.bounds[0] <= low - by + 1e-9) and np.all(seen.bounds[1] >= high - by - 1e-9)
+    assert seen.exactness == node.exactness and seen.where == node.where
+
+
+def test_every_definition_is_there() -> None:
+    assert len(LAST) >= 0.4 * len(definitions())
+
+
+def test_what_was_moved_far_is_not_moved_at_all() -> None:
+    solid = (rm.box() - rm.sphere(0.6)).round(0.05) | rm.torus().rotate(0.3, "x")
+    far = rm.Scene(solid.translate((2e6, 1e6, 0)), rm.Camera((2e6 + 2, 1e6 + 1, 3), (2e6, 1e6, 0)))
+    home = rm.Scene(solid)
+    assert seen_from(far, origin_of(far)).node.glsl() == home.node.glsl()
+    assert not np.any(origin_of(home)) and seen_from(home, origin_of(home)) is home
+
+
+def test_a_shift_and_back_is_the_same_text() -> None:
+    node = rm.union(rm.sphere().translate((1, 2, 3)), rm.plane(offset=2.0), k=0.5).rotate(0.5, "z")
+    by = np.array([3.0, 4.0, 5.0])
+    points = np.random.default_rng(2).normal(size=(50, 3))
+    assert np.allclose(shifted(shifted(node, by), -by).distance(points), node.distance(points), atol=1e-12)
+
+
+def test_depth_is_no_limit() -> None:
+    node: rm.Node = rm.sphere()
+    for i in range(3000):
+        node = node.round(1e-6) if i % 2 else node.translate((1e-3, 0, 0))
+    assert float(shifted(node, np.array([1.5, 0, 0])).distance([(0, 0, 0)])[0]) == pytest.approx(-1.0015, abs=1e-9)
+
+
+def test_a_pattern_stays_where_it_was() -> None:
+    checked = rm.box((4, 1, 4)).material(rm.Material(rm.checker((1, 1, 1), (0, 0, 0), 0.5)))
+    seen = shifted(checked, np.array([0.3, 0.0, 0.0]))
+    assert seen.name == "translate" and seen.children[0] is checked
