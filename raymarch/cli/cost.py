@@ -11,13 +11,16 @@ from rich.console import Console
 
 from raymarch.cli.choice import watched
 from raymarch.cli.commands import app
-from raymarch.cli.common import CommandError, SceneFile, parse_settings, parse_size, written
+from raymarch.cli.common import CommandError, parse_settings, parse_size, written
+from raymarch.cost.accuracy import claims, page
 from raymarch.cost.checks import check
 from raymarch.cost.html import as_html
 from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import reference
 from raymarch.cost.settings import axes, grid, parse_values
+from raymarch.cost.suite import FULL, QUICK, find_scenes, measure_suite
+from raymarch.cost.suite_plots import figure_3, figure_5, fronts
 from raymarch.cost.sweep import METRICS, Point, Sweep, sweep
 from raymarch.cost.text import as_csv, as_json, findings, table
 from raymarch.gpu.renderer import Renderer
@@ -31,13 +34,16 @@ ENDINGS = {
     "--csv": (".csv",),
     "--plot": (".png", ".svg", ".pdf"),
     "--html": (".html", ".htm"),
+    "--output": (".md",),
 }
 """How the files may end."""
 
 
 @app.command(name="cost")
 def cost_command(
-    scene: SceneFile,
+    scene: Annotated[
+        Path | None, typer.Argument(metavar="[SCENE.py]", help="A Python file that leaves a module-level `scene`.")
+    ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "320x180",
     time: Annotated[float, typer.Option(help="Seconds that `time` stands for.")] = 0.0,
     set_: Annotated[
@@ -59,10 +65,19 @@ def cost_command(
     csv: Annotated[Path | None, typer.Option(help="Write a line for each setting.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw error against time and more: .png, .svg or .pdf.")] = None,
     html: Annotated[Path | None, typer.Option(help="Write a report with pictures and error maps, in one file.")] = None,
+    suite: Annotated[bool, typer.Option("--suite", help="The comparison over three scenes, as a page.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="With --suite: small pictures, few frames.")] = False,
+    scenes: Annotated[Path, typer.Option(help="With --suite: the folder of its scenes.")] = Path("examples"),
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="With --suite: the page; its figures go into pictures/ beside it.")
+    ] = Path("docs/accuracy.md"),
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
 ) -> None:
     """Measure how much error each setting leaves, how much time it takes, and which are worth having."""
+    if suite or scene is None:
+        _suite(scene, suite, scenes, output, quick, seed, backend)
+        return
     _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html})
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
@@ -84,6 +99,30 @@ def cost_command(
     if plot is not None:
         with written(plot) as partial:
             partial.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
+
+
+def _suite(scene: Path | None, asked: bool, scenes: Path, output: Path, quick: bool, seed: int, backend: str) -> None:
+    """The comparison over P1's scenes: a page, its figures, and its numbers."""
+    if scene is not None:
+        raise CommandError(f"--suite together with {scene}", legal="one of them; --scenes FOLDER chooses the scenes")
+    if not asked:
+        raise CommandError("nothing to measure", legal="SCENE.py or --suite")
+    _check_files({"--output": output})
+    plotting()
+    files = find_scenes(scenes)
+    with watched() as tell:
+        made = measure_suite(files, QUICK if quick else FULL, seed, backend, tell)
+    names = {"tracers": figure_3, "oversteps": figure_5, "fronts": fronts}
+    (output.parent / "pictures").mkdir(exist_ok=True)
+    pictures = {name: f"pictures/{output.stem}-{name}.png" for name in names}
+    for name, draw in names.items():
+        with written(output.parent / pictures[name]) as partial:
+            partial.write_bytes(save(draw(made)))
+    with written(output) as partial:
+        partial.write_text(page(made, pictures), encoding="utf-8")
+    out = Console(highlight=False, emoji=False)
+    out.print(claims(made), markup=False, soft_wrap=True)
+    out.print(f"{output} and {len(pictures)} figures are written", markup=False, soft_wrap=True)
 
 
 def show(made: Sweep, metric: str, everything: bool) -> None:

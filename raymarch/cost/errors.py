@@ -35,6 +35,7 @@ class Errors:
     depth_rms, depth_p50, depth_p99, depth_max : abs(depth - truth), in the scene's unit of length.
     p1 : the sum of (depth - truth)^2 over all pixels that the truth hits, silhouettes too, the measure of Bálint and
         Valasek (2018). A ray that has not found its hit counts with how far it came.
+    p1_apart : the same without silhouettes, where one pixel that sees the other surface outweighs all the rest.
     pixels_p50, pixels_p99, pixels_max : abs(depth - truth) in footprints, a pixel's size at that distance.
     normal_p50, normal_p99, normal_max : angle between the normals in degrees.
     flip_mean, flip_p99, flip_max : FLIP of the picture against the averaged truth, over all pixels.
@@ -52,6 +53,7 @@ class Errors:
     depth_p99: float = NAN
     depth_max: float = NAN
     p1: float = NAN
+    p1_apart: float = NAN
     pixels_p50: float = NAN
     pixels_p99: float = NAN
     pixels_max: float = NAN
@@ -110,6 +112,8 @@ def measure(
         came = given if reach is None else np.where(hit, given, _shaped("reach", reach, given.shape))
         counted = both if reach is None else known.hit
         found["p1"] = float(np.sum((came[counted] - known.depth[counted]) ** 2))
+        counted = counted & inner if apart else counted
+        found["p1_apart"] = float(np.sum((came[counted] - known.depth[counted]) ** 2))
     off = np.abs(given[compared] - known.depth[compared])
     if off.size:
         found["depth_rms"] = float(np.sqrt(np.mean(off**2)))

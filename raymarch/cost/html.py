@@ -89,9 +89,9 @@ def _shown(made: Sweep, point: Point) -> str:
     )
     return f"<h3>{words}</h3><div>" + "".join(
         (
-            _picture(srgb(point.color), "picture"),
+            _picture(srgb(point.color), "picture") if point.color is not None else "",
             _picture(footprint_map(made.known, point.depth), "distance from the true hit"),
-            _picture(flip_map(made.known, point.color), "FLIP"),
+            _picture(flip_map(made.known, point.color), "FLIP") if point.color is not None else "",
             "</div>",
         )
     )

@@ -73,7 +73,7 @@ class Point:
     compile_ms, first_ms : the driver's compilation, and the first frame after it; of no other frame's time a part.
     times : milliseconds of each measured frame. time : their median with its interval.
     walls : milliseconds that passed on the wall clock while each was asked for: more than a true time, never less.
-    depth, done, color : what was drawn; `done` is False where a ray ran out of steps.
+    depth, done, color : what was drawn; `done` is False where a ray ran out of steps; color may be None.
     """
 
     setting: Setting
@@ -87,7 +87,7 @@ class Point:
     first_ms: float
     depth: NDArray[Any] = field(repr=False)
     done: NDArray[Any] = field(repr=False)
-    color: NDArray[Any] = field(repr=False)
+    color: NDArray[Any] | None = field(repr=False)
     walls: list[float] = field(default_factory=list, repr=False)
     times: list[float] = field(default_factory=list)
 
@@ -161,6 +161,7 @@ def sweep(
     repeats: int = 9,
     seed: int = 1,
     progress: Progress | None = None,
+    output: str = "color",
 ) -> Sweep:
     """Measure a scene at each of some settings.
 
@@ -171,6 +172,8 @@ def sweep(
     repeats : frames of each setting that are timed, >= 1; the settings take turns in random order, so that what else
         the machine does strikes all alike. From 6 on, a median has a 95 % interval.
     seed : of that order.
+    output : what is drawn when it is timed: "color", the picture; or "depth", marching and normals without shading,
+        and then no colours are compared.
     """
     if not settings or repeats < 1:
         raise ValueError(f"sweep: {len(settings)} settings, {repeats} repeats (at least one of each)")
@@ -180,7 +183,7 @@ def sweep(
     points = []
     for i, setting in enumerate(settings):
         tell(f"errors: {setting.name}", 2 * i / total)
-        points.append(_examine(scene, setting, known, renderer, time, params))
+        points.append(_examine(scene, setting, known, renderer, time, params, output))
     turns = random.Random(seed)
     done = 2 * len(settings)
     for _ in range(repeats):
@@ -188,7 +191,7 @@ def sweep(
         turns.shuffle(order)
         for i in order:
             tell(f"time: {points[i].name}", done / total)
-            claimed, wall = timed(scene, points[i].setting, renderer, time, params)
+            claimed, wall = timed(scene, points[i].setting, renderer, time, params, output)
             points[i].times.append(claimed)
             points[i].walls.append(wall)
             done += 1
@@ -196,28 +199,39 @@ def sweep(
 
 
 def timed(
-    scene: Scene, setting: Setting, renderer: Draws, time: float = 0.0, params: Mapping[str, Any] | None = None
+    scene: Scene,
+    setting: Setting,
+    renderer: Draws,
+    time: float = 0.0,
+    params: Mapping[str, Any] | None = None,
+    output: str = "color",
 ) -> tuple[float, float]:
     """Milliseconds of one frame: by the renderer's clock, and what passed on the wall clock while it was asked for."""
     start = perf_counter()
-    claimed = renderer.render(with_quality(scene, setting.quality), time, params, ("color",)).milliseconds
+    claimed = renderer.render(with_quality(scene, setting.quality), time, params, (output,)).milliseconds
     return claimed, 1e3 * (perf_counter() - start)
 
 
 def _examine(
-    scene: Scene, setting: Setting, known: Reference, renderer: Draws, time: float, params: Mapping[str, Any] | None
+    scene: Scene,
+    setting: Setting,
+    known: Reference,
+    renderer: Draws,
+    time: float,
+    params: Mapping[str, Any] | None,
+    output: str,
 ) -> Point:
     """Everything about a setting but its time: errors, counts, and the first frame, which is no measure of the rest."""
     made = with_quality(scene, setting.quality)
-    planned = plan(made)
-    first = renderer.render(made, time, params, ("color",))
+    planned = plan(made, size=known.size)
+    first = renderer.render(made, time, params, (output,))
     compile_ms = sum(t.compile for t in first.timings)
     first_ms = first.milliseconds
-    color = first.array("color")
+    color = first.array("color") if output == "color" else None
     geometry = renderer.render(made, time, params, ("depth",))
     depth = geometry.array("depth")
     evaluations = geometry.array("evaluations")
-    renderer.render(made, time, params, ("color",))  # the warm-up
+    renderer.render(made, time, params, (output,))  # the warm-up
     return Point(
         setting=setting,
         tracer=planned.tracer,

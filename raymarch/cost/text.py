@@ -163,7 +163,7 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
     else:
         lines.append("no setting finds every hit: nothing here is worth having")
     if made.base.errors.sound:
-        lines.append(f"the scene's own setting {_standing(made, metric)}")
+        lines.append(f"the scene's own setting {standing(made, metric)}")
     unsound = sum(not p.errors.sound for p in made.points)
     if unsound:
         lines.append(f"{unsound} settings miss or make up hits and are never on the front")
@@ -180,7 +180,7 @@ def worth(front: Sequence[Point], metric: str) -> list[Point]:
     return kept
 
 
-def _standing(made: Sweep, metric: str) -> str:
+def standing(made: Sweep, metric: str) -> str:
     """How far the scene's own setting is from the front, and whether that can be told from noise."""
     base = made.base
     rivals = [p for p in made.points if p.errors.sound and p.error(metric) <= base.error(metric)]

@@ -1,0 +1,181 @@
+"""The comparison of Bálint and Valasek, "Accelerating Sphere Tracing" (2018), here P1, over its three scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.cost.checks import check
+from raymarch.cost.reference import reference
+from raymarch.cost.settings import Setting, settled, with_quality
+from raymarch.cost.statistics import Median, median
+from raymarch.cost.sweep import Point, Sweep, sweep
+from raymarch.errors import CostError
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene.file import load
+from raymarch.scene.quality import PRESETS, Quality
+from raymarch.scene.scene import Scene
+
+SCENES = ("mandelbulb", "primitives", "village")
+TRACERS = ("plain", "relaxed_again", "relaxed", "enhanced", "auto_relaxed", "front")
+"""P1's relaxed tracer relaxes again after each step that proved too long; Keinert's, `relaxed`, does not."""
+SCHEDULED = ("plain", "relaxed_again", "enhanced")
+SCHEDULES = ("single", "two", "four", "six", "cone")
+PAIRED = ("plain", "enhanced", "auto_relaxed", "front")
+"""Tracers that are tried for the front, each with and without cones."""
+EPSILONS = (0.5, 0.1, 0.02)
+BARE = Quality(correction="none", schedule="single", epsilon=0.05, trust=True)
+"""As P1 traces: a ray ends where it comes near enough, and no last step mends what is left."""
+OVERSTEPS = (16, 24)
+"""P1's figure 5 counts the steps that were undone between these."""
+
+Tell = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """How much is measured: size of the pictures, frames of each setting, steps that rays may take."""
+
+    size: tuple[int, int]
+    repeats: int
+    steps: tuple[int, ...]
+    scheduled: tuple[str, ...]
+    schedule_steps: tuple[int, ...]
+
+
+FULL = Scale((320, 180), 15, (8, 16, 24, 32, 48, 64, 96, 128), SCHEDULED, (16, 32, 64, 96, 128))
+QUICK = Scale((160, 90), 7, (8, 16, 32, 64, 128), ("plain", "enhanced"), (16, 32, 64, 128))
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One scene.
+
+    march : tracers and schedules over steps, timed without shading. product : presets, and tracers over epsilons, as
+    pictures. oversteps : by tracer, the share of the steps 17 to 24 that were undone, (H, W).
+    """
+
+    name: str
+    march: Sweep
+    product: Sweep
+    oversteps: Mapping[str, NDArray[np.float64]]
+
+    def point(self, tracer: str, schedule: str, steps: int) -> Point:
+        """A point of `march`."""
+        return next(p for p in self.march.points if p.name == key(tracer, schedule, steps))
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """All scenes. `scale` is how it was measured, `seed` that of all random orders."""
+
+    scenes: tuple[Measured, ...]
+    scale: Scale
+    seed: int
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        return self.scenes[0].march.environment
+
+    def alone(self, name: str) -> Suite:
+        """The same of one scene."""
+        return replace(self, scenes=tuple(s for s in self.scenes if s.name == name))
+
+    def ratio(self, one: tuple[str, str], other: tuple[str, str], steps: int, what: str) -> Median:
+        """One (tracer, schedule) over another at some steps: the geometric mean over the scenes, with its interval.
+
+        what : "time", "error" (P1's without silhouettes, which has no interval) or "product". Times are compared
+        frame by frame of the same turn, so that what slows the machine for a while cancels.
+        """
+        logs = []
+        for scene in self.scenes:
+            a, b = scene.point(*one, steps), scene.point(*other, steps)
+            error = np.log(max(a.errors.p1_apart, 1e-30) / max(b.errors.p1_apart, 1e-30)) if what != "time" else 0.0
+            time = np.log(np.array(a.times) / np.array(b.times)) if what != "error" else np.zeros(len(a.times))
+            logs.append(error + time)
+        return median([float(v) for v in np.exp(np.mean(logs, axis=0))])
+
+
+def key(tracer: str, schedule: str, steps: int) -> str:
+    """Name of a point of `Measured.march`."""
+    return f"{tracer}, {schedule}, {steps} steps"
+
+
+def find_scenes(folder: Path) -> list[Path]:
+    """The files of P1's scenes. CostError if one is missing."""
+    files = [folder / f"{name}.py" for name in SCENES]
+    for file in files:
+        if not file.is_file():
+            raise CostError(f"no scene '{file}'", legal="run in a clone of the project, or give --scenes FOLDER")
+    return files
+
+
+def measure_suite(
+    files: Sequence[Path], scale: Scale, seed: int = 1, backend: str = "auto", tell: Tell | None = None
+) -> Suite:
+    """Measure all scenes."""
+    say = tell or (lambda _what, _share: None)
+    found = []
+    for i, file in enumerate(files):
+
+        def part(what: str, share: float, i: int = i, name: str = file.stem) -> None:
+            say(f"{name}: {what}", (i + share) / len(files))
+
+        found.append(_measure(load(file), file.stem, scale, seed, backend, part))
+    return Suite(tuple(found), scale, seed)
+
+
+def _measure(scene: Scene, name: str, scale: Scale, seed: int, backend: str, tell: Tell) -> Measured:
+    known = reference(scene, scale.size, samples=1, progress=lambda what: tell(what, 0.0))
+    with Renderer(scale.size, backend) as renderer:
+        bare = march_settings(scale)
+        common: dict[str, Any] = {"name": name, "repeats": scale.repeats, "seed": seed}
+        march = sweep(scene, bare, known, renderer, **common, progress=lambda w, s: tell(w, 0.6 * s), output="depth")
+        shown = product_settings(scene, scale.size)
+        product = sweep(scene, shown, known, renderer, **common, progress=lambda w, s: tell(w, 0.6 + 0.4 * s))
+        product.checks = check(product, scene, renderer)
+        oversteps = {tracer: _oversteps(scene, tracer, renderer) for tracer in ("relaxed_again", "enhanced")}
+    return Measured(name, march, product, oversteps)
+
+
+def march_settings(scale: Scale) -> list[Setting]:
+    """Tracers over steps, then schedules over steps."""
+    wanted = [(tracer, "single", steps) for tracer in TRACERS for steps in scale.steps]
+    wanted += [(t, s, n) for t in scale.scheduled for s in SCHEDULES for n in scale.schedule_steps]
+    return [
+        Setting(key(*names), replace(BARE, tracer=names[0], schedule=names[1], max_steps=names[2]))
+        for names in dict.fromkeys(wanted)
+    ]
+
+
+def product_settings(scene: Scene, size: tuple[int, int]) -> list[Setting]:
+    """The scene's own quality, the presets, and tracers with and without cones over epsilons."""
+    found = {settled(scene, scene.quality, size): Setting("base", scene.quality)}
+    for name in PRESETS:
+        quality = Quality.preset(name)
+        meant = settled(scene, quality, size)
+        found[meant] = replace(found.get(meant, Setting(name, quality)), preset=name)
+    for epsilon in EPSILONS:
+        for tracer in PAIRED:
+            for schedule in ("single", "cone"):
+                quality = Quality(tracer=tracer, schedule=schedule, epsilon=epsilon)
+                name = f"{tracer}{', cone' * (schedule == 'cone')}, epsilon {epsilon:g}"
+                found.setdefault(settled(scene, quality, size), Setting(name, quality))
+    return list(found.values())
+
+
+def _oversteps(scene: Scene, tracer: str, renderer: Renderer) -> NDArray[np.float64]:
+    """The share of the steps between OVERSTEPS that were undone, (H, W); 0 where the march had ended."""
+    counts = []
+    for steps in OVERSTEPS:
+        made = with_quality(scene, replace(BARE, tracer=tracer, max_steps=steps))
+        counts.append(renderer.render(made, outputs=("fallbacks",)).fallbacks.astype(np.float64))
+    undone = counts[1] - counts[0]
+    # Each step that is undone is taken again: P1 counts both as one iteration.
+    share: NDArray[np.float64] = undone / (OVERSTEPS[1] - OVERSTEPS[0] - undone)
+    return np.clip(share, 0.0, 1.0)

@@ -1,0 +1,74 @@
+"""Figures of the suite: P1's figures 3 and 5, and the front of each scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raymarch.cost.plots import COLORS, blank, draw_front
+from raymarch.cost.suite import SCHEDULES, TRACERS, Suite
+
+STYLES = {"time": ":", "error": "--", "product": "-"}
+WORDS = {"time": "time", "error": "error", "product": "error x time"}
+SCHEDULE_COLORS = {"two": "#1f6fc4", "four": "#2a9d3a", "six": "#e07b00", "cone": "#b0207a"}
+
+
+def figure_3(made: Suite) -> Any:
+    """Left: each tracer over the plain one. Right: each schedule over a single resolution, by tracer."""
+    tracers = made.scale.scheduled
+    drawn = blank(6.4 + 4.6 * len(tracers), 6.2)
+    axes = drawn.subplots(1, 1 + len(tracers), width_ratios=[6.4] + [4.6] * len(tracers))
+    for tracer in TRACERS[1:]:
+        pair = ((tracer, "single"), ("plain", "single"))
+        _draw_curves(axes[0], made, made.scale.steps, *pair, tracer, COLORS[tracer])
+    _finish(axes[0], made.scale.steps, "tracers, relative to plain sphere tracing")
+    for panel, tracer in zip(axes[1:], tracers, strict=True):
+        for schedule in SCHEDULES[1:]:
+            pair = ((tracer, schedule), (tracer, "single"))
+            _draw_curves(panel, made, made.scale.schedule_steps, *pair, schedule, SCHEDULE_COLORS[schedule])
+        _finish(panel, made.scale.schedule_steps, f"schedules of {tracer}, relative to one resolution")
+    drawn.suptitle("below 1 is better; geometric means over the three scenes, bands are 95 % intervals", fontsize=9)
+    return drawn
+
+
+def _draw_curves(axes: Any, made: Suite, steps: Any, one: Any, other: Any, name: str, color: str) -> None:
+    for what, line in STYLES.items():
+        ratios = [made.ratio(one, other, n, what) for n in steps]
+        values = [r.value for r in ratios]
+        axes.plot(steps, values, line, color=color, lw=1.5, label=f"{name}, {WORDS[what]}")
+        if what != "error":
+            axes.fill_between(steps, [r.low for r in ratios], [r.high for r in ratios], color=color, alpha=0.12, lw=0)
+
+
+def _finish(axes: Any, steps: Any, title: str) -> None:
+    axes.axhline(1.0, color="black", lw=0.8)
+    axes.set(xscale="log", yscale="log", xlabel="steps that a ray may take, all levels together")
+    axes.set_xticks(list(steps), [str(s) for s in steps])
+    axes.minorticks_off()
+    axes.set_title(title, fontsize=9)
+    axes.grid(alpha=0.25, lw=0.4)
+    axes.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
+
+
+def figure_5(made: Suite) -> Any:
+    """The share of the steps 17 to 24 that were undone: black none, white all."""
+    names = list(made.scenes[0].oversteps)
+    drawn = blank(4.2 * len(made.scenes), 2.7 * len(names))
+    axes = np.atleast_2d(drawn.subplots(len(names), len(made.scenes)))
+    for column, scene in enumerate(made.scenes):
+        for row, name in enumerate(names):
+            panel = axes[row, column]
+            panel.imshow(scene.oversteps[name], cmap="gray", vmin=0.0, vmax=1.0, interpolation="nearest")
+            panel.set_title(f"{scene.name}, {name}: mean {scene.oversteps[name].mean():.3f}", fontsize=9)
+            panel.set_axis_off()
+    return drawn
+
+
+def fronts(made: Suite) -> Any:
+    """Error against time of every setting of each scene, as pictures."""
+    drawn = blank(6.0 * len(made.scenes), 5.0)
+    for panel, scene in zip(np.atleast_1d(drawn.subplots(1, len(made.scenes))), made.scenes, strict=True):
+        draw_front(panel, scene.product, "pixels_p99")
+        panel.set_title(scene.name, fontsize=10)
+    return drawn

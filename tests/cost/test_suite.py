@@ -1,0 +1,177 @@
+"""The comparison over three scenes: its arithmetic with known errors and times, and one small run in earnest."""
+
+from __future__ import annotations
+
+import re
+from copy import deepcopy
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from cost_samples import SIZE, FakeRenderer
+
+from raymarch.cli import main
+from raymarch.cost import accuracy, suite_plots
+from raymarch.cost import suite as room
+from raymarch.cost.accuracy import claims, page
+from raymarch.cost.checks import Check
+from raymarch.cost.plots import save
+from raymarch.cost.reference import Reference, reference
+from raymarch.cost.suite import (
+    SCENES,
+    TRACERS,
+    Measured,
+    Scale,
+    Suite,
+    find_scenes,
+    key,
+    march_settings,
+    product_settings,
+)
+from raymarch.cost.suite_plots import figure_3, figure_5, fronts
+from raymarch.cost.sweep import sweep
+from raymarch.errors import CostError
+
+SCALE = Scale((64, 36), 6, (8, 64, 128), ("plain", "enhanced"), (64, 128))
+ERRORS = {"plain": 4.0, "relaxed_again": 3.0, "relaxed": 3.0, "enhanced": 2.0, "auto_relaxed": 1.5, "front": 1.0}
+TIMES = {"single": 10.0, "two": 8.0, "four": 12.0, "six": 13.0, "cone": 6.0}
+
+
+def known_suite(scene, known) -> Suite:
+    """Errors by tracer and steps, times by schedule, each frame 10 % slower than the one before it."""
+    found = []
+    for k, name in enumerate(SCENES):
+        march = sweep(scene, march_settings(SCALE), known, FakeRenderer(known), name=name, repeats=6, output="depth")
+        for p in march.points:
+            quality = p.setting.quality
+            p.errors = replace(p.errors, p1_apart=(k + 1) * ERRORS[quality.tracer] / quality.max_steps)
+            p.times = [TIMES[quality.schedule] * 1.1**turn for turn in range(6)]
+        product = sweep(scene, product_settings(scene, SCALE.size), known, FakeRenderer(known), name=name, repeats=6)
+        product.checks = [Check("clock", True, "agrees")]
+        undone = {t: np.full(known.depth.shape, s) for t, s in (("relaxed_again", 0.5), ("enhanced", 0.1))}
+        found.append(Measured(name, march, product, undone))
+    return Suite(tuple(found), SCALE, 1)
+
+
+@cache
+def suite_once(scene, known) -> Suite:
+    return known_suite(scene, known)
+
+
+@pytest.fixture
+def made(scene, known_once) -> Suite:
+    return deepcopy(suite_once(scene, known_once))
+
+
+@pytest.fixture(scope="module")
+def known_once(scene) -> Reference:
+    return reference(scene, SIZE)
+
+
+def test_all_that_p1_compares_is_measured():
+    names = {s.name for s in march_settings(SCALE)}
+    assert {key(t, "single", n) for t in TRACERS for n in SCALE.steps} <= names
+    assert {key("enhanced", s, 128) for s in ("two", "four", "six", "cone")} <= names
+    assert len(names) == len(march_settings(SCALE))
+
+
+def test_ratios_are_of_the_same_turn(made):
+    ratio = made.ratio(("enhanced", "two"), ("enhanced", "single"), 64, "time")
+    assert (ratio.value, ratio.low, ratio.high) == pytest.approx((0.8, 0.8, 0.8)), "what slows both cancels"
+    assert ratio.confidence > 0.95
+    assert made.ratio(("enhanced", "single"), ("plain", "single"), 8, "error").value == pytest.approx(0.5)
+    assert made.ratio(("enhanced", "two"), ("plain", "single"), 64, "product").value == pytest.approx(0.4)
+
+
+def test_claims_say_what_was_measured(made):
+    rows = [line.split(" | ") for line in claims(made).splitlines()[2:]]
+    assert len(rows) == 7
+    said = {row[0].strip("| "): (row[1], row[2].strip(" |")) for row in rows}
+    assert said["enhanced is up to 1.5 times better than relaxed in error x time"][0].startswith("1.50 times")
+    assert said["enhanced is better than relaxed at every number of steps"][1] == "yes"
+    assert said["enhanced is better than plain from 64 steps on"][1] == "yes"
+    assert said["on the fractal enhanced and relaxed are on par"][1] == "enhanced is better"
+    assert said["two resolutions save enhanced up to 20 % of its time"] == ("20% [20%, 20%] at 64 steps", "yes")
+    assert said["not in P1: one converged pass of cones, in time"][0].startswith("40%")
+    assert "10.0%" in said["enhanced rarely has to step back"][0]
+
+
+def test_claims_can_fail(made):
+    for scene in made.scenes:
+        for p in scene.march.points:
+            if p.setting.quality.tracer == "enhanced":
+                p.times = [9.0 * t for t in p.times]
+            if p.setting.quality.schedule == "two":
+                p.times = [2.0 * t for t in p.times]
+    said = claims(made)
+    assert "at 0 of 3, the reverse at 3" in said
+    assert "| no |" in said
+    assert "relaxed is better" in said
+
+
+def test_the_page_has_tables_and_figures(made):
+    text = page(made, {"tracers": "a.png", "oversteps": "b.png", "fronts": "c.png"})
+    assert re.findall(r"!\[[^]]*\]\(([abc]\.png)\)", text) == ["a.png", "b.png", "c.png"]
+    for name in SCENES:
+        assert f"### {name}" in text
+    assert text.count("| draft |") == text.count("| exact |") == 3
+    assert "ours" in text, "the driver"
+    assert "nan" not in text
+    for line in text.splitlines():
+        if line.startswith("|"):
+            assert line.endswith("|")
+
+
+def test_the_figures(made):
+    for draw in (figure_3, figure_5, fronts):
+        assert save(draw(made)).startswith(b"\x89PNG")
+    left = figure_3(made).axes[0]
+    curve = next(line for line in left.lines if line.get_label() == "enhanced, error x time")
+    assert list(curve.get_ydata()) == pytest.approx([0.5, 0.5, 0.5])
+
+
+def test_in_earnest(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").mkdir()
+    for name in SCENES:
+        (tmp_path / "examples" / f"{name}.py").write_text("import raymarch as rm\nscene = rm.sphere() | rm.plane()\n")
+    small = Scale((24, 14), 1, (8, 16), ("enhanced",), (16,))
+    monkeypatch.setattr("raymarch.cli.cost.QUICK", small)
+    few = ("plain", "relaxed_again", "enhanced")
+    for place in (room, accuracy, suite_plots):
+        monkeypatch.setattr(place, "TRACERS", few)
+    for name, values in (("EPSILONS", (0.1,)), ("PAIRED", ("plain",)), ("PRESETS", {"normal": {}})):
+        monkeypatch.setattr(room, name, values)
+    with pytest.raises(SystemExit) as stop:
+        main(["cost", "--suite", "--quick", "-o", "page.md"])
+    assert stop.value.code == 0
+    assert "claim" in capsys.readouterr().out
+    text = (tmp_path / "page.md").read_text()
+    shown = re.findall(r"\((pictures/[^)]*)\)", text)
+    assert sorted(p.name for p in (tmp_path / "pictures").iterdir()) == sorted(s.split("/")[1] for s in shown)
+    assert len(shown) == 3
+
+
+@pytest.mark.parametrize(
+    ("args", "says"),
+    [
+        (("--suite",), "--scenes FOLDER"),
+        ((), "SCENE.py or --suite"),
+        (("a.py", "--suite"), "one of them"),
+        (("--suite", "-o", "a.txt"), ".md"),
+        (("--suite", "-o", "nowhere/a.md"), "nowhere"),
+    ],
+)
+def test_wrong_use(tmp_path, monkeypatch, capsys, args, says):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        main(["cost", *(args if "-o" in args else (*args, "-o", "a.md"))])
+    assert stop.value.code == 2
+    assert says in " ".join(capsys.readouterr().err.split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_scene_is_named(tmp_path):
+    with pytest.raises(CostError, match=r"mandelbulb\.py"):
+        find_scenes(tmp_path)
