@@ -31,7 +31,7 @@ def at(k):
 
 scene = rm.Scene(
     rm.union(*(at(k) for k in range(20))) | rm.plane().material(rm.Material(albedo=(0.5, 0.5, 0.52), roughness=0.8)),
-    camera=rm.Camera(position=(0, 2.9, 6.3), target=(0, 0.3, 0), fov=50),
+    camera=rm.Camera(position=(0, 3.0, 7.3), target=(0, 0.3, 0), fov=50),
     lights=[rm.Sun(direction=(-0.6, 1.4, 0.8), intensity=1.6, shadow=True)],
     sky=rm.GradientSky(light=True),
     occlusion=rm.Occlusion(reach=0.3),

@@ -47,6 +47,7 @@ class Plan:
     material: Record | None
     material_index: Function | None
     emission: Function | None
+    glass: Record | None
     model: str
     origins: dict[Expr, Location]
     passes: list[Pass]
@@ -82,7 +83,7 @@ class Plan:
     @property
     def sky_light(self) -> bool:
         """True if the shader reads the harmonics of the sky."""
-        return self.material is not None and self.scene.sky.light
+        return self.material is not None and shading.ambient_sky(self.scene)
 
     @property
     def clipped(self) -> bool:
@@ -122,6 +123,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
         material=None,
         material_index=None,
         emission=None,
+        glass=None,
         model="phong",
         origins=lowering.origins,
         passes=drawn,
@@ -140,7 +142,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     if shaded or geometry:
         looks = shading.looks(scene, lowering, shaded, geometry)
         made.model, made.material, made.emission = looks.model, looks.record, looks.emission
-        made.material_index = looks.index
+        made.material_index, made.glass = looks.index, looks.glass
     _choose_modules(made, shaded, needs_normal)
     _describe_effects(made)
     made.warnings += [*_warnings(given), *range_warning(given, origin)]
@@ -173,7 +175,8 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     made.modules += marching.modules(scene, made.marching, made.epsilon)
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
-    made.modules += shading.modules(scene, made.model if shaded else None, any(p.name == "color" for p in made.passes))
+    shaders = shading.modules(scene, made.model if shaded else None, any(p.name == "color" for p in made.passes))
+    made.modules += [module for module in shaders if module[0] not in {name for name, _ in made.modules}]
     made.modules += joining(made.passes)
     for drawn in made.passes:
         add((drawn.module, drawn.reason))

@@ -16,7 +16,7 @@ from raymarch.expr.walk import find
 from raymarch.plan import lights
 from raymarch.plan.feature import Feature
 from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
-from raymarch.scene.material import FIELDS, MIXED, PHONG, PHYSICAL, Material
+from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering, look_of
 
@@ -28,13 +28,15 @@ class Looks:
     """What is generated to know a surface by.
 
     model : how materials are shaded: "phong", "physical", or "mixed" where there are both.
-    record : fills the struct Material. emission : light that the surface gives off. index : of the main material.
+    record : fills the struct Material. emission : light that the surface gives off. glass : fills the
+    struct Glass. index : of the main material.
     The functions are None where nothing asks for them.
     """
 
     model: str = "phong"
     record: Record | None = None
     emission: Function | None = None
+    glass: Record | None = None
     index: Function | None = None
 
 
@@ -56,6 +58,8 @@ def looks(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
         if surfaced(scene):
             names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
             made.record = Record("material_at", "Material", marked.params, tuple((n, fields[n]) for n in names))
+        if scene.bounces and any(m.transmits for m in chosen):
+            made.glass = Record("glass_at", "Glass", marked.params, tuple((n, fields[n]) for n in GLASS))
         if any(m.emits for m in chosen):
             made.emission = Function("emission_at", marked.params, fields["emission"])
     if index:
@@ -113,7 +117,7 @@ SOFT = ("two-sided", "cone", "triangulated")
 
 def surfaced(scene: Scene) -> bool:
     """True if light from elsewhere falls on surfaces, so that their normals and materials count."""
-    return bool(scene.lights) or scene.sky.light
+    return bool(scene.lights) or scene.sky.light or scene.bounces > 0
 
 
 def lit(scene: Scene) -> bool:
@@ -121,9 +125,14 @@ def lit(scene: Scene) -> bool:
     return surfaced(scene) or any(m.emits for m in scene.materials)
 
 
+def ambient_sky(scene: Scene) -> bool:
+    """True if the sky lights surfaces by its mean; where light bounces, ways that end in the sky bring its light."""
+    return scene.sky.light and scene.bounces == 0
+
+
 def occluded(scene: Scene, model: str) -> bool:
     """True if there is ambient light for an Occlusion to dim."""
-    return scene.occlusion is not None and (scene.sky.light or (bool(scene.lights) and model != "physical"))
+    return scene.occlusion is not None and (ambient_sky(scene) or (bool(scene.lights) and model != "physical"))
 
 
 def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, str]]:
@@ -140,8 +149,10 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
             name, why = MODULES[trait]
             first = next((light for light in scene.lights if trait in lights.traits_of(light)), None)
             found.append((name, f"{why}: {type(first).__name__} at {first.where}" if first else why))
-        if scene.sky.light:
+        if ambient_sky(scene):
             found += _from_sky(scene, model)
+        if scene.bounces:
+            found += _ways(scene, model)
         if occluded(scene, model):
             found.append(("light/occlusion", "Scene(occlusion=...)"))
     if colored:
@@ -167,6 +178,20 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
         ]
     if model == "mixed":
         found.append(("light/mixed", "some materials are physical and some after Phong"))
+    return found
+
+
+def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules by which light bounces."""
+    why = f"Scene(bounces={scene.bounces})"
+    found = [("path/second", why), ("path/lobes", why), ("random/pixel", why)]
+    if model != "physical":
+        found.append(("path/matte", why))
+    if model != "phong":
+        found += [] if scene.lights else [("light/fresnel", "a material is physical")]
+        found.append(("path/glossy", why))
+    if any(m.transmits for m in scene.materials):
+        found.append(("path/glass", "a material transmits light"))
     return found
 
 
@@ -213,10 +238,13 @@ def features(scene: Scene) -> list[Feature]:
     glowing = next((m for m in others if m.emits), None)
     feature("emission", glowing is not None, "a material has one", "no material has one", _place(glowing))
     feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")
+    bent = next((m for m in others if m.transmits), None)
+    feature("glass", bent is not None, "a material transmits light", "no material transmits light", _place(bent))
+    several = f"one way of up to {scene.bounces} more surfaces for each sample"
+    feature("bounces of light", scene.bounces > 0, several, "Scene has no bounces")
     feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky lights nothing")
-    dimmed = scene.occlusion is not None and (
-        scene.sky.light or (bool(every) and not all(m.physical for m in scene.materials))
-    )
+    shares = bool(every) and not all(m.physical for m in scene.materials)
+    dimmed = scene.occlusion is not None and (ambient_sky(scene) or shares)
     steps = scene.occlusion.steps if scene.occlusion is not None else 0
     why = "Scene has no occlusion" if scene.occlusion is None else "there is no ambient light to keep out"
     feature("ambient occlusion", dimmed, f"{steps} evaluations a hit", why)

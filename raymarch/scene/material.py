@@ -21,7 +21,8 @@ PHYSICAL = ("color", "metalness", "roughness", "f0")
 MIXED = (*PHONG, *PHYSICAL[1:], "physical")
 """The fields that shading reads: of scenes after Phong, of physical ones, and of those with both."""
 
-FIELDS = (*MIXED, "emission")
+GLASS = ("transmission", "ior", "absorption")
+FIELDS = (*MIXED, "emission", *GLASS)
 
 
 class Material:
@@ -39,6 +40,12 @@ class Material:
         on anything below 0.032 as on that, because a mirror shows no point.
     f0 : physical: reflectance of a dielectric at right angles, a number or linear RGB in [0, 1]; 0.04.
     emission : linear RGB >= 0 of light that the surface gives off by itself; either kind has it; black.
+
+    transmission : physical: share of the light that goes through, in [0, 1]; 0. What goes through is smooth glass,
+        whatever the roughness; it needs the scene's `bounces`. Shadows of lights are those of a solid.
+    ior : physical: index of refraction of what transmits, in [1, 4]; 1.5.
+    absorption : physical: what a unit of length inside takes away, exp(-absorption) is left; a number or linear RGB,
+        >= 0.
 
     A value may be a function of a point, `lambda p: ...`, in the words of `raymarch.expr.vocabulary`; it is asked in
     the space in which the material is given, so a pattern moves along with what it is painted on. See
@@ -65,10 +72,14 @@ class Material:
         roughness: Any = None,
         f0: Any = None,
         emission: Any = None,
+        transmission: Any = None,
+        ior: Any = None,
+        absorption: Any = None,
     ) -> None:
         self.where: Location | None = user_location()
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
         physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}
+        physical |= {"transmission": transmission, "ior": ior, "absorption": absorption}
         self.physical = any(v is not None for v in physical.values())
         _refuse_both(phong, physical)
         if color is not None and albedo is not None:
@@ -85,6 +96,9 @@ class Material:
             "f0": _value("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
             "physical": expr(1.0 if self.physical else 0.0),
             "emission": _value("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
+            "transmission": _value("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
+            "ior": _value("ior", _or(ior, 1.5), 1, 1.0, 4.0),
+            "absorption": _value("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
         }
 
     @property
@@ -136,6 +150,12 @@ class Material:
     def expressions(self) -> list[Expr]:
         """All values in the order of FIELDS; they may depend on parameters, time, POSITION, and indices of cells."""
         return [self._fields[name] for name in FIELDS]
+
+    @property
+    def transmits(self) -> bool:
+        """True if light goes through it."""
+        share = self._fields["transmission"]
+        return not share.is_constant or bool(np.any(share.data))
 
     @property
     def patterned(self) -> bool:

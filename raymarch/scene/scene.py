@@ -40,13 +40,17 @@ class Scene:
     sky : Sky, or a colour (linear RGB); None is a plain blue.
     fog : Fog, or None.
     occlusion : Occlusion of ambient light, or None.
+    bounces : how many more surfaces light may come from, 0 to 16: reflections of the scene, light between surfaces
+        and from the sky, glass. A sample follows one way at random, so it takes `Quality(samples=...)` or frames to
+        make it smooth. Lights mirrored onto matte surfaces are blurred, lest they turn to specks. None is 0, or 6
+        where a material transmits. The truth has no bounces.
     tone : Tone, how light becomes a picture; None clips what is above 1.
     quality : Quality; None is the default.
 
     Raises SceneError for what is not one of these.
     """
 
-    __slots__ = ("camera", "fog", "lights", "node", "occlusion", "quality", "sky", "tone", "where")
+    __slots__ = ("bounces", "camera", "fog", "lights", "node", "occlusion", "quality", "sky", "tone", "where")
 
     def __init__(
         self,
@@ -58,6 +62,7 @@ class Scene:
         quality: Quality | None = None,
         occlusion: Occlusion | None = None,
         tone: Tone | None = None,
+        bounces: int | None = None,
     ) -> None:
         self.where: Location | None = user_location()
         self.node = _instance("node", node, Node, "a node such as sphere()")
@@ -74,6 +79,10 @@ class Scene:
         self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
         self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
         self.tone = Tone() if tone is None else _instance("tone", tone, Tone, "Tone(...)")
+        if bounces is not None and (
+            isinstance(bounces, bool) or not isinstance(bounces, int) or not 0 <= bounces <= 16
+        ):
+            raise SceneError(f"Scene: bounces = {bounces!r}", legal="an integer from 0 to 16, or None")
         self.occlusion = None
         if occlusion is not None:
             self.occlusion = _instance("occlusion", occlusion, Occlusion, "Occlusion(...) or None")
@@ -81,6 +90,8 @@ class Scene:
         for part in all_nodes(node):
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)
+        glass = any(part.label is not None and part.label.transmits for part in all_nodes(node))
+        self.bounces = bounces if bounces is not None else 6 if glass else 0
 
     def changed(self, **parts: Any) -> Scene:
         """The same scene with some parts exchanged, by the names of the parameters; they are checked as ever."""

@@ -213,7 +213,7 @@ def _scene_box(plan: Plan) -> Chunk:
 
 def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions that are made from expressions, printed together so that each definition stands once."""
-    optional = (plan.gradient, plan.material, plan.emission, plan.material_index)
+    optional = (plan.gradient, plan.material, plan.emission, plan.glass, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
     text = print_functions(roots, taken)
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}
@@ -226,7 +226,8 @@ def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[st
         lines.append(Mapped("", "parameters"))
     lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
-    needs = frozenset({"Material"}) if plan.material is not None else frozenset[str]()
+    records = (record for record in (plan.material, plan.glass) if record is not None)
+    needs = frozenset(record.type_name for record in records)
     return Chunk("field", needs, gives, tuple(lines)), parameters, text
 
 

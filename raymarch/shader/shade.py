@@ -11,7 +11,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import constant, literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
-from raymarch.plan.shading import occluded
+from raymarch.plan.shading import ambient_sky, occluded
 from raymarch.scene.light import Light, PointLight, SpotLight, Sun
 from raymarch.scene.sky import DIRECTION
 from raymarch.sdf.facts import Facts
@@ -53,6 +53,9 @@ def shading(plan: Plan, values: Values) -> Chunk:
     scene = plan.scene
     text = _Lines("the scene's lights")
     text.needs |= {"Ray", "Hit"}
+    if scene.bounces and plan.material is not None:
+        _ways(text, plan, values)
+        return _chunk(text, plan, values)
     text.add("vec3 shade(Ray ray, Hit hit) {")
     surfaced = plan.material is not None
     lit = surfaced and bool(scene.lights)
@@ -64,15 +67,116 @@ def shading(plan: Plan, values: Values) -> Chunk:
         text.add("    vec3 color = vec3(0.0);")
     if surfaced:
         _ambient(text, plan, values)
-    if lit and lights.as_data(scene):
-        _loop(text, plan)
-    elif lit:
-        for i, light in enumerate(scene.lights):
-            _light(text, i, light, values, ANSWER[plan.model])
+    if lit:
+        _lights(text, plan, values)
     if scene.fog is not None:
         text.add("    color = through_fog(color, hit.t);", "through_fog", by="Scene(fog=...)", where=scene.where)
     text.add("    return color;")
     text.add("}")
+    return _chunk(text, plan, values)
+
+
+def _lights(text: _Lines, plan: Plan, values: Values) -> None:
+    """What all lights add to the colour of a surface."""
+    if lights.as_data(plan.scene):
+        _loop(text, plan)
+        return
+    for i, light in enumerate(plan.scene.lights):
+        _light(text, i, light, values, ANSWER[plan.model])
+
+
+def _ways(text: _Lines, plan: Plan, values: Values) -> None:
+    """The colour of a hit where light bounces: a way from surface to surface, and the light that joins it at each."""
+    scene, add, glass = plan.scene, text.add, plan.glass is not None
+    add("vec3 lit(Surface surface) {", "Surface")
+    add(f"    vec3 color = {'emission_at(surface.p)' if plan.emission is not None else 'vec3(0.0)'};")
+    text.needs |= {"emission_at"} if plan.emission is not None else set()
+    _ambient(text, plan, values)
+    if scene.lights:
+        _lights(text, plan, values)
+    for line in ("    return color;", "}", "", "vec3 shade(Ray ray, Hit hit) {", "    vec3 color = vec3(0.0);"):
+        add(line)
+    add("    vec3 weight = vec3(1.0);")
+    add("    float first = hit.t;")
+    add("    float travelled = 0.0;")
+    if scene.lights and plan.model != "phong":
+        # Seen from a matte surface, a light in a mirror is a speck that chance finds too seldom (Kaplanyan 2013).
+        add("    float dull = 0.0;  // roughness below which surfaces no longer mirror lights")
+    if glass:
+        add("    float side = 1.0;  // -1 inside of glass")
+        add("    vec3 absorption = vec3(0.0);")
+        add("    vec3 before = ray.origin;  // where the light comes to last")
+    side = "side" if glass else "1.0"
+    add(f"    for (int bounce = 0; bounce <= {scene.bounces}; bounce++) {{")
+    add("        travelled += hit.t;")
+    add("        Surface surface = surface_at(ray, hit);", "surface_at")
+    add("        surface.t = travelled;")
+    if glass:
+        add("        if (side < 0.0) weight *= exp(-absorption * distance(before, surface.p));")
+        add("        before = surface.p;")
+        add("        surface.normal *= side;")
+    add("        int dimension = 16 + 8 * bounce;", "random_of_pixel")
+    add("        vec3 direction;")
+    indent = "        "
+    if glass:
+        _glass(text)
+        indent += "    "
+    shines = bool(scene.lights) and plan.model != "phong"
+    if shines:
+        add(f"{indent}Surface shown = surface;")
+        add(f"{indent}shown.material.roughness = max(surface.material.roughness, dull);")
+    add(f"{indent}color += weight * lit({'shown' if shines else 'surface'});")
+    last = f"bounce == {scene.bounces}"
+    need = {"phong": {"from_matte"}, "physical": {"from_glossy"}, "mixed": {"from_matte", "from_glossy"}}[plan.model]
+    given = "(surface, dimension, direction, weight)"
+    if plan.model == "mixed":
+        add(f"{indent}bool goes = random_of_pixel(dimension + 5) < surface.material.physical", *need)
+        add(f"{indent}    ? from_glossy{given} : from_matte{given};")
+        add(f"{indent}if ({last} || !goes) break;")
+    else:
+        add(f"{indent}if ({last} || !{next(iter(need))}{given}) break;", *need)
+    if shines:
+        matte = "surface.material.metalness < 1.0 ? max(surface.material.roughness, 0.4) : surface.material.roughness"
+        add(f"{indent}dull = max(dull, {matte});")
+    if glass:
+        add("        }")
+    add("        float offset = 2.0 * epsilon(surface.p, travelled);", "epsilon")
+    add("        if (dot(direction, surface.normal) < 0.0) offset = -offset;")
+    add("        ray = Ray(surface.p + offset * surface.normal, direction);")
+    add(f"        hit = second(ray, travelled, {side});", "second")
+    add("        if (!hit.found) {")
+    add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);", "sky")
+    add("            break;")
+    add("        }")
+    add("    }")
+    if scene.fog is not None:
+        add("    color = through_fog(color, first);", "through_fog", by="Scene(fog=...)", where=scene.where)
+    add("    return color;")
+    add("}")
+
+
+def _glass(text: _Lines) -> None:
+    """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
+    for line in (
+        "Glass glass = glass_at(surface.p);",
+        "if (side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission) {",
+        "    float ratio = side > 0.0 ? 1.0 / glass.ior : glass.ior;",
+        "    float cosine = clamp(dot(surface.normal, surface.view), 0.0, 1.0);",
+        "    if (random_of_pixel(dimension + 4) < reflectance(cosine, ratio)) {",
+        "        direction = reflect(ray.direction, surface.normal);",
+        "    } else {",
+        "        direction = refract(ray.direction, surface.normal, ratio);",
+        "        side = -side;",
+        "        absorption = glass.absorption;",
+        "    }",
+        "} else {",
+    ):
+        text.add(f"        {line}", "Glass", "glass_at", "reflectance")
+
+
+def _chunk(text: _Lines, plan: Plan, values: Values) -> Chunk:
+    """The lines, and what of the sky and the fog they read by name."""
+    scene = plan.scene
     if scene.sky.constant:
         values.add("sky_color", scene.sky.radiance, scene.where)
     else:
@@ -151,7 +255,7 @@ def _ambient(text: _Lines, plan: Plan, values: Values) -> None:
         text.add("    float open = openness(surface);", "openness", by="Scene(occlusion=...)", where=scene.where)
         if scene.lights and plan.model != "physical":
             text.add("    surface.material.ambient *= open;", by="Scene(occlusion=...)", where=scene.where)
-    if scene.sky.light:
+    if ambient_sky(scene):
         needs = {"phong": ("matte_sky",), "physical": ("glossy_sky",), "mixed": ("matte_sky", "glossy_sky")}[plan.model]
         factor = "open * " if dimmed else ""
         text.add(f"    color += {factor}{FROM_SKY[plan.model]};", *needs, by="the sky's light", where=scene.where)

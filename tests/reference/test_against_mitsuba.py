@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import raymarch as rm
@@ -29,9 +28,9 @@ def mitsuba() -> Any:
 def test_our_light_is_mitsubas(name: str, mitsuba: Any, egl: Context) -> None:
     """The mean light within a percent; single pixels, where a shadow's border does not cross them, as well."""
     with rm.Renderer((WIDTH, WIDTH * 3 // 4), context=egl) as renderer:
-        found = renderer.render(ours(name, WIDTH)).color
-    error = compare(found, theirs(mitsuba, name, WIDTH))
-    assert error.mean <= 0.01 and error.median <= 0.01, error
+        error = compare(renderer.render(ours(name, WIDTH)), theirs(mitsuba, name, WIDTH))
+    noise = 0.05 if SCENES[name].samples > 32 else 0.01  # of single pixels, in both pictures
+    assert error.mean <= 0.01 and error.median <= noise, error
 
 
 def test_an_error_would_be_seen(mitsuba: Any, egl: Context) -> None:
@@ -39,8 +38,7 @@ def test_an_error_would_be_seen(mitsuba: Any, egl: Context) -> None:
     with rm.Renderer((WIDTH, WIDTH * 3 // 4), context=egl) as renderer:
         known = theirs(mitsuba, "metal", WIDTH)
         right = ours("metal", WIDTH)
-        color = renderer.render(right).color
-        other = rm.Scene(right.node, right.camera, right.lights, right.sky)
-        wrong = renderer.render(other).color
-    assert compare(1.02 * np.asarray(color), known).mean > 0.01
-    assert compare(wrong, known).median > 2 * compare(color, known).median
+        frame = renderer.render(right)
+        wrong = renderer.render(rm.Scene(right.node, right.camera, right.lights, right.sky))
+        assert compare(frame, known, 1.02).mean > 0.01
+        assert compare(wrong, known).median > 2 * compare(frame, known).median

@@ -75,6 +75,11 @@ def scenes() -> dict[str, rm.Scene]:
     made["sky seen only"] = rm.Scene(rm.sphere(), sky=rm.GradientSky((GAP, 1, 1)), fog=rm.Fog())
     made["occlusion"] = rm.Scene(solid() | rm.plane(offset=-1), occlusion=rm.Occlusion(4, GAP))
     made["occlusion in vain"] = rm.Scene(rm.sphere().material(gold), occlusion=rm.Occlusion(4, GAP))
+    glass = rm.Material(transmission=1, ior=1.5, absorption=(0.1, 0.2, 0.3))
+    made["matte bounces"] = rm.Scene(solid() | rm.plane(offset=-1), bounces=1, sky=rm.GradientSky())
+    made["glossy bounces"] = rm.Scene(rm.sphere().material(gold), bounces=2, lights=[])
+    made["glass"] = rm.Scene(rm.sphere().material(glass) | rm.plane(offset=-1).material(gold), fog=rm.Fog())
+    made["glass and phong"] = rm.Scene(rm.union(rm.sphere().material(glass), solid(), k=0.2), occlusion=rm.Occlusion())
     turned = rm.box().rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
     made["copies beside a material"] = rm.Scene(turned | rm.plane().material(RED))
     made |= {f"{n} normals": rm.Scene(solid(), quality=rm.Quality(normals=n)) for n in NORMALS}

@@ -1,0 +1,33 @@
+// Directions at random, each with the density that its name says, about a normal.
+// needs:
+// gives: aligned cosine_lobe facet_of
+vec3 aligned(vec3 normal, vec3 local) {
+    // the branchless basis of Duff et al. (2017)
+    float s = normal.z < 0.0 ? -1.0 : 1.0;
+    float a = -1.0 / (s + normal.z);
+    float b = normal.x * normal.y * a;
+    vec3 across = vec3(1.0 + s * normal.x * normal.x * a, s * b, -s * normal.x);
+    vec3 along = vec3(b, s + normal.y * normal.y * a, -normal.y);
+    return local.x * across + local.y * along + local.z * normal;
+}
+
+// cosine / pi
+vec3 cosine_lobe(vec3 normal, vec2 u) {
+    float r = sqrt(u.x);
+    float turn = 6.2831853 * u.y;
+    return aligned(normal, vec3(r * cos(turn), r * sin(turn), sqrt(max(1.0 - u.x, 0.0))));
+}
+
+// A microfacet's normal among those that are seen from `view`: GGX, by spherical caps (Dupuy and Benyoub 2023).
+vec3 facet_of(vec3 normal, vec3 view, float alpha, vec2 u) {
+    vec3 across = aligned(normal, vec3(1.0, 0.0, 0.0));
+    vec3 along = aligned(normal, vec3(0.0, 1.0, 0.0));
+    vec3 v = vec3(dot(view, across), dot(view, along), dot(view, normal));
+    vec3 stretched = normalize(vec3(alpha * v.xy, v.z));
+    float turn = 6.2831853 * u.x;
+    float z = (1.0 - u.y) * (1.0 + stretched.z) - stretched.z;
+    float s = sqrt(clamp(1.0 - z * z, 0.0, 1.0));
+    vec3 h = vec3(s * cos(turn), s * sin(turn), z) + stretched;
+    h = normalize(vec3(alpha * h.xy, max(h.z, 1.0e-7)));
+    return h.x * across + h.y * along + h.z * normal;
+}

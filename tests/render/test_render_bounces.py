@@ -1,0 +1,104 @@
+"""Light that bounces: what must come out whatever the chance, as the mean over many samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.expr.vocabulary import abs as size
+from raymarch.expr.vocabulary import vec3, where
+from raymarch.gpu import Renderer
+from raymarch.plan import plan
+from raymarch.shader import assemble
+
+SIZE = (24, 18)
+
+
+def mean(renderer: Renderer, node: rm.Node, samples: int = 64, **parts: object) -> np.ndarray:
+    """Colours where the solid is hit, each the mean over the samples."""
+    renderer.resize(SIZE)
+    parts = {"lights": [], "sky": (1, 1, 1), "bounces": 1, **parts}
+    scene = rm.Scene(node, quality=rm.Quality(samples=samples), **parts)  # type: ignore[arg-type]
+    frame = renderer.render(scene)
+    hit = np.isfinite(frame.depth)
+    hit[1:-1, 1:-1] &= hit[2:, 1:-1] & hit[:-2, 1:-1] & hit[1:-1, 2:] & hit[1:-1, :-2]
+    return frame.color[hit]
+
+
+def test_a_plane_under_a_white_sky_has_its_albedo(renderer: Renderer) -> None:
+    matte = rm.Material((0.6, 0.3, 0.2), specular=0, ambient=0)
+    camera = rm.Camera((0, 5, 0.1), (0, 0, 0))
+    found = mean(renderer, rm.plane().material(matte), camera=camera, samples=4)
+    np.testing.assert_allclose(found, np.broadcast_to((0.6, 0.3, 0.2), found.shape), rtol=1e-5)
+
+
+@pytest.mark.parametrize("metalness", [0.0, 1.0])
+@pytest.mark.parametrize("roughness", [0.0, 0.4, 1.0])
+def test_a_white_furnace_gets_back_no_more_than_it_gives(
+    renderer: Renderer, metalness: float, roughness: float
+) -> None:
+    skin = rm.Material(albedo=(1, 1, 1), metalness=metalness, roughness=roughness)
+    found = mean(renderer, rm.sphere().material(skin))
+    assert found.mean() <= 1.005
+    if metalness == 1.0 and roughness == 0.0:
+        np.testing.assert_allclose(found, 1.0, atol=2e-3)  # a mirror loses nothing
+    if metalness == 1.0 and roughness == 1.0:
+        assert 0.3 < found.mean() < 0.6  # single scattering loses what the facets hide
+
+
+def test_clear_glass_in_a_white_sky_is_not_seen(renderer: Renderer) -> None:
+    glass = rm.Material(transmission=1.0, ior=1.5)
+    found = mean(renderer, rm.sphere().material(glass), bounces=16, samples=32)
+    assert abs(found.mean() - 1.0) < 0.005
+
+
+def test_glass_absorbs_by_the_way_through_it(renderer: Renderer) -> None:
+    """At an index of 1 the way is straight: exp(-absorption d) is left of what is behind."""
+    ink = rm.Material(transmission=1.0, ior=1.0, absorption=(0.5, 1.0, 2.0))
+    renderer.resize((201, 151))
+    camera = rm.Camera((0, 0, 5), (0, 0, 0))
+    scene = rm.Scene(rm.box((2, 2, 1.5)).material(ink), camera=camera, lights=[], sky=(1, 1, 1))
+    assert scene.bounces == 6
+    np.testing.assert_allclose(renderer.render(scene).color[75, 100], np.exp(-1.5 * np.array([0.5, 1, 2])), rtol=5e-3)
+
+
+def test_all_light_is_mirrored_beyond_the_critical_angle(renderer: Renderer) -> None:
+    """A cube of index 2 seen through one face shows no light of what is behind the faces beside it: they are
+    mirrors."""
+    renderer.resize((41, 31))
+    cube = rm.box((2, 2, 2)).material(rm.Material(transmission=1.0, ior=2.0))
+    camera = rm.Camera((0, 0, 4), (0, 0, 0), fov=24)
+    only_beside = rm.Sky(lambda d: where(size(d.x) > 0.9, vec3(1.0), vec3(0.0)))
+    frame = renderer.render(rm.Scene(cube, camera, [], only_beside, bounces=8, quality=rm.Quality(samples=32)))
+    assert frame.color[13:18, 18:23].mean() < 0.02
+
+
+def test_a_mirror_shows_the_scene(renderer: Renderer) -> None:
+    mirror = rm.Material(albedo=(1, 1, 1), metalness=1, roughness=0)
+    lamp = rm.Material(emission=(0, 3, 0))
+    node = rm.plane().material(mirror) | rm.box((40, 2, 40)).translate((0, 6, 0)).material(lamp)
+    camera = rm.Camera((0, 2, 4), (0, 0, 0), fov=20)
+    found = mean(renderer, node, camera=camera, sky=(1, 0, 0), samples=1)
+    np.testing.assert_allclose(found, np.broadcast_to((0, 3, 0), found.shape), atol=1e-2)
+
+
+def test_more_samples_are_smoother_and_of_the_same_mean(renderer: Renderer) -> None:
+    skin = rm.Material((0.8, 0.8, 0.8), specular=0, ambient=0)
+    node = (rm.sphere() | rm.plane(offset=-1)).material(skin)
+    few, many, known = (mean(renderer, node, samples=n, sky=rm.GradientSky()) for n in (2, 64, 2048))
+    assert np.abs(few - known).mean() > 3 * np.abs(many - known).mean()
+    assert abs(few.mean() - known.mean()) < 0.03 * known.mean()
+
+
+def test_no_bounces_is_no_text_of_them() -> None:
+    for scene in (rm.Scene(rm.sphere()), rm.Scene(rm.sphere(), bounces=0)):
+        text = assemble(plan(scene)).text()
+        assert "bounce" not in text and "random_of_pixel" not in text
+
+
+@pytest.mark.parametrize("bounces", [-1, 17, 2.0, True])
+def test_bounces_beyond_the_limit_are_refused(bounces: object) -> None:
+    with pytest.raises(SceneError, match="bounces"):
+        rm.Scene(rm.sphere(), bounces=bounces)  # type: ignore[arg-type]
