@@ -84,8 +84,24 @@ class Pace:
 
 
 def scaled(size: tuple[int, int], share: float) -> tuple[int, int]:
-    """A size in whole pixels, each at least 1."""
-    return max(1, round(size[0] * share)), max(1, round(size[1] * share))
+    """A size in whole pixels, each at least 1.
+
+    Smaller ones have no edge that is a power of two, nor a quarter or sixteenth of one, the sizes of cones: Mesa's
+    software renderer compiles programs anew for textures of such edges, in the middle of a movement.
+    """
+    if share >= 1.0:
+        return size
+    width, height = (_odd(max(1, round(edge * share))) for edge in size)
+    return width, height
+
+
+def _odd(edge: int) -> int:
+    for divisors in ((1, 4, 16), (1, 4), (1,)):
+        for smaller in range(edge, max(edge - 8, 8), -1):
+            parts = [round(smaller / d) for d in divisors]
+            if not any(part > 2 and part & (part - 1) == 0 for part in parts):
+                return smaller
+    return edge
 
 
 def _share(step: int) -> float:

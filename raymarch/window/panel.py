@@ -14,7 +14,7 @@ from raymarch.plan import explain
 from raymarch.scene.parameter import Spec, Value
 from raymarch.window import control, save
 from raymarch.window.editors import Editors
-from raymarch.window.surface import Button, Event, Move, Scroll
+from raymarch.window.surface import Button, Event, Key, Move, Scroll
 from raymarch.window.toolkit import Toolkit
 
 if TYPE_CHECKING:
@@ -63,6 +63,8 @@ class Panel:
             mine = event.button in self._held
             self._held -= {event.button}
             return mine
+        if isinstance(event, Key) and event.control and event.name in ("q", "s"):
+            return False  # whoever types into a field may still leave and save
         return over if isinstance(event, Scroll) else self.toolkit.wants_keys
 
     @property

@@ -24,8 +24,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from raymarch.errors import DeviceError, RaymarchError, is_users
+from raymarch.errors import DeviceError, RaymarchError, SceneError, is_users
 from raymarch.gpu.prepare import Prepared, prepare
+from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
@@ -35,8 +36,12 @@ from raymarch.window.live import live
 FORKS = sys.platform.startswith("linux")
 """Whether a trial is a fork. Other systems' libraries do not survive one, or there is none."""
 
-SIZE = (16, 9)
-"""Of the picture that warms the driver's cache. Its programs do not depend on the size."""
+SIZE = (80, 48)
+"""Of the picture that warms the driver's cache. No edge of it, or of its quarter, is a power of two: see
+`raymarch.window.pace.scaled`."""
+
+FLUSHED = 0.05
+"""Seconds after which a driver has written what it keeps on disk; it does so in a thread of its own."""
 
 MEMORY_SHARE = 0.5
 """The part of the machine's memory that a scene file may take while it runs."""
@@ -116,7 +121,8 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     say({"id": number, "ok": error is None, "ms": times, "files": files, "error": error})
     if renderer is not None and found is not None:
         with _quietly():
-            renderer.render(found, outputs=("depth",))  # so that a click waits for no compiler
+            _draw(renderer, found, {}, ("depth",))  # so that a click waits for no compiler
+        time.sleep(FLUSHED)
 
 
 def _warm(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str, Any]) -> Renderer | None:
@@ -127,12 +133,25 @@ def _warm(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str
         return None
     renderer.planned_for = size
     renderer.adopt(scene, ready)
-    known = {name: value for name, value in params.items() if name in scene.parameters}
-    with _quietly():  # a kept value outside the new range is the window's to mend
-        renderer.render(scene, params=known)
-        return renderer
-    renderer.render(scene)
+    try:
+        _draw(renderer, scene, {name: value for name, value in params.items() if name in ready.plan.parameters})
+    except SceneError:  # a kept value outside the new range is the window's to mend
+        _draw(renderer, scene, {})
     return renderer
+
+
+def _draw(renderer: Renderer, scene: Scene, params: dict[str, Any], outputs: tuple[str, ...] = ("color",)) -> None:
+    """Draw each pass once, each with a program of its own.
+
+    Mesa's software renderer compiles a program for each kind of texture that it is drawn with, and the first such
+    compilation changes how the next ones are named in its cache on disk: only the first is found again by others.
+    """
+    ready = renderer.prepared(scene, outputs)
+    for draft in renderer.drafts(scene, params=params, outputs=outputs):
+        text = ready.texts[draft.chosen.name]
+        with Program(renderer.context, ready.vertex, text, ready.shader.locate, draft.chosen.name) as fresh:
+            fresh.draw(draft.target, draft.uniforms)
+    renderer.context.gl.finish()
 
 
 def _described(fault: RaymarchError) -> Answer:

@@ -120,7 +120,7 @@ def run(display: str, folder: Path, minutes: float, seed: int) -> list[dict[str,
             if session.process.poll() is not None:
                 raise AssertionError(f"the window ended:\n{session.errors.read_text()}")
         (folder / "scene.py").write_text(GOOD)
-        session.hand.key("Control_L", "q")
+        session.hand.close_window()
         session.end()
         errors = session.errors.read_text()
     finally:

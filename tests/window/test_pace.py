@@ -90,6 +90,16 @@ def test_what_a_frame_costs_besides_is_taken_off() -> None:
 def test_sizes_are_whole_and_never_nothing() -> None:
     assert scaled((641, 360), 0.5) == (320, 180)
     assert scaled((3, 1), SMALLEST) == (1, 1)
+    assert scaled((512, 256), 1.0) == (512, 256)
+
+
+def test_moving_sizes_have_no_power_of_two() -> None:
+    for width in range(300, 2000, 7):
+        for step in range(1, 12):
+            wanted = width * 2 ** (-step / 4)
+            edge = scaled((width, 100), 2 ** (-step / 4))[0]
+            assert wanted - 9 < edge <= wanted + 0.5
+            assert all(part & (part - 1) for part in (edge, round(edge / 4)))
 
 
 def test_time_plays_pauses_steps_and_scrubs() -> None:
