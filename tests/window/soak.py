@@ -23,7 +23,7 @@ from breakage import GOOD, PARTS, breaks
 from window_driver import Session, serve_display
 
 KINDS = ("Texture", "Buffer", "Program", "Framebuffer", "VertexArray", "Query", "Shader")
-NAMES = 5000
+NAMES = 50_000
 """OpenGL names that are asked about; drivers give out small ones first."""
 
 GROWTH = 0.05

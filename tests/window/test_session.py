@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from window_driver import Session
+from window_driver import Session, alike
 
 import raymarch as rm
 
@@ -58,7 +58,7 @@ def test_a_session(view: View) -> None:
     session = view(SCENE, "--size", "320x200")
     hand = session.hand
     start = session.settled()
-    assert np.abs(start - drawn(scene_of(SCENE))).max() <= 1
+    assert alike(start, drawn(scene_of(SCENE)))
 
     # Orbit, pan, come nearer, fly: the picture changes, and the copied line is the camera that draws it.
     for act in (
@@ -87,14 +87,14 @@ def test_a_session(view: View) -> None:
     seen = session.settled()
     assert session.wait("frame", lambda e: e["whole"], mark)["compiled"] == compiled
     bottom = slice(100, None)  # notices stand above for a while
-    assert np.abs(seen[bottom] - drawn(scene_of(SCENE, camera), value)[bottom]).max() <= 2
+    assert alike(seen[bottom], drawn(scene_of(SCENE, camera), value)[bottom])
 
     # Edit: camera and parameter stay.
     edited = SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.3, 0.9)")
     mark = save(session, edited)
     session.wait("loaded", since=mark)
     seen = session.settled()
-    assert np.abs(seen[bottom] - drawn(scene_of(edited, camera), value)[bottom]).max() <= 2
+    assert alike(seen[bottom], drawn(scene_of(edited, camera), value)[bottom])
 
     # Break: the picture stays, goes on moving, and the message says where.
     mark = save(session, edited.replace("(4, 0.2, 4)", "(4, -0.2, 4)"))
@@ -131,7 +131,7 @@ def test_a_session(view: View) -> None:
     hand.key("p")
     saved = session.wait("saved", since=mark)
     picture = np.asarray(Image.open(session.folder / saved["file"])).astype(int)
-    assert np.abs(picture - drawn(scene_of(edited), value)).max() <= 1
+    assert alike(picture, drawn(scene_of(edited), value))
     mark = session.mark()
     hand.key("Control_L", "s")
     settings = json.loads((session.folder / session.wait("saved", since=mark)["file"]).read_text())
@@ -148,7 +148,7 @@ def test_settings_open_as_they_were_saved(view: View, tmp_path: Path) -> None:
     (tmp_path / "kept.json").write_text(json.dumps(settings))
     session = view(SCENE, "--size", "320x200", "--settings", "kept.json")
     expected = drawn(scene_of(SCENE, rm.Camera((1, 1, 6), (0, 0, 0), fov=40)), 1.4)
-    assert np.abs(session.settled() - expected).max() <= 1
+    assert alike(session.settled(), expected)
 
 
 def test_an_imported_module_is_followed_too(view: View, tmp_path: Path) -> None:
@@ -192,7 +192,7 @@ def test_an_edit_that_leaves_the_shader_alone_compiles_nothing(view: View) -> No
     ):
         mark = save(session, edited)
         assert bool(session.wait("loaded", since=mark)["compiled"]) == compiles, edited
-        assert np.abs(session.settled().astype(int) - drawn(scene_of(edited), None)).max() <= 1
+        assert alike(session.settled(), drawn(scene_of(edited), None))
 
 
 def test_what_hangs_can_be_stopped(view: View) -> None:
@@ -209,7 +209,7 @@ def test_what_hangs_can_be_stopped(view: View) -> None:
     session.wait("reloading", since=mark)
     mark = save(session, SCENE)  # the next save takes the place of what hangs
     session.wait("loaded", since=mark)
-    assert np.abs(session.settled().astype(int) - start).max() <= 1
+    assert alike(session.settled(), start)
 
 
 CRASHES = {
@@ -230,7 +230,7 @@ def test_a_scene_that_ends_or_crashes_python_leaves_the_window(view: View) -> No
         assert Path(failed["file"]).name == "scene.py", name
     mark = save(session, SCENE)
     session.wait("loaded", since=mark)
-    assert np.abs(session.settled().astype(int) - start).max() <= 1
+    assert alike(session.settled(), start)
 
 
 def test_a_scene_that_is_deleted_comes_back(view: View) -> None:
@@ -253,7 +253,7 @@ def test_a_parameter_outside_its_new_range_is_moved_into_it(view: View) -> None:
     mark = save(session, SCENE.replace("1.0, 0.5, 2.0", "1.0, 0.5, 1.5"))
     session.wait("loaded", since=mark)
     assert session.wait("notice", since=mark)["text"] == "radius = 1.9 lies outside its new range; it is 1.5 now"
-    assert np.abs(session.settled()[120:] - drawn(scene_of(SCENE), 1.5)[120:]).max() <= 1
+    assert alike(session.settled()[120:], drawn(scene_of(SCENE), 1.5)[120:])
 
 
 def test_time_plays_pauses_and_steps(view: View) -> None:
@@ -287,4 +287,4 @@ def test_other_views_show_what_render_shows(view: View, name: str, tmp_path: Pat
     scene = scene_of(SCENE)
     with rm.Renderer(SIZE) as renderer:
         expected = np.asarray(picture(renderer.render(scene, outputs=VIEWS[name]), name, scene).convert("RGB"))
-    assert np.abs(seen[120:].astype(int) - expected[120:]).max() <= 1
+    assert alike(seen[120:], expected[120:])

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window_driver import ROOT, Hand, Session
+from window_driver import ROOT, Hand, Session, alike
 
 import raymarch as rm
 from raymarch.cli import main
@@ -56,13 +56,13 @@ def refused(capfd: Capture, *arguments: str) -> str:
 def test_the_window_shows_what_render_draws_at_every_size(view: View) -> None:
     session = view(SCENE, "--size", "320x200")
     seen = session.settled()
-    assert np.abs(seen - expected(SCENE, (320, 200))).max() <= 1
+    assert alike(seen, expected(SCENE, (320, 200)))
     for size in ((300, 220), (150, 90), (640, 360)):
         mark = session.mark()
         session.hand.resize(*size)
         session.wait("resize", lambda e, size=size: e["size"] == list(size), mark)
         seen = session.settled()
-        assert np.abs(seen - expected(SCENE, size)).max() <= 1
+        assert alike(seen, expected(SCENE, size))
     session.hand.close_window()
     assert session.end() == 0
     assert session.errors.read_text() == ""
@@ -76,7 +76,7 @@ def test_a_still_picture_gathers_samples(view: View) -> None:
     scene = namespace["scene"]
     smooth = rm.Scene(scene.node, scene.camera, quality=rm.Quality(samples=4))
     seen = session.settled()
-    assert np.abs(seen - np.asarray(rm.render(smooth, (200, 120))).astype(int)).max() <= 1
+    assert alike(seen, np.asarray(rm.render(smooth, (200, 120))).astype(int))
     assert np.abs(seen - expected(SCENE, (200, 120))).max() > 20, "edges are not smooth"
     samples = [e["samples"] for e in session.events() if e["event"] == "frame" and not e["moving"]]
     assert samples == sorted(samples) and samples[-1] == 4
@@ -106,7 +106,7 @@ def test_a_dense_screen_gets_more_pixels(display: str, view: View) -> None:
         session = view(SCENE, "--size", "200x120")
         opened = session.wait("open")
         assert opened["density"] == 2.0 and opened["size"] == [400, 240]
-        assert np.abs(session.settled() - expected(SCENE, (400, 240))).max() <= 1
+        assert alike(session.settled(), expected(SCENE, (400, 240)))
     finally:
         hand.set_resource("")
         hand.done()
