@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json as json_format
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,6 +15,9 @@ from raymarch.cli.commands import app
 from raymarch.cli.common import CommandError, parse_settings, parse_size, written
 from raymarch.cost.accuracy import claims, page
 from raymarch.cost.checks import check
+from raymarch.cost.effects import ablate
+from raymarch.cost.effects import table as effects_table
+from raymarch.cost.environment import environment
 from raymarch.cost.html import as_html
 from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
@@ -22,9 +26,10 @@ from raymarch.cost.settings import axes, grid, parse_values
 from raymarch.cost.suite import FULL, QUICK, find_scenes, measure_suite
 from raymarch.cost.suite_plots import figure_3, figure_5, fronts
 from raymarch.cost.sweep import METRICS, Point, Sweep, sweep
-from raymarch.cost.text import as_csv, as_json, findings, table
+from raymarch.cost.text import FORMAT, as_csv, as_json, findings, table
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
+from raymarch.scene.scene import Scene
 
 WIDTH = 150
 """Columns that the table is given where the output is no terminal, or a narrower one."""
@@ -65,6 +70,7 @@ def cost_command(
     csv: Annotated[Path | None, typer.Option(help="Write a line for each setting.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw error against time and more: .png, .svg or .pdf.")] = None,
     html: Annotated[Path | None, typer.Option(help="Write a report with pictures and error maps, in one file.")] = None,
+    effects: Annotated[bool, typer.Option("--effects", help="Measure each effect of the scene in its place.")] = False,
     suite: Annotated[bool, typer.Option("--suite", help="The comparison over three scenes, as a page.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="With --suite: small pictures, few frames.")] = False,
     scenes: Annotated[Path, typer.Option(help="With --suite: the folder of its scenes.")] = Path("examples"),
@@ -86,6 +92,12 @@ def cost_command(
     asked = axes(_names(cross), _given(axis or []))
     pixels, params = parse_size(size), parse_settings(set_ or [])
     found = load(scene)
+    if effects:
+        for option, file in (("--csv", csv), ("--plot", plot), ("--html", html)):
+            if file is not None:
+                raise CommandError(f"--effects together with {option}", legal="--json")
+        _effects(found, scene.stem, pixels, time, params, repeats, seed, json, backend, device)
+        return
     settings = grid(found, asked, pixels)
     with watched() as tell, Renderer(pixels, backend, device) as renderer:
         known = reference(found, pixels, time, params, samples, lambda what: tell(what, 0.0))
@@ -99,6 +111,32 @@ def cost_command(
     if plot is not None:
         with written(plot) as partial:
             partial.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
+
+
+def _effects(
+    scene: Scene,
+    name: str,
+    size: tuple[int, int],
+    time: float,
+    params: dict[str, Any],
+    repeats: int,
+    seed: int,
+    json: Path | None,
+    backend: str,
+    device: int | None,
+) -> None:
+    """What each effect costs, as a table and JSON."""
+    with watched() as tell, Renderer(size, backend, device) as renderer:
+        found = ablate(scene, renderer, time, params, repeats, seed, tell)
+        measured_on = environment(renderer)
+    out = Console(highlight=False, emoji=False)
+    out.width = max(out.width, WIDTH)
+    out.print(effects_table(found, name))
+    if json is not None:
+        data = {"format": FORMAT, "scene": name, "size": list(size), "seed": seed, "repeats": repeats}
+        data |= {"environment": measured_on, "effects": [e.as_dict() for e in found]}
+        with written(json) as partial:
+            partial.write_text(json_format.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _suite(scene: Path | None, asked: bool, scenes: Path, output: Path, quick: bool, seed: int, backend: str) -> None:

@@ -1,0 +1,248 @@
+"""What each effect of a scene costs, and what it changes in the picture: each left out in turn."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import random
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from raymarch.cost.flip import BAD, flip, largest_region
+from raymarch.cost.settings import Setting, with_quality
+from raymarch.cost.statistics import Median, median
+from raymarch.cost.sweep import Progress, timed
+from raymarch.errors import CostError
+from raymarch.expr.node import Expr, const
+from raymarch.gpu.prepare import prepare
+from raymarch.gpu.renderer import Renderer
+from raymarch.plan import plan
+from raymarch.scene.scene import Scene
+from raymarch.shader import assemble
+
+TEXEL = 16
+"""Bytes of a texel: four 32-bit floats."""
+COUNTER = "field_evaluations_"
+"""A global of the counting shader."""
+
+
+@dataclass(slots=True)
+class Effect:
+    """An effect, by what is saved where it is left out. All but the flips are differences: with it, less without it.
+
+    milliseconds : of a frame, as frames of the same turn differ. evaluations : of the field and its gradient a pixel,
+    secondary rays and all. texture_bytes, shader_bytes : of the passes' textures and of the shader's text.
+    flip_mean, flip_p99, flip_max, flip_region : FLIP of the picture without it against that with it.
+    """
+
+    name: str
+    evaluations: float
+    texture_bytes: int
+    shader_bytes: int
+    flip_mean: float
+    flip_p99: float
+    flip_max: float
+    flip_region: int
+    _differences: list[float] = field(default_factory=list, repr=False)
+
+    @property
+    def milliseconds(self) -> Median:
+        return median(self._differences)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        time = self.milliseconds
+        return {
+            "name": self.name,
+            "milliseconds": {"median": time.value, "low": time.low, "high": time.high, "confidence": time.confidence},
+            "evaluations": self.evaluations,
+            "texture_bytes": self.texture_bytes,
+            "shader_bytes": self.shader_bytes,
+            "flip": {
+                "mean": self.flip_mean,
+                "p99": self.flip_p99,
+                "max": self.flip_max,
+                "largest_region": self.flip_region,
+            },
+        }
+
+
+def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    """The scene with each of its effects left out in turn.
+
+    An effect is an optional part of the scene that is given (fog, occlusion, ...), a switch of a light or of the sky
+    that is on, a softness that is not 0, one of several lights, or more than one ray a pixel.
+    """
+    for name in _optional_parts(scene):
+        yield name, _changed(scene, **{name: None})
+    for switch in _switches([*scene.lights]):
+        lights = tuple(
+            _off(light, switch) if getattr(light, switch, False) is True else light for light in scene.lights
+        )
+        yield f"{switch} of lights", _changed(scene, lights=lights)
+    if any(_soft(light) for light in scene.lights):
+        lights = tuple(_off(light, "softness") if _soft(light) else light for light in scene.lights)
+        yield "softness of shadows", _changed(scene, lights=lights)
+    for switch in _switches([scene.sky]):
+        yield f"{switch} of the sky", _changed(scene, sky=_off(scene.sky, switch))
+    if len(scene.lights) > 1:
+        for i, light in enumerate(scene.lights):
+            rest = scene.lights[:i] + scene.lights[i + 1 :]
+            yield f"light {i + 1}, {type(light).__name__}", _changed(scene, lights=rest)
+    if scene.quality.samples > 1:
+        yield "anti-aliasing", with_quality(scene, replace(scene.quality, samples=1))
+
+
+def _optional_parts(scene: Scene) -> list[str]:
+    """What this scene was given and a plain one does not have, by name."""
+    plain = Scene(scene.node)
+    names = [n for n, p in inspect.signature(Scene).parameters.items() if p.default is None]
+    return [n for n in names if getattr(plain, n) is None and getattr(scene, n) is not None]
+
+
+def _switches(parts: list[Any]) -> list[str]:
+    """Names of attributes that are True in some part."""
+    found: dict[str, None] = {}
+    for part in parts:
+        for kind in type(part).__mro__:
+            for name in getattr(kind, "__slots__", ()):
+                if not name.startswith("_") and getattr(part, name, None) is True:
+                    found[name] = None
+    return list(found)
+
+
+def _soft(light: Any) -> bool:
+    softness = getattr(light, "softness", None)
+    if not isinstance(softness, Expr) or not light.shadow:
+        return False
+    return not softness.is_constant or bool(np.any(softness.data))
+
+
+def _off(part: Any, name: str) -> Any:
+    made = copy.copy(part)
+    setattr(made, name, False if getattr(part, name) is True else const(0.0))
+    return made
+
+
+def _changed(scene: Scene, **parts: Any) -> Scene:
+    made = copy.copy(scene)
+    for name, value in parts.items():
+        setattr(made, name, value)
+    return made
+
+
+def ablate(
+    scene: Scene,
+    renderer: Any,
+    time: float = 0.0,
+    params: Mapping[str, Any] | None = None,
+    repeats: int = 9,
+    seed: int = 1,
+    progress: Progress | None = None,
+    count: Callable[..., float] | None = None,
+) -> list[Effect]:
+    """Measure each effect of a scene, dearest first.
+
+    renderer : an open one. repeats, seed : as for `raymarch.cost.sweep.sweep`; all variants take turns.
+    count : for tests, in place of `evaluations_of`.
+
+    Raises CostError for a scene without effects.
+    """
+    tell = progress or (lambda _what, _share: None)
+    counted = count or evaluations_of
+    variants = list(ablations(scene))
+    if not variants:
+        raise CostError("the scene has no effects", legal="shadows, fog, occlusion, light of the sky, several lights")
+    renderer.kept = max(renderer.kept, 4 * (len(variants) + 1))
+    whole = _figures(scene, renderer, time, params, counted)
+    found = []
+    for i, (name, made) in enumerate(variants):
+        tell(f"without {name}", 0.5 * i / len(variants))
+        without = _figures(made, renderer, time, params, counted)
+        values = flip(whole["color"], without["color"])
+        p99, largest = (float(v) for v in np.percentile(values, (99, 100)))
+        costs = {n: whole[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
+        found.append(Effect(name, **costs, flip_mean=float(values.mean()), flip_p99=p99, flip_max=largest,
+                            flip_region=largest_region(values > BAD)))  # fmt: skip
+    turns = random.Random(seed)
+    scenes = [scene, *(made for _, made in variants)]
+    for turn in range(repeats):
+        tell("time", 0.5 + 0.5 * turn / repeats)
+        order = list(range(len(scenes)))
+        turns.shuffle(order)
+        spent = dict.fromkeys(order, 0.0)
+        for k in order:
+            spent[k] = timed(scenes[k], Setting("", scenes[k].quality), renderer, time, params)[0]
+        for k, effect in enumerate(found, 1):
+            effect._differences.append(spent[0] - spent[k])
+    return sorted(found, key=lambda e: -e.milliseconds.value)
+
+
+def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Callable[..., float]) -> dict[str, Any]:
+    """What needs no clock; two frames are drawn, so that none that is timed later is the first."""
+    size = renderer.size
+    color = renderer.render(scene, time, params, ("color",)).array("color")
+    renderer.render(scene, time, params, ("color",))
+    planned = plan(scene, size=size)
+    shader = assemble(planned)
+    data = sum(samples.values.nbytes for samples in shader.samples.values())
+    cells = sum(level.size(size)[0] * level.size(size)[1] for level in planned.marching.schedule.levels)
+    pair = 2 if any(p.module == "view/accumulate" for p in planned.passes) else 1
+    drawn = sum(p.textures for p in planned.passes if p.name != "cone") * size[0] * size[1] * pair
+    return {
+        "color": color,
+        "evaluations": count(scene, renderer, time, params),
+        "texture_bytes": data + TEXEL * (cells + drawn),
+        "shader_bytes": len(shader.text().encode()),
+    }
+
+
+def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None) -> float:
+    """Evaluations of the field and of its gradient, mean a pixel, with those of shadows and all other secondary rays.
+
+    They are counted by the scene's own shader, with a counter written into it, at one ray a pixel and without cones.
+    """
+    plain = with_quality(scene, replace(scene.quality, samples=1, temporal="off", schedule="single", budget=None))
+    ready = prepare(plain, ("color",), renderer.size)
+    counting = replace(ready, texts={name: counting_text(text) for name, text in ready.texts.items()})
+    with Renderer(renderer.size, context=renderer.context) as own:
+        own.adopt(plain, counting, ("color",))
+        counted = own.render(plain, time, params, ("color",)).array("color")[..., 0]
+    return float(counted.mean())
+
+
+def counting_text(text: str) -> str:
+    """A shader of the colour pass that gives how often it asked the field or its gradient, in place of the colour."""
+    found = 0
+    lines = []
+    for line in text.splitlines():
+        if line.startswith(("float field(vec3", "vec4 field_gradient(vec3")) and line.endswith("{"):
+            lines += [f"float {COUNTER} = 0.0;"] if not found else []
+            lines += [line, f"    {COUNTER} += 1.0;"]
+            found += 1
+        else:
+            lines.append(line)
+    end = len(lines) - 1 - lines[::-1].index("}")
+    lines.insert(end, f"    out_color = vec4(vec3({COUNTER}), 1.0);")
+    return "\n".join(lines) + "\n"
+
+
+def table(effects: list[Effect], name: str) -> Table:
+    """The effects as a table, dearest first."""
+    drawn = Table(title=f"{name}: what each effect costs, and changes", title_justify="left", box=None)
+    headings = ("ms", "95 %", "evals", "texture bytes", "shader bytes", "flip p99", "flip max", "bad region")
+    drawn.add_column("effect", no_wrap=True)
+    for heading in headings:
+        drawn.add_column(heading, justify="right", no_wrap=True)
+    for e in effects:
+        t = e.milliseconds
+        span = f"{t.low:.2f} to {t.high:.2f}"
+        flips = (f"{e.flip_p99:.3f}", f"{e.flip_max:.3f}", str(e.flip_region))
+        drawn.add_row(
+            e.name, f"{t.value:.2f}", span, f"{e.evaluations:.1f}", str(e.texture_bytes), str(e.shader_bytes), *flips
+        )
+    return drawn

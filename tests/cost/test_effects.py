@@ -1,0 +1,137 @@
+"""Each effect left out in turn: what is left out, what it costs, and how its evaluations are counted."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.cli import main
+from raymarch.cost.effects import ablate, ablations, counting_text, evaluations_of
+from raymarch.errors import CostError
+
+SIZE = (48, 27)
+
+
+def rich() -> rm.Scene:
+    return rm.Scene(
+        rm.sphere() | rm.plane(offset=-1),
+        camera=rm.Camera(position=(0, 2, 5), target=(0, 0, 0)),
+        lights=[rm.Sun(shadow=True, softness=0.05), rm.PointLight(position=(3, 3, 3), intensity=4)],
+        sky=rm.Sky(light=True),
+        fog=rm.Fog(density=0.02),
+        occlusion=rm.Occlusion(),
+        quality=rm.Quality(samples=2),
+    )
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    with rm.Renderer(SIZE) as made:
+        yield made
+
+
+def test_each_effect_is_left_out_alone():
+    scene = rich()
+    names = dict(ablations(scene))
+    assert set(names) == {
+        *("fog", "occlusion", "shadow of lights", "softness of shadows", "light of the sky"),
+        *("light 1, Sun", "light 2, PointLight", "anti-aliasing"),
+    }
+    assert names["fog"].fog is None
+    assert names["fog"].occlusion is scene.occlusion
+    assert [light.shadow for light in names["shadow of lights"].lights] == [False, False]
+    assert names["softness of shadows"].lights[0].shadow
+    assert not names["softness of shadows"].lights[0].soft
+    assert not names["light of the sky"].sky.light
+    assert names["light 2, PointLight"].lights == scene.lights[:1]
+    assert names["anti-aliasing"].quality.samples == 1
+    assert scene.lights[0].shadow, "the scene itself stays"
+    assert scene.sky.light
+    assert scene.fog is not None
+
+
+def test_a_plain_scene_has_no_effects(renderer):
+    assert not list(ablations(rm.Scene(rm.sphere())))
+    with pytest.raises(CostError, match="no effects"):
+        ablate(rm.Scene(rm.sphere()), renderer)
+
+
+def test_what_an_effect_costs(renderer):
+    found = {e.name: e for e in ablate(rich(), renderer, repeats=6)}
+    assert next(iter(found)) == max(found.values(), key=lambda e: e.milliseconds.value).name
+    assert found["fog"].shader_bytes > 100
+    assert found["fog"].evaluations == 0
+    assert found["shadow of lights"].evaluations > 3
+    assert found["occlusion"].evaluations == pytest.approx(evaluated_hits(), abs=0.01), "5 samples where there is a hit"
+    assert found["anti-aliasing"].texture_bytes > SIZE[0] * SIZE[1] * 16
+    assert found["light of the sky"].flip_mean > 0.01
+    assert found["light 1, Sun"].flip_region > 20
+    for effect in found.values():
+        assert effect.milliseconds.count == 6
+        assert json.loads(json.dumps(effect.as_dict()))["name"] == effect.name
+
+
+def evaluated_hits() -> float:
+    """Evaluations a pixel of five samples at every hit."""
+    return 5.0 * float(rm.truth(rich(), size=SIZE, outputs=()).hit.mean())
+
+
+def test_times_are_differences_of_the_same_turn(monkeypatch):
+    from raymarch.cost import effects
+
+    clock, variants = iter(range(10**6)), 1 + len(list(ablations(rich())))
+
+    def fake(scene, setting, renderer, time=0.0, params=None):
+        slow = 1.0 * (next(clock) // variants)  # each turn is slower than the one before
+        return slow + 3.0 * (scene.fog is not None) + 5.0 * any(light.shadow for light in scene.lights), 0.0
+
+    monkeypatch.setattr(effects, "timed", fake)
+    monkeypatch.setattr(effects, "_figures", lambda *_: {
+        "color": np.zeros((4, 4, 3)), "evaluations": 0.0, "texture_bytes": 0, "shader_bytes": 0
+    })  # fmt: skip
+    found = effects.ablate(rich(), type("R", (), {"kept": 1})(), repeats=6)
+    assert [e.name for e in found[:3]] in (
+        ["shadow of lights", "light 1, Sun", "fog"],
+        ["light 1, Sun", "shadow of lights", "fog"],
+    )
+    by_name = {e.name: e.milliseconds for e in found}
+    assert (by_name["fog"].value, by_name["fog"].low, by_name["fog"].high) == (3.0, 3.0, 3.0)
+    assert by_name["occlusion"].value == 0.0
+
+
+def test_the_counting_shader_counts(renderer):
+    """Without lights nothing but the primary rays asks: the same count as the geometry pass gives."""
+    scene = rm.Scene(rm.sphere() | rm.plane(offset=-1), lights=[], camera=rm.Camera((0, 2, 5), (0, 0, 0)))
+    frame = renderer.render(scene, outputs=("evaluations",))
+    assert evaluations_of(scene, renderer) == pytest.approx(float(frame.evaluations.mean()), rel=1e-6)
+    lit = rm.Scene(scene.node, lights=[rm.Sun()], camera=scene.camera)
+    more = evaluations_of(lit, renderer) - evaluations_of(scene, renderer)
+    assert more == pytest.approx(float(np.isfinite(frame.depth).mean()), abs=1e-3), "one gradient where there is a hit"
+    assert np.array_equal(renderer.render(scene).color, renderer.render(scene).color), "the picture is not the count"
+
+
+def test_the_counting_text():
+    text = "float field(vec3 p) {\n    return 1.0;\n}\n\nvoid main() {\n    out_color = vec4(field(vec3(0.0)));\n}\n"
+    made = counting_text(text).splitlines()
+    assert made[0].startswith("float field_evaluations_ = 0.0;")
+    assert made[2].strip() == "field_evaluations_ += 1.0;"
+    assert made[-2].strip() == "out_color = vec4(vec3(field_evaluations_), 1.0);"
+    assert made[-1] == "}"
+
+
+def test_the_command(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.py").write_text("import raymarch as rm\nscene = rm.Scene(rm.sphere(), fog=rm.Fog())\n")
+    with pytest.raises(SystemExit) as stop:
+        main(["cost", "a.py", "--effects", "--size", "24x14", "--repeats", "1", "--json", "e.json"])
+    assert stop.value.code == 0
+    assert "fog" in capsys.readouterr().out
+    data = json.loads((tmp_path / "e.json").read_text())
+    assert [e["name"] for e in data["effects"]] == ["fog"]
+    assert data["environment"]["clock"]["kind"]
+    with pytest.raises(SystemExit) as stop:
+        main(["cost", "a.py", "--effects", "--csv", "e.csv"])
+    assert stop.value.code == 2
