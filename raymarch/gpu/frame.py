@@ -46,6 +46,8 @@ class Frame:
     _arrays: dict[str, NDArray[Any]]
     _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
     tone: Tone = field(default_factory=Tone, repr=False)
+    complete: bool = True
+    """False if rays are still on their way, which the next frame of the same picture goes on with."""
 
     def array(self, name: str) -> NDArray[Any]:
         """An array by its name, one of `raymarch.plan.OUTPUTS`."""

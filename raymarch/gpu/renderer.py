@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
-from raymarch.gpu.drafts import Draft, History, drafts_of
+from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
@@ -104,6 +105,7 @@ class Renderer:
         outputs: Sequence[str] = ("color",),
         progress: Progress | None = None,
         pose: Pose | None = None,
+        within: float | None = None,
     ) -> Frame:
         """A frame of a scene.
 
@@ -114,6 +116,9 @@ class Renderer:
         outputs : arrays to make now; "color" is a pass of its own, all others share one. The rest is made on access.
         progress : called with the share done, 0 to 1, after each tile; the picture is the same bit for bit.
         pose : a camera in place of the scene's.
+        within : milliseconds after which rays that are marched over several passes, by Quality(budget=...), wait for
+            the next frame. With temporal="accumulate" that goes on from there, while the picture stays the same;
+            `frame.complete` says whether all rays have arrived.
 
         Raises
         ------
@@ -131,10 +136,13 @@ class Renderer:
                 raise DeviceError(
                     f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
                 )
-            return self._render_passes(scene, values, [name], None, pose)
+            return self._render_passes(scene, values, [name], pose)
 
-        arrays, timings = self._render_passes(scene, values, outputs, progress, pose)
-        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone)
+        arrays, timings = self._render_passes(
+            scene, values, outputs, pose, progress, np.inf if within is None else within
+        )
+        complete = scene.quality.budget is None or self.history.arrived
+        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone, complete)
 
     def drafts(
         self,
@@ -149,7 +157,9 @@ class Renderer:
         Parameters and errors are those of `render`; `pose` is a camera in place of the scene's. The textures hold what
         was drawn until the next draft of as many textures is drawn.
         """
-        return self._drafts(scene, self._values(scene, params, time, outputs), outputs, pose)
+        ready, uniforms = self._ready(scene, self._values(scene, params, time, outputs), outputs, pose)
+        with in_pass(*(chosen.name for chosen in ready.plan.passes)):
+            return list(drafts_of(self.store, ready, uniforms, self.size, self.history))
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
@@ -171,7 +181,10 @@ class Renderer:
             self.adopt(scene, found, outputs)
         return found
 
-    def _drafts(self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose | None) -> list[Draft]:
+    def _ready(
+        self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose | None
+    ) -> tuple[Prepared, dict[str, Any]]:
+        """The plan of a frame and the uniforms of all its passes."""
         if self.context.released:
             raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
         ready = self._prepare(scene, outputs)
@@ -180,32 +193,55 @@ class Renderer:
             uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.store.lights(lights.rows(ready.plan.scene, values))
-            return drafts_of(self.store, ready, uniforms, self.size, self.history)
+        return ready, uniforms
 
     def _render_passes(
-        self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None, pose: Pose | None
+        self,
+        scene: Scene,
+        values: Values,
+        outputs: Sequence[str],
+        pose: Pose | None,
+        progress: Progress | None = None,
+        within: float = np.inf,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         try:
-            return self._passes(scene, values, outputs, progress, pose)
+            return self._passes(scene, values, outputs, pose, progress, within)
         except BaseException:
             self.forget()  # the history was brought up to date for draws that were not made
             raise
 
     def _passes(
-        self, scene: Scene, values: Values, outputs: Sequence[str], progress: Progress | None, pose: Pose | None
+        self,
+        scene: Scene,
+        values: Values,
+        outputs: Sequence[str],
+        pose: Pose | None,
+        progress: Progress | None,
+        within: float,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-        timings = []
+        timings: list[Timing] = []
         targets: dict[str, Target] = {}
-        drafts = self._drafts(scene, values, outputs, pose)
-        for i, draft in enumerate(drafts):
+        ready, uniforms = self._ready(scene, values, outputs, pose)
+        names = tuple(chosen.name for chosen in ready.plan.passes)
+        drafts = drafts_of(
+            self.store, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within
+        )
+        most = count_draws(ready)
+        while True:
+            with in_pass(*names):
+                draft = next(drafts, None)
+            if draft is None:
+                break
             first = self.store.first_draw(draft.program)
             with in_pass(draft.chosen.name):
-                drawn = self._draw(draft, None if progress is None else _part(progress, i, len(drafts)))
+                drawn = self._draw(draft, None if progress is None else _part(progress, len(timings), most))
             timings.append(Timing(draft.chosen.name, drawn, draft.compile, first))
             targets[draft.chosen.name] = draft.target
+        if progress is not None and len(timings) < most:
+            progress(1.0)
         arrays: dict[str, NDArray[Any]] = {}
         for name, target in targets.items():
-            if name not in ("cone", "sample"):
+            if name not in ("cone", "sample", "march"):
                 with in_pass(name):
                     arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings
