@@ -13,6 +13,7 @@ from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS
 from raymarch.plan import OUTPUTS, Plan, plan
+from raymarch.plan.moments import at_moment
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
@@ -77,6 +78,7 @@ def frame_uniforms(ready: Prepared, values: Values, size: tuple[int, int], pose:
     pose : a camera in place of the scene's.
     """
     scene = ready.plan.scene
+    values = at_moment(ready.plan.moments, values)
     if pose is None:
         pose = ready.plan.given.pose(values, size[0] / size[1])
     pose = replace(pose, position=pose.position - ready.plan.origin)
