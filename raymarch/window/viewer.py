@@ -130,7 +130,7 @@ class Viewer:
     # The loop
 
     def run(self, seconds: float | None = None) -> int:
-        """Show the window until it is closed, or for so long. 0; 2 if the scene file is broken then; 130 after Ctrl+C."""
+        """Show the window until it is closed, or for so long. 0; 2 if the scene is broken then; 130 after Ctrl+C."""
         code = 1
         end = None if seconds is None else clock_time.perf_counter() + seconds
         self.reloader.start()
