@@ -7,6 +7,7 @@ import sys
 import time as clock_time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,10 +18,10 @@ from rich.progress import Progress, TextColumn
 import raymarch
 from raymarch.cli.choice import choose_quality
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
+from raymarch.cli.views import CHOICES, check_view, drawn, numbers
 from raymarch.errors import RaymarchError
 from raymarch.gpu.doctor import examine
 from raymarch.gpu.renderer import Renderer
-from raymarch.gpu.views import VIEWS, light, picture
 from raymarch.plan import explain, plan
 from raymarch.scene.file import load
 from raymarch.scene.images import write_exr
@@ -83,7 +84,10 @@ def render(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
     ] = None,
-    view: Annotated[str, typer.Option(help=f"What to show: {', '.join(VIEWS)}.")] = "final",
+    view: Annotated[str, typer.Option(help=f"What to show: {', '.join(CHOICES)}.")] = "final",
+    slice_: Annotated[
+        str | None, typer.Option("--slice", metavar="y=0", help="Plane of --view slice. [faces the camera]")
+    ] = None,
     quality: Annotated[
         str | None, typer.Option(metavar="NAME", help=f"In place of the scene's own: {', '.join(PRESETS)}.")
     ] = None,
@@ -97,8 +101,7 @@ def render(
     device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
 ) -> None:
     """Draw a scene into a picture file, without a screen."""
-    if view not in VIEWS:
-        raise CommandError(f"--view {view}", legal=", ".join(VIEWS))
+    cut = check_view(view, slice_)
     width, height = parse_size(size)
     chooser = choose_quality(quality, error, within)
     found = load(scene)
@@ -109,19 +112,23 @@ def render(
         found.quality = chooser(found, renderer, moments[0][0], params)
         for i, (moment, file) in enumerate(moments):
             start = clock_time.perf_counter()
-            outputs = VIEWS[view]
-            frame = renderer.render(found, moment, params, outputs, lambda share, i=i: progress(i + share))  # type: ignore[misc]
-            with written(file) as partial:
+            tell = partial(_later, progress, i)
+            frame = renderer.render(found, moment, params, CHOICES[view], tell, cut=cut)
+            with written(file) as unfinished:
                 if file.suffix.lower() == ".exr":
-                    write_exr(partial, light(frame, view))
+                    write_exr(unfinished, numbers(frame, view, found, params))
                 else:
-                    picture(frame, view, found).save(partial, FORMATS[file.suffix.lower()])
+                    drawn(frame, view, found, params).save(unfinished, FORMATS[file.suffix.lower()])
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
                 f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}",
                 markup=False,
             )
+
+
+def _later(progress: Callable[[float], None], before: int, share: float) -> None:
+    progress(before + share)
 
 
 def _moments(target: Path, time: float | None, frames: str | None, fps: float) -> list[tuple[float, Path]]:

@@ -139,12 +139,17 @@ def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]
 
 def footprints(known: Reference, depth: ArrayLike) -> Array:
     """abs(depth - truth) in footprints, (H, W): inf where a hit is missed or made up, 0 where neither hits."""
-    given = _shaped("depth", depth, known.depth.shape)
-    hit = np.isfinite(given)
-    apart = np.where(hit == known.hit, 0.0, np.inf)
-    both = hit & known.hit
-    apart[both] = np.abs(given[both] - known.depth[both]) / (known.pixel * known.depth[both])
-    return apart
+    return apart(depth, known.depth, known.pixel)
+
+
+def apart(depth: ArrayLike, true: Array, pixel: float) -> Array:
+    """abs(depth - true) in footprints of pixels that are `pixel` wide at distance 1; as `footprints`."""
+    given = _shaped("depth", depth, true.shape)
+    hit, known = np.isfinite(given), np.isfinite(true)
+    found = np.where(hit == known, 0.0, np.inf)
+    both = hit & known
+    found[both] = np.abs(given[both] - true[both]) / (pixel * true[both])
+    return found
 
 
 def _ranks(name: str, values: Array, *ranks: int) -> dict[str, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from raymarch.scene.camera import Pose
 from raymarch.scene.tone import Tone, encode
 
 Arrays: TypeAlias = Mapping[str, NDArray[Any]]
@@ -46,8 +47,7 @@ class Frame:
     _arrays: dict[str, NDArray[Any]]
     _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
     tone: Tone = field(default_factory=Tone, repr=False)
-    complete: bool = True
-    """False if rays are still on their way, which the next frame of the same picture goes on with."""
+    pose: Pose | None = field(default=None, repr=False)
 
     def array(self, name: str) -> NDArray[Any]:
         """An array by its name, one of `raymarch.plan.OUTPUTS`."""
@@ -108,6 +108,20 @@ class Frame:
         return self.array("material")
 
     @property
+    def slice(self) -> NDArray[np.float32]:
+        """The field and the size of its gradient where the rays meet a plane, float32, (H, W, 2); NaN elsewhere."""
+        return self.array("slice")
+
+    @property
+    def cycles(self) -> NDArray[np.float32]:
+        """Clock cycles of the processor from a pixel's ray to its colour, float32, (H, W).
+
+        What the processor does for others meanwhile counts too: pixels that are drawn together share their number.
+        DeviceError on access if the driver has no GL_ARB_shader_clock.
+        """
+        return self.array("cycles")
+
+    @property
     def milliseconds(self) -> float:
         """Time of the passes drawn so far, without compilation."""
         return sum(t.draw for t in self.timings)
@@ -121,6 +135,11 @@ def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[
     """The arrays that a pass's textures hold, by name."""
     if name == "color":
         return {"color": textures[0][..., :3].copy()}
+    if name == "cycles":
+        return {"cycles": textures[0][..., 0].copy()}
+    if name == "slice":
+        met = textures[0][..., 2:3] >= 0
+        return {"slice": np.where(met, textures[0][..., :2], np.float32(np.nan))}
     march, surface, more = textures
     depth = march[..., 0]
     return {

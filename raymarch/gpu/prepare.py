@@ -12,8 +12,9 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS
+from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, plan
-from raymarch.plan.moments import at_moment
+from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
@@ -61,10 +62,8 @@ def passes_for(outputs: Sequence[str]) -> list[str]:
     for name in names:
         if name not in OUTPUTS:
             raise SceneError(f"outputs: {name!r}", legal=", ".join(OUTPUTS))
-    wanted = ["color"] if "color" in names else []
-    if any(name != "color" for name in names):
-        wanted.append("geometry")
-    return wanted or ["color"]
+    wanted = {name if name in DRAWN else "geometry" for name in names}
+    return [name for name in DRAWN if name in wanted] or ["color"]
 
 
 def _outside(position: Any) -> tuple[float]:
@@ -72,16 +71,16 @@ def _outside(position: Any) -> tuple[float]:
     return (1.0,)
 
 
-def frame_uniforms(ready: Prepared, values: Values, size: tuple[int, int], pose: Pose | None = None) -> dict[str, Any]:
+def frame_uniforms(
+    ready: Prepared, values: Values, size: tuple[int, int], pose: Pose | None = None, cut: Slice | None = None
+) -> dict[str, Any]:
     """What changes without a recompile: camera, size, parameters, time. Worked out in float64.
 
-    pose : a camera in place of the scene's.
+    pose : a camera in place of the scene's. cut : the plane of a slice; None is the one that faces the camera.
     """
     scene = ready.plan.scene
-    values = at_moment(ready.plan.moments, values)
-    if pose is None:
-        pose = ready.plan.given.pose(values, size[0] / size[1])
-    pose = replace(pose, position=pose.position - ready.plan.origin)
+    given, origin = pose or ready.plan.given.pose(values, size[0] / size[1]), ready.plan.origin
+    pose = replace(given, position=given.position - origin)
     uniforms: dict[str, Any] = {
         "u_camera_position": pose.position,
         "u_camera_frame": pose.frame,
@@ -94,6 +93,9 @@ def frame_uniforms(ready: Prepared, values: Values, size: tuple[int, int], pose:
     }
     if ready.plan.sky_light:
         uniforms["u_sky_light"] = scene.sky.harmonics(values)
+    if any(chosen.name == "slice" for chosen in ready.plan.passes):
+        plane = cut or Slice.facing(ready.plan.given, given)
+        uniforms["u_slice"] = (*plane.normal, plane.offset - float(origin @ plane.normal))
     for name, uniform in ready.shader.parameters.items():
         uniforms[uniform] = values.params[name]
     return uniforms

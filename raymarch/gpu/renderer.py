@@ -7,17 +7,17 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
-import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
-from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
+from raymarch.gpu.drafts import Draft, History, drafts_of
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
+from raymarch.gpu.slices import Slice
 from raymarch.gpu.store import Store
 from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
@@ -105,7 +105,7 @@ class Renderer:
         outputs: Sequence[str] = ("color",),
         progress: Progress | None = None,
         pose: Pose | None = None,
-        within: float | None = None,
+        cut: Slice | None = None,
     ) -> Frame:
         """A frame of a scene.
 
@@ -116,33 +116,29 @@ class Renderer:
         outputs : arrays to make now; "color" is a pass of its own, all others share one. The rest is made on access.
         progress : called with the share done, 0 to 1, after each tile; the picture is the same bit for bit.
         pose : a camera in place of the scene's.
-        within : milliseconds after which rays that are marched over several passes, by Quality(budget=...), wait for
-            the next frame. With temporal="accumulate" that goes on from there, while the picture stays the same;
-            `frame.complete` says whether all rays have arrived.
+        cut : the plane of the output "slice"; None is the one through the middle that faces the camera the most.
 
         Raises
         ------
         SceneError : an unknown parameter, a value out of range, a degenerate camera, an unknown output.
         PlanError : the scene cannot be planned. ShaderError : the driver refuses its shader.
-        DeviceError : the renderer is closed.
+        DeviceError : the renderer is closed, or the driver lacks what an output needs.
         """
         if not isinstance(scene, Scene):
             raise SceneError(f"render of {scene!r} ({type(scene).__name__})", legal="a Scene")
         values = self._values(scene, params, time, outputs)
         size = self.size
+        pose = pose or scene.pose(values, size[0] / size[1])
 
         def render_for(name: str) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
             if self.size != size:
                 raise DeviceError(
                     f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
                 )
-            return self._render_passes(scene, values, [name], pose)
+            return self._render_passes(scene, values, [name], None, pose, cut)
 
-        arrays, timings = self._render_passes(
-            scene, values, outputs, pose, progress, np.inf if within is None else within
-        )
-        complete = scene.quality.budget is None or self.history.arrived
-        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone, complete)
+        arrays, timings = self._render_passes(scene, values, outputs, progress, pose, cut)
+        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone, pose)
 
     def drafts(
         self,
@@ -151,15 +147,16 @@ class Renderer:
         params: Mapping[str, Any] | None = None,
         outputs: Sequence[str] = ("color",),
         pose: Pose | None = None,
+        cut: Slice | None = None,
     ) -> list[Draft]:
         """The passes of a frame, ready to be drawn into textures that stay on the device: for a window.
 
-        Parameters and errors are those of `render`; `pose` is a camera in place of the scene's. The textures hold what
+        Parameters and errors are those of `render`. The textures hold what
         was drawn until the next draft of as many textures is drawn.
         """
-        ready, uniforms = self._ready(scene, self._values(scene, params, time, outputs), outputs, pose)
-        with in_pass(*(chosen.name for chosen in ready.plan.passes)):
-            return list(drafts_of(self.store, ready, uniforms, self.size, self.history))
+        values = self._values(scene, params, time, outputs)
+        pose = pose or scene.pose(values, self.size[0] / self.size[1])
+        return self._drafts(scene, values, outputs, pose, cut)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
@@ -181,31 +178,39 @@ class Renderer:
             self.adopt(scene, found, outputs)
         return found
 
-    def _ready(
-        self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose | None
-    ) -> tuple[Prepared, dict[str, Any]]:
-        """The plan of a frame and the uniforms of all its passes."""
+    def _drafts(
+        self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose, cut: Slice | None
+    ) -> list[Draft]:
         if self.context.released:
             raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
         ready = self._prepare(scene, outputs)
-        uniforms = frame_uniforms(ready, values, self.size, pose)
+        self._refuse_lacking(ready)
+        uniforms = frame_uniforms(ready, values, self.size, pose, cut)
         with in_pass(*(chosen.name for chosen in ready.plan.passes)):
             uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.store.lights(lights.rows(ready.plan.scene, values))
-        return ready, uniforms
+            return drafts_of(self.store, ready, uniforms, self.size, self.history)
+
+    def _refuse_lacking(self, ready: Prepared) -> None:
+        for chosen in ready.plan.passes:
+            if chosen.extension and chosen.extension not in self.context.gl.extensions:
+                raise DeviceError(
+                    f"{chosen.name}: {self.context.driver.renderer} has no {chosen.extension}",
+                    legal=f"a driver with {chosen.extension}, such as Mesa's or NVIDIA's for most GPUs",
+                )
 
     def _render_passes(
         self,
         scene: Scene,
         values: Values,
         outputs: Sequence[str],
-        pose: Pose | None,
-        progress: Progress | None = None,
-        within: float = np.inf,
+        progress: Progress | None,
+        pose: Pose,
+        cut: Slice | None,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         try:
-            return self._passes(scene, values, outputs, pose, progress, within)
+            return self._passes(scene, values, outputs, progress, pose, cut)
         except BaseException:
             self.forget()  # the history was brought up to date for draws that were not made
             raise
@@ -215,33 +220,22 @@ class Renderer:
         scene: Scene,
         values: Values,
         outputs: Sequence[str],
-        pose: Pose | None,
         progress: Progress | None,
-        within: float,
+        pose: Pose,
+        cut: Slice | None,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-        timings: list[Timing] = []
+        timings = []
         targets: dict[str, Target] = {}
-        ready, uniforms = self._ready(scene, values, outputs, pose)
-        names = tuple(chosen.name for chosen in ready.plan.passes)
-        drafts = drafts_of(
-            self.store, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within
-        )
-        most = count_draws(ready)
-        while True:
-            with in_pass(*names):
-                draft = next(drafts, None)
-            if draft is None:
-                break
+        drafts = self._drafts(scene, values, outputs, pose, cut)
+        for i, draft in enumerate(drafts):
             first = self.store.first_draw(draft.program)
             with in_pass(draft.chosen.name):
-                drawn = self._draw(draft, None if progress is None else _part(progress, len(timings), most))
+                drawn = self._draw(draft, None if progress is None else _part(progress, i, len(drafts)))
             timings.append(Timing(draft.chosen.name, drawn, draft.compile, first))
             targets[draft.chosen.name] = draft.target
-        if progress is not None and len(timings) < most:
-            progress(1.0)
         arrays: dict[str, NDArray[Any]] = {}
         for name, target in targets.items():
-            if name not in ("cone", "sample", "march"):
+            if name not in ("cone", "sample"):
                 with in_pass(name):
                     arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from raymarch.gpu.boxes import boxes_of, draw_boxes
 from raymarch.gpu.frame import Frame
+from raymarch.gpu.scale import Scale
+from raymarch.gpu.slices import SCALE as SLICE
+from raymarch.gpu.slices import slice_picture, spacing
 from raymarch.scene.scene import Scene
 
 VIEWS: Mapping[str, tuple[str, ...]] = {
@@ -21,54 +26,97 @@ VIEWS: Mapping[str, tuple[str, ...]] = {
     "fallbacks": ("fallbacks",),
     "residual": ("residual",),
     "material": ("material",),
+    "slice": ("slice",),
+    "boxes": ("color", "depth"),
+    "cycles": ("cycles",),
 }
 """The arrays that each view needs."""
 
+COUNTS = {
+    "iterations": "steps of a ray",
+    "evaluations": "evaluations of the field a pixel",
+    "fallbacks": "steps of a ray that were undone",
+}
+
+SMALLEST = 1e-9
+"""A residual at or below this has the lowest colour."""
+
 
 def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
-    """A view as an 8-bit image.
+    """A view as an 8-bit image of the frame's size.
 
     depth: near is bright, what was not hit is black. normal: x, y, z from -1 to 1 as red, green, blue.
-    iterations, evaluations, fallbacks: black is 0, white the largest of the picture. residual: logarithmic.
-    material: a colour for each index.
+    iterations, evaluations, fallbacks: from 0 to the largest of the picture. residual: logarithmic.
+    cycles: from 0 to what 99 % of the pixels stay below; an interruption of the processor does not darken the rest.
+    material: a colour for each index. slice: see `raymarch.gpu.slices.slice_picture`.
+    boxes: the picture with the box of the scene, red, and those of its operands.
+    `scale_of` tells what the colours of the others stand for.
     """
     if view == "final":
         return frame.image()
+    if view == "boxes":
+        return _bytes(_with_boxes(np.asarray(frame.image().convert("RGB")) / 255.0, frame, scene))
     values = frame.array(view)
     if view == "normal":
         lit = np.any(values != 0, axis=-1, keepdims=True)
         return _bytes(np.where(lit, 0.5 + 0.5 * values, 0.0))
-    if view == "depth":
-        return _bytes(_nearness(values))
+    if view == "slice":
+        return _bytes(slice_picture(values[..., 0], values[..., 1]))
     if view == "material":
         return _bytes(_colors(values))
+    scale = scale_of(frame, view)
+    assert scale is not None
+    shown = scale.colored(np.abs(values))
+    if view == "depth":
+        shown[~np.isfinite(values)] = 0.0
+    return _bytes(shown)
+
+
+def scale_of(frame: Frame, view: str) -> Scale | None:
+    """What the colours of a view stand for; None where they are no measure."""
+    if view in COUNTS:
+        return Scale(COUNTS[view], 0.0, _largest(frame.array(view)) or 1.0)
+    if view == "cycles":
+        return Scale("clock cycles a pixel", 0.0, float(np.percentile(frame.array(view), 99)) or 1.0)
     if view == "residual":
-        return _bytes(_stretched(np.log10(np.maximum(np.abs(values), 1e-9)) + 9))
-    return _bytes(_stretched(values.astype(np.float64)))
+        largest = _largest(np.abs(frame.array(view)))
+        return Scale(
+            "size of the field at the last sample, units of length", SMALLEST, max(largest, 10 * SMALLEST), "log"
+        )
+    if view == "depth":
+        depth = frame.array(view)
+        hit = np.isfinite(depth)
+        near = float(depth[hit].min()) if hit.any() else 1.0
+        return Scale("distance along the ray, units of length", max(near, 1e-12), np.inf, "reciprocal", "viridis")
+    if view == "slice":
+        step = spacing(frame.array(view)[..., 0])
+        return replace(SLICE, quantity=f"{SLICE.quantity}; a line every {step:g}")
+    return None
 
 
-def light(frame: Frame, view: str) -> NDArray[np.float32]:
+def light(frame: Frame, view: str, scene: Scene) -> NDArray[np.float32]:
     """A view as it is, (H, W, 3) in float32: linear colour, or an array's own numbers, one number three times."""
+    if view == "boxes":
+        return _with_boxes(frame.color, frame, scene).astype(np.float32)
     values = np.asarray(frame.color if view == "final" else frame.array(view), np.float32)
+    if view == "slice":  # the third number is 0
+        return np.concatenate([values, np.zeros_like(values[..., :1])], axis=-1)
     return values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=-1)
+
+
+def _with_boxes(picture: NDArray[Any], frame: Frame, scene: Scene) -> NDArray[np.float64]:
+    if frame.pose is None:
+        raise ValueError("boxes: the frame does not say where its camera was")
+    return draw_boxes(picture, frame.depth, frame.pose, boxes_of(scene), scene.far(frame.pose))
+
+
+def _largest(values: NDArray[Any]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else 0.0
 
 
 def _bytes(values: NDArray[Any]) -> Image.Image:
     return Image.fromarray(np.asarray(np.rint(255 * np.clip(values, 0, 1)), np.uint8))
-
-
-def _stretched(values: NDArray[Any]) -> NDArray[Any]:
-    largest = float(values.max())
-    return values / largest if largest > 0 else values
-
-
-def _nearness(depth: NDArray[Any]) -> NDArray[Any]:
-    hit = np.isfinite(depth)
-    if not hit.any():
-        return np.zeros(depth.shape)
-    near = float(depth[hit].min())
-    safe = np.where(hit, depth, 1.0)
-    return np.where(hit, max(near, 1e-12) / np.maximum(safe, 1e-12), 0.0)
 
 
 def _colors(index: NDArray[Any]) -> NDArray[Any]:

@@ -10,7 +10,7 @@ from raymarch.scene.quality import Quality
 
 OUTPUTS: Final = (
     *("color", "depth", "normal", "iterations", "evaluations", "residual", "material", "fallbacks"),
-    *("done", "reach"),
+    *("done", "reach", "slice", "cycles"),
 )
 """The arrays that a frame can hold."""
 
@@ -20,6 +20,7 @@ class Pass:
     """One draw of the full-screen quad: its outputs, and how many colour textures it fills.
 
     defines : names that the preprocessor knows in this pass alone.
+    shades : True if it gives surfaces their colour. extension : of OpenGL, that it cannot do without; "" for none.
     """
 
     name: str
@@ -27,19 +28,29 @@ class Pass:
     textures: int
     reason: str
     defines: tuple[str, ...] = ()
+    shades: bool = False
+    extension: str = ""
+
+    @property
+    def head(self) -> tuple[str, ...]:
+        """Its own lines before the shader's text."""
+        wanted = (f"#extension {self.extension} : require",) if self.extension else ()
+        return (*wanted, *(f"#define {name}" for name in self.defines))
 
 
 CONE: Final = Pass("cone", "view/cone", 1, "rays start where the cones around them ended", ("CONE",))
 
-MARCH: Final = Pass("march", "view/march", 2, "rays take some steps in each pass, and go on in the next")
-
-SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample of each pixel, and what it saw")
+SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample of each pixel, and what it saw", shades=True)
 
 RESOLVE: Final = Pass("color", "temporal/resolve", 2, "the picture: the sample, and what earlier frames saw there")
 
 DRAWN: Final = {
-    "color": Pass("color", "view/color", 1, "the picture"),
+    "color": Pass("color", "view/color", 1, "the picture", shades=True),
     "geometry": Pass("geometry", "view/geometry", 3, "depth, normal, material or counts were asked for"),
+    "slice": Pass("slice", "view/slice", 1, "the field over a plane was asked for"),
+    "cycles": Pass(
+        "cycles", "view/cycles", 1, "clock cycles were asked for", shades=True, extension="GL_ARB_shader_clock"
+    ),
 }
 """What can be asked for, by name."""
 
@@ -47,13 +58,11 @@ DRAWN: Final = {
 def passes_of(names: Sequence[str], quality: Quality, cones: bool) -> list[Pass]:
     """The passes that draw what is asked for, and those that they need, in the order in which they are drawn."""
     found = [CONE] if cones else []
-    found += [MARCH] if quality.budget is not None else []
-    sampled = quality.budget is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         drawn = DRAWN[name]
         if name == "color" and quality.temporal == "reproject":
             found += [SAMPLE, RESOLVE]
-        elif name == "color" and sampled:
+        elif name == "color" and (quality.samples > 1 or quality.temporal != "off"):
             found.append(replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples"))
         else:
             found.append(drawn)

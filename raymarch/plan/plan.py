@@ -21,7 +21,6 @@ from raymarch.expr.walk import find, topological
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
 from raymarch.plan.marching import Marching
-from raymarch.plan.moments import by_moment
 from raymarch.plan.passes import Pass, joining, passes_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
@@ -37,13 +36,11 @@ class Plan:
     """What is to be compiled and drawn for a scene.
 
     given : the scene as it was given. origin : the point that the shader counts coordinates from, shape (3,), float64.
-    moments : what the field reads of time alone, by the name of the parameter that stands for it.
     scene : the same scene from there; what else is here belongs to it.
     """
 
     given: Scene
     origin: NDArray[np.float64]
-    moments: dict[str, Expr]
     scene: Scene
     field: Function
     gradient: Function | None
@@ -104,7 +101,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
     lowering = Lowering()
-    definition, moments = by_moment(lowering.field(scene.node), lowering.origins)
+    definition = lowering.field(scene.node)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
         raise PlanError(
@@ -120,7 +117,6 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     made = Plan(
         given=given,
         origin=origin,
-        moments=moments,
         scene=scene,
         field=definition,
         gradient=None,
@@ -139,9 +135,10 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
         nodes=len(all_nodes(scene.node)),
         operations=operations,
     )
-    shaded = lit and any(p.name == "color" for p in drawn)
+    shaded = lit and any(p.shades for p in drawn)
     needs_normal = (shaded and shading.surfaced(scene)) or geometry
-    if needs_normal and scene.quality.normals == "analytic":
+    sliced = any(p.name == "slice" for p in drawn)
+    if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
     if shaded or geometry:
         looks = shading.looks(scene, lowering, shaded, geometry)
@@ -179,7 +176,7 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     made.modules += marching.modules(scene, made.marching, made.epsilon)
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
-    shaders = shading.modules(scene, made.model if shaded else None, any(p.name == "color" for p in made.passes))
+    shaders = shading.modules(scene, made.model if shaded else None, any(p.shades for p in made.passes))
     made.modules += [module for module in shaders if module[0] not in {name for name, _ in made.modules}]
     made.modules += joining(made.passes)
     for drawn in made.passes:

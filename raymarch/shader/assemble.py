@@ -44,7 +44,7 @@ class Shader:
     Attributes
     ----------
     body : its lines, without version and defines.
-    passes : names of the passes in it; with more than one, `PASS` chooses. defines : what else each defines.
+    passes : names of the passes in it; with more than one, `PASS` chooses. heads : lines that each begins with.
     parameters : GLSL name of the uniform of each parameter, by the parameter's own name.
     uses_time : whether it has a uniform u_time.
     samples : sampled data by the name of its texture.
@@ -52,7 +52,7 @@ class Shader:
 
     body: tuple[Mapped, ...]
     passes: tuple[str, ...]
-    defines: tuple[tuple[str, ...], ...]
+    heads: tuple[tuple[str, ...], ...]
     parameters: Mapping[str, str]
     uses_time: bool
     samples: Mapping[str, Samples]
@@ -65,12 +65,13 @@ class Shader:
         return "\n".join([*self._head(chosen or self.passes[0], version), *(line.text for line in self.body)]) + "\n"
 
     def _head(self, chosen: str, version: str) -> list[str]:
-        if len(self.passes) == 1:
-            return HEADERS[version]
         index = self.passes.index(chosen)
-        # One line whatever is defined, so that lines are counted alike in all passes.
-        defines = [f"#define {name}" for name in self.defines[index]] or [""]
-        return [*HEADERS[version], f"#define PASS {index}", *defines]
+        own = list(self.heads[index])
+        if len(self.passes) == 1:
+            return [*HEADERS[version], *own]
+        # As many lines whatever a pass has, so that lines are counted alike in all.
+        own += [""] * (max(1, *(len(head) for head in self.heads)) - len(own))
+        return [*HEADERS[version], f"#define PASS {index}", *own]
 
     def locate(self, line: int, version: str = "330 core") -> tuple[str, Location | None]:
         """What made a line of the text (counted from 1), in words, and the user's line if one did."""
@@ -86,7 +87,7 @@ def assemble(plan: Plan) -> Shader:
     modules = [_module(name) for name, _ in plan.modules if name not in drawn]
     mains = [_module(p.module) for p in plan.passes]
     values = Values()
-    shade = shading(plan, values) if any(p.name == "color" for p in plan.passes) else None
+    shade = shading(plan, values) if any(p.shades for p in plan.passes) else None
     generated = [_constants(plan)]
     needed = {name for chunk in modules for name in chunk.needs}
     if "scene_box" in needed:
@@ -102,8 +103,8 @@ def assemble(plan: Plan) -> Shader:
     order = _in_order([*modules, fields, *generated])
     body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
     body += _main(mains)
-    names, defines = tuple(p.name for p in plan.passes), tuple(p.defines for p in plan.passes)
-    return Shader(tuple(body), names, defines, parameters, text.uses_time, text.samples)
+    names, heads = tuple(p.name for p in plan.passes), tuple(p.head for p in plan.passes)
+    return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples)
 
 
 def _module(name: str) -> Chunk:
@@ -166,7 +167,7 @@ def _constants(plan: Plan) -> Chunk:
     steps = str(quality.max_steps)
     values = {
         "max_steps": ("int", steps),
-        "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else steps),
+        "march_steps": ("int", "" if plan.marching.cones else steps),
         "epsilon_pixels": ("float", literal(plan.epsilon)),
         "contact_share": ("float", literal(CONTACT if plan.certified else 1.0)),
         "cone_share": ("float", literal(CONE_SHARE)),

@@ -86,6 +86,7 @@ class Picture:
         self._canvas: Target | None = None
         self._shot: Shot | None = None
         self._rest: list[_Part] | None = None
+        self._drawing: list[Draft] = []
         self._done = 0
 
     @property
@@ -129,7 +130,7 @@ class Picture:
             if self._canvas is not None:
                 self._canvas.release()
             self._canvas = fresh
-        self._put(shot, drafts[-1], None)
+        self._put(shot, drafts, None)
         self._shot, self._rest, self._done = shot, None, 1 if small == size else 0
         self._say(spent, small, compiled, moving=True)
 
@@ -139,7 +140,7 @@ class Picture:
         if self._rest is None:
             drafts = self._drafts(shot, size)
             compiled = sum(draft.compile for draft in drafts)
-            self._rest = [_Part(draft, self._tiles(draft.target.size)) for draft in drafts]
+            self._rest, self._drawing = [_Part(draft, self._tiles(draft.target.size)) for draft in drafts], drafts
         rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
         part = rest[0]
         done: list[Tile] = []
@@ -152,11 +153,11 @@ class Picture:
         last = len(rest) == 1
         if last and shot.view == "final" and self._done == 0:
             for tile in done:
-                self._put(shot, part.draft, tile)
+                self._put(shot, self._drawing, tile)
         if not part.tiles:
             rest.pop(0)
             if last and (shot.view != "final" or self._done > 0):
-                self._put(shot, part.draft, None)
+                self._put(shot, self._drawing, None)
             if last:
                 self._rest, self._done = None, self._done + 1
         self._say(spent, size, compiled, moving=False)
@@ -179,15 +180,19 @@ class Picture:
             self._renderer.resize(size)
         return self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
 
-    def _put(self, shot: Shot, draft: Draft, tile: Tile | None) -> None:
+    def _put(self, shot: Shot, drafts: list[Draft], tile: Tile | None) -> None:
         """What was drawn onto the canvas, as linear colour."""
         assert self._canvas is not None
+        last = drafts[-1]
         if shot.view == "final":
-            self._screen.copy(draft.target, self._canvas, tile)
+            self._screen.copy(last.target, self._canvas, tile)
             return
-        arrays = unpack(draft.chosen.name, [draft.target.read(k) for k in range(draft.chosen.textures)])
-        self.drawn.evaluations = float(arrays["evaluations"].mean())
-        frame = Frame(draft.target.size, shot.time, [], arrays, _nothing)
+        arrays: dict[str, NDArray[Any]] = {}
+        for draft in {d.chosen.name: d for d in drafts if d.chosen.name not in ("cone", "sample")}.values():
+            arrays |= unpack(draft.chosen.name, [draft.target.read(k) for k in range(draft.chosen.textures)])
+        if "evaluations" in arrays:
+            self.drawn.evaluations = float(arrays["evaluations"].mean())
+        frame = Frame(last.target.size, shot.time, [], arrays, _nothing, shot.scene.tone, shot.pose)
         shown = picture_of(frame, shot.view, shot.scene).convert("RGB").resize(self._canvas.size, 0)
         self._canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
 

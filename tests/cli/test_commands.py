@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,9 @@ import pytest
 from PIL import Image
 
 from raymarch.cli.commands import main
-from raymarch.gpu.views import VIEWS
+from raymarch.cli.views import CHOICES
+from raymarch.gpu.renderer import Renderer
+from raymarch.plan.passes import DRAWN
 
 HELLO = "import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2)) | rm.box(1.5)\n"
 
@@ -55,12 +58,47 @@ def test_the_ending_chooses_the_format(folder, ending, kind):
         assert picture.format == kind
 
 
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("view", [name for name in CHOICES if name != "cycles"])
 def test_every_view(folder, view):
     assert run("render", "hello.py", "-o", "a.png", "--view", view, "--size", "48x32") == 0
     with Image.open("a.png") as picture:
-        low, high = np.asarray(picture.convert("L"), int).min(), np.asarray(picture.convert("L"), int).max()
-    assert high > low
+        assert picture.width == 48
+        assert (picture.height > 32) == (view not in ("final", "normal", "material", "boxes")), "a bar where it is due"
+        shown = np.asarray(picture.convert("L"), int)[:32]
+    assert shown.max() > shown.min()
+
+
+@pytest.mark.parametrize("view", ["evaluations", "slice", "boxes", "error"])
+def test_views_are_written_as_numbers_too(folder, view):
+    assert run("render", "hello.py", "-o", "a.exr", "--view", view, "--size", "24x16") == 0
+    assert files(folder) == {"hello.py", "a.exr"}
+
+
+def test_cycles_are_shown_or_refused(folder, capsys):
+    """Whether the driver has a clock for shaders depends on the machine; there is no third way."""
+    with Renderer((8, 8)) as renderer:
+        known = "GL_ARB_shader_clock" in renderer.context.gl.extensions
+    assert run("render", "hello.py", "-o", "a.png", "--view", "cycles", "--size", "48x32") == (0 if known else 2)
+    assert files(folder) == ({"hello.py", "a.png"} if known else {"hello.py"})
+    if not known:
+        assert "has no GL_ARB_shader_clock" in capsys.readouterr().err
+
+
+def test_a_driver_without_a_shader_clock_is_bad_input(folder, capsys, monkeypatch):
+    lacking = {**DRAWN, "cycles": replace(DRAWN["cycles"], extension="GL_ARB_nosuch")}
+    monkeypatch.setattr("raymarch.plan.passes.DRAWN", lacking)
+    assert run("render", "hello.py", "-o", "a.png", "--view", "cycles", "--size", "48x32") == 2
+    assert "has no GL_ARB_nosuch" in capsys.readouterr().err
+    assert files(folder) == {"hello.py"}
+
+
+def test_the_plane_of_a_slice_can_be_chosen(folder):
+    """The last is one that the camera does not see at all."""
+    for text, file in (("y=0", "y.png"), ("x = 0.1", "x.png"), ("0,0,2=0.5", "z.png"), ("z=99", "behind.png")):
+        assert run("render", "hello.py", "-o", file, "--view", "slice", "--slice", text, "--size", "48x32") == 0
+    shown = {f: np.asarray(Image.open(f).convert("L"), int)[:32] for f in ("x.png", "y.png", "z.png", "behind.png")}
+    assert not shown["behind.png"].any()
+    assert len({v.tobytes() for v in shown.values()}) == 4
 
 
 def test_a_parameter_changes_the_picture_and_a_frame_depends_on_time(folder):
@@ -184,6 +222,11 @@ BAD_CALLS = {
     "parameter without value": (["render", "hello.py", "--set", "radius"], "NAME=VALUE"),
     "parameter without number": (["render", "hello.py", "--set", "radius=big"], "radius=big"),
     "unknown view": (["render", "hello.py", "--view", "x"], "--view x"),
+    "a slice of another view": (["render", "hello.py", "--slice", "y=0"], "--slice together with --view final"),
+    "a slice without a number": (["render", "hello.py", "--view", "slice", "--slice", "y"], "--slice y"),
+    "a slice of no axis": (["render", "hello.py", "--view", "slice", "--slice", "w=1"], "--slice w=1"),
+    "a slice without a normal": (["render", "hello.py", "--view", "slice", "--slice", "0,0,0=1"], "--slice 0,0,0=1"),
+    "a slice at infinity": (["render", "hello.py", "--view", "slice", "--slice", "y=inf"], "--slice y=inf"),
     "unknown backend": (["render", "hello.py", "--backend", "x"], "'x'"),
     "no such folder": (["render", "hello.py", "-o", "nosuch/a.png"], "nosuch/a.png"),
     "no such format": (["render", "hello.py", "-o", "a.xyz"], "a.xyz"),
@@ -223,14 +266,14 @@ def test_a_failure_on_the_way_leaves_no_file(folder, monkeypatch):
     def fails(*_: object) -> None:
         raise RuntimeError("planted")
 
-    monkeypatch.setattr("raymarch.cli.commands.picture", fails)
+    monkeypatch.setattr("raymarch.cli.commands.drawn", fails)
     with pytest.raises(RuntimeError, match="planted"):
         main(["render", "hello.py", "--size", "16x9"])
     assert files(folder) == {"hello.py"}
 
 
 def test_a_fault_of_ours_is_code_1(folder):
-    code = "import raymarch.cli.commands as m\ndef f(*a): raise RuntimeError('planted')\nm.picture = f\nm.main()"
+    code = "import raymarch.cli.commands as m\ndef f(*a): raise RuntimeError('planted')\nm.drawn = f\nm.main()"
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
         [sys.executable, "-c", code, "render", "hello.py", "--size", "16x9"],

@@ -8,37 +8,51 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.gpu.colormaps import colored
 from raymarch.gpu.frame import Frame
-from raymarch.gpu.views import VIEWS, picture
+from raymarch.gpu.views import VIEWS, picture, scale_of
 from raymarch.plan import OUTPUTS
 
 SCENE = rm.Scene(rm.sphere())
+WHOLE = ("iterations", "evaluations", "fallbacks", "material")
 
 
-def shown(view: str, values: Any) -> Any:
-    array = np.asarray(values, np.float32 if view in ("final", "depth", "normal", "residual") else np.int32)
+def frame_of(view: str, values: Any) -> Frame:
+    array = np.asarray(values, np.int32 if view in WHOLE else np.float32)
 
     def never(name: str) -> Any:
         raise AssertionError(f"{name} was rendered for the view {view}")
 
-    frame = Frame((array.shape[1], array.shape[0]), 0.0, [], {VIEWS[view][0]: array}, never)
+    return Frame((array.shape[1], array.shape[0]), 0.0, [], {VIEWS[view][0]: array}, never)
+
+
+def shown(view: str, values: Any) -> Any:
+    frame = frame_of(view, values)
     image = picture(frame, view, SCENE)
     assert image.size == frame.size
     return np.asarray(image)
 
 
+def colors(shares: Any, name: str = "inferno") -> list[Any]:
+    return np.rint(255 * colored(np.asarray(shares), name)).astype(int).tolist()
+
+
 def test_every_array_has_a_view() -> None:
-    assert {name for needed in VIEWS.values() for name in needed} == set(OUTPUTS)
+    assert {name for needed in VIEWS.values() for name in needed} == set(OUTPUTS) - {"done", "reach"}
 
 
 def test_the_picture_itself() -> None:
     assert shown("final", [[(0, 1, 0.2)]]).tolist() == [[[0, 255, 124]]]
+    assert scale_of(frame_of("final", [[(0, 1, 0.2)]]), "final") is None
 
 
 def test_near_is_bright_and_nothing_is_black() -> None:
-    assert shown("depth", [[2.0, 4.0, 8.0, np.inf]]).tolist() == [[255, 128, 64, 0]]
-    assert shown("depth", [[np.inf, np.inf]]).tolist() == [[0, 0]]
-    assert shown("depth", [[0.0, 1.0]]).tolist() == [[255, 0]]
+    found = shown("depth", [[2.0, 4.0, 8.0, np.inf]])
+    assert found.tolist() == [[*colors([1, 0.5, 0.25], "viridis"), [0, 0, 0]]]
+    assert found.sum(axis=-1).tolist()[0] == sorted(found.sum(axis=-1).tolist()[0], reverse=True)
+    assert shown("depth", [[np.inf, np.inf]]).tolist() == [[[0, 0, 0]] * 2]
+    scale = scale_of(frame_of("depth", [[2.0, 4.0, np.inf]]), "depth")
+    assert scale is not None and (scale.low, scale.high, scale.kind) == (2.0, np.inf, "reciprocal")
 
 
 def test_normals_are_colours_from_minus_one_to_one() -> None:
@@ -46,16 +60,26 @@ def test_normals_are_colours_from_minus_one_to_one() -> None:
     assert shown("normal", normals).tolist() == [[[255, 128, 128], [128, 0, 128], [128, 128, 255], [0, 0, 0]]]
 
 
-@pytest.mark.parametrize("view", ["iterations", "evaluations"])
-def test_counts_reach_white_at_the_largest(view: str) -> None:
-    assert shown(view, [[0, 5, 10]]).tolist() == [[0, 128, 255]]
-    assert shown(view, [[0, 0]]).tolist() == [[0, 0]]
+@pytest.mark.parametrize("view", ["iterations", "evaluations", "fallbacks"])
+def test_counts_go_from_zero_to_the_largest(view: str) -> None:
+    assert shown(view, [[0, 5, 10]]).tolist() == [colors([0, 0.5, 1])]
+    assert shown(view, [[0, 0]]).tolist() == [colors([0, 0])]
+    scale = scale_of(frame_of(view, [[0, 5, 10]]), view)
+    assert scale is not None and (scale.low, scale.high) == (0.0, 10.0)
 
 
 def test_residuals_are_logarithmic() -> None:
-    # From 1e-9, black, to the largest, 1e-3, white: a factor of ten is a sixth of the way.
+    # From 1e-9 to the largest, 1e-3: a factor of ten is a sixth of the way.
     found = shown("residual", [[0.0, 1e-9, 1e-6, 1e-4, -1e-3]]).astype(int)
-    assert np.abs(found - [[0, 0, 127.5, 212.5, 255]]).max() <= 0.5
+    assert np.abs(found - [colors([0, 0, 0.5, 5 / 6, 1])]).max() <= 1
+
+
+def test_one_interrupted_pixel_does_not_darken_the_cycles() -> None:
+    values = np.full((20, 20), 100.0)
+    values[:10], values[3, 4] = 50.0, 1e9
+    found = shown("cycles", values)
+    assert found[15, 0].tolist() == found[3, 4].tolist() == colors(1.0)
+    assert np.abs(found[0, 0].astype(int) - colors(0.5)).max() <= 1
 
 
 def test_materials_have_colours_of_their_own() -> None:

@@ -32,7 +32,10 @@ DTYPES = {
     "done": np.bool_,
     "reach": np.float32,
     "material": np.int32,
+    "slice": np.float32,
+    "cycles": np.float32,
 }
+DEEP = {"color": (3,), "normal": (3,), "slice": (2,)}
 RED = rm.Material((1.0, 0.0, 0.0))
 
 
@@ -84,12 +87,15 @@ def counted(monkeypatch: pytest.MonkeyPatch, egl: Context) -> Iterator[tuple[Cou
 
 
 def test_arrays_have_the_shapes_and_types_that_they_promise(renderer: Renderer) -> None:
-    frame = renderer.render(scene(), outputs=OUTPUTS)
+    dtypes = dict(DTYPES)
+    if "GL_ARB_shader_clock" not in renderer.context.gl.extensions:
+        del dtypes["cycles"]
+    frame = renderer.render(scene(), outputs=list(dtypes))
     assert set(OUTPUTS) == set(DTYPES)
-    for name, dtype in DTYPES.items():
+    for name, dtype in dtypes.items():
         values = getattr(frame, name)
         assert values.dtype == dtype, name
-        assert values.shape == ((120, 160, 3) if name in ("color", "normal") else (120, 160)), name
+        assert values.shape == (120, 160, *DEEP.get(name, ())), name
         assert np.array_equal(values, frame.array(name), equal_nan=True)
         assert values.flags.writeable and values.flags.c_contiguous
     hit = np.isfinite(frame.depth)
@@ -315,8 +321,8 @@ def test_tiles_are_the_whole_bit_for_bit(renderer: Renderer, monkeypatch: pytest
     monkeypatch.setattr(tiles, "LONG", np.inf)
     told: list[float] = []
     tiled = renderer.render(made, outputs=("color", "depth"), progress=told.append)
-    for name in OUTPUTS:
-        assert np.array_equal(whole.array(name), tiled.array(name)), name
+    for name in set(OUTPUTS) - {"cycles"}:  # which differ from draw to draw
+        assert np.array_equal(whole.array(name), tiled.array(name), equal_nan=name == "slice"), name
     passes = -(-200 // tile) * -(-133 // tile)
     assert told == sorted(told) and len(told) == 2 * passes and told[0] > 0 and told[-1] == 1.0
 

@@ -21,7 +21,7 @@ WORDS = frozenset(
     radians degrees sin cos tan asin acos atan sinh cosh tanh pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil
     trunc round fract mod min max clamp mix step smoothstep isnan isinf length distance dot cross normalize reflect
     refract transpose inverse determinant texelFetch textureSize texture any all not lessThan greaterThan equal
-    floatBitsToUint uintBitsToFloat gl_FragCoord greaterThanEqual ifdef else endif CONE
+    floatBitsToUint uintBitsToFloat gl_FragCoord greaterThanEqual ifdef else endif CONE clock2x32ARB
     """.split()
 )
 

@@ -1,0 +1,64 @@
+"""What `raymarch render --view` shows: the views of the engine, and those that need the truth, with their bars."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from raymarch.cli.common import CommandError
+from raymarch.cost.error_view import error_picture, error_scale, errors_of
+from raymarch.gpu.frame import Frame
+from raymarch.gpu.scale import with_bar
+from raymarch.gpu.slices import Slice
+from raymarch.gpu.views import VIEWS, light, picture, scale_of
+from raymarch.scene.scene import Scene
+
+CHOICES: Mapping[str, tuple[str, ...]] = {**VIEWS, "error": ("depth",)}
+"""The arrays that each view needs."""
+
+
+def check_view(view: str, slice_: str | None) -> Slice | None:
+    """The plane of --slice, if one is given. CommandError for a wrong plane or view."""
+    if view not in CHOICES:
+        raise CommandError(f"--view {view}", legal=", ".join(CHOICES))
+    if slice_ is None:
+        return None
+    if view != "slice":
+        raise CommandError(f"--slice together with --view {view}", legal="--view slice")
+    return parse_slice(slice_)
+
+
+def parse_slice(text: str) -> Slice:
+    """ "y=0.5", or the normal of a plane: "1,0,1=0.5"."""
+    side, equals, offset = text.partition("=")
+    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+    try:
+        normal = axes.get(side.strip()) or tuple(float(part) for part in side.split(","))
+        x, y, z = normal
+        if not equals or not np.all(np.isfinite([x, y, z, float(offset)])) or (x, y, z) == (0.0, 0.0, 0.0):
+            raise ValueError
+        return Slice.across((x, y, z), float(offset))
+    except ValueError:
+        raise CommandError(
+            f"--slice {text}", legal="x, y or z, or a normal such as 1,0,1, then = and a number: y=0.5"
+        ) from None
+
+
+def drawn(frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> Image.Image:
+    """A view as an image, with a bar below it where its colours are a measure."""
+    if view == "error":
+        return with_bar(error_picture(errors_of(frame, scene, params)), error_scale())
+    scale = scale_of(frame, view)
+    shown = picture(frame, view, scene)
+    return shown if scale is None else with_bar(shown, scale)
+
+
+def numbers(frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> NDArray[np.float32]:
+    """A view as it is, (H, W, 3) in float32; see `raymarch.gpu.views.light`."""
+    if view == "error":
+        return np.repeat(errors_of(frame, scene, params)[..., None], 3, axis=-1).astype(np.float32)
+    return light(frame, view, scene)

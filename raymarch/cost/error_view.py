@@ -1,0 +1,42 @@
+"""How far each hit of a frame is from the true one, as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from raymarch.cost.errors import apart
+from raymarch.cost.maps import HIGHEST, LOWEST, WRONG
+from raymarch.gpu.frame import Frame
+from raymarch.gpu.scale import Scale
+from raymarch.scene.scene import Scene
+from raymarch.truth import truth
+
+Array = NDArray[np.float64]
+
+
+def errors_of(frame: Frame, scene: Scene, params: Mapping[str, Any] | None = None) -> Array:
+    """abs(depth - truth) in pixel footprints, (H, W): inf where a hit is missed or made up, 0 where neither hits.
+
+    Traces the truth of the frame's moment with the scene's own camera; params as the frame was rendered with.
+    """
+    assert frame.pose is not None
+    known = truth(scene, frame.size, frame.time, params, outputs=())
+    return apart(frame.depth, known.depth, frame.pose.pixel(frame.size[1]))
+
+
+def error_scale() -> Scale:
+    """What the colours of `error_picture` stand for."""
+    quantity = "pixel footprints from the true hit; magenta: a hit that is missed or made up"
+    return Scale(quantity, LOWEST, HIGHEST, "log")
+
+
+def error_picture(errors: Array) -> Image.Image:
+    """What `errors_of` gives as an 8-bit image of the same size; a wrong hit is magenta."""
+    pixels = np.asarray(np.rint(255 * error_scale().colored(errors)), np.uint8)
+    pixels[~np.isfinite(errors)] = WRONG
+    return Image.fromarray(pixels)

@@ -1,0 +1,131 @@
+"""What the colours of a heat map stand for, and the bar that says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from raymarch.gpu.colormaps import colored
+
+POINTS, MARGIN, THICKNESS = 11, 6, 10
+"""Of the bar, in pixels: its letters, the space around it, its colours."""
+
+INK, PAPER = (225, 225, 225), (24, 24, 26)
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """From values to colours.
+
+    Attributes
+    ----------
+    quantity : what is measured, with its unit.
+    low, high : the values at the two ends, low < high.
+    kind : how values lie between them: "linear", "log" by their logarithms (low > 0), "reciprocal" by their
+        reciprocals (low > 0, and high may be infinite), whose low end has the colour of the largest.
+    colors : one of `raymarch.gpu.colormaps.MAPS`.
+    """
+
+    quantity: str
+    low: float
+    high: float
+    kind: Literal["linear", "log", "reciprocal"] = "linear"
+    colors: str = "inferno"
+
+    def share(self, values: Any) -> NDArray[np.float64]:
+        """Where values lie, 0 to 1; what is beyond an end lies at the end."""
+        with np.errstate(divide="ignore"):
+            at, low, high = (self._measure(v) for v in (np.asarray(values, np.float64), self.low, self.high))
+        return np.asarray(np.clip((at - low) / (high - low), 0.0, 1.0), np.float64)
+
+    def _measure(self, value: Any) -> Any:
+        if self.kind == "log":
+            return np.log10(np.maximum(value, self.low))
+        if self.kind == "reciprocal":
+            return -1.0 / np.maximum(value, self.low)
+        return value
+
+    def colored(self, values: Any) -> NDArray[np.float64]:
+        """Values of any shape (...) as sRGB in [0, 1], (..., 3)."""
+        share = self.share(values)
+        return colored(1.0 - share if self.kind == "reciprocal" else share, self.colors)
+
+    @property
+    def ticks(self) -> list[float]:
+        """Values worth a mark, from low to high: 1, 2 or 5 times powers of ten; powers of ten; or doublings."""
+        if self.kind == "reciprocal":
+            return [self.low, 2 * self.low, 4 * self.low, self.high]
+        if self.kind == "log":
+            first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
+            return [10.0**n for n in range(first, last + 1)]
+        step = nice((self.high - self.low) / 5)
+        first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
+        return [n * step for n in range(first, last + 1)]
+
+
+def nice(least: float) -> float:
+    """The smallest of 1, 2 and 5 times a power of ten that is at least this, which is > 0."""
+    power = 10.0 ** math.floor(math.log10(least))
+    return next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= least * (1 - 1e-9))
+
+
+def with_bar(image: Image.Image, scale: Scale) -> Image.Image:
+    """The image and, below it, a bar of the scale's colours with its marks and its quantity."""
+    font = _font()
+    line = POINTS + 4
+    words = _wrapped(scale.quantity, font, image.width - 2 * MARGIN)
+    height = (len(words) + 1) * line + THICKNESS + 2 * MARGIN
+    made = Image.new("RGB", (image.width, image.height + height), PAPER)
+    made.paste(image, (0, 0))
+    draw = ImageDraw.Draw(made)
+    left, width = MARGIN, max(2, image.width - 2 * MARGIN)
+    top = image.height + MARGIN
+    for text in words:
+        draw.text((left, top), text, INK, font=font)
+        top += line
+    made.paste(_strip(scale, width), (left, top))
+    free = 0.0  # labels that would touch the one before are left out
+    for value in scale.ticks:
+        x = left + float(scale.share(value)) * (width - 1)
+        text = _shown(value)
+        wide = font.getlength(text)
+        at = min(max(x - wide / 2, MARGIN / 2), image.width - wide - MARGIN / 2)
+        if at >= free:
+            draw.line([(x, top + THICKNESS), (x, top + THICKNESS + 2)], INK)
+            draw.text((at, top + THICKNESS + 3), text, INK, font=font)
+            free = at + wide + MARGIN
+    return made
+
+
+def _wrapped(text: str, font: Any, width: float) -> list[str]:
+    """Up to three lines of words that fit, one word at least in each."""
+    lines: list[str] = []
+    for word in text.split():
+        if lines and font.getlength(f"{lines[-1]} {word}") <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
+    return lines[:3]
+
+
+def _strip(scale: Scale, width: int) -> Image.Image:
+    share = np.linspace(0.0, 1.0, width)
+    row = colored(1.0 - share if scale.kind == "reciprocal" else share, scale.colors)
+    return Image.fromarray(np.asarray(np.rint(255 * np.tile(row, (THICKNESS, 1, 1))), np.uint8))
+
+
+def _shown(value: float) -> str:
+    if math.isinf(value):
+        return "none"
+    return f"{value:,.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+@lru_cache(maxsize=1)
+def _font() -> Any:
+    return ImageFont.load_default(POINTS)

@@ -1,0 +1,92 @@
+"""A plane through the field: how far each of its points is from the surface, and how fast that changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.gpu.scale import Scale, nice
+from raymarch.scene.camera import Pose
+from raymarch.scene.scene import Scene
+
+SCALE = Scale("|gradient| - 1", -1.0, 1.0, colors="coolwarm")
+APART = 8.0
+"""Contour lines are about this many pixels apart, or more, where the field changes as usual in the picture."""
+FLAT = 1e-3
+"""Where the field changes by less than this share of the lines' spacing in a pixel, rounding alone would decide where a
+line is, so that there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slice:
+    """The plane dot(normal, p) = offset; the normal is of length 1."""
+
+    normal: tuple[float, float, float]
+    offset: float
+
+    @staticmethod
+    def across(normal: tuple[float, float, float], offset: float = 0.0) -> Slice:
+        """The plane dot(normal, p) = offset for a normal of any length but 0. SceneError if it is no plane."""
+        given = np.asarray((*normal, offset), np.float64)
+        length = float(np.linalg.norm(given[:3])) if given.shape == (4,) else 0.0
+        if not (np.all(np.isfinite(given)) and length > 0.0):
+            raise SceneError(f"slice: normal {normal}, offset {offset}", legal="three numbers, not all 0, and a number")
+        x, y, z = (float(v) / length for v in given[:3])
+        return Slice((x, y, z), float(given[3]) / length)
+
+    @staticmethod
+    def facing(scene: Scene, pose: Pose) -> Slice:
+        """Through the middle of what has an end, across the axis that the camera looks along the most."""
+        axis = int(np.argmax(np.abs(pose.frame[:, 2])))
+        subject = scene.subject
+        middle = 0.0 if subject is None else 0.5 * float(subject.lower[axis] + subject.upper[axis])
+        x, y, z = (1.0 if k == axis else 0.0 for k in range(3))
+        return Slice((x, y, z), middle)
+
+    @property
+    def words(self) -> str:
+        """Such as "y = 0.5"."""
+        for k, name in enumerate("xyz"):
+            if abs(self.normal[k]) == 1.0:
+                return f"{name} = {self.offset * self.normal[k] + 0.0:g}"
+        x, y, z = self.normal
+        return f"{x:.3g} x + {y:.3g} y + {z:.3g} z = {self.offset:g}"
+
+
+def spacing(distance: NDArray[np.floating]) -> float:
+    """The distance between contour lines that keeps them apart: 1, 2 or 5 times a power of ten. `distance` (H, W), NaN
+    where the plane is not met."""
+    steps = _per_pixel(distance)
+    steps = steps[np.isfinite(steps)]
+    steps = steps[steps > FLAT * steps.max(initial=0.0)]
+    return nice(APART * float(np.median(steps))) if steps.size else 1.0
+
+
+def slice_picture(distance: NDArray[np.floating], slope: NDArray[np.floating]) -> NDArray[np.float64]:
+    """A slice as sRGB, (H, W, 3), from distance and size of the gradient, (H, W), NaN where the plane is not met.
+
+    Colour is the size of the gradient less 1, on `SCALE`. The surface is a black line two pixels wide; contour lines,
+    `spacing` apart, are one pixel wide and grey, and vanish where they would lie closer than 4 pixels. Inside the solid
+    all is darker. Black where the plane is not met.
+    """
+    met = np.isfinite(distance)
+    value = np.where(met, distance, 0.0).astype(np.float64)
+    shown = SCALE.colored(np.where(met, slope, 1.0) - 1.0)
+    shown *= np.where(value < 0.0, 0.72, 1.0)[..., None]
+    pixel = np.maximum(np.nan_to_num(_per_pixel(distance), nan=0.0), 1e-30)
+    step = spacing(distance)
+    nearest = np.abs(value - step * np.rint(value / step)) / pixel
+    dense = np.clip(step / pixel / 4.0 - 1.0, 0.0, 1.0) * (pixel > FLAT * step)
+    shown *= 1.0 - (0.45 * dense * np.clip(1.0 - nearest, 0.0, 1.0))[..., None]
+    shown *= np.clip(np.abs(value) / pixel - 0.5, 0.0, 1.0)[..., None]
+    shown[~met] = 0.0
+    return shown
+
+
+def _per_pixel(distance: NDArray[np.floating]) -> NDArray[np.float64]:
+    """How much the distance changes from a pixel to the next, (H, W)."""
+    parts = [np.gradient(distance, axis=k) if n > 1 else np.zeros(distance.shape) for k, n in enumerate(distance.shape)]
+    return np.asarray(np.hypot(*parts), np.float64)
