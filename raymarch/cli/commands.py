@@ -7,6 +7,7 @@ import sys
 import time as clock_time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -97,6 +98,9 @@ def render(
     within: Annotated[
         str | None, typer.Option(metavar="16ms", help="Take the most exact quality that keeps this time.")
     ] = None,
+    samples: Annotated[
+        int | None, typer.Option(metavar="N", help="Rays a pixel, against jagged edges and noise.")
+    ] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
 ) -> None:
@@ -110,6 +114,8 @@ def render(
     moments = _moments(target, time, frames, fps)
     with Renderer((width, height), backend, device) as renderer, _progress(len(moments)) as progress:
         found.quality = chooser(found, renderer, moments[0][0], params)
+        if samples is not None:
+            found.quality = replace(found.quality, samples=samples)
         for i, (moment, file) in enumerate(moments):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)

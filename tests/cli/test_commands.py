@@ -317,3 +317,13 @@ def test_a_long_picture_shows_its_progress(folder):
     )
     assert done.returncode == 0
     assert "drawing" in done.stderr
+
+
+def test_samples_take_the_jags_from_edges(folder):
+    colours = []
+    for samples in ("1", "8"):
+        assert run("render", "hello.py", "--size", "48x32", "-o", "a.png", "--samples", samples) == 0
+        with Image.open("a.png") as picture:
+            colours.append(len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)))
+    assert colours[1] > colours[0], "there are colours between"
+    assert run("render", "hello.py", "--samples", "0") == 2
