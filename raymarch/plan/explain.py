@@ -76,7 +76,7 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
         heading("Parameters")
         for spec in plan.parameters.values():
             row(spec.name, f"{spec.value}, {spec.legal}")
-    heading("Presets (--quality)")
+    heading("Presets (--quality), as measured on the examples; --error measures this scene")
     for meaning in meanings(plan.given):
         row(meaning.name, meaning.words)
     for warning in plan.warnings:
