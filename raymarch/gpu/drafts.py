@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,6 +47,7 @@ class History:
     cones : whether the last picture drew its cones itself.
     before : the camera of the last picture, as uniforms; None if there is none.
     frames : pictures since all was forgotten.
+    marched : passes that the rays of the picture were marched in so far. arrived : whether none is on its way.
     """
 
     view: Any = None
@@ -55,6 +56,8 @@ class History:
     cones: bool = True
     before: Mapping[str, Any] | None = None
     frames: int = 0
+    marched: int = 0
+    arrived: bool = False
 
     def begin(self, view: Any, text: str | None, keep: bool) -> bool:
         """Begin a frame; True if its cones are still there.
@@ -65,32 +68,74 @@ class History:
         if text is not None:
             if not kept or text != self.text:
                 self.samples = 0
+            self.marched = self.marched if kept else 0
             self.text, self.cones = text, not kept
         self.view = view
         return kept
 
 
 def drafts_of(
-    store: Store, ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int], history: History
-) -> list[Draft]:
-    """All draws of a frame. `history` is brought up to date as if they had been drawn."""
-    drafts: list[Draft] = []
+    store: Store,
+    ready: Prepared,
+    uniforms: Mapping[str, Any],
+    size: tuple[int, int],
+    history: History,
+    enough: Callable[[], bool] | None = None,
+) -> Iterator[Draft]:
+    """All draws of a frame. `history` is brought up to date as if they had been drawn.
+
+    enough : asked after each pass of a march that takes several, whether the rest may wait for the next frame. Then
+        each draft is to be drawn before the next is asked for. None makes as many passes as there can be.
+    """
     keep = ready.plan.scene.quality.temporal != "off"
     kept = history.begin(_view(ready, uniforms, size), ready.texts.get("color"), keep)
     rays = dict(uniforms)
     if ready.plan.marching.cones:
         cones, carried = _cones(store, ready, uniforms, size)
-        drafts += [] if kept else cones
+        yield from [] if kept else cones
         rays.update(carried, u_spent=1.0 if history.cones or not keep else 0.0)
     for chosen in ready.plan.passes:
         if chosen.module == "view/accumulate":
-            drafts += _samples(store, ready, chosen, rays, size, history)
+            yield from _samples(store, ready, chosen, rays, size, history)
         elif chosen.module == "temporal/resolve":
-            drafts += _joined(store, ready, chosen, rays, size, history)
+            yield from _joined(store, ready, chosen, rays, size, history)
+        elif chosen.name == "march":
+            if not (kept and "color" not in ready.texts):
+                history.marched = history.marched if kept else 0
+                yield from _marched(store, ready, chosen, rays, size, history, enough)
+            state = store.pair("march", size, chosen.textures).front
+            rays |= {"u_march": (state, 0), "u_found": (state, 1)}
         elif chosen.name not in ("cone", "sample"):
-            target = store.target(chosen.name, size, chosen.textures)
-            drafts.append(_draft(store, ready, chosen, target, rays))
-    return drafts
+            yield _draft(store, ready, chosen, store.target(chosen.name, size, chosen.textures), rays)
+
+
+def _marched(
+    store: Store,
+    ready: Prepared,
+    chosen: Pass,
+    uniforms: Mapping[str, Any],
+    size: tuple[int, int],
+    history: History,
+    enough: Callable[[], bool] | None,
+) -> Iterator[Draft]:
+    """Some steps of all rays a draw, in turn into one pair of textures and the other, until all have arrived."""
+    quality = ready.plan.scene.quality
+    assert quality.budget is not None
+    pair = store.pair("march", size, chosen.textures)
+    passes = -(-quality.max_steps // quality.budget)
+    while history.marched < passes:
+        begin = history.marched == 0
+        own = {**uniforms, "march_steps": quality.budget, "u_begin": begin}
+        own |= {"u_march": (pair.front, 0), "u_found": (pair.front, 1)}
+        yield _draft(store, ready, chosen, pair.back, own)
+        pair.swap()
+        history.marched += 1
+        if enough is not None and history.marched < passes:
+            if not store.on_their_way(pair):
+                history.marched = passes
+            elif enough():
+                break
+    history.arrived = history.marched >= passes
 
 
 def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
@@ -233,3 +278,16 @@ def widest(footprint: tuple[float, float], pixel: float) -> float:
     """
     offset = math.hypot(*footprint) * pixel
     return 2.0 * math.sin(math.atan(0.5 * offset)) + 2.0**-22
+
+
+def count_draws(ready: Prepared) -> int:
+    """How many draws a frame can take at most."""
+    plan = ready.plan
+    quality = plan.scene.quality
+    several = {
+        "cone": len(plan.marching.schedule.levels),
+        "march": -(-quality.max_steps // (quality.budget or quality.max_steps)),
+        "sample": quality.samples,
+    }
+    joined = {"view/accumulate", "temporal/resolve"}
+    return sum(several.get(p.name, quality.samples if p.module in joined else 1) for p in plan.passes)

@@ -47,6 +47,8 @@ class Frame:
     _arrays: dict[str, NDArray[Any]]
     _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
     tone: Tone = field(default_factory=Tone, repr=False)
+    complete: bool = True
+    """False if rays are still on their way, which the next frame of the same picture goes on with."""
     pose: Pose | None = field(default=None, repr=False)
 
     def array(self, name: str) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS
 from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, plan
+from raymarch.plan.moments import at_moment
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
@@ -79,6 +80,7 @@ def frame_uniforms(
     pose : a camera in place of the scene's. cut : the plane of a slice; None is the one that faces the camera.
     """
     scene = ready.plan.scene
+    values = at_moment(ready.plan.moments, values)
     given, origin = pose or ready.plan.given.pose(values, size[0] / size[1]), ready.plan.origin
     pose = replace(given, position=given.position - origin)
     uniforms: dict[str, Any] = {

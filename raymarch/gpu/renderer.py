@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
-from raymarch.gpu.drafts import Draft, History, drafts_of
+from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
@@ -105,6 +106,7 @@ class Renderer:
         outputs: Sequence[str] = ("color",),
         progress: Progress | None = None,
         pose: Pose | None = None,
+        within: float | None = None,
         cut: Slice | None = None,
     ) -> Frame:
         """A frame of a scene.
@@ -116,6 +118,9 @@ class Renderer:
         outputs : arrays to make now; "color" is a pass of its own, all others share one. The rest is made on access.
         progress : called with the share done, 0 to 1, after each tile; the picture is the same bit for bit.
         pose : a camera in place of the scene's.
+        within : milliseconds after which rays that are marched over several passes, by Quality(budget=...), wait for
+            the next frame. With temporal="accumulate" that goes on from there, while the picture stays the same;
+            `frame.complete` says whether all rays have arrived.
         cut : the plane of the output "slice"; None is the one through the middle that faces the camera the most.
 
         Raises
@@ -135,10 +140,13 @@ class Renderer:
                 raise DeviceError(
                     f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
                 )
-            return self._render_passes(scene, values, [name], None, pose, cut)
+            return self._render_passes(scene, values, [name], pose, cut=cut)
 
-        arrays, timings = self._render_passes(scene, values, outputs, progress, pose, cut)
-        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone, pose)
+        arrays, timings = self._render_passes(
+            scene, values, outputs, pose, progress, np.inf if within is None else within, cut
+        )
+        complete = scene.quality.budget is None or self.history.arrived
+        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone, complete, pose)
 
     def drafts(
         self,
@@ -156,7 +164,9 @@ class Renderer:
         """
         values = self._values(scene, params, time, outputs)
         pose = pose or scene.pose(values, self.size[0] / self.size[1])
-        return self._drafts(scene, values, outputs, pose, cut)
+        ready, uniforms = self._ready(scene, values, outputs, pose, cut)
+        with in_pass(*(chosen.name for chosen in ready.plan.passes)):
+            return list(drafts_of(self.store, ready, uniforms, self.size, self.history))
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
@@ -178,9 +188,10 @@ class Renderer:
             self.adopt(scene, found, outputs)
         return found
 
-    def _drafts(
+    def _ready(
         self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose, cut: Slice | None
-    ) -> list[Draft]:
+    ) -> tuple[Prepared, dict[str, Any]]:
+        """The plan of a frame and the uniforms of all its passes."""
         if self.context.released:
             raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
         ready = self._prepare(scene, outputs)
@@ -190,7 +201,7 @@ class Renderer:
             uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.store.lights(lights.rows(ready.plan.scene, values))
-            return drafts_of(self.store, ready, uniforms, self.size, self.history)
+        return ready, uniforms
 
     def _refuse_lacking(self, ready: Prepared) -> None:
         for chosen in ready.plan.passes:
@@ -205,12 +216,13 @@ class Renderer:
         scene: Scene,
         values: Values,
         outputs: Sequence[str],
-        progress: Progress | None,
         pose: Pose,
-        cut: Slice | None,
+        progress: Progress | None = None,
+        within: float = np.inf,
+        cut: Slice | None = None,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         try:
-            return self._passes(scene, values, outputs, progress, pose, cut)
+            return self._passes(scene, values, outputs, pose, progress, within, cut)
         except BaseException:
             self.forget()  # the history was brought up to date for draws that were not made
             raise
@@ -220,22 +232,34 @@ class Renderer:
         scene: Scene,
         values: Values,
         outputs: Sequence[str],
-        progress: Progress | None,
         pose: Pose,
+        progress: Progress | None,
+        within: float,
         cut: Slice | None,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-        timings = []
+        timings: list[Timing] = []
         targets: dict[str, Target] = {}
-        drafts = self._drafts(scene, values, outputs, pose, cut)
-        for i, draft in enumerate(drafts):
+        ready, uniforms = self._ready(scene, values, outputs, pose, cut)
+        names = tuple(chosen.name for chosen in ready.plan.passes)
+        drafts = drafts_of(
+            self.store, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within
+        )
+        most = count_draws(ready)
+        while True:
+            with in_pass(*names):
+                draft = next(drafts, None)
+            if draft is None:
+                break
             first = self.store.first_draw(draft.program)
             with in_pass(draft.chosen.name):
-                drawn = self._draw(draft, None if progress is None else _part(progress, i, len(drafts)))
+                drawn = self._draw(draft, None if progress is None else _part(progress, len(timings), most))
             timings.append(Timing(draft.chosen.name, drawn, draft.compile, first))
             targets[draft.chosen.name] = draft.target
+        if progress is not None and len(timings) < most:
+            progress(1.0)
         arrays: dict[str, NDArray[Any]] = {}
         for name, target in targets.items():
-            if name not in ("cone", "sample"):
+            if name not in ("cone", "sample", "march"):
                 with in_pass(name):
                     arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings

@@ -13,11 +13,23 @@ from raymarch.expr.samples import Samples
 from raymarch.gpu.context import Context
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.prepare import Prepared
-from raymarch.gpu.program import Program
+from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import PingPong, Target, upload
 
 KEPT = 32
 """Programs, at first, and textures of data, that are kept; the one used longest ago is freed first."""
+
+
+_REST = """#version 330 core
+// Lets the rays through that are on their way, for the device to count.
+uniform sampler2D u_march;
+out vec4 color;
+void main() {
+    float flags = texelFetch(u_march, ivec2(gl_FragCoord.xy), 0).w;
+    if (mod(floor(flags / 4.0), 2.0) == 1.0) discard;
+    color = vec4(0.0);
+}
+"""
 
 
 class Store:
@@ -35,6 +47,7 @@ class Store:
         self._targets: dict[str, Target] = {}
         self._pairs: dict[str, PingPong] = {}
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
+        self._rest: Program | None = None
         self._lights: moderngl.Texture | None = None
 
     def program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
@@ -82,6 +95,15 @@ class Store:
                 found.release()
             self._pairs[name] = found = fresh
         return found
+
+    def on_their_way(self, march: PingPong) -> int:
+        """How many rays of a march have not arrived; waits for the device. Overwrites the pair's back."""
+        if self._rest is None:
+            self._rest = Program(self.context, FULL_SCREEN, _REST, lambda line: ("the count of rays", None), "rest")
+        query = self.context.gl.query(samples=True)
+        with query:
+            self._rest.draw(march.back, {"u_march": (march.front, 0)})
+        return int(query.samples)
 
     def texture(self, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
         """Sampled data on the device."""
@@ -134,5 +156,8 @@ class Store:
                 self._lights.release()
         self._lights = None
         self._textures.clear()
+        if self._rest is not None:
+            self._rest.release()
+        self._rest = None
         self._programs.clear()
         self._drawn.clear()

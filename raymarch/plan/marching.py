@@ -20,12 +20,13 @@ more than the evaluations that they save."""
 
 @dataclass(frozen=True, slots=True)
 class Marching:
-    """The tracer and the schedule of a scene, each with its reason."""
+    """The tracer and the schedule of a scene, each with its reason; `resumed` if rays are marched over many passes."""
 
     tracer: str
     tracer_reason: str
     schedule: Schedule
     schedule_reason: str
+    resumed: bool = False
 
     @property
     def jittered(self) -> bool:
@@ -47,10 +48,10 @@ def choose(scene: Scene, operations: int, size: tuple[int, int] | None) -> March
     certified = trusted(scene)
     tracer, tracer_reason = _choose_tracer(quality, certified)
     schedule, schedule_reason = _choose_schedule(quality, certified, operations, size)
-    if certified and (quality.samples > 1 or quality.temporal != "off"):
+    if certified and quality.budget is None and (quality.samples > 1 or quality.temporal != "off"):
         schedule = Schedule((*schedule.levels, PIXEL), schedule.share)
         schedule_reason += "; the samples of a pixel start where the cone around it ended"
-    return Marching(tracer, tracer_reason, schedule, schedule_reason)
+    return Marching(tracer, tracer_reason, schedule, schedule_reason, quality.budget is not None)
 
 
 def trusted(scene: Scene) -> bool:
@@ -120,9 +121,14 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
         add(("march/clipped", "rays are marched inside the scene's box only"))
     else:
         add(("march/whole", "the scene's box has no end on any side"))
+    on = "_on" * marching.cones
     if marching.cones:
         add(("march/carry", marching.schedule_reason))
-        add(("march/trace_on", "rays go on from where cones ended"))
+    if marching.cones or marching.resumed:
+        add((f"march/begin{on}", "rays go on from where cones ended" if on else "rays start at the camera"))
+    if marching.resumed:
+        add(("march/state", f"Quality(budget={quality.budget})"))
+        add(("march/resumed", "what passes before found"))
     else:
-        add(("march/trace", marching.schedule_reason))
+        add((f"march/trace{on}", marching.schedule_reason))
     return found

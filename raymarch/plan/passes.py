@@ -40,6 +40,8 @@ class Pass:
 
 CONE: Final = Pass("cone", "view/cone", 1, "rays start where the cones around them ended", ("CONE",))
 
+MARCH: Final = Pass("march", "view/march", 2, "rays take some steps in each pass, and go on in the next")
+
 SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample of each pixel, and what it saw", shades=True)
 
 RESOLVE: Final = Pass("color", "temporal/resolve", 2, "the picture: the sample, and what earlier frames saw there")
@@ -58,11 +60,13 @@ DRAWN: Final = {
 def passes_of(names: Sequence[str], quality: Quality, cones: bool) -> list[Pass]:
     """The passes that draw what is asked for, and those that they need, in the order in which they are drawn."""
     found = [CONE] if cones else []
+    found += [MARCH] if quality.budget is not None else []
+    sampled = quality.budget is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         drawn = DRAWN[name]
         if name == "color" and quality.temporal == "reproject":
             found += [SAMPLE, RESOLVE]
-        elif name == "color" and (quality.samples > 1 or quality.temporal != "off"):
+        elif name == "color" and sampled:
             found.append(replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples"))
         else:
             found.append(drawn)

@@ -21,6 +21,7 @@ from raymarch.expr.walk import find, topological
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
 from raymarch.plan.marching import Marching
+from raymarch.plan.moments import by_moment
 from raymarch.plan.passes import Pass, joining, passes_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
@@ -36,11 +37,13 @@ class Plan:
     """What is to be compiled and drawn for a scene.
 
     given : the scene as it was given. origin : the point that the shader counts coordinates from, shape (3,), float64.
+    moments : what the field reads of time alone, by the name of the parameter that stands for it.
     scene : the same scene from there; what else is here belongs to it.
     """
 
     given: Scene
     origin: NDArray[np.float64]
+    moments: dict[str, Expr]
     scene: Scene
     field: Function
     gradient: Function | None
@@ -101,7 +104,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
     lowering = Lowering()
-    definition = lowering.field(scene.node)
+    definition, moments = by_moment(lowering.field(scene.node), lowering.origins)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
         raise PlanError(
@@ -117,6 +120,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     made = Plan(
         given=given,
         origin=origin,
+        moments=moments,
         scene=scene,
         field=definition,
         gradient=None,

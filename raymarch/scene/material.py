@@ -197,7 +197,7 @@ def _spread(value: Any) -> Any:
 
 
 _PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
-"""Points at which the values of patterns are looked at before they are believed."""
+"""Points at which patterns are looked at: one that is legal at none of them is a mistake; else it is kept in range."""
 
 
 def _value(name: str, value: Any, size: int, low: float, high: float) -> Expr:
@@ -222,7 +222,7 @@ def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, 
         raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
     if not find([made], "time", "param", "cell"):
         values = np.broadcast_to(evaluator([made], [POSITION])(_PROBES)[0], (len(_PROBES), *made.type.shape))
-        worst = values[~((values >= low) & (values <= high))]
-        if worst.size:
-            raise SceneError(f"{what}: the function gives {worst.flat[0]:.6g}", legal=legal)
+        legal_there = (values >= low) & (values <= high)  # false for NaN
+        if not np.any(legal_there) or np.any(np.isnan(values)):
+            raise SceneError(f"{what}: the function gives {values[~legal_there].flat[0]:.6g}", legal=legal)
     return clamp(made, low, high) if high < np.inf else made

@@ -81,8 +81,9 @@ class Quality:
     temporal : what one frame takes from those before. "off": nothing. "accumulate": while the picture stays the same,
         each frame adds its samples to the mean of all. "reproject": so too, and while the camera moves, what was seen
         before is found again where it went. Frames of one `Renderer` only.
-    budget : steps that a ray may take in one pass, 1 to 60,000; the march goes on in the next pass from where it
-        stood, until it ends or has taken `max_steps`. None: one pass.
+    budget : steps that a ray may take in one pass, 4 to 60,000; the march goes on in the next pass from where it
+        stood, until it ends or has taken `max_steps`; with temporal="accumulate" also in the next frame, while the
+        picture stays the same. None: one pass. For one ray a pixel.
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
     """
 
@@ -110,7 +111,12 @@ class Quality:
         _whole("max_steps", self.max_steps, 60000)
         _whole("samples", self.samples, 4096)
         if self.budget is not None:
-            _whole("budget", self.budget, 60000)
+            _whole("budget", self.budget, 60000, 4)
+            if self.samples > 1 or self.temporal == "reproject":
+                raise SceneError(
+                    f"Quality: budget = {self.budget} with samples = {self.samples}, temporal = {self.temporal!r}",
+                    legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'",
+                )
         if self.epsilon is not None:
             _within("epsilon", self.epsilon, 1e-3, 10)
         _within("beta", self.beta, 1e-3, 1)
@@ -177,9 +183,9 @@ _CHOICES = {
 }
 
 
-def _whole(name: str, value: object, most: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
-        raise SceneError(f"Quality: {name} = {value!r}", legal=f"an integer from 1 to {most}")
+def _whole(name: str, value: object, most: int, least: int = 1) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+        raise SceneError(f"Quality: {name} = {value!r}", legal=f"an integer from {least} to {most}")
 
 
 def _within(name: str, value: object, low: float, high: float) -> None:

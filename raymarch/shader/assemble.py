@@ -167,7 +167,7 @@ def _constants(plan: Plan) -> Chunk:
     steps = str(quality.max_steps)
     values = {
         "max_steps": ("int", steps),
-        "march_steps": ("int", "" if plan.marching.cones else steps),
+        "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else steps),
         "epsilon_pixels": ("float", literal(plan.epsilon)),
         "contact_share": ("float", literal(CONTACT if plan.certified else 1.0)),
         "cone_share": ("float", literal(CONE_SHARE)),

@@ -84,24 +84,24 @@ class Pace:
 
 
 def scaled(size: tuple[int, int], share: float) -> tuple[int, int]:
-    """A size in whole pixels, each at least 1.
+    """A size in whole pixels, each at least 1, of the same shape.
 
-    Smaller ones have no edge that is a power of two, nor a quarter or sixteenth of one, the sizes of cones: Mesa's
-    software renderer compiles programs anew for textures of such edges, in the middle of a movement.
+    Smaller ones have no edge that is a power of two, nor a quarter of one, as cones have: Mesa's software renderer
+    compiles programs anew for textures of such edges, in the middle of a movement. They may be smaller than asked for
+    by a tenth.
     """
     if share >= 1.0:
         return size
-    width, height = (_odd(max(1, round(edge * share))) for edge in size)
-    return width, height
+    choices = [_rounded(size, share * (1.0 - 0.005 * k)) for k in range(20)]
+    return next((choice for choice in choices if not any(map(_is_power, choice))), choices[0])
 
 
-def _odd(edge: int) -> int:
-    for divisors in ((1, 4, 16), (1, 4), (1,)):
-        for smaller in range(edge, max(edge - 8, 8), -1):
-            parts = [round(smaller / d) for d in divisors]
-            if not any(part > 2 and part & (part - 1) == 0 for part in parts):
-                return smaller
-    return edge
+def _rounded(size: tuple[int, int], share: float) -> tuple[int, int]:
+    return max(1, round(size[0] * share)), max(1, round(size[1] * share))
+
+
+def _is_power(edge: int) -> bool:
+    return any(part > 2 and part & (part - 1) == 0 for part in (edge, round(edge / 4)))
 
 
 def _share(step: int) -> float:

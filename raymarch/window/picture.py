@@ -192,7 +192,7 @@ class Picture:
             arrays |= unpack(draft.chosen.name, [draft.target.read(k) for k in range(draft.chosen.textures)])
         if "evaluations" in arrays:
             self.drawn.evaluations = float(arrays["evaluations"].mean())
-        frame = Frame(last.target.size, shot.time, [], arrays, _nothing, shot.scene.tone, shot.pose)
+        frame = Frame(last.target.size, shot.time, [], arrays, _nothing, shot.scene.tone, pose=shot.pose)
         shown = picture_of(frame, shot.view, shot.scene).convert("RGB").resize(self._canvas.size, 0)
         self._canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
 

@@ -10,6 +10,8 @@ starts in milliseconds with all modules loaded; elsewhere it serves one request 
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import faulthandler
 import importlib.util
 import json
@@ -51,6 +53,7 @@ Answer = dict[str, Any]
 
 def serve() -> None:
     """Answer requests from the standard input until it ends."""
+    _die_with_parent()
     out = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)  # what scene files print must not mix with the answers
 
@@ -69,6 +72,7 @@ def serve() -> None:
             warnings.simplefilter("ignore")  # that libraries run threads; none of them holds a lock that a trial needs
             child = os.fork()
         if child == 0:
+            _die_with_parent()
             code = 1
             try:
                 examine(request, say)
@@ -79,6 +83,13 @@ def serve() -> None:
         say({"id": request["id"], "pid": child})
         status = os.waitpid(child, 0)[1]
         say({"id": request["id"], "ended": os.waitstatus_to_exitcode(status)})
+
+
+def _die_with_parent() -> None:
+    """Let Linux kill this process when its parent is gone, even one that hangs in a scene file."""
+    if FORKS:
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
 def examine(request: Answer, say: Callable[[Answer], None]) -> None:

@@ -130,14 +130,17 @@ class Viewer:
     # The loop
 
     def run(self, seconds: float | None = None) -> int:
-        """Show the window until it is closed, or for so long. 0, or 2 if the scene file is broken at the end."""
+        """Show the window until it is closed, or for so long. 0; 2 if the scene is broken then; 130 after Ctrl+C."""
+        code = 1
         end = None if seconds is None else clock_time.perf_counter() + seconds
         self.reloader.start()
         try:
             while not self.window.closing and (end is None or clock_time.perf_counter() < end):
                 self.turn()
-        finally:
             code = 2 if self.fault is not None else 0
+        except KeyboardInterrupt:  # Ctrl+C in the shell
+            code = 130
+        finally:
             self.log.say("closed", code=code, frames=self.frames, compiled=self.renderer.compiled)
             self.release()
         return code
@@ -272,7 +275,7 @@ class Viewer:
             if scene is news.scene:
                 self.renderer.adopt(self.state.live, news.prepared)
             start = clock_time.perf_counter()
-            self.picture.step(self.state.shot(), self.window.size, False)
+            self.picture.step(self.state.shot(), self.screen.size, False)
             first = 1e3 * (clock_time.perf_counter() - start)
         except RaymarchError as fault:
             self.state = before
@@ -298,7 +301,7 @@ class Viewer:
         try:
             scene = edits.apply(self.base)
             self.state.adopt(scene, scene.parameters)
-            self.picture.step(self.state.shot(), self.window.size, False)
+            self.picture.step(self.state.shot(), self.screen.size, False)
         except RaymarchError as fault:
             self.state = before
             self.notice(f"not possible: {fault.what}")

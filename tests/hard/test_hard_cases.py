@@ -24,3 +24,7 @@ def test_the_page_is_that_of_code_and_ledger() -> None:
         (name, row["quantity"]) for name, rows in ledger().items() for row in rows if row["measured"] > row["limit"]
     ]
     assert not broken
+
+
+def test_every_row_is_there() -> None:
+    assert sorted({case.row for case in cases()}) == list(range(1, 61))

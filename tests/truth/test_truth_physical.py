@@ -196,7 +196,7 @@ def test_masking_is_a_choice() -> None:
         (lambda: Material(emission=(0, -1, 0)), ("emission", ">= 0")),
         (lambda: Material(shininess=3, roughness=0.5), ("shininess together with roughness",)),
         (lambda: Material((1, 0, 0), albedo=(1, 0, 0)), ("color together with albedo",)),
-        (lambda: Material(roughness=lambda p: p.x), ("roughness: the function gives",)),
+        (lambda: Material(roughness=lambda p: 2.0 + p.x * p.x), ("roughness: the function gives",)),
         (lambda: Material(roughness=lambda p: p), ("roughness: the function gives a vec3",)),
         (lambda: PointLight((0, 0, 0), intensity=-1), ("intensity = -1",)),
         (lambda: PointLight((0, 0, 0), radius=0), ("radius = 0",)),

@@ -93,13 +93,14 @@ def test_sizes_are_whole_and_never_nothing() -> None:
     assert scaled((512, 256), 1.0) == (512, 256)
 
 
-def test_moving_sizes_have_no_power_of_two() -> None:
+def test_moving_sizes_have_no_power_of_two_and_keep_their_shape() -> None:
     for width in range(300, 2000, 7):
         for step in range(1, 12):
-            wanted = width * 2 ** (-step / 4)
-            edge = scaled((width, 100), 2 ** (-step / 4))[0]
-            assert wanted - 9 < edge <= wanted + 0.5
-            assert all(part & (part - 1) for part in (edge, round(edge / 4)))
+            share = 2 ** (-step / 4)
+            edges = scaled((width, 256), share)
+            assert all(part & (part - 1) for edge in edges for part in (edge, round(edge / 4)) if part > 2)
+            assert 0.9 * width * share - 1 < edges[0] <= width * share + 0.5
+            assert abs(edges[1] - 256 * edges[0] / width) <= 1
 
 
 def test_time_plays_pauses_steps_and_scrubs() -> None:

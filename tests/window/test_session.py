@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from window_driver import Session, alike
+from window_driver import PATIENCE, Session, alike
 
 import raymarch as rm
 
@@ -181,6 +183,62 @@ HANGS = {
 }
 
 
+def test_focus_turns_about_what_is_under_the_cursor(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    session.settled()
+    mark = session.mark()
+    session.hand.move(175, 90)
+    session.hand.key("f")
+    point = session.wait("focus", since=mark)["point"]
+    assert np.isclose(np.linalg.norm(point), 1.0, atol=0.01)  # of the ball
+    session.settled()
+    mark = session.mark()
+    session.hand.click(*MIDDLE)
+    assert np.allclose(session.wait("pick", since=mark)["position"], point, atol=0.03)
+    before = session.hand.see()
+    session.hand.drag(MIDDLE, (190, 100))
+    session.settled()
+    mark = session.mark()
+    session.hand.click(*MIDDLE)
+    assert np.allclose(session.wait("pick", since=mark)["position"], point, atol=0.03)
+    assert not np.array_equal(before, session.hand.see())
+
+
+def test_a_loop_is_saved_as_a_sequence(view: View) -> None:
+    text = SCENE.replace("ball | floor", "ball.translate((rm.time, 0, 0)) | floor")
+    session = view(text, "--size", "320x200", moving=True)
+    hand = session.hand
+    for name in ("space", "Home", "period", "period", "period"):
+        hand.key(name)
+    hand.key("l")
+    mark = session.mark()
+    hand.key("Shift_L", "p")
+    saved = session.wait("saved", since=mark)
+    files = sorted((session.folder / saved["file"]).iterdir())
+    assert saved["count"] == 3 and [f.name for f in files] == [f"frame-{i:04d}.png" for i in range(3)]
+    scene = scene_of(text)
+    with rm.Renderer(SIZE) as renderer:
+        for i, file in enumerate(files):
+            assert alike(Image.open(file), renderer.render(scene, i / 30).image())
+
+
+def test_a_file_that_is_dropped_is_opened(view: View, tmp_path: Path) -> None:
+    session = view(SCENE, "--size", "320x200")
+    session.settled()
+    other = tmp_path / "other scene.py"
+    other.write_text(SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.8, 0.2)").replace("(0, 1, 6)", "(0, 2, 6)"))
+    mark = session.mark()
+    session.hand.drop(other)
+    session.wait("loaded", since=mark)
+    assert alike(session.settled(), drawn(scene_of(other.read_text())))
+    mark = session.mark()
+    other.write_text(SCENE)  # the new file is followed, the old one no more
+    session.wait("loaded", since=mark)
+    mark = session.mark()
+    session.hand.drop(session.folder / "scene.txt")
+    assert "drop a scene file" in session.wait("notice", since=mark)["text"]
+
+
 def test_an_edit_that_leaves_the_shader_alone_compiles_nothing(view: View) -> None:
     """A comment, the camera, the default of a parameter; a number in the scene is another shader."""
     session = view(SCENE, "--size", "320x200")
@@ -210,6 +268,42 @@ def test_what_hangs_can_be_stopped(view: View) -> None:
     mark = save(session, SCENE)  # the next save takes the place of what hangs
     session.wait("loaded", since=mark)
     assert alike(session.settled(), start)
+
+
+def processes() -> dict[int, int]:
+    """The parent of each process."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                found[int(entry.name)] = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+            except OSError:  # it has ended meanwhile
+                continue
+    return found
+
+
+def test_a_killed_window_leaves_no_process(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    session.wait("watching")
+    mark = save(session, "while True:\n    pass\n")
+    session.wait("reloading", since=mark)
+    parents = processes()
+    children = {pid for pid, parent in parents.items() if parent == session.process.pid}
+    children |= {pid for pid, parent in parents.items() if parent in children}
+    assert children
+    session.process.kill()
+    session.process.wait()
+    until = time.monotonic() + PATIENCE
+    while children & processes().keys() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not children & processes().keys()
+
+
+def test_control_c_ends_the_window(view: View) -> None:
+    session = view(SCENE, "--size", "320x200")
+    session.process.send_signal(signal.SIGINT)
+    assert session.end() == 130
+    assert session.errors.read_text() == ""
 
 
 CRASHES = {

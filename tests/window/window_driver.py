@@ -155,6 +155,43 @@ class Hand:
         )
         self._display.sync()
 
+    def drop(self, file: Path) -> None:
+        """Drag a file from another program and drop it onto the middle of the window (the XDND protocol, version 5)."""
+        from Xlib.protocol import event
+
+        atom = self._display.intern_atom
+        selection, kind, copy = atom("XdndSelection"), atom("text/uri-list"), atom("XdndActionCopy")
+        source = self._root.create_window(0, 0, 1, 1, 0, self._x.CopyFromParent)
+        source.set_selection_owner(selection, self._x.CurrentTime)
+
+        def send(name: str, *data: int) -> None:
+            numbers = [source.id, *data, *[0] * (4 - len(data))]
+            message = event.ClientMessage(window=self._window, client_type=atom(name), data=(32, numbers))
+            self._window.send_event(message)
+            self._display.flush()
+
+        width, height = self.size
+        send("XdndEnter", 5 << 24, kind)
+        send("XdndPosition", 0, (width // 2) << 16 | height // 2, 0, copy)
+        self._answer(lambda e: getattr(e, "client_type", None) == atom("XdndStatus"))
+        send("XdndDrop", 0, self._x.CurrentTime)
+        asked = self._answer(lambda e: e.type == self._x.SelectionRequest)
+        asked.requestor.change_property(asked.property, kind, 8, f"{file.as_uri()}\r\n".encode())
+        names = {"time": asked.time, "requestor": asked.requestor, "selection": asked.selection}
+        asked.requestor.send_event(event.SelectionNotify(target=asked.target, property=asked.property, **names))
+        self._answer(lambda e: getattr(e, "client_type", None) == atom("XdndFinished"))
+        source.destroy()
+
+    def _answer(self, fits: Callable[[Any], bool]) -> Any:
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            while self._display.pending_events():
+                found = self._display.next_event()
+                if fits(found):
+                    return found
+            time.sleep(0.01)
+        raise AssertionError("the window does not answer")
+
     def set_resource(self, text: str) -> None:
         """The settings of the whole screen, such as its density."""
         from Xlib import Xatom

@@ -28,6 +28,7 @@ Hit march(Ray ray, inout March at, float far) {
         float next = along(ray, at.t + z);
         if (!plain && z > at.r + abs(next)) {
             plain = true;
+            at.slope = -1.0;
             hit.fallbacks += 1.0;
             continue;
         }

@@ -37,6 +37,8 @@ Hit march(Ray ray, inout March at, float far) {
             kept = true;
             kept_t = c;
             kept_r = next;
+            // up to the kept sphere; less than before, because its step was too long
+            at.slope = clamp((next - at.r) / (c - at.t), -1.0, at.slope);
             continue;
         }
         slope = (next - at.r) / (c - at.t);

@@ -2,7 +2,9 @@
 // spheres do not touch may have passed a surface; it is undone and a plain step taken in its place. After that the
 // ray goes on with plain steps (Keinert), or relaxes again (Bálint and Valasek 2018), as `relax_again` says.
 // needs: along Ray Hit March missed nearer settle exhausted epsilon contact march_steps relaxation relax_again
-// gives: march
+// gives: march UNDONE
+const float UNDONE = 2.0;  // in place of a slope: the last step was too long
+
 Hit march(Ray ray, inout March at, float far) {
     Hit hit = missed(at.t);
     if (!at.asked) {
@@ -12,7 +14,7 @@ Hit march(Ray ray, inout March at, float far) {
     }
     nearer(hit, at.t, at.r);
     float slope = 0.0;
-    float omega = relaxation;
+    float omega = at.slope >= UNDONE ? 1.0 : relaxation;
     for (int i = 0; i < march_steps; i++) {
         vec3 p = ray.origin + at.t * ray.direction;
         if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
@@ -26,12 +28,13 @@ Hit march(Ray ray, inout March at, float far) {
         float next = along(ray, at.t + z);
         if (omega > 1.0 && z > at.r + abs(next)) {
             omega = 1.0;
+            at.slope = UNDONE;
             hit.fallbacks += 1.0;
             continue;
         }
         slope = (next - at.r) / z;
-        at = March(at.t + z, next, slope, true, at.passing);
         if (relax_again) omega = relaxation;
+        at = March(at.t + z, next, omega > 1.0 ? slope : UNDONE, true, at.passing);
         nearer(hit, at.t, at.r);
     }
     exhausted(hit);

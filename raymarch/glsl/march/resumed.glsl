@@ -1,0 +1,16 @@
+// What the ray of a pixel hit in the passes before. A ray that is still on its way is shown where it stands.
+// needs: Ray Hit unpack_march unpack_hit
+// gives: trace u_march u_found
+uniform sampler2D u_march;
+uniform sampler2D u_found;
+
+Hit trace(Ray ray) {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 march = texelFetch(u_march, pixel, 0);
+    Hit hit = unpack_hit(march, texelFetch(u_found, pixel, 0));
+    if (!hit.done) {
+        hit.found = true;
+        hit.t = unpack_march(march).t;
+    }
+    return hit;
+}

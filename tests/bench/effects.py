@@ -1,0 +1,108 @@
+"""What each effect costs in its example: evaluations of the field a pixel and milliseconds, with it and without.
+
+python -m tests.bench.effects [WIDTH]
+"""
+
+from __future__ import annotations
+
+import copy
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import raymarch as rm
+from raymarch.gpu.effort import effort
+from raymarch.plan import lights
+from raymarch.scene import load
+from raymarch.scene.parameter import set_values
+
+FOLDER = Path(__file__).parents[2] / "examples" / "papers"
+
+
+def changed(scene: rm.Scene, **parts: Any) -> rm.Scene:
+    """The scene with other parts."""
+    made = copy.copy(scene)
+    for name, value in parts.items():
+        setattr(made, name, value)
+    return made
+
+
+def with_lights(scene: rm.Scene, change: Callable[[Any], None], count: int | None = None) -> rm.Scene:
+    """The scene with its lights changed, or only the first of them."""
+    made = [copy.copy(light) for light in scene.lights[:count]]
+    for light in made:
+        change(light)
+    return changed(scene, lights=tuple(made))
+
+
+def _shadowless(light: Any) -> None:
+    light.shadow = False
+
+
+def _hard(light: Any) -> None:
+    light.softness = rm.Sun(softness=0.0).softness
+
+
+def _as(penumbra: str) -> Callable[[Any], None]:
+    def change(light: Any) -> None:
+        light.penumbra = penumbra
+
+    return change
+
+
+def _nothing(light: Any) -> None:
+    pass
+
+
+def pairs() -> Iterator[tuple[str, str, rm.Scene, rm.Scene]]:
+    """Effect, example, the scene with it and without."""
+    soft = load(FOLDER / "soft_shadows.py")
+    bare = with_lights(soft, _shadowless)
+    yield "hard shadow", "soft_shadows", with_lights(soft, _hard), bare
+    for penumbra in ("cone", "triangulated", "two-sided"):
+        yield f"{penumbra} shadow", "soft_shadows", with_lights(soft, _as(penumbra)), bare
+    yield "occlusion", "soft_shadows", soft, changed(soft, occlusion=None)
+    yield "sky light", "soft_shadows", soft, changed(soft, sky=rm.Sky((0.25, 0.3, 0.4)), occlusion=None)
+    yield "fog", "soft_shadows", soft, changed(soft, fog=None)
+    smooth = load(FOLDER / "smoothing.py")
+    plain = rm.Scene(rm.union(rm.sphere(0.6).translate((0.1, 0.75, 0.1)), rm.box((1.3, 1, 1.3)).round(0.03), k=0.6))
+    yield "microfacets, mixed", "smoothing", smooth, changed(smooth, node=plain.node | rm.plane(offset=-0.5))
+    carpet = load(FOLDER / "carpet.py")
+    yield "shadow of a height map", "carpet", carpet, with_lights(carpet, _shadowless)
+    bulb = load(FOLDER / "mandelbulb.py")
+    yield "shadow of a fractal", "mandelbulb", bulb, with_lights(bulb, _shadowless)
+    glass = changed(load(FOLDER / "glass.py"), quality=rm.Quality())
+    yield "8 bounces, a sample", "glass", glass, changed(glass, bounces=0)
+    yield "1 bounce, a sample", "glass", changed(glass, bounces=1), changed(glass, bounces=0)
+    many = load(FOLDER / "lights.py")
+    yield "64 lights for 1", "lights", many, with_lights(many, _nothing, 1)
+    yield "64 lights for 1, no shadows", "lights", with_lights(many, _shadowless), with_lights(many, _shadowless, 1)
+    yield "64 shadows", "lights", many, with_lights(many, _shadowless)
+
+
+def cost(renderer: rm.Renderer, scene: rm.Scene) -> tuple[float, float]:
+    """Evaluations a pixel after the hit, and the middle of five times, in milliseconds."""
+    renderer.render(scene)
+    times = sorted(renderer.render(scene).milliseconds for _ in range(5))
+    return float(effort(renderer, scene).shading.mean()), times[2]
+
+
+def main() -> None:
+    width = int(sys.argv[1]) if len(sys.argv) > 1 else 320
+    size = (width, width * 9 // 16)
+    print(f"{size[0]} x {size[1]} pixels; evaluations of the field a pixel after the hit; milliseconds a frame")
+    print(f"{'effect':<28}{'example':<14}{'evaluations':>12}{'without':>9}{'ms':>9}{'without':>9}{'ratio':>7}")
+    with rm.Renderer(size) as renderer:
+        for effect, example, one, other in pairs():
+            (asked, spent), (less, sooner) = cost(renderer, one), cost(renderer, other)
+            numbers = f"{asked:>12.1f}{less:>9.1f}{spent:>9.2f}{sooner:>9.2f}{spent / max(sooner, 1e-9):>7.2f}"
+            print(f"{effect:<28}{example:<14}{numbers}", flush=True)
+    scene = load(FOLDER / "lights.py")
+    rows = lights.rows(scene, set_values(scene.parameters, {}))
+    each = rows.nbytes // len(rows)
+    print(f"64 lights: {rows.nbytes} bytes, {each} each, in a texture of {rows.shape[1]} x {len(rows)}")
+
+
+if __name__ == "__main__":
+    main()

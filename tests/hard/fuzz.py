@@ -1,0 +1,147 @@
+"""Random scenes from the whole catalogue, held against the truth and against each other.
+
+python -m tests.hard.fuzz --minutes 10 [--seed 1]
+
+A failure is shrunk by Hypothesis to the smallest scene that shows it, and printed as Python.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+import zlib
+from collections import Counter
+from typing import Any
+
+import hypothesis
+import numpy as np
+import test_random_trees
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from test_random_trees import trees
+
+import raymarch as rm
+from raymarch.errors import RaymarchError
+from tests.hard.python import as_python
+from tests.hard.referee import Referee
+from tests.hard.relations import OUTPUTS, RELATIONS, Seen
+from tests.hard.world import World
+
+SIZE = (24, 20)
+test_random_trees.OWN["labelled"] = lambda node, random: node.material(rm.Material(tuple(random.uniform(size=3))))
+
+EACH = 3
+"""Relations that each scene is held against."""
+
+
+def scene_of(node: rm.Node, seed: int) -> rm.Scene:
+    """The whole solid, seen from a side that the seed chooses."""
+    if not node.facts.bounded:
+        node = node & rm.box(2.4)
+    low, high = node.bounds
+    centre, reach = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-3)
+    random = np.random.default_rng(seed)
+    towards = random.normal(size=3) * (1.0, 0.5, 1.0)
+    eye = centre + random.uniform(1.6, 3.0) * reach * towards / np.linalg.norm(towards)
+    lights = [rm.Sun((0.5, 1.0, 0.7), shadow=bool(seed % 2))]
+    quality = rm.Quality(max_steps=4096)
+    return rm.Scene(node, rm.Camera(tuple(eye), tuple(centre), fov=52.0), lights, quality=quality)
+
+
+def faults(world: World, node: rm.Node, seed: int, only: tuple[str, ...] = ()) -> list[str]:
+    """What is wrong with a scene and some relations, in words."""
+    scene = scene_of(node, seed)
+    frame = world.draw(scene, SIZE, OUTPUTS)
+    referee = Referee(scene, SIZE)
+    found = [
+        f"against the truth: {what}"
+        for what in (*referee.unexplained(frame.depth, frame.iterations), *referee.turned(frame))
+    ]
+    if not np.all(np.isfinite(frame.color)):
+        found.append("colours are not finite")
+    names = list(RELATIONS)
+    start = zlib.crc32(str(seed).encode())
+    chosen = only or tuple(names[(start + 7 * k) % len(names)] for k in range(EACH))
+    for name in chosen:
+        depth, iterations, wrong = RELATIONS[name](Seen(world, scene, SIZE, frame, seed))
+        if depth is not None:
+            wrong = [*wrong, *referee.unexplained(depth, iterations)]
+        found += [f"{name}: {what}" for what in wrong]
+    return found
+
+
+SHRINK = 60
+"""Scenes that are tried to make a failure smaller."""
+
+
+class Search:
+    """Batches of scenes, until the time is up."""
+
+    def __init__(self, world: World, show: Any = print) -> None:
+        self.world, self.show = world, show
+        self.scenes = 0
+        self.failed: Counter[str] = Counter()
+        self.used: Counter[str] = Counter()
+
+    def batch(self, seed: int, examples: int = 12) -> str | None:
+        """Some scenes; the report of the smallest that fails, if one does."""
+        smallest: list[str] = []
+        shrinking_left = [True] * SHRINK
+
+        @hypothesis.seed(seed)
+        @settings(
+            max_examples=examples,
+            database=None,
+            deadline=None,
+            derandomize=False,
+            suppress_health_check=list(HealthCheck),
+            phases=(Phase.generate, Phase.shrink),
+            report_multiple_bugs=False,
+            print_blob=False,
+            verbosity=hypothesis.Verbosity.quiet,
+        )
+        @given(trees, st.integers(0, 10_000))
+        def look(node: rm.Node, view: int) -> None:
+            if smallest and not (shrinking_left and shrinking_left.pop()):
+                return  # small enough
+            self.scenes += 1
+            try:
+                wrong = faults(self.world, node, view)
+            except RaymarchError as error:
+                wrong = [f"{type(error).__name__}: {error}"]
+            if wrong:
+                smallest[:] = [*wrong, f"view {view}", as_python(node)]
+                raise AssertionError(wrong[0].partition(":")[0])
+
+        try:
+            look()
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt) or not smallest:
+                raise
+            self.failed[smallest[0].partition(":")[0]] += 1
+            return "\n".join(smallest)
+        return None
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--seed", type=int, default=1)
+    given_ = parser.parse_args(arguments)
+    end, seed = time.monotonic() + 60 * given_.minutes, given_.seed
+    with World() as world:
+        search = Search(world)
+        while time.monotonic() < end:
+            report = search.batch(seed)
+            if report:
+                print(f"--- seed {seed}\n{report}", flush=True)
+            seed += 1
+            if seed % 20 == 0:
+                print(f"{search.scenes} scenes", flush=True)
+        print(f"{search.scenes} scenes, {EACH} of {len(RELATIONS)} relations each; failures: {dict(search.failed)}")
+    return 1 if search.failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,55 @@
+"""What depends on time alone is worked out in float64, once a frame, and the field stays the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.vocabulary import sin
+from raymarch.plan import plan
+from raymarch.plan.moments import at_moment
+from raymarch.scene.parameter import set_values
+from raymarch.shader import assemble
+
+SIZE = rm.Param("size", 0.5, 0.1, 2.0)
+
+
+def ripples(amplitude: float) -> rm.Node:
+    return rm.box(2.0).displace_by(lambda p: amplitude * sin(5.0 * p.x + rm.time), amplitude, 5.0 * amplitude)
+
+
+NODES = {
+    "turned": rm.box().rotate(3.0 * rm.time, (1, 2, 3)),
+    "moved": rm.sphere().translate((sin(rm.time), rm.time * SIZE, 0)),
+    "grown": rm.sphere(0.5 + 0.1 * sin(rm.time)) | rm.torus().rotate(rm.time),
+    "waves": ripples(0.02).rotate(0.5 * rm.time),
+    "copies": rm.box(0.3).rotate(rm.time).translate((0.2, 0, 0)).repeat(1.5, 3),
+}
+
+
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("time", [0.0, 1.3, 1e5])
+def test_the_field_is_the_same(name: str, time: float) -> None:
+    made = plan(rm.Scene(NODES[name], rm.Camera((0, 1, 4), (0, 0, 0))))
+    values = set_values(made.parameters, {}, time)
+    points = np.random.default_rng(1).normal(size=(100, 3))
+    with bound(values.params, time):
+        known = NODES[name].distance(points)
+    then = at_moment(made.moments, values)
+    with bound(then.params, time):
+        found = evaluator([made.field.body], made.field.params)(points)[0]
+    np.testing.assert_allclose(found, known, atol=1e-12)
+
+
+def test_nothing_but_time_that_meets_the_point_is_left_to_the_shader() -> None:
+    turned, waves = (assemble(plan(rm.Scene(NODES[name]))) for name in ("turned", "waves"))
+    assert not turned.uses_time and waves.uses_time
+    assert any(name.startswith("moment") for name in turned.parameters)
+
+
+def test_a_scene_without_time_has_no_moments() -> None:
+    made = plan(rm.Scene(rm.sphere(SIZE).rotate(SIZE)))
+    assert not made.moments and set(made.parameters) == {"size"}
+    assert set(assemble(made).parameters) == {"size"}

@@ -1,0 +1,102 @@
+"""A march over many passes: the same picture as in one, spread over frames, and never begun anew without need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.gpu.clock import Clock
+from raymarch.gpu.context import Context
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene.quality import TRACERS
+
+SIZE = (96, 54)
+EVERYTHING = ("color", "depth", "normal", "material")
+
+
+def scene(angle: float = 0.0, **quality: Any) -> rm.Scene:
+    ring = rm.union(rm.torus(0.7, 0.2).rotate(1.2, "x"), rm.sphere(0.4), k=0.2)
+    place = (3.4 * np.sin(angle), 0.8, 3.4 * np.cos(angle))
+    return rm.Scene(
+        ring | rm.plane(offset=-0.8),
+        rm.Camera(place, (0, -0.1, 0), fov=50),
+        lights=[rm.Sun(shadow=True)],
+        quality=rm.Quality(**quality),
+    )
+
+
+@pytest.fixture
+def renderer(egl: Context) -> Iterator[Renderer]:
+    with Renderer(SIZE, "egl") as made:
+        yield made
+
+
+@pytest.mark.parametrize("tracer", [t for t in TRACERS if t != "auto"])
+@pytest.mark.parametrize("schedule", ["single", "cones"])
+@pytest.mark.parametrize("budget", [4, 7])
+def test_many_passes_come_to_what_one_comes_to(renderer: Renderer, tracer: str, schedule: str, budget: int) -> None:
+    """A pass ends between two steps, so that tracers which remember more than the state ask some points again."""
+    whole = renderer.render(scene(tracer=tracer, schedule=schedule), outputs=EVERYTHING)
+    parts = renderer.render(scene(tracer=tracer, schedule=schedule, budget=budget), outputs=EVERYTHING)
+    assert parts.complete and sum(t.name == "march" for t in parts.timings) > 1
+    assert np.mean(np.isfinite(whole.depth) != np.isfinite(parts.depth)) < 0.002
+    both = np.isfinite(whole.depth) & np.isfinite(parts.depth)
+    assert np.quantile(np.abs(parts.depth[both] / whole.depth[both] - 1), 0.99) < 1e-3
+    assert np.quantile(np.abs(parts.color - whole.color), 0.98) < 2 / 255
+    if tracer == "auto_relaxed":
+        assert parts.evaluations.mean() < 1.35 * whole.evaluations.mean()
+
+
+def test_the_passes_end_when_all_rays_have_arrived(renderer: Renderer) -> None:
+    few = renderer.render(scene(budget=16))
+    marched = [t for t in few.timings if t.name == "march"]
+    assert len(marched) < 512 / 16
+    assert few.iterations.max() > 16 * (len(marched) - 1)
+
+
+def test_a_still_picture_goes_on_and_a_moved_one_begins_anew(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(self: Clock, draw: Any) -> float:
+        del self
+        draw()
+        return 10.0
+
+    monkeypatch.setattr(Clock, "time", slow)
+    given = {"budget": 4, "temporal": "accumulate", "schedule": "single"}
+    whole = renderer.render(scene(schedule="single"), outputs=EVERYTHING)
+    frames = []
+    for _ in range(40):
+        frames.append(renderer.render(scene(**given), within=25.0))
+        if frames[-1].complete:
+            break
+    assert 2 < len(frames) < 40
+    assert all(sum(t.name == "march" for t in frame.timings) <= 3 for frame in frames)
+    errors = [np.abs(frame.color - whole.color).mean() for frame in frames]
+    assert errors[-1] < 0.1 * errors[0] and np.isfinite(frames[0].color).all()
+    done = renderer.render(scene(**given), within=25.0)
+    assert [t.name for t in done.timings] == ["color"] and np.array_equal(done.color, frames[-1].color)
+    moved = renderer.render(scene(0.2, **given), within=25.0)
+    assert not moved.complete and sum(t.name == "march" for t in moved.timings) == 3
+    again = renderer.render(scene(**given), within=25.0)
+    assert not again.complete and np.array_equal(again.color, frames[0].color)
+
+
+def test_progress_is_told_to_the_end(renderer: Renderer) -> None:
+    told: list[float] = []
+    renderer.render(scene(budget=8), progress=told.append)
+    assert told == sorted(told) and told[-1] == 1.0
+
+
+def test_a_budget_is_for_one_ray_a_pixel() -> None:
+    for other in ({"samples": 2}, {"temporal": "reproject"}):
+        with pytest.raises(SceneError, match="budget = 8 with"):
+            rm.Quality(budget=8, **other)  # type: ignore[arg-type]
+    for wrong in (3, 60001, 1.5, True):
+        with pytest.raises(SceneError, match=f"budget = {wrong}"):
+            rm.Quality(budget=wrong)  # type: ignore[arg-type]
