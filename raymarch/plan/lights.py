@@ -62,7 +62,7 @@ def columns(has: frozenset[str]) -> list[str]:
 
 def shadows(has: frozenset[str]) -> list[str]:
     """The kinds of shadow among the lights, in the order of their numbers in the data, from 1."""
-    return [kind for kind in ("hard", "two-sided", "cone", "triangulated") if kind in has]
+    return [kind for kind in ("hard", "two-sided", "cone", "triangulated", "sampled") if kind in has]
 
 
 def rows(scene: Scene, values: Values) -> NDArray[np.float32]:

@@ -109,6 +109,7 @@ MODULES = {
     "two-sided": ("light/two_sided", "a light casts a soft shadow"),
     "cone": ("light/cone", "a light casts a soft shadow by its cone"),
     "triangulated": ("light/triangulated", "a light casts a triangulated soft shadow"),
+    "sampled": ("light/sampled", "a light casts the shadows of its points, one a sample"),
 }
 """The module that each trait of lights calls for, and why."""
 
@@ -151,8 +152,11 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
             found.append((name, f"{why}: {type(first).__name__} at {first.where}" if first else why))
         if ambient_sky(scene):
             found += _from_sky(scene, model)
+        if "sampled" in lights.traits(scene):
+            found.append(("random/pixel", "a point of a light is chosen at random"))
+            found += [("light/shadow", "the shadow of a point")] if "hard" not in lights.traits(scene) else []
         if scene.bounces:
-            found += _ways(scene, model)
+            found += [m for m in _ways(scene, model) if m[0] not in {name for name, _ in found}]
         if occluded(scene, model):
             found.append(("light/occlusion", "Scene(occlusion=...)"))
     if colored:

@@ -17,7 +17,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import cos, normalize
 from raymarch.scene.parameter import as_number, as_vec3
 
-PENUMBRAS = ("two-sided", "cone", "triangulated")
+PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
 
 
 class Light:
@@ -32,8 +32,10 @@ class Light:
     penumbra : how a soft shadow is found. "two-sided": the share of the light's disc that is left by the nearest
         obstacle, taken as a straight edge; half at the edge of the geometry, as it should be, but what is thinner
         than the disc lets light through. "cone": the smallest clearance over the disc's radius (Quilez 2008), dark
-        already at the edge, and behind all that stands in the way. "triangulated": that with the clearance between
-        two samples estimated (Aaltonen 2018).
+        already at the edge, and behind all that stands in the way. "triangulated": that with the
+        clearance between two samples estimated (Aaltonen 2018). "sampled": a hard shadow of one point of the light at
+        random, right for whatever is in the way, and for highlights; it takes `Quality(samples=...)` or frames to make
+        it smooth.
     """
 
     __slots__ = ("color", "intensity", "penumbra", "shadow", "softness", "where")

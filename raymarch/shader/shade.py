@@ -22,6 +22,7 @@ SHADOW = {
     "two-sided": "two_sided_shadow",
     "cone": "cone_shadow",
     "triangulated": "triangulated_shadow",
+    "sampled": "hard_shadow",
 }
 """The functions of the kinds of shadow."""
 
@@ -290,7 +291,15 @@ def _light(text: _Lines, i: int, light: Light, values: Values, answer: str) -> N
         outer, inner = light.cosines
         cone = ", ".join((value("axis", light.direction), value("outer", outer), value("inner", inner)))
         add(f"light.radiance *= spot(light.direction, {cone});", "spot")
+    if light.soft and light.penumbra == "sampled":
+        width = value("softness", light.softness) + ("" if isinstance(light, Sun) else " / light.distance")
+        add(f"light = part_of(light, {width}, {_dimension(i)});", "part_of")
     add(f"color += {answer}(surface, light, {_visibility(text, light, value)});", answer)
+
+
+def _dimension(light: int) -> int:
+    """The first random dimension of a light, beyond those of bounces."""
+    return 1024 + 2 * light
 
 
 def _visibility(text: _Lines, light: Light, value: Callable[[str, Expr], str]) -> str:
@@ -300,7 +309,7 @@ def _visibility(text: _Lines, light: Light, value: Callable[[str, Expr], str]) -
     call = SHADOW[light.penumbra if light.soft else "hard"]
     text.needs.add(call)
     width = ""
-    if light.soft:
+    if light.soft and light.penumbra != "sampled":
         width = f", {value('softness', light.softness)}{'' if isinstance(light, Sun) else ' / light.distance'}"
     shown = f"{call}(surface, light{width})"
     if isinstance(light, PointLight) and light.shadow_radius is not None:
@@ -346,8 +355,12 @@ def _loop(text: _Lines, plan: Plan) -> None:
         visibility = "visibility"
         add("float visibility = 1.0;")
         near = "(caster.z == 0.0 || light.distance < caster.z) && " if has - {"sun"} else ""
+        if "sampled" in has:
+            number = float(lights.shadows(has).index("sampled") + 1)
+            width = "caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
+            add(f"if (caster.x == {number}) light = part_of(light, {width}, {_dimension(0)} + 2 * i);", "part_of")
         for k, shadow in enumerate(lights.shadows(has), 1):
-            width = "" if shadow == "hard" else ", caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
+            width = "" if shadow in ("hard", "sampled") else ", caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
             add(
                 f"if ({near}caster.x == {float(k)}) visibility = {SHADOW[shadow]}(surface, light{width});",
                 SHADOW[shadow],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,6 +61,22 @@ def _falloff(light: PointLight, values: Values, distance: Array) -> Array:
     window = np.maximum(1.0 - (distance / share) ** 4, 0.0) ** 2
     result: Array = window / np.where(distance > 0.0, distance, np.inf) ** 2
     return result
+
+
+PARTS = 64
+"""Points of a light's disc that stand for all of them where the shader takes one at random."""
+
+
+def parts_of(come: Incoming, width: Array) -> Iterator[Incoming]:
+    """The same light from even points of its disc; `width` is the sine of its angular radius, (N,)."""
+    helper = np.where(np.abs(come.direction[:, 1:2]) < 0.9, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    across = unit(np.cross(come.direction, helper))
+    along = np.cross(come.direction, across)
+    for k in range(PARTS):
+        r, turn = np.minimum(width[:, None], 0.999) * np.sqrt((k + 0.5) / PARTS), k * 2.399963
+        c = np.sqrt(1.0 - r * r)
+        direction = c * come.direction + r * (np.cos(turn) * across + np.sin(turn) * along)
+        yield Incoming(direction, come.distance, come.radiance / c)
 
 
 def soft_visibility(

@@ -14,7 +14,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
 from raymarch.truth.field import Field
-from raymarch.truth.light import Incoming, furnace, incoming, microfacets, soft_visibility
+from raymarch.truth.light import PARTS, Incoming, furnace, incoming, microfacets, parts_of, soft_visibility
 from raymarch.truth.march import GAP, NOISE
 from raymarch.truth.rays import Rays, unit
 from raymarch.truth.visibility import unblocked
@@ -128,8 +128,17 @@ class Surface:
         return np.where(away, -self.normals, self.normals)
 
     def _from(self, light: Light) -> Array:
-        """What one light adds: the answers of the two models, each by its share."""
+        """What one light adds. One whose points are sampled is the mean of even points of its disc."""
         come = incoming(light, self.values, self.points, self.far)
+        if not (light.soft and light.penumbra == "sampled"):
+            return self._answered(light, come)
+        width = self.values.of(light.softness)
+        spread = width / np.maximum(come.distance, 1e-300) if isinstance(light, PointLight) else width
+        spread = np.broadcast_to(spread, come.distance.shape)
+        return sum((self._answered(light, part) for part in parts_of(come, spread)), np.zeros_like(self.points)) / PARTS
+
+    def _answered(self, light: Light, come: Incoming) -> Array:
+        """What comes from one direction: the answers of the two models, each by its share."""
         facing = np.einsum("ij,ij->i", self._shading_normals, come.direction)
         visible = self._visible(light, come, (facing > 0.0) & come.radiance.any(axis=1))[:, None]
         share = self._look["physical"]
@@ -175,7 +184,7 @@ class Surface:
         offset = self._offset[row]
         rays = Rays(self.points[row] + offset[:, None] * self._shading_normals[row], come.direction[row])
         box, end = self.scene.node.facts, come.distance[row]
-        if light.soft:
+        if light.soft and light.penumbra != "sampled":
             side = -1.0 if self.inside else 1.0
             visible[row] = soft_visibility(
                 light, self.values, lambda points: side * self.field.distance(points), rays, box, offset, end

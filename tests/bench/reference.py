@@ -137,6 +137,16 @@ SCENES = {
 MANY = rm.Quality(samples=256)
 
 SCENES |= {
+    "area, sampled": Compared(
+        lambda: {
+            "lights": [rm.SphereLight((1.2, 3.2, 0.8), 0.3, intensity=10, shadow=True, penumbra="sampled")],
+            "quality": rm.Quality(samples=256, masking="separable"),
+        },
+        _metal(0.35)[0],
+        _ball_of_light,
+        _metal(0.35)[1],
+        256,
+    ),
     "sky on a floor": Compared(
         lambda: {"lights": [], "sky": rm.Sky((0.4, 0.6, 0.9)), "bounces": 1, "quality": MANY}, _matte, _sky, MATTE, 256
     ),
@@ -272,11 +282,11 @@ def main() -> None:
 
     mi.set_variant("scalar_rgb")
     width = int(sys.argv[1]) if len(sys.argv) > 1 else 96
-    print(f"{'scene':<12}{'mean':>10}{'median':>10}{'p95':>10}   relative errors, {width} pixels wide")
+    print(f"{'scene':<16}{'mean':>10}{'median':>10}{'p95':>10}   relative errors, {width} pixels wide")
     with rm.Renderer((width, width * 3 // 4)) as renderer:
         for name in SCENES:
             error = compare(renderer.render(ours(name, width)), theirs(mi, name, width))
-            print(f"{name:<12}{error.mean:>10.4%}{error.median:>10.4%}{error.p95:>10.4%}")
+            print(f"{name:<16}{error.mean:>10.4%}{error.median:>10.4%}{error.p95:>10.4%}")
 
 
 if __name__ == "__main__":

@@ -57,12 +57,15 @@ def scenes() -> dict[str, rm.Scene]:
     made["patterns"] = rm.Scene(rm.sphere().material(spotted).repeat(3) | rm.plane(offset=-2).material(spotted))
     made["glow without lights"] = rm.Scene(rm.sphere().material(spotted), lights=[])
     made["soft shadows"] = rm.Scene(
-        solid() | rm.plane(offset=-1), lights=[rm.Sun(shadow=True, softness=0.1, penumbra=p) for p in PENUMBRAS]
+        solid() | rm.plane(offset=-1), lights=[rm.Sun(shadow=True, softness=0.1, penumbra=p) for p in PENUMBRAS[:3]]
     )
     made["soft shadows without end"] = rm.Scene(rm.plane((1, 2, 3)), lights=[rm.Sun(shadow=True, softness=GAP)])
     made["lamps"] = rm.Scene(solid(), lights=lamps())
     made["many lamps"] = rm.Scene(solid() | rm.sphere().material(gold).translate((3, 0, 0)), lights=2 * lamps())
     made["many plain lamps"] = rm.Scene(solid(), lights=[rm.PointLight((k, 3, 0)) for k in range(20)])
+    point = rm.SphereLight((2, 4, 2), GAP, shadow=True, penumbra="sampled")
+    made["sampled shadows"] = rm.Scene(solid() | rm.plane(offset=-1), lights=[point, rm.Sun(shadow=True)])
+    made["many sampled shadows"] = rm.Scene(solid(), lights=[point, *lamps(), *lamps()], bounces=1)
     skies = {
         "gradient": rm.GradientSky(light=True),
         "sun": rm.SunSky((1, GAP, 1), light=True),
