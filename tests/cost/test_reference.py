@@ -27,7 +27,7 @@ def test_it_is_the_truth(scene, known):
 
 
 def test_the_picture_is_the_mean_of_finer_rays(scene, known):
-    fine = np.clip(rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color, 0, 1)
+    fine = rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color
     assert known.picture[7, 9] == pytest.approx(fine[14:16, 18:20].mean(axis=(0, 1)))
     assert known.spread[7, 9] == pytest.approx(fine[14:16, 18:20].reshape(4, 3).std(axis=0, ddof=1).max() / 2)
 
@@ -139,3 +139,11 @@ def test_geometry_alone(scene, known):
     assert np.array_equal(plain.edges, known.edges)
     assert not plain.picture.any()
     assert np.all(plain.floor == -1)
+
+
+def test_geometry_is_that_of_every_quality(scene, known, monkeypatch):
+    reference(scene, SIZE, samples=0)
+    monkeypatch.setattr(room, "_compute", lambda *_: pytest.fail("computed again"))
+    other = make_scene()
+    other.quality = rm.Quality.preset("exact")
+    assert np.array_equal(reference(other, SIZE, samples=0).depth, known.depth)
