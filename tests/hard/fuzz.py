@@ -19,7 +19,6 @@ import numpy as np
 import test_random_trees
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from test_random_trees import trees
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
@@ -101,7 +100,7 @@ class Search:
             print_blob=False,
             verbosity=hypothesis.Verbosity.quiet,
         )
-        @given(trees, st.integers(0, 10_000))
+        @given(test_random_trees.trees, st.integers(0, 10_000))
         def look(node: rm.Node, view: int) -> None:
             if smallest and not (shrinking_left and shrinking_left.pop()):
                 return  # small enough

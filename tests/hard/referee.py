@@ -72,22 +72,26 @@ class Referee:
         return pixels * self.pixel * t + ROUNDING * ULP * largest
 
     def _missed(self, depth: NDArray[Any]) -> list[str]:
+        through = self.through(depth)
+        return [f"{through.sum()} rays go through a surface"] if through.any() else []
+
+    def through(self, depth: NDArray[Any]) -> NDArray[np.bool_]:
         """Rays that went through the first surface: those that are in it by more than a contact for a while."""
         known = self.known
         first = np.where(known.hit, known.depth, 0.0)
-        behind = known.hit & ~(depth <= first * (1 + 1e-4) + 4 * self.pixel * first)
-        if not behind.any():
-            return []
-        origin, direction, t = known.position, known.direction[behind], first[behind]
-        end = np.where(np.isfinite(depth[behind]), depth[behind], t + 64 * self.pixel * t)
+        found = known.hit & ~(depth <= first * (1 + 1e-4) + 4 * self.pixel * first)
+        if not found.any():
+            return found
+        origin, direction, t = known.position, known.direction[found], first[found]
+        end = np.where(np.isfinite(depth[found]), depth[found], t + 64 * self.pixel * t)
         share = np.linspace(0, 1, 65)[1:]
         samples = t[:, None] + np.minimum(end - t, 64 * self.pixel * t)[:, None] * share
         at = origin + samples[..., None] * direction[:, None]
         values = self.scene.node.distance(at.reshape(-1, 3)).reshape(samples.shape)
         outside = float(self.scene.node.distance(np.asarray(origin)[None])[0]) >= 0
         deepest = np.max(-values if outside else values, axis=1)
-        through = deepest > self._allowed(t, at[:, 0], None)
-        return [f"{through.sum()} rays go through a surface, up to {deepest.max():.3g} deep"] if through.any() else []
+        found[found] = deepest > self._allowed(t, at[:, 0], None)
+        return found
 
     def turned(self, frame: rm.Frame) -> list[str]:
         """Normals that point elsewhere, of hits away from edges."""

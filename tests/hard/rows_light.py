@@ -67,6 +67,7 @@ def light_at_surface(world: World) -> Iterator[Figure]:
             rm.PointLight((0, y, 0), shadow=True),
             rm.SphereLight((0, y, 0), 0.1, shadow=True),
             rm.SpotLight((0, y, 0), (0, -1, 0), shadow=True),
+            rm.PointLight((0, y, 0), attenuation=(0, 0, 1)),
         ):
             frame = world.draw(rm.Scene(rm.sphere(), rm.Camera((0, 4, 0.01), (0, 0, 0)), [light]), outputs=("color",))
             tried += frame.color.size

@@ -1,0 +1,189 @@
+"""Seeds faults into the hand-written GLSL, one at a time, and counts how many the hard cases notice.
+
+python -m tests.hard.faults               # all: many minutes; writes docs/figures/glsl_faults.json
+python -m tests.hard.faults march/settle  # of some modules
+
+A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks
+or goes on), an absolute value, an offset (a factor of epsilon), or a reset. Told apart is what changes no bit of any
+frame: a guard that only saves time, or one for what these scenes do not hold.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from shader_samples import scenes
+from test_render_shading import EXACT, SOFT
+
+import raymarch as rm
+from raymarch import glsl
+from raymarch.truth import silhouettes
+from tests.hard.fuzz import faults as unexplained
+from tests.hard.table import cases
+from tests.hard.watertight import solid
+from tests.hard.world import World
+
+LOOK = (80, 60)
+LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "glsl_faults.json"
+ROOMS = ("march", "light", "normal", "view")
+ROWS = {
+    "march": (1, 3, 27, 58, 54, 55, 2, 46, 56, 23, 47, 5, 35, 57, 29),
+    "light": (38, 41, 29, 39, 40, 35, 59),
+    "normal": (31, 5, 6),
+    "view": (44, 42, 43, 45, 46, 50, 54),
+}
+"""The rows that look at a folder of modules, those most likely to notice first."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A line of a module in a spoiled form."""
+
+    module: str
+    line: int
+    kind: str
+    text: str
+
+
+def faults_of(name: str) -> Iterator[Fault]:
+    """All faults of a module."""
+    for i, line in enumerate(glsl.load(name).lines):
+        code = line.partition("//")[0]
+        if not code.strip() or code.startswith(("const", "uniform", "struct", "layout")):
+            continue
+        for call in ("max", "min", "clamp"):
+            for spoiled in _without(code, call):
+                yield Fault(name, i, call, spoiled)
+        for match in re.finditer(r"\babs\(", code):
+            yield Fault(name, i, "abs", code[: match.start()] + code[match.end() - 1 :])
+        if re.match(r"\s+if \(.*\) (return|break|continue|\w+ = ).*;$", code.rstrip()):
+            yield Fault(name, i, "guard", "")
+        if "epsilon(" in code and "2.0 *" in code:
+            yield Fault(name, i, "offset", code.replace("2.0 *", "0.0 *"))
+        if re.match(r"\s+(slope = at\.slope = -1\.0|at\.passing = true|slope = 0\.0|\w+ = vec4\(0\.0\));", code):
+            yield Fault(name, i, "reset", "")
+
+
+def _without(code: str, call: str) -> Iterator[str]:
+    """The line with the first argument alone in place of a call, once for each call."""
+    for match in re.finditer(rf"\b{call}\(", code):
+        depth, start, first = 0, match.end(), None
+        for k in range(start, len(code)):
+            if code[k] == "(":
+                depth += 1
+            elif code[k] == ")" and depth == 0:
+                if first is not None:
+                    yield code[: match.start()] + "(" + first + ")" + code[k + 1 :]
+                break
+            elif code[k] == ")":
+                depth -= 1
+            elif code[k] == "," and depth == 0 and first is None:
+                first = code[start:k]
+
+
+class seeded:
+    """While it lasts, a module has the fault."""
+
+    def __init__(self, fault: Fault) -> None:
+        self.fault, self.original = fault, glsl.load
+
+    def __enter__(self) -> None:
+        original, fault = self.original, self.fault
+
+        def load(name: str) -> Any:
+            module = original(name)
+            if name != fault.module:
+                return module
+            lines = list(module.lines)
+            lines[fault.line] = fault.text
+            return replace(module, lines=tuple(lines))
+
+        glsl.load = load  # type: ignore[assignment]
+
+    def __exit__(self, *_: object) -> None:
+        glsl.load = self.original  # type: ignore[assignment]
+
+
+@cache
+def right(room: str) -> int:
+    """The digest of all frames that the rows of a folder draw while nothing is wrong."""
+    found, digest = _looked_at(room)
+    assert not found, found
+    return digest
+
+
+def verdict(fault: Fault) -> str:
+    """By what a fault is noticed; "missed", or "none" where every frame stayed as it was, bit for bit."""
+    room = fault.module.partition("/")[0]
+    expected = right(room)
+    with seeded(fault), np.errstate(all="ignore"):
+        found, digest = _looked_at(room)
+    return found or ("none" if digest == expected else "missed")
+
+
+def _looked_at(room: str) -> tuple[str, int]:
+    """What is broken in the rows of a folder, or in three random scenes; and the digest of the frames."""
+    wanted = ROWS[room]
+    chosen = sorted((case for case in cases() if case.row in wanted), key=lambda case: wanted.index(case.row))
+    with World() as world:
+        try:
+            for case in chosen:
+                broken = next((f.quantity for f in case.measure(world) if not f.holds), None)
+                if broken:
+                    return f"{case.id}: {broken}", 0
+            for name in looks() if room == "light" else ():
+                if _is_off(world, looks()[name]):
+                    return f"against the truth: {name}", 0
+            wrong = [what for seed in (3, 4, 5) for what in unexplained(world, solid(seed), seed)]
+        except Exception as error:
+            return f"{type(error).__name__}", 0
+        return (wrong[0] if wrong else ""), world.digest
+
+
+@cache
+def looks() -> dict[str, rm.Scene]:
+    """Scenes of all models, lamps, skies and penumbras."""
+    return {name: scenes()[name] for name in (*EXACT, *SOFT)}
+
+
+@cache
+def truth_of(scene: rm.Scene) -> Any:
+    return rm.truth(scene, LOOK)
+
+
+def _is_off(world: World, scene: rm.Scene) -> bool:
+    """Colours that differ from the truth, silhouettes and a share for penumbras apart."""
+    known = truth_of(scene)
+    found = world.draw(scene, LOOK, ("color",)).color
+    off = (np.abs(found - known.color) / np.maximum(known.color, 1.0)).max(axis=-1)[~silhouettes(known)]
+    return not (np.mean(off > 1 / 255) < 0.05 and np.mean(off > 0.05) < 0.01)
+
+
+def main(arguments: list[str]) -> int:
+    folder = Path(glsl.__file__).parent
+    names = arguments or sorted(f"{f.parent.name}/{f.stem}" for room in ROOMS for f in folder.glob(f"{room}/*.glsl"))
+    lines: dict[str, list[str]] = {"noticed": [], "none": [], "missed": []}
+    for name in names:
+        for fault in faults_of(name):
+            found = verdict(fault)
+            line = f"{fault.module}:{fault.line + 1} {fault.kind}: {fault.text.strip() or 'line left out'}"
+            lines[found if found in lines else "noticed"].append(line)
+            print(f"{line} -> {found}", flush=True)
+    noticed, none, missed = (len(some) for some in lines.values())
+    print(f"{noticed} of {noticed + missed} noticed; {none} more change no bit of any frame")
+    if not arguments:
+        known = {"noticed": noticed, "none": lines["none"], "missed": lines["missed"]}
+        LEDGER.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    return 0 if noticed >= 0.95 * (noticed + missed) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,21 @@
+"""Samples of what runs for long as a command: watertight solids, and a soak."""
+
+from __future__ import annotations
+
+from tests.hard.soak import soak
+from tests.hard.watertight import Count, shoot
+from tests.hard.world import World
+
+
+def test_no_ray_goes_through_a_closed_solid(world: World) -> None:
+    count = Count()
+    for seed in range(1, 9):
+        shoot(world, seed, (64, 48), count)
+    assert count.hits > 2000 and count.lost == 0
+    assert count.grazing <= 0.01 * count.hits
+
+
+def test_nothing_grows(world: World) -> None:
+    before, after = soak(world, 16)
+    assert after.objects <= before.objects + 30  # programs: caches are full after 32 of them
+    assert after.files <= before.files
