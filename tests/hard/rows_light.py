@@ -48,14 +48,31 @@ def secondary(world: World) -> Iterator[Figure]:
 
 @case(30, "refraction")
 def refraction(world: World) -> Iterator[Figure]:
-    """Total internal reflection gives a zero vector, and inside the sign turns. No scene can ask for refraction yet:
-    with the first that can, this row needs the furnace of a slab."""
-    from pathlib import Path
-
-    texts = [f.read_text(encoding="utf-8") for f in Path(glsl.__file__).parent.glob("*/*.glsl")]
-    yield Figure(
-        "modules that refract without a furnace", sum("refract(" in text for text in texts), 0, "none refracts"
-    )
+    """Total internal reflection gives a zero vector, and inside the sign turns. In a white room glass must be as white
+    as the room, whatever way the light takes through it."""
+    cosine, ratio = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 201), [1 / 4, 1 / 1.5, 1.0, 1.5, 4.0]))
+    found = run(world.context, module("path/glass"), "reflectance({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)])
+    outside = int(np.sum(~((found >= 0) & (found <= 1 + 8 * ULP))))
+    yield Figure("reflectances that are no share", outside, 0, "0 to 1, and 1 beyond the critical angle")
+    glass = rm.Material(albedo=(1, 1, 1), transmission=1.0, roughness=0.0)
+    for name, node in (("slab", rm.box((4, 4, 0.3))), ("ball", rm.sphere(0.9))):
+        scene = rm.Scene(
+            node.material(glass),
+            rm.Camera((0.6, 0.4, 3), (0, 0, 0)),
+            [],
+            sky=(1, 1, 1),
+            bounces=16,
+            quality=rm.Quality(samples=16),
+        )
+        color = world.draw(scene, (32, 24), ("color",)).color
+        yield Figure(
+            f"brightest pixel of a glass {name}",
+            float(np.nanmax(color)),
+            1 + 64 * ULP,
+            "furnace: no more than the room",
+        )
+        missing = int(np.sum(~np.isfinite(color))) + abs(1 - float(color.mean()))
+        yield Figure(f"light that a glass {name} loses", missing, 2e-3, "what is left after 16 bounces")
 
 
 @case(38, "a light at the surface")
