@@ -285,7 +285,8 @@ class Viewer:
         self.window.title(f"raymarch: {news.file.name}")
         for text in told:
             self.notice(text)
-        parts = {**news.ms, "first frame": first}
+        compile_ms = self.picture.drawn.compile
+        parts = {**news.ms, "compile": compile_ms, "first frame": first - compile_ms}
         total = None if self.reloading is None else 1e3 * (clock_time.perf_counter() - self.reloading)
         self._changed_at, self.reloading = now, None
         self._present()
