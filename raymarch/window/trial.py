@@ -118,6 +118,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
         if request.get("draw", True):
             with _timed(times, "compile"):
                 renderer = _warm(found, ready, size, request.get("params", {}))
+                time.sleep(FLUSHED)
     except RaymarchError as fault:
         error = _described(fault)
     except MemoryError as fault:

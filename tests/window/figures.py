@@ -24,9 +24,9 @@ BUDGET = 33.0
 
 
 def reload_times(session: Session, text: str, edits: int) -> dict[str, float]:
-    """Medians in milliseconds of the parts of so many reloads, each with a number in the shader that no driver has seen."""
+    """Medians in milliseconds of the parts of so many reloads, each with a number that no driver has seen."""
     found: list[dict[str, float]] = []
-    for i in range(edits):
+    for _ in range(edits):
         mark = session.mark()
         fresh = session.folder / "scene.py.new"
         fresh.write_text(
