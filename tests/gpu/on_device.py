@@ -1,0 +1,156 @@
+"""What only a device can tell: its contexts, timer, compiler, float32, shader clock, and the accuracy of the examples.
+
+    python -m tests.gpu.on_device              # a table
+    python -m tests.gpu.on_device --json FILE  # and all of it as JSON
+
+Ends with code 1 if a hit is missed or made up away from silhouettes. Nothing in the tests depends on its numbers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import raymarch as rm
+from raymarch.gpu.clock import gl_timer, try_timer
+from raymarch.gpu.context import Context
+from raymarch.gpu.doctor import examine
+from raymarch.gpu.program import FULL_SCREEN, Program
+from raymarch.gpu.targets import Target
+from raymarch.scene import load
+from raymarch.truth import compare, truth
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SIZE = (160, 90)
+COUNT = 4096
+
+# Operands are made of whole numbers, so that NumPy knows them bit for bit.
+NUMBERS = """#version 330 core
+layout(location = 0) out vec4 a;
+layout(location = 1) out vec4 b;
+uniform float one;
+uniform float tiny;
+void main() {
+    float n = floor(gl_FragCoord.x);
+    float x = (2.0 * n + 1.0) / 8192.0 * one;
+    float y = (4096.0 - n) / 4096.0 * one;
+    a = vec4(x / (y + one), sqrt(x), sin(6.0 * x), exp2(x));
+    b = vec4(x * y - floor(x * y * 4096.0) / 4096.0, tiny * 0.5, inversesqrt(x), length(vec3(x, y, one)));
+}
+"""
+
+
+def float32(context: Context) -> dict[str, Any]:
+    """The largest error of some operations in units of the last place of the true value, and what becomes of the
+    smallest numbers. OpenGL promises 2.5 for a division, and nothing for sin."""
+    with Target(context, (COUNT, 1), 2) as target, Program(context, FULL_SCREEN, NUMBERS, _nowhere, "numbers") as made:
+        made.draw(target, {"one": 1.0, "tiny": float(np.finfo(np.float32).tiny)})
+        a, b = target.read(0)[0].astype(np.float64), target.read(1)[0].astype(np.float64)
+    n = np.arange(COUNT, dtype=np.float64)
+    x, y = (2 * n + 1) / 8192, (4096 - n) / 4096
+    known = {
+        "division": (a[:, 0], x / (y + 1)),
+        "sqrt": (a[:, 1], np.sqrt(x)),
+        "exp2": (a[:, 3], np.exp2(x)),
+        "inversesqrt": (b[:, 2], 1 / np.sqrt(x)),
+        "length": (b[:, 3], np.sqrt(x * x + y * y + 1)),
+    }
+    found = {name: float(np.max(np.abs(v - w) / np.spacing(w.astype(np.float32)))) for name, (v, w) in known.items()}
+    found["sin_absolute"] = float(np.max(np.abs(a[:, 2] - np.sin(6 * x))))
+    product = (x * y).astype(np.float32)
+    apart = product - np.floor(product * np.float32(4096)) / np.float32(4096)  # exact, once the product is rounded
+    return {
+        "ulp": found,
+        "denormals_kept": bool(np.all(b[:, 1] > 0)),
+        "fused_multiply_add": not np.array_equal(b[:, 0], apart.astype(np.float64)),
+    }
+
+
+def accuracy(renderer: rm.Renderer, name: str) -> dict[str, Any]:
+    """An example against the truth, what its first shader took to compile, and its clock cycles a pixel."""
+    scene = load(EXAMPLES / f"{name}.py")
+    known = truth(scene, SIZE, outputs=("normal",))
+    frame = renderer.render(scene, outputs=("color", "depth"))
+    found = compare(frame.depth, frame.normal, known)
+    has_clock = "GL_ARB_shader_clock" in renderer.context.gl.extensions
+    return {
+        "certified": scene.node.exactness != "estimate",
+        "missed": found.missed_hits,
+        "false": found.false_hits,
+        "depth_p99": found.depth_p99,
+        "normal_p95": found.normal_p95,
+        "evaluations": float(frame.evaluations.mean()),
+        "compile_ms": {t.name: t.compile for t in frame.timings if t.compile},
+        "draw_ms": renderer.render(scene).milliseconds,
+        "cycles": float(np.median(frame.cycles)) if has_clock else None,
+    }
+
+
+def measure(names: list[str], backend: str) -> dict[str, Any]:
+    """Everything, as numbers, texts, lists and dicts."""
+    found: dict[str, Any] = {"contexts": [report.to_dict() for report in examine()]}
+    with rm.Renderer(SIZE, backend) as renderer:
+        context = renderer.context
+        trial = try_timer(context, gl_timer(context))
+        driver = context.driver
+        found |= {
+            "backend": context.backend,
+            "driver": {"renderer": driver.renderer, "version": driver.version, "software": driver.is_software},
+            "timer": {"agrees": trial.agrees, "words": trial.words, "wall_ms": trial.wall, "timer_ms": trial.timer},
+            "shader_clock": "GL_ARB_shader_clock" in context.gl.extensions,
+            "float32": float32(context),
+            "examples": {name: accuracy(renderer, name) for name in names},
+        }
+    return found
+
+
+def show(found: dict[str, Any]) -> None:
+    """The table."""
+    print(f"{found['backend']}: {found['driver']['renderer']}, {found['driver']['version']}")
+    for context in found["contexts"]:
+        print(f"  {context['backend']:<8}{'works' if context['works'] else context['error']}")
+    print(f"  timer   {found['timer']['words']}")
+    print(f"  clock   {'GL_ARB_shader_clock' if found['shader_clock'] else 'no GL_ARB_shader_clock'}")
+    errors = ", ".join(f"{name} {value:.3g}" for name, value in found["float32"]["ulp"].items())
+    print(f"  float32 errors in ulp: {errors}")
+    print(
+        f"  denormals {'kept' if found['float32']['denormals_kept'] else 'flushed'}, products and sums "
+        f"{'fused' if found['float32']['fused_multiply_add'] else 'rounded one by one'}"
+    )
+    heads = ("missed", "false", "depth_p99", "normal_p95", "evaluations", "compile", "draw_ms", "cycles")
+    print(f"{'':<14}" + "".join(f"{head:>13}" for head in heads))
+    for name, row in found["examples"].items():
+        cells = {**row, "compile": sum(row["compile_ms"].values())}
+        print(f"{name:<14}" + "".join(f"{'-' if cells[h] is None else format(cells[h], '.4g'):>13}" for h in heads))
+
+
+def sound(found: dict[str, Any]) -> bool:
+    """True if every certified example has the hits of the truth and no other."""
+    rows = [row for row in found["examples"].values() if row["certified"]]
+    return all(row["missed"] == row["false"] == 0 for row in rows)
+
+
+def _nowhere(line: int) -> tuple[str, None]:
+    return f"line {line} of the test of numbers", None
+
+
+def main(args: list[str] | None = None) -> int:
+    names = sorted(file.stem for file in EXAMPLES.glob("*.py"))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, help="where to write the JSON")
+    parser.add_argument("--backend", default="auto")
+    parser.add_argument("--examples", nargs="*", choices=names, default=names)
+    asked = parser.parse_args(args)
+    found = measure(asked.examples, asked.backend)
+    if asked.json is not None:
+        asked.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    show(found)
+    return 0 if sound(found) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
