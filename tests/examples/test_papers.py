@@ -15,7 +15,7 @@ from raymarch.truth import silhouettes, truth
 FOLDER = Path(__file__).parents[2] / "examples" / "papers"
 SCENES = sorted(p.stem for p in FOLDER.glob("*.py"))
 SIZE = (64, 36)
-HELD = {"soft_shadows": SIZE, "smoothing": SIZE, "lights": (32, 18)}
+HELD = {"soft_shadows": SIZE, "smoothing": SIZE}
 
 
 @pytest.fixture(scope="module")

@@ -38,7 +38,7 @@ def albedo(seen: float, color: float, metal: float, rough: float, masking: str) 
     view = directions(np.array(seen), np.array(0.0))
     # A grid in the half vector's own measure puts the samples where the highlight is.
     alpha = max(rough * rough, 1e-3)
-    xi, turn = np.meshgrid((np.arange(400) + 0.5) / 400, 2 * np.pi * (np.arange(128) + 0.5) / 128)
+    xi, turn = np.meshgrid((np.arange(250) + 0.5) / 250, 2 * np.pi * (np.arange(64) + 0.5) / 64)
     xi, turn = xi.ravel(), turn.ravel()
     cosine = np.sqrt((1 - xi) / (1 + (alpha**2 - 1) * xi))
     half = directions(cosine, turn)
