@@ -48,7 +48,9 @@ def test_values_are_those_of_the_field(egl: Context, plane: Slice) -> None:
 def test_a_field_that_is_no_distance_shows_in_its_slope(egl: Context) -> None:
     node = rm.sphere().scale((1, 0.5, 1))
     frame = rendered(egl, rm.Scene(node, CAMERA), Slice.across((0, 0, 1)))
-    far = np.linalg.norm(points_of(frame, Slice.across((0, 0, 1))), axis=-1) > 1.2
+    at = points_of(frame, Slice.across((0, 0, 1)))
+    far = np.linalg.norm(at, axis=-1) > 1.2
+    assert np.abs(frame.slice[far][:, 1] - np.linalg.norm(node.gradient(at[far]), axis=-1)).max() < 1e-4
     assert frame.slice[far][:, 1].min() < 0.6 and frame.slice[far][:, 1].max() <= 1 + 1e-5
 
 
