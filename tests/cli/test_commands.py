@@ -305,7 +305,8 @@ def test_a_long_picture_shows_its_progress(folder):
     code = (
         "import time, raymarch.cli.commands as m\nfrom raymarch.gpu import program\n"
         "draw = program.Program.draw\n"
-        "def slow(*a, **k):\n    time.sleep(0.4)\n    return draw(*a, **k)\n"
+        "left = [5]\n"
+        "def slow(*a, **k):\n    left[0] -= 1\n    time.sleep(0.4 if left[0] > 0 else 0)\n    return draw(*a, **k)\n"
         "program.Program.draw = slow\nm.main()"
     )
     done = subprocess.run(

@@ -136,6 +136,8 @@ EXAMPLES = sorted((Path(rm.__file__).parents[1] / "examples").glob("*.py"))
 def test_an_example_is_true_at_the_ends_of_its_parameters(renderer: Renderer, file: Path) -> None:
     renderer.resize(SIZE)
     scene = load(file)
+    if scene.node.exactness == "estimate":
+        return  # tests/examples looks at where rays on an estimate end
     low = {name: spec.min for name, spec in scene.parameters.items() if spec.min is not None}
     high = {name: spec.max for name, spec in scene.parameters.items() if spec.max is not None}
     assert_true(renderer, scene, time=1.7, params=low)
