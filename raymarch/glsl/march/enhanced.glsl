@@ -14,27 +14,34 @@ Hit march(Ray ray, inout March at, float far) {
     nearer(hit, at.t, at.r);
     bool plain = at.slope <= -1.0;
     for (int i = 0; i < march_steps; i++) {
-        vec3 p = ray.origin + at.t * ray.direction;
-        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
-            if (settle(hit, ray, at.t, at.r, at.slope)) return hit;
-            at.passing = true;
+        // all rays march on until they are near a surface, and only then take their last steps, all together
+        bool near = false;
+        for (; i < march_steps; i++) {
+            vec3 p = ray.origin + at.t * ray.direction;
+            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+                near = true;
+                break;
+            }
+            if (at.t + at.r > far) return hit;
+            hit.iterations += 1.0;
+            hit.evaluations += 1.0;
+            // With the slope m = (r - r_before) / d, (d - r_before + r) / (d + r_before - r) = (1 + m) / (1 - m).
+            float z = plain ? at.r : at.r + relaxation * at.r * (1.0 + at.slope) / max(1.0 - at.slope, 1.0e-6);
+            z = max(at.r, min(z, far - at.t + at.r));
+            float next = along(ray, at.t + z);
+            if (!plain && z > at.r + abs(next)) {
+                plain = true;
+                at.slope = -1.0;
+                hit.fallbacks += 1.0;
+                continue;
+            }
+            at = March(at.t + z, next, clamp((next - at.r) / z, -1.0, 1.0), true, at.passing);
+            plain = false;
+            nearer(hit, at.t, at.r);
         }
-        if (at.t + at.r > far) return hit;
-        hit.iterations += 1.0;
-        hit.evaluations += 1.0;
-        // With the slope m = (r - r_before) / d, (d - r_before + r) / (d + r_before - r) = (1 + m) / (1 - m).
-        float z = plain ? at.r : at.r + relaxation * at.r * (1.0 + at.slope) / max(1.0 - at.slope, 1.0e-6);
-        z = max(at.r, min(z, far - at.t + at.r));
-        float next = along(ray, at.t + z);
-        if (!plain && z > at.r + abs(next)) {
-            plain = true;
-            at.slope = -1.0;
-            hit.fallbacks += 1.0;
-            continue;
-        }
-        at = March(at.t + z, next, clamp((next - at.r) / z, -1.0, 1.0), true, at.passing);
-        plain = false;
-        nearer(hit, at.t, at.r);
+        if (!near) break;
+        if (settle(hit, ray, at.t, at.r, at.slope)) return hit;
+        at.passing = true;
     }
     exhausted(hit);
     return hit;

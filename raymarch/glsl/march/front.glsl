@@ -19,40 +19,47 @@ Hit march(Ray ray, inout March at, float far) {
     float kept_t = 0.0;
     float kept_r = 0.0;
     for (int i = 0; i < march_steps; i++) {
-        vec3 p = ray.origin + at.t * ray.direction;
-        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
-            if (settle(hit, ray, at.t, at.r, slope)) return hit;
-            at.passing = true;
-        }
-        if (front > far) return hit;
-        hit.iterations += 1.0;
-        hit.evaluations += 1.0;
-        float c = min(at.t + 2.0 * at.r / (1.0 - at.slope), far + at.r);
-        float low = kept_t - abs(kept_r);
-        if (kept && c >= low) c = 0.5 * (front + low);
-        c = max(c, front);
-        float next = along(ray, c);
-        if (c - next > front && c > front) {
-            hit.fallbacks += 1.0;
-            kept = true;
-            kept_t = c;
-            kept_r = next;
-            // up to the kept sphere; less than before, because its step was too long
-            at.slope = clamp((next - at.r) / (c - at.t), -1.0, at.slope);
-            continue;
-        }
-        slope = (next - at.r) / (c - at.t);
-        at = March(c, next, clamp(mix(at.slope, slope, smoothing), -1.0, 0.999), true, at.passing);
-        front = max(front, c + next);
-        nearer(hit, at.t, at.r);
-        if (kept && kept_r > 0.0 && front >= kept_t - kept_r && kept_t > at.t) {
-            slope = (kept_r - at.r) / (kept_t - at.t);
-            at.t = kept_t;
-            at.r = kept_r;
-            front = max(front, at.t + at.r);
+        // all rays march on until they are near a surface, and only then take their last steps, all together
+        bool near = false;
+        for (; i < march_steps; i++) {
+            vec3 p = ray.origin + at.t * ray.direction;
+            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+                near = true;
+                break;
+            }
+            if (front > far) return hit;
+            hit.iterations += 1.0;
+            hit.evaluations += 1.0;
+            float c = min(at.t + 2.0 * at.r / (1.0 - at.slope), far + at.r);
+            float low = kept_t - abs(kept_r);
+            if (kept && c >= low) c = 0.5 * (front + low);
+            c = max(c, front);
+            float next = along(ray, c);
+            if (c - next > front && c > front) {
+                hit.fallbacks += 1.0;
+                kept = true;
+                kept_t = c;
+                kept_r = next;
+                // up to the kept sphere; less than before, because its step was too long
+                at.slope = clamp((next - at.r) / (c - at.t), -1.0, at.slope);
+                continue;
+            }
+            slope = (next - at.r) / (c - at.t);
+            at = March(c, next, clamp(mix(at.slope, slope, smoothing), -1.0, 0.999), true, at.passing);
+            front = max(front, c + next);
             nearer(hit, at.t, at.r);
+            if (kept && kept_r > 0.0 && front >= kept_t - kept_r && kept_t > at.t) {
+                slope = (kept_r - at.r) / (kept_t - at.t);
+                at.t = kept_t;
+                at.r = kept_r;
+                front = max(front, at.t + at.r);
+                nearer(hit, at.t, at.r);
+            }
+            if (kept && at.t >= kept_t - abs(kept_r)) kept = false;
         }
-        if (kept && at.t >= kept_t - abs(kept_r)) kept = false;
+        if (!near) break;
+        if (settle(hit, ray, at.t, at.r, slope)) return hit;
+        at.passing = true;
     }
     exhausted(hit);
     return hit;

@@ -13,19 +13,26 @@ Hit march(Ray ray, inout March at, float far) {
     float scale = step_scale * (1.0 - step_variation * random_of_pixel(0));
     float slope = 0.0;
     for (int i = 0; i < march_steps; i++) {
-        vec3 p = ray.origin + at.t * ray.direction;
-        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
-            if (settle(hit, ray, at.t, at.r, slope)) return hit;
-            at.passing = true;
+        // all rays march on until they are near a surface, and only then take their last steps, all together
+        bool near = false;
+        for (; i < march_steps; i++) {
+            vec3 p = ray.origin + at.t * ray.direction;
+            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+                near = true;
+                break;
+            }
+            if (at.t + scale * at.r > far) return hit;
+            hit.iterations += 1.0;
+            hit.evaluations += 1.0;
+            float z = scale * at.r;
+            float next = along(ray, at.t + z);
+            slope = (next - at.r) / z;
+            at = March(at.t + z, next, slope, true, at.passing);
+            nearer(hit, at.t, at.r);
         }
-        if (at.t + scale * at.r > far) return hit;
-        hit.iterations += 1.0;
-        hit.evaluations += 1.0;
-        float z = scale * at.r;
-        float next = along(ray, at.t + z);
-        slope = (next - at.r) / z;
-        at = March(at.t + z, next, slope, true, at.passing);
-        nearer(hit, at.t, at.r);
+        if (!near) break;
+        if (settle(hit, ray, at.t, at.r, slope)) return hit;
+        at.passing = true;
     }
     exhausted(hit);
     return hit;

@@ -16,26 +16,33 @@ Hit march(Ray ray, inout March at, float far) {
     float slope = 0.0;
     float omega = at.slope >= UNDONE ? 1.0 : relaxation;
     for (int i = 0; i < march_steps; i++) {
-        vec3 p = ray.origin + at.t * ray.direction;
-        if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
-            if (settle(hit, ray, at.t, at.r, slope)) return hit;
-            at.passing = true;
+        // all rays march on until they are near a surface, and only then take their last steps, all together
+        bool near = false;
+        for (; i < march_steps; i++) {
+            vec3 p = ray.origin + at.t * ray.direction;
+            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+                near = true;
+                break;
+            }
+            if (at.t + at.r > far) return hit;
+            hit.iterations += 1.0;
+            hit.evaluations += 1.0;
+            float z = omega * at.r;
+            float next = along(ray, at.t + z);
+            if (omega > 1.0 && z > at.r + abs(next)) {
+                omega = 1.0;
+                at.slope = UNDONE;
+                hit.fallbacks += 1.0;
+                continue;
+            }
+            slope = (next - at.r) / z;
+            if (relax_again) omega = relaxation;
+            at = March(at.t + z, next, omega > 1.0 ? slope : UNDONE, true, at.passing);
+            nearer(hit, at.t, at.r);
         }
-        if (at.t + at.r > far) return hit;
-        hit.iterations += 1.0;
-        hit.evaluations += 1.0;
-        float z = omega * at.r;
-        float next = along(ray, at.t + z);
-        if (omega > 1.0 && z > at.r + abs(next)) {
-            omega = 1.0;
-            at.slope = UNDONE;
-            hit.fallbacks += 1.0;
-            continue;
-        }
-        slope = (next - at.r) / z;
-        if (relax_again) omega = relaxation;
-        at = March(at.t + z, next, omega > 1.0 ? slope : UNDONE, true, at.passing);
-        nearer(hit, at.t, at.r);
+        if (!near) break;
+        if (settle(hit, ray, at.t, at.r, slope)) return hit;
+        at.passing = true;
     }
     exhausted(hit);
     return hit;
