@@ -1,6 +1,6 @@
 """Seeds faults into the hand-written GLSL, one at a time, and counts how many the hard cases notice.
 
-python -m tests.hard.faults               # all: many minutes; writes docs/figures/glsl_faults.json
+python -m tests.hard.faults               # all: some ten minutes; writes docs/figures/glsl_faults.json
 python -m tests.hard.faults march/settle  # of some modules
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks

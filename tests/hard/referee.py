@@ -21,7 +21,7 @@ from raymarch.truth import silhouettes
 from tests.hard.world import EPSILON, ULP
 
 ROUNDING = 64.0
-"""Units in the last place that a deep tree loses in a sum of its terms; the median is below 2."""
+"""Units in the last place that a deep tree may lose in its field. Chosen, not derived: what was seen is not measured."""
 
 
 @dataclass
