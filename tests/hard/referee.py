@@ -21,7 +21,7 @@ from raymarch.truth import silhouettes
 from tests.hard.world import EPSILON, ULP
 
 ROUNDING = 64.0
-"""Units in the last place that a deep tree may lose in its field. Chosen, not derived: what was seen is not measured."""
+"""Units in the last place that a deep tree may lose in its field: chosen, not derived."""
 
 
 @dataclass
