@@ -36,7 +36,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
     linecache.checkcache(name)
     try:
         with _module_beside(namespace, str(file.resolve().parent)):
-            exec(compile(source, name, "exec"), namespace.__dict__)
+            exec(_compiled(source, name), namespace.__dict__)
             return _find(namespace, name)
     except RaymarchError:
         raise
@@ -50,6 +50,14 @@ def load(path: str | os.PathLike[str]) -> Scene:
         ) from None
     except Exception as fault:
         raise SceneError(f"{type(fault).__name__}: {fault}", where=_line_in(fault, name)) from fault
+
+
+def _compiled(source: bytes, name: str) -> types.CodeType:
+    """The file's code; what is no text at all is a SyntaxError, which early versions of Python 3.11 call otherwise."""
+    try:
+        return compile(source, name, "exec")
+    except ValueError as fault:
+        raise SyntaxError(str(fault), (name, 1, None, None)) from fault
 
 
 @contextmanager

@@ -70,9 +70,12 @@ def serve() -> None:
             return
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that libraries run threads; none of them holds a lock that a trial needs
+            parent = os.getpid()
             child = os.fork()
         if child == 0:
             _die_with_parent()
+            if os.getppid() != parent:  # it was gone before Linux knew
+                os._exit(1)
             code = 1
             try:
                 examine(request, say)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from node_samples import definitions
 
 import raymarch as rm
 from raymarch.expr.node import Expr
-from raymarch.sdf.definition import REGISTRY
 
 
 def make(name: str, *children: rm.Node, **params: Any) -> rm.Node:
     """A node of the definition with this name."""
-    return REGISTRY[name].make(children, (), params)
+    return next(d for d in definitions() if d.name == name).make(children, (), params)
 
 
 def as_python(node: rm.Node) -> str:

@@ -61,9 +61,12 @@ for _module in pkgutil.iter_modules([str(PACKAGE)]):
     importlib.import_module(f"raymarch.sdf.{_module.name}")
 
 
+_OF_THE_PACKAGE = [d for d in REGISTRY.values() if Path(d.where.file).parent == PACKAGE]
+
+
 def definitions() -> list[Definition]:
-    """Those of the package; tests define some too."""
-    return [d for d in REGISTRY.values() if Path(d.where.file).parent == PACKAGE]
+    """Those of the package; tests define some too, some of them under the same names."""
+    return _OF_THE_PACKAGE
 
 
 # Children

@@ -12,6 +12,7 @@ Hit march(Ray ray, inout March at, float far) {
     }
     nearer(hit, at.t, at.r);
     float slope = at.slope;  // of the last step alone
+    bool leaving = false;  // its last steps met nothing: it takes one step before it looks again
     for (int i = 0; i < march_steps; i++) {
         // all rays march on until they are near a surface, and only then take their last steps, all together
         bool near = false;
@@ -19,11 +20,12 @@ Hit march(Ray ray, inout March at, float far) {
         for (; i < march_steps; i++) {
             vec3 p = ray.origin + at.t * ray.direction;
             float reach = at.passing ? contact(p, at.t) : epsilon(p, at.t);
-            if (at.r < reach) {
+            if (at.r < reach && !leaving) {
                 near = true;
                 break;
             }
             if (at.t + at.r > far) return hit;
+            leaving = false;
             hit.iterations += 1.0;
             hit.evaluations += 1.0;
             float z = max(at.r, min(2.0 * at.r / (1.0 - at.slope), far - at.t + at.r));
@@ -49,6 +51,7 @@ Hit march(Ray ray, inout March at, float far) {
         if (to.x < 0.0) to = vec2(at.t, at.r);
         if (settle(hit, ray, to.x, to.y, slope)) return hit;
         at.passing = true;
+        leaving = true;
     }
     exhausted(hit);
     return hit;

@@ -18,16 +18,18 @@ Hit march(Ray ray, inout March at, float far) {
     bool kept = false;  // whether a sphere beyond the gap is kept: its centre and radius
     float kept_t = 0.0;
     float kept_r = 0.0;
+    bool leaving = false;  // its last steps met nothing: it takes one step before it looks again
     for (int i = 0; i < march_steps; i++) {
         // all rays march on until they are near a surface, and only then take their last steps, all together
         bool near = false;
         for (; i < march_steps; i++) {
             vec3 p = ray.origin + at.t * ray.direction;
-            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t)) && !leaving) {
                 near = true;
                 break;
             }
             if (front > far) return hit;
+            leaving = false;
             hit.iterations += 1.0;
             hit.evaluations += 1.0;
             float c = min(at.t + 2.0 * at.r / (1.0 - at.slope), far + at.r);
@@ -60,6 +62,7 @@ Hit march(Ray ray, inout March at, float far) {
         if (!near) break;
         if (settle(hit, ray, at.t, at.r, slope)) return hit;
         at.passing = true;
+        leaving = true;
     }
     exhausted(hit);
     return hit;

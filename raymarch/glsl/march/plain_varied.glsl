@@ -12,16 +12,18 @@ Hit march(Ray ray, inout March at, float far) {
     nearer(hit, at.t, at.r);
     float scale = step_scale * (1.0 - step_variation * random_of_pixel(0));
     float slope = 0.0;
+    bool leaving = false;  // its last steps met nothing: it takes one step before it looks again
     for (int i = 0; i < march_steps; i++) {
         // all rays march on until they are near a surface, and only then take their last steps, all together
         bool near = false;
         for (; i < march_steps; i++) {
             vec3 p = ray.origin + at.t * ray.direction;
-            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t))) {
+            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t)) && !leaving) {
                 near = true;
                 break;
             }
             if (at.t + scale * at.r > far) return hit;
+            leaving = false;
             hit.iterations += 1.0;
             hit.evaluations += 1.0;
             float z = scale * at.r;
@@ -33,6 +35,7 @@ Hit march(Ray ray, inout March at, float far) {
         if (!near) break;
         if (settle(hit, ray, at.t, at.r, slope)) return hit;
         at.passing = true;
+        leaving = true;
     }
     exhausted(hit);
     return hit;
