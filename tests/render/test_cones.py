@@ -107,6 +107,17 @@ def _direction(x: np.ndarray, y: np.ndarray, size: tuple[int, int], slope: float
     return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
 
 
+@pytest.mark.parametrize("outputs", [("color",), ("depth",), ("color", "depth")])
+def test_cones_of_samples_hold_the_whole_pixel(renderer: Renderer, outputs: tuple[str, ...]) -> None:
+    """Also where a picture is not asked for: what it then leaves for the next one must hold all its rays."""
+    drafts = renderer.drafts(scene(rm.Quality(samples=4, schedule="cone")), outputs=outputs)
+    *_, pixel = (d for d in drafts if d.chosen.name == "cone")
+    assert pixel.uniforms["u_cell"] == (1.0, 1.0) and pixel.uniforms["u_footprint"] == (0.5, 0.5)
+    assert pixel.uniforms["u_cone"] >= 0.99 * np.hypot(0.5, 0.5) * pixel.uniforms["u_pixel"]
+    rays = [d for d in drafts if d.chosen.name != "cone"]
+    assert rays and all(d.uniforms["u_footprint"] == (0.5, 0.5) for d in rays)
+
+
 def test_cones_save_evaluations(renderer: Renderer) -> None:
     single = renderer.render(scene(rm.Quality(schedule="single")), outputs=("evaluations",)).evaluations.mean()
     for schedule in ("cone", "cones"):
