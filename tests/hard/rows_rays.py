@@ -372,7 +372,7 @@ def sizes(world: World) -> Iterator[Figure]:
 @case(61, "a wall beside the ray", before="1 of 480 rays went through a Menger sponge, 0.66 behind its face")
 def beside_a_wall(world: World) -> Iterator[Figure]:
     """Along a wall nearer than an epsilon the slope is nearly 0, and a step along it leads through whatever stands
-    on the wall. A step that leaps more than a pixel asks twice on its way."""
+    on the wall. The first leap is a pixel at most, the next no longer than what the slope has held for."""
     through = 0
     for seed in (2849, 11, 12, 13):
         referee = Referee(scene_of(rm.menger(2.0, 3), seed), (24, 20))
