@@ -16,11 +16,22 @@ from numpy.typing import NDArray
 from raymarch.cost.content import content_key
 from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene
-from raymarch.truth import silhouettes, truth
+from raymarch.truth import Truth, silhouettes, truth
 from raymarch.truth.floor import floor_evaluations
+from raymarch.truth.near_edges import silhouettes_within
+from raymarch.truth.rays import camera_rays
+from raymarch.truth.tracer import trace
 
 CACHE_VARIABLE = "RAYMARCH_CACHE"
 """Environment variable that names the folder of kept truths; empty keeps none."""
+
+EDGE_WIDTHS = (0.25, 0.0625)
+"""Pixels within which edges are looked for where nearly every pixel has one."""
+MOST_AT_EDGES = 0.5
+"""Share of the hits that may stand apart as silhouettes before nearer edges are looked for."""
+
+AT_ONCE = 500_000
+"""Rays of the picture that are traced together: what memory holds with ease."""
 
 Progress = Callable[[str], None]
 
@@ -32,10 +43,14 @@ class Reference:
     Attributes
     ----------
     depth, hit, normal, material, color, direction : as in `raymarch.truth`: through the centres of the pixels.
-    edges : (H, W) bool, pixels at silhouettes, as `raymarch.truth.silhouettes` finds them.
+    edges : (H, W) bool, pixels with an edge within `edge_width` pixels of their middle.
+    edge_width : 1, as `raymarch.truth.silhouettes` finds them; less where edges would else take most of the hits, and
+        nothing would be left to compare: then as `raymarch.truth.near_edges` finds them.
     picture : (H, W, 3), linear RGB averaged over each pixel's square, by `samples` rays in a regular grid.
     spread : (H, W), standard error of `picture`, the largest of the channels: that of as many rays placed at random,
         which is more than that of a grid.
+    half : (H, W, 3), the mean of every other one of these rays. It is as far from `picture` as that is from the mean
+        of infinitely many: the difference of the two halves' means, halved, has the standard error of the whole.
     samples : rays a pixel of the picture.
     pixel : size of a pixel at distance 1, so that a pixel's footprint at distance t is `pixel * t`.
     floor : (H, W), N* of `raymarch.truth.floor`; -1 where the field is only an estimate and there is none.
@@ -48,8 +63,10 @@ class Reference:
     color: NDArray[np.float64]
     direction: NDArray[np.float64]
     edges: NDArray[np.bool_]
+    edge_width: float
     picture: NDArray[np.float64]
     spread: NDArray[np.float64]
+    half: NDArray[np.float64]
     samples: int
     pixel: float
     floor: NDArray[np.int64]
@@ -114,10 +131,11 @@ def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progr
     values = set_values(scene.parameters, params or {}, time)
     width, height = known.depth.shape[1], known.depth.shape[0]
     color = known.color if edge else np.zeros((height, width, 3))
-    picture, spread = color, np.zeros(known.depth.shape)
+    picture, spread, half = color, np.zeros(known.depth.shape), color
     if edge > 1:
         progress(f"truth: the picture from {edge * edge} rays a pixel")
-        picture, spread = _averaged(scene, (width, height), time, params, edge)
+        picture, spread, half = _averaged(scene, (width, height), time, params, edge)
+    edges, edge_width = _edges(scene, known, time, params, progress)
     floor = np.full(known.depth.shape, -1, np.int64)
     if edge and scene.node.exactness != "estimate":
         progress("floor: the fewest evaluations")
@@ -129,22 +147,54 @@ def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progr
         material=known.material,
         color=color,
         direction=known.direction,
-        edges=silhouettes(known),
+        edges=edges,
+        edge_width=edge_width,
         picture=picture,
         spread=spread,
+        half=half,
         samples=edge * edge,
         pixel=scene.pose(values, width / height).pixel(height),
         floor=floor,
     )
 
 
-def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edge: int) -> tuple[Any, Any]:
-    """Mean and standard error over a grid of `edge` x `edge` rays in each pixel."""
+def _edges(scene: Scene, known: Truth, time: float, params: Any, progress: Progress) -> tuple[NDArray[np.bool_], float]:
+    """The pixels at silhouettes, and how near an edge must be to count.
+
+    Where most hits have an edge within a pixel, as on a fine lattice, they cannot all stand apart. A hit then stands
+    apart only if an edge is nearer still; so near that the others are the larger part. An estimate is left as it is.
+    """
+    edges, width = silhouettes(known), 1.0
+    if scene.node.exactness == "estimate":
+        return edges, width
+    for nearer in EDGE_WIDTHS:
+        if (edges & known.hit).sum() <= MOST_AT_EDGES * known.hit.sum():
+            break
+        progress(f"truth: edges within {nearer:g} pixels")
+        edges, width = silhouettes_within(scene, edges, nearer, time, params), nearer
+    return edges, width
+
+
+def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edge: int) -> tuple[Any, Any, Any]:
+    """Mean, standard error, and mean of one half, over a grid of `edge` x `edge` rays in each pixel.
+
+    The half is every other ray, as on a chessboard (of an odd number the larger half).
+    """
     width, height = size
-    fine = truth(scene, (width * edge, height * edge), time, params, outputs=("color",)).color
-    cells = fine.reshape(height, edge, width, edge, 3).swapaxes(1, 2).reshape(height, width, -1, 3)
-    deviation = cells.std(axis=2, ddof=1).max(axis=-1)
-    return cells.mean(axis=2), deviation / edge
+    values = set_values(scene.parameters, params or {}, time)
+    pose = scene.pose(values, width / height)
+    black = np.indices((edge, edge)).sum(axis=0).ravel() % 2 == 0
+    picture, half, spread = np.empty((height, width, 3)), np.empty((height, width, 3)), np.empty((height, width))
+    band = max(1, AT_ONCE // (width * edge * edge))
+    for top in range(0, height, band):
+        rows = range(top * edge, min(top + band, height) * edge)
+        rays = camera_rays(pose, width * edge, height * edge, rows)
+        fine = trace(scene, values, pose, rays, (len(rows), width * edge)).color
+        cells = fine.reshape(-1, edge, width, edge, 3).swapaxes(1, 2).reshape(-1, width, edge * edge, 3)
+        part = slice(top, top + band)
+        picture[part], half[part] = cells.mean(axis=2), cells[:, :, black].mean(axis=2)
+        spread[part] = cells.std(axis=2, ddof=1).max(axis=-1) / edge
+    return picture, spread, half
 
 
 def _load(file: Path) -> Reference | None:
@@ -153,7 +203,7 @@ def _load(file: Path) -> Reference | None:
             content = {f.name: stored[f.name] for f in fields(Reference)}
     except (OSError, ValueError, KeyError, EOFError, SyntaxError, BadZipFile):
         return None
-    return Reference(**content | {"samples": int(content["samples"]), "pixel": float(content["pixel"])})
+    return Reference(**content | {name: content[name].item() for name in ("samples", "pixel", "edge_width")})
 
 
 def _save(file: Path, made: Reference) -> None:

@@ -32,7 +32,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 
 PROMISED: Mapping[str, float] = {"draft": 0.5, "normal": 0.05, "fine": 0.005, "exact": 0.001}
 """What defines each preset: how far, in pixel footprints, 99 % of the hits on a certified field may lie from the true
-ones, silhouettes apart, with no hit missed; a test holds the examples to it. Detail of about a pixel can do worse, and
+ones, silhouettes apart, with no hit missed; a test holds the examples to it, and a lattice with edges in every pixel.
 `for_error` measures any scene. The last is what float32 allows."""
 
 Search = Callable[..., "Quality"]

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.scene.parameter import set_values
+from raymarch.scene.camera import Pose
+from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
-from raymarch.truth.rays import camera_rays
+from raymarch.truth.rays import Rays, camera_rays
 from raymarch.truth.shading import Surface
 from raymarch.truth.visibility import first_hits, is_inside
 
@@ -113,17 +114,23 @@ def truth(
             raise SceneError(f"truth: output {name!r}", legal=", ".join(OUTPUTS))
     values = set_values(scene.parameters, params or {}, time)
     pose = scene.pose(values, width / height)
+    made = trace(scene, values, pose, camera_rays(pose, width, height), (height, width))
+    for name in outputs:
+        getattr(made, name)
+    return made
+
+
+def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int, int]) -> Truth:
+    """The truth along rays from where the camera stands, H times W of them, as a picture of shape (H, W)."""
     far = scene.far(pose)
     moment = Field(scene, values)
-    rays = camera_rays(pose, width, height)
     inside = is_inside(moment, pose.position)
     roots = first_hits(moment, rays, rays.lines(scene.node.facts, far), inside)
     rows = np.flatnonzero(np.isfinite(roots.t))
     surface = Surface(scene, values, moment, pose.position, rays.directions[rows], roots.t[rows], far, inside)
     residual = np.zeros(roots.t.shape)
     residual[rows] = np.abs(moment.distance(surface.points))
-    shape = (height, width)
-    made = Truth(
+    return Truth(
         depth=roots.t.reshape(shape),
         hit=np.isfinite(roots.t).reshape(shape),
         residual=residual.reshape(shape),
@@ -134,9 +141,6 @@ def truth(
         _surface=surface,
         _sky=scene.sky.seen(rays.directions, values).reshape(*shape, 3),
     )
-    for name in outputs:
-        getattr(made, name)
-    return made
 
 
 def _checked_size(size: Any) -> tuple[int, int]:

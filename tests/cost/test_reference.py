@@ -32,6 +32,25 @@ def test_the_picture_is_the_mean_of_finer_rays(scene, known):
     assert known.spread[7, 9] == pytest.approx(fine[14:16, 18:20].reshape(4, 3).std(axis=0, ddof=1).max() / 2)
 
 
+def test_the_half_is_every_other_ray(scene, known, monkeypatch):
+    fine = rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color
+    assert known.half[7, 9] == pytest.approx((fine[14, 18] + fine[15, 19]) / 2)
+    monkeypatch.setattr(room, "AT_ONCE", 4 * SIZE[0] * 5)
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    bands = reference(scene, SIZE, samples=4)
+    for name in ("picture", "half", "spread"):
+        assert np.array_equal(getattr(bands, name), getattr(known, name)), name
+
+
+def test_where_nearly_all_is_silhouettes_nearer_ones_count(known):
+    assert known.edge_width == 1.0
+    lattice = rm.Scene(rm.gyroid() & rm.sphere(2))
+    found = reference(lattice, (96, 54), samples=0)
+    assert found.edge_width in room.EDGE_WIDTHS
+    assert (found.hit & ~found.edges).sum() >= 0.5 * found.hit.sum()
+    assert reference(rm.Scene(rm.mandelbulb()), (48, 27), samples=0).edge_width == 1.0
+
+
 def test_it_is_computed_once(known, monkeypatch):
     monkeypatch.setattr(room, "_compute", lambda *_: pytest.fail("computed again"))
     again = reference(make_scene(), SIZE, samples=4)

@@ -33,6 +33,19 @@ def test_an_unknown_preset_is_refused():
         rm.Quality.preset("best")
 
 
+def test_presets_keep_their_promise_where_every_pixel_has_an_edge():
+    scene, size = rm.Scene(rm.gyroid() & rm.sphere(2)), (128, 72)
+    known = reference(scene, size, samples=0)
+    assert known.edge_width < 1.0
+    with rm.Renderer(size) as renderer:
+        for name, promised in PROMISED.items():
+            frame = renderer.render(with_quality(scene, rm.Quality.preset(name)), outputs=("depth",))
+            reached = measure(known, frame.depth)
+            assert reached.apart, name
+            assert reached.sound, name
+            assert reached.pixels_p99 <= promised, name
+
+
 # Targets
 
 
