@@ -122,20 +122,19 @@ def _marched(
     quality = ready.plan.scene.quality
     assert quality.budget is not None
     pair = store.pair("march", size, chosen.textures)
-    passes = -(-quality.max_steps // quality.budget)
-    while history.marched < passes:
+    while history.marched < quality.passes:
         begin = history.marched == 0
         own = {**uniforms, "march_steps": quality.budget, "u_begin": begin}
         own |= {"u_march": (pair.front, 0), "u_found": (pair.front, 1)}
         yield _draft(store, ready, chosen, pair.back, own)
         pair.swap()
         history.marched += 1
-        if enough is not None and history.marched < passes:
+        if enough is not None and history.marched < quality.passes:
             if not store.on_their_way(pair):
-                history.marched = passes
+                history.marched = quality.passes
             elif enough():
                 break
-    history.arrived = history.marched >= passes
+    history.arrived = history.marched >= quality.passes
 
 
 def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
@@ -221,6 +220,9 @@ def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) ->
 
 # Cones
 
+UNREAD = (3, 3)
+"""Size of a texture that is bound and not read. Edges that are powers of two make another kind of texture."""
+
 
 def _cones(
     store: Store, ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]
@@ -230,7 +232,9 @@ def _cones(
     (chosen,) = (p for p in plan.passes if p.name == "cone")
     steps = plan.scene.quality.max_steps
     jittered = plan.marching.jittered
-    carried: dict[str, Any] = {"u_carried_cell": (0.0, 0.0)}
+    # Mesa's software renderer compiles a program anew for each kind of texture that it finds bound, read or not: the
+    # first level gets one like those of the others, and not whatever was bound last.
+    carried: dict[str, Any] = {"u_carried": store.target("no cone", UNREAD), "u_carried_cell": (0.0, 0.0)}
     drafts = []
     for i, level in enumerate(plan.marching.schedule.levels):
         target = store.target(f"cone {i}", level.size(size), chosen.textures)
@@ -286,7 +290,7 @@ def count_draws(ready: Prepared) -> int:
     quality = plan.scene.quality
     several = {
         "cone": len(plan.marching.schedule.levels),
-        "march": -(-quality.max_steps // (quality.budget or quality.max_steps)),
+        "march": quality.passes,
         "sample": quality.samples,
     }
     joined = {"view/accumulate", "temporal/resolve"}

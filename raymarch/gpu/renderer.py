@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -162,11 +162,28 @@ class Renderer:
         Parameters and errors are those of `render`. The textures hold what
         was drawn until the next draft of as many textures is drawn.
         """
+        return list(self.draft_by_draft(scene, time, params, outputs, pose, cut=cut))
+
+    def draft_by_draft(
+        self,
+        scene: Scene,
+        time: float = 0.0,
+        params: Mapping[str, Any] | None = None,
+        outputs: Sequence[str] = ("color",),
+        pose: Pose | None = None,
+        enough: Callable[[], bool] | None = None,
+        cut: Slice | None = None,
+    ) -> Iterator[Draft]:
+        """`drafts`, each to be drawn before the next is asked for.
+
+        enough : asked after each pass of a march that takes several, by Quality(budget=...), whether the rest may wait;
+            `history.arrived` then says whether all rays have arrived.
+        """
         values = self._values(scene, params, time, outputs)
         pose = pose or scene.pose(values, self.size[0] / self.size[1])
         ready, uniforms = self._ready(scene, values, outputs, pose, cut)
-        with in_pass(*(chosen.name for chosen in ready.plan.passes)):
-            return list(drafts_of(self.store, ready, uniforms, self.size, self.history))
+        drafts = drafts_of(self.store, ready, uniforms, self.size, self.history, enough)
+        yield from _named(drafts, ready)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
@@ -240,16 +257,11 @@ class Renderer:
         timings: list[Timing] = []
         targets: dict[str, Target] = {}
         ready, uniforms = self._ready(scene, values, outputs, pose, cut)
-        names = tuple(chosen.name for chosen in ready.plan.passes)
         drafts = drafts_of(
             self.store, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within
         )
         most = count_draws(ready)
-        while True:
-            with in_pass(*names):
-                draft = next(drafts, None)
-            if draft is None:
-                break
+        for draft in _named(drafts, ready):
             first = self.store.first_draw(draft.program)
             with in_pass(draft.chosen.name):
                 drawn = self._draw(draft, None if progress is None else _part(progress, len(timings), most))
@@ -302,6 +314,17 @@ def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
         scene.bounces,
     )
     return (*parts, tuple(passes_for(outputs)))
+
+
+def _named(drafts: Iterator[Draft], ready: Prepared) -> Iterator[Draft]:
+    """The same; what goes wrong while one is made names the passes."""
+    names = tuple(chosen.name for chosen in ready.plan.passes)
+    while True:
+        with in_pass(*names):
+            draft = next(drafts, None)
+        if draft is None:
+            return
+        yield draft
 
 
 def _part(progress: Progress, i: int, n: int) -> Progress:

@@ -130,6 +130,11 @@ class Quality:
             low, high = (0, 1) if self.tracer == "enhanced" else (1, 2)
             _within("omega", self.omega, low, high)
 
+    @property
+    def passes(self) -> int:
+        """In how many passes a ray is marched at most: 1 without a `budget`."""
+        return 1 if self.budget is None else -(-self.max_steps // self.budget)
+
     @classmethod
     def preset(cls, name: str) -> Self:
         """A quality by the error that it keeps: "draft", "normal" (the default), "fine" or "exact"; see `PROMISED`."""

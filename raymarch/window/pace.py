@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
+
+from raymarch.plan.schedule import Level
 
 STEPS_PER_HALVING = 4
 SMALLEST = 1 / 8
@@ -22,6 +25,12 @@ RECOVERY = 0.15
 
 BELIEVED = 2.0
 """By how much one frame may raise the estimate: one that waited for something else must not spoil the next fifty."""
+
+SEARCHED = 60
+"""Sizes that are tried in place of one with unlucky edges, each smaller by a two-hundredth of it."""
+
+BENT = 20
+"""How many of those are tried before a height that is a pixel off."""
 
 
 @dataclass(slots=True)
@@ -70,6 +79,11 @@ class Pace:
         else:
             self._per_pixel = known + RECOVERY * (cost - known)
 
+    def guess(self, milliseconds: float, pixels: int) -> None:
+        """Take a still picture's cost for that of a moving one, where none was drawn yet."""
+        if self._per_pixel is None:
+            self.drawn(milliseconds, pixels)
+
     def pixels(self, milliseconds: float) -> float:
         """How many pixels can be drawn in a time."""
         return 4096.0 if not self._per_pixel else milliseconds / self._per_pixel
@@ -83,25 +97,39 @@ class Pace:
         return self._per_pixel * pixels * _share(step) ** 2
 
 
-def scaled(size: tuple[int, int], share: float) -> tuple[int, int]:
-    """A size in whole pixels, each at least 1, of the same shape.
+@lru_cache(256)
+def scaled(size: tuple[int, int], share: float, scales: tuple[float, ...] = ()) -> tuple[int, int]:
+    """A size in whole pixels, each at least 1, of the same shape to a pixel.
 
-    Smaller ones have no edge that is a power of two, nor a quarter of one, as cones have: Mesa's software renderer
-    compiles programs anew for textures of such edges, in the middle of a movement. They may be smaller than asked for
-    by a tenth.
+    scales : of the pictures of cones that are drawn first, over the size.
+
+    Mesa's software renderer compiles programs anew for textures with an edge that is a power of two, in the middle of
+    a movement and for as long as twenty frames take. So smaller sizes are such that neither they nor their cones have
+    one; they may be smaller than asked for, and where all near are of that kind, as small as the next that is not.
     """
     if share >= 1.0:
         return size
-    choices = [_rounded(size, share * (1.0 - 0.005 * k)) for k in range(20)]
-    return next((choice for choice in choices if not any(map(_is_power, choice))), choices[0])
+    tried = sorted((k + BENT * abs(rise), k, rise) for k in range(SEARCHED) for rise in (0, 1, -1))
+    near = [_rounded(size, share * (1.0 - 0.005 * k), rise) for _, k, rise in tried]
+    for least in (0, 2):  # small pictures cannot do without cones of 1 or 2
+        for choice in near:
+            if not any(_is_power(edge, least) for edge in _edges(choice, scales)):
+                return choice
+    return near[0]
 
 
-def _rounded(size: tuple[int, int], share: float) -> tuple[int, int]:
-    return max(1, round(size[0] * share)), max(1, round(size[1] * share))
+def _rounded(size: tuple[int, int], share: float, rise: int) -> tuple[int, int]:
+    width = max(1, round(size[0] * share))
+    return width, max(1, round(size[1] * width / size[0]) + rise)
 
 
-def _is_power(edge: int) -> bool:
-    return any(part > 2 and part & (part - 1) == 0 for part in (edge, round(edge / 4)))
+def _edges(size: tuple[int, int], scales: tuple[float, ...]) -> list[int]:
+    cones = (Level(scale).size(size) for scale in scales)
+    return [*size, *(edge for cone in cones for edge in cone)]
+
+
+def _is_power(edge: int, least: int) -> bool:
+    return edge > least and edge & (edge - 1) == 0
 
 
 def _share(step: int) -> float:

@@ -6,7 +6,7 @@ What was drawn last stays on a canvas of the window's own, so that it can be sho
 from __future__ import annotations
 
 import time as clock_time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,6 +88,7 @@ class Picture:
         self._rest: list[_Part] | None = None
         self._drawing: list[Draft] = []
         self._done = 0
+        self._spent = 0.0
 
     @property
     def canvas(self) -> Target | None:
@@ -115,16 +116,10 @@ class Picture:
 
     def _coarse(self, shot: Shot, size: tuple[int, int]) -> None:
         """The whole shot at the resolution that the budget allows."""
-        small = scaled(size, self.pace.scale(size))
-        drafts = self._drafts(shot, small)
-        compiled = sum(draft.compile for draft in drafts)
-        start = clock_time.perf_counter()
-        for draft in drafts:
-            draft.draw()
-        self._renderer.context.gl.finish()
-        spent = 1e3 * (clock_time.perf_counter() - start)
+        small = scaled(size, self.pace.scale(size), self._scales(shot))
+        spent, compiled, drafts, share = self._sketch(shot, small)
         if compiled == 0.0:  # the first draw of a program includes work of the driver
-            self.pace.drawn(spent, small[0] * small[1])
+            self.pace.drawn(spent / share, small[0] * small[1])
         if self._canvas is None or self._canvas.size != size:
             fresh = Target(self._renderer.context, size)
             if self._canvas is not None:
@@ -134,12 +129,44 @@ class Picture:
         self._shot, self._rest, self._done = shot, None, 1 if small == size else 0
         self._say(spent, small, compiled, moving=True)
 
+    def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[Draft], float]:
+        """Draw a whole picture. Rays that are marched over several passes stop where they are once the budget is spent.
+
+        Returns the milliseconds that it took, those of compiling, what was drawn, and the share of it that was.
+        """
+        room = max(self.pace.budget - self.pace.fixed, self.pace.budget / 4)
+        renderer, quality = self._renderer, shot.scene.quality
+        self._fit(size)
+        if quality.temporal == "accumulate":
+            renderer.forget()  # where only the file's text changed, its samples would go on being gathered
+        spent, compiled = [0.0], 0.0
+        drawn: list[Draft] = []
+        for draft in renderer.draft_by_draft(
+            shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > room
+        ):
+            compiled += draft.compile
+            spent.append(self._clocked(draft.draw, wait=quality.passes > 1))
+            drawn.append(draft)
+        spent.append(self._clocked(lambda: None, wait=True))
+        marched = sum(draft.chosen.name == "march" for draft in drawn)
+        whole = renderer.history.arrived or marched == 0
+        return sum(spent), compiled, drawn, 1.0 if whole else marched / quality.passes
+
+    def _clocked(self, draw: Callable[[], None], *, wait: bool) -> float:
+        """Milliseconds of a draw, with those of the device if it is waited for."""
+        start = clock_time.perf_counter()
+        draw()
+        if wait:
+            self._renderer.context.gl.finish()
+        return 1e3 * (clock_time.perf_counter() - start)
+
     def _refine(self, shot: Shot, size: tuple[int, int]) -> None:
         """Tiles of the full picture, the middle first, until the budget of a frame is spent; then further samples."""
         compiled = 0.0
         if self._rest is None:
             drafts = self._drafts(shot, size)
             compiled = sum(draft.compile for draft in drafts)
+            self._spent = 0.0
             self._rest, self._drawing = [_Part(draft, self._tiles(draft.target.size)) for draft in drafts], drafts
         rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
         part = rest[0]
@@ -154,12 +181,14 @@ class Picture:
         if last and shot.view == "final" and self._done == 0:
             for tile in done:
                 self._put(shot, self._drawing, tile)
+        self._spent += spent
         if not part.tiles:
             rest.pop(0)
             if last and (shot.view != "final" or self._done > 0):
                 self._put(shot, self._drawing, None)
             if last:
                 self._rest, self._done = None, self._done + 1
+                self.pace.guess(self._spent, size[0] * size[1])
         self._say(spent, size, compiled, moving=False)
 
     def _say(self, spent: float, size: tuple[int, int], compiled: float, *, moving: bool) -> None:
@@ -176,9 +205,17 @@ class Picture:
         return sorted(tiles_of(size, edge), key=lambda t: float(np.hypot(*(np.array(t[:2]) + edge / 2 - middle))))
 
     def _drafts(self, shot: Shot, size: tuple[int, int]) -> list[Draft]:
+        self._fit(size)
+        return self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
+
+    def _fit(self, size: tuple[int, int]) -> None:
         if self._renderer.size != size:
             self._renderer.resize(size)
-        return self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
+
+    def _scales(self, shot: Shot) -> tuple[float, ...]:
+        """Of the pictures of cones that are drawn before a shot."""
+        levels = self._renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.schedule.levels
+        return tuple(level.scale for level in levels)
 
     def _put(self, shot: Shot, drafts: list[Draft], tile: Tile | None) -> None:
         """What was drawn onto the canvas, as linear colour."""
@@ -210,8 +247,7 @@ class Picture:
         # Its drafts draw into textures that may go, and their history may be forgotten: from the first sample again.
         if self._rest is not None or not self.drawn.whole:
             self._rest, self._done = None, 0
-        if self._renderer.size != size:
-            self._renderer.resize(size)
+        self._fit(size)
         return self._renderer
 
     def release(self) -> None:

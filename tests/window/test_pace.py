@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from raymarch.plan.schedule import SCHEDULES
 from raymarch.window.pace import SMALLEST, Pace, scaled
 from raymarch.window.timeline import Timeline
 
@@ -93,14 +94,29 @@ def test_sizes_are_whole_and_never_nothing() -> None:
     assert scaled((512, 256), 1.0) == (512, 256)
 
 
-def test_moving_sizes_have_no_power_of_two_and_keep_their_shape() -> None:
-    for width in range(300, 2000, 7):
-        for step in range(1, 12):
+@pytest.mark.parametrize("name", SCHEDULES)
+def test_moving_sizes_have_no_power_of_two_and_keep_their_shape(name: str) -> None:
+    """Nor have their cones: Mesa's software renderer would compile anew in the middle of a movement."""
+    levels = SCHEDULES[name].levels
+    scales = tuple(level.scale for level in levels)
+    for width in range(400, 2000, 47):
+        for step in range(1, 9):
             share = 2 ** (-step / 4)
-            edges = scaled((width, 256), share)
-            assert all(part & (part - 1) for edge in edges for part in (edge, round(edge / 4)) if part > 2)
-            assert 0.9 * width * share - 1 < edges[0] <= width * share + 0.5
-            assert abs(edges[1] - 256 * edges[0] / width) <= 1
+            chosen = scaled((width, 360), share, scales)
+            edges = [edge for drawn in (chosen, *(level.size(chosen) for level in levels)) for edge in drawn]
+            assert all(edge & (edge - 1) for edge in edges if edge > 2)
+            assert 0.7 * width * share - 1 < chosen[0] <= width * share + 0.5
+            assert abs(chosen[1] - 360 * chosen[0] / width) <= 1.5
+
+
+def test_a_still_picture_tells_what_a_moving_one_costs() -> None:
+    pace = Pace(33.0)
+    pace.guess(1500.0, SIZE[0] * SIZE[1])
+    width, height = scaled(SIZE, pace.scale(SIZE))
+    assert 1500.0 * width * height / (SIZE[0] * SIZE[1]) <= 33.0
+    before = pace.scale(SIZE)
+    pace.guess(1.0, SIZE[0] * SIZE[1])  # what moving pictures have cost is known better
+    assert pace.scale(SIZE) == before
 
 
 def test_time_plays_pauses_steps_and_scrubs() -> None:
