@@ -101,9 +101,10 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
         add(("march/settle", "the last steps towards a surface are along the measured slope, and proven"))
     else:
         add((f"march/{'stop' if quality.correction == 'none' else 'slope'}", f"{quality.correction!r} correction"))
-    if marching.tracer == "auto_relaxed":
-        proven = quality.correction == "proven"
-        add((f"march/aim{cone if proven else '_never'}", "where a ray would come near a surface, it may step to it"))
+    if marching.tracer != "front":
+        add(("march/loop", "a ray goes on until it is near a surface"))
+        aims = marching.tracer == "auto_relaxed" and quality.correction == "proven"
+        add((f"march/aim{cone if aims else '_never'}", "where a step of a ray may lead" + " onto the surface" * aims))
     add(("march/exhausted", f"a ray may take {quality.max_steps} steps"))
     tracer = MODULES.get(marching.tracer, marching.tracer)
     if tracer == "plain" and quality.step_variation > 0:

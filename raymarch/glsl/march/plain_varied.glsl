@@ -1,42 +1,13 @@
 // Plain sphere tracing (Hart 1996) with steps that are a different part of the distance from pixel to pixel and from
 // sample to sample, so that the error of an estimate shows as noise, which accumulation resolves, and not as rings.
-// needs: along Ray Hit March missed nearer settle exhausted epsilon contact march_steps step_scale step_variation random_of_pixel
-// gives: march
-Hit march(Ray ray, inout March at, float far) {
-    Hit hit = missed(at.t);
-    if (!at.asked) {
-        at.r = along(ray, at.t);
-        at.asked = true;
-        hit.evaluations = 1.0;
-    }
-    nearer(hit, at.t, at.r);
-    float scale = step_scale * (1.0 - step_variation * random_of_pixel(0));
-    float slope = 0.0;
-    bool leaving = false;  // its last steps met nothing: it takes one step before it looks again
-    for (int i = 0; i < march_steps; i++) {
-        // all rays march on until they are near a surface, and only then take their last steps, all together
-        bool near = false;
-        for (; i < march_steps; i++) {
-            vec3 p = ray.origin + at.t * ray.direction;
-            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t)) && !leaving) {
-                near = true;
-                break;
-            }
-            if (at.t + scale * at.r > far) return hit;
-            leaving = false;
-            hit.iterations += 1.0;
-            hit.evaluations += 1.0;
-            float z = scale * at.r;
-            float next = along(ray, at.t + z);
-            slope = (next - at.r) / z;
-            at = March(at.t + z, next, slope, true, at.passing);
-            nearer(hit, at.t, at.r);
-        }
-        if (!near) break;
-        if (settle(hit, ray, at.t, at.r, slope)) return hit;
-        at.passing = true;
-        leaving = true;
-    }
-    exhausted(hit);
-    return hit;
+// needs: March step_scale step_variation random_of_pixel
+// gives: stride remembered UNDONE
+const float UNDONE = -1.0;  // no step is too long
+
+float stride(March at, float far) {
+    return step_scale * (1.0 - step_variation * random_of_pixel(0)) * at.r;
+}
+
+float remembered(float before, float slope) {
+    return slope;
 }
