@@ -58,7 +58,7 @@ def looks(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
         if surfaced(scene):
             names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
             made.record = Record("material_at", "Material", marked.params, tuple((n, fields[n]) for n in names))
-        if scene.bounces and any(m.transmits for m in chosen):
+        if (scene.wanders or scene.branches) and any(m.transmits for m in chosen):
             made.glass = Record("glass_at", "Glass", marked.params, tuple((n, fields[n]) for n in GLASS))
         if any(m.emits for m in chosen):
             made.emission = Function("emission_at", marked.params, fields["emission"])
@@ -118,7 +118,7 @@ SOFT = ("two-sided", "cone", "triangulated")
 
 def surfaced(scene: Scene) -> bool:
     """True if light from elsewhere falls on surfaces, so that their normals and materials count."""
-    return bool(scene.lights) or scene.sky.light or scene.bounces > 0
+    return bool(scene.lights) or scene.sky.light or scene.wanders or scene.branches
 
 
 def lit(scene: Scene) -> bool:
@@ -127,8 +127,8 @@ def lit(scene: Scene) -> bool:
 
 
 def ambient_sky(scene: Scene) -> bool:
-    """True if the sky lights surfaces by its mean; where light bounces, ways that end in the sky bring its light."""
-    return scene.sky.light and scene.bounces == 0
+    """True if the sky lights surfaces by its mean; where light wanders, ways that end in the sky bring its light."""
+    return scene.sky.light and not scene.wanders
 
 
 def occluded(scene: Scene, model: str) -> bool:
@@ -155,8 +155,9 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
         if "sampled" in lights.traits(scene):
             found.append(("random/pixel", "a point of a light is chosen at random"))
             found += [("light/shadow", "the shadow of a point")] if "hard" not in lights.traits(scene) else []
-        if scene.bounces:
-            found += [m for m in _ways(scene, model) if m[0] not in {name for name, _ in found}]
+        if scene.wanders or scene.branches:
+            ways = _ways(scene, model) if scene.wanders else _tree(scene, model)
+            found += [m for m in ways if m[0] not in {name for name, _ in found}]
         if occluded(scene, model):
             found.append(("light/occlusion", "Scene(occlusion=...)"))
     if colored:
@@ -188,7 +189,7 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
 def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which light bounces."""
     why = f"Scene(bounces={scene.bounces})"
-    found = [("path/second", why), ("path/lobes", why), ("random/pixel", why)]
+    found = [("path/second", why), ("path/leaving", why), ("path/lobes", why), ("random/pixel", why)]
     if model != "physical":
         found.append(("path/matte", why))
     if model != "phong":
@@ -196,6 +197,17 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
         found.append(("path/glossy", why))
     if any(m.transmits for m in scene.materials):
         found.append(("path/glass", "a material transmits light"))
+    return found
+
+
+def _tree(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules by which all ways of mirrors and glass are followed."""
+    why = "Quality(ways='tree')"
+    found = [("path/second", why), ("path/leaving", why), ("path/faint", why)]
+    if any(m.mirrors for m in scene.materials):
+        found += [("light/fresnel", "a material mirrors"), ("path/mirror", "a material mirrors")]
+    if any(m.transmits for m in scene.materials):
+        found += [("path/glass", "a material transmits light"), ("path/branch", "glass parts the light's way in two")]
     return found
 
 
@@ -245,7 +257,10 @@ def features(scene: Scene) -> list[Feature]:
     bent = next((m for m in others if m.transmits), None)
     feature("glass", bent is not None, "a material transmits light", "no material transmits light", _place(bent))
     several = f"one way of up to {scene.bounces} more surfaces for each sample"
-    feature("bounces of light", scene.bounces > 0, several, "Scene has no bounces")
+    if scene.branches:
+        several = f"all ways of mirrors and glass to up to {scene.bounces} more surfaces"
+    why = "nothing mirrors or transmits, for Quality(ways='tree')" if scene.bounces else "Scene has no bounces"
+    feature("bounces of light", scene.wanders or scene.branches, several, why)
     feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky lights nothing")
     shares = bool(every) and not all(m.physical for m in scene.materials)
     dimmed = scene.occlusion is not None and (ambient_sky(scene) or shares)

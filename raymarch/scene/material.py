@@ -21,6 +21,10 @@ PHYSICAL = ("color", "metalness", "roughness", "f0")
 MIXED = (*PHONG, *PHYSICAL[1:], "physical")
 """The fields that shading reads: of scenes after Phong, of physical ones, and of those with both."""
 
+SMOOTH = 0.1
+"""Roughness up to which a tree of ways takes a surface for a mirror: its lobe is then some two pixels wide. From there
+the share falls evenly to 0 at twice that, so that a pattern of roughness has no edges."""
+
 GLASS = ("transmission", "ior", "absorption")
 FIELDS = (*MIXED, "emission", *GLASS)
 
@@ -156,6 +160,13 @@ class Material:
         """True if light goes through it."""
         share = self._fields["transmission"]
         return not share.is_constant or bool(np.any(share.data))
+
+    @property
+    def mirrors(self) -> bool:
+        """True if it is so smooth somewhere that a tree of ways follows its reflection."""
+        rough, share = self._fields["roughness"], self._fields["transmission"]
+        clear = share.is_constant and float(share.data) == 1.0
+        return self.physical and not clear and (not rough.is_constant or float(rough.data) < 2.0 * SMOOTH)
 
     @property
     def patterned(self) -> bool:

@@ -15,6 +15,7 @@ SCHEDULES = ("auto", "single", "two", "four", "six", "cone", "cones")
 CORRECTIONS = ("proven", "slope", "none")
 TEMPORAL = ("off", "accumulate", "reproject")
 RAYS = ("computed", "interpolated")
+WAYS = ("random", "tree")
 
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 """What `omega` is where it is not given: what the tracers' authors use, and what was measured best for enhanced."""
@@ -85,6 +86,10 @@ class Quality:
         stood, until it ends or has taken `max_steps`; with temporal="accumulate" also in the next frame, while the
         picture stays the same. None: one pass. For one ray a pixel.
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
+    ways : how light bounces, where a Scene has `bounces`. "random": each sample follows one way, from surfaces of all
+        kinds, so it takes `samples` or frames. "tree": every sample follows both the mirrored and the bent way at each
+        smooth surface, so that one shows mirrors and glass without noise; rough and matte surfaces end it with the
+        light of lights and `Sky(light=True)`. For up to 4 bounces.
     """
 
     tracer: str = "auto"
@@ -103,6 +108,7 @@ class Quality:
     budget: int | None = None
     rays: str = "computed"
     masking: str = "correlated"
+    ways: str = "random"
 
     def __post_init__(self) -> None:
         for name, legal in _CHOICES.items():
@@ -185,6 +191,7 @@ _CHOICES = {
     "temporal": TEMPORAL,
     "rays": RAYS,
     "masking": MASKINGS,
+    "ways": WAYS,
 }
 
 

@@ -28,6 +28,10 @@ DEFAULT, PHYSICAL_DEFAULT = Material(), Material(albedo=(0.8, 0.8, 0.8))
 """What parts without a material of their own are made of; the second where all given materials are physical."""
 
 
+DEEPEST = {"random": 16, "tree": 4}
+"""Bounces that each of the ways of light may have."""
+
+
 class Scene:
     """A solid with camera, lights, sky, fog and quality.
 
@@ -42,8 +46,9 @@ class Scene:
     occlusion : Occlusion of ambient light, or None.
     bounces : how many more surfaces light may come from, 0 to 16: reflections of the scene, light between surfaces
         and from the sky, glass. A sample follows one way at random, so it takes `Quality(samples=...)` or frames to
-        make it smooth. Lights mirrored onto matte surfaces are blurred, lest they turn to specks. None is 0, or 6
-        where a material transmits. The truth has no bounces.
+        make it smooth. Lights mirrored onto matte surfaces are blurred, lest they turn to specks. With
+        `Quality(ways="tree")`, 0 to 4, and all ways of mirrors and glass are followed, without chance. None is 0, or 6
+        where a material transmits (4 for a tree). The truth has the tree, but no random ways.
     tone : Tone, how light becomes a picture; None clips what is above 1.
     quality : Quality; None is the default.
 
@@ -80,7 +85,7 @@ class Scene:
         self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
         self.tone = Tone() if tone is None else _instance("tone", tone, Tone, "Tone(...)")
         if bounces is not None and (
-            isinstance(bounces, bool) or not isinstance(bounces, int) or not 0 <= bounces <= 16
+            isinstance(bounces, bool) or not isinstance(bounces, int) or not 0 <= bounces <= DEEPEST["random"]
         ):
             raise SceneError(f"Scene: bounces = {bounces!r}", legal="an integer from 0 to 16, or None")
         self.occlusion = None
@@ -91,7 +96,13 @@ class Scene:
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)
         glass = any(part.label is not None and part.label.transmits for part in all_nodes(node))
-        self.bounces = bounces if bounces is not None else 6 if glass else 0
+        deepest = DEEPEST[self.quality.ways]
+        if bounces is not None and bounces > deepest:
+            raise SceneError(
+                f"Scene: bounces = {bounces} with Quality(ways='tree'): {2 ** (bounces + 1) - 1} rays a pixel",
+                legal=f"up to {deepest}, or Quality(ways='random')",
+            )
+        self.bounces = bounces if bounces is not None else min(6, deepest) if glass else 0
 
     def changed(self, **parts: Any) -> Scene:
         """The same scene with some parts exchanged, by the names of the parameters; they are checked as ever."""
@@ -108,6 +119,17 @@ class Scene:
         given = self._labels()
         default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
         return (default, *(m for m in given if m != default))
+
+    @property
+    def wanders(self) -> bool:
+        """True if light bounces along random ways."""
+        return self.bounces > 0 and self.quality.ways == "random"
+
+    @property
+    def branches(self) -> bool:
+        """True if a tree of ways is followed: it is asked for, and something mirrors or transmits."""
+        smooth = any(m.transmits or m.mirrors for m in self._labels())
+        return self.bounces > 0 and self.quality.ways == "tree" and smooth
 
     @property
     def parameters(self) -> dict[str, Spec]:

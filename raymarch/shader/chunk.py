@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from raymarch.errors import Location
 
@@ -24,3 +24,16 @@ class Chunk:
     needs: frozenset[str]
     gives: frozenset[str]
     lines: tuple[Mapped, ...]
+
+
+@dataclass(slots=True)
+class Lines:
+    """Lines under way, and the names that they need."""
+
+    made_by: str
+    lines: list[Mapped] = field(default_factory=list)
+    needs: set[str] = field(default_factory=set)
+
+    def add(self, line: str, *needs: str, by: str | None = None, where: Location | None = None) -> None:
+        self.lines.append(Mapped(line, by or self.made_by, where))
+        self.needs |= set(needs)

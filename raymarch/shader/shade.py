@@ -15,7 +15,8 @@ from raymarch.plan.shading import ambient_sky, occluded
 from raymarch.scene.light import Light, PointLight, SpotLight, Sun
 from raymarch.scene.sky import DIRECTION
 from raymarch.sdf.facts import Facts
-from raymarch.shader.chunk import Chunk, Mapped
+from raymarch.shader.chunk import Chunk, Lines, Mapped
+from raymarch.shader.tree import tree
 
 SHADOW = {
     "hard": "hard_shadow",
@@ -52,10 +53,14 @@ def shading(plan: Plan, values: Values) -> Chunk:
     What it reads of the scene by name goes into `values`.
     """
     scene = plan.scene
-    text = _Lines("the scene's lights")
+    text = Lines("the scene's lights")
     text.needs |= {"Ray", "Hit"}
-    if scene.bounces and plan.material is not None:
-        _ways(text, plan, values)
+    if plan.material is not None and (scene.wanders or scene.branches):
+        _lit(text, plan, values)
+        if scene.wanders:
+            _ways(text, plan)
+        else:
+            tree(text, plan)
         return _chunk(text, plan, values)
     text.add("vec3 shade(Ray ray, Hit hit) {")
     surfaced = plan.material is not None
@@ -77,7 +82,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
     return _chunk(text, plan, values)
 
 
-def _lights(text: _Lines, plan: Plan, values: Values) -> None:
+def _lights(text: Lines, plan: Plan, values: Values) -> None:
     """What all lights add to the colour of a surface."""
     if lights.as_data(plan.scene):
         _loop(text, plan)
@@ -86,17 +91,25 @@ def _lights(text: _Lines, plan: Plan, values: Values) -> None:
         _light(text, i, light, values, ANSWER[plan.model])
 
 
-def _ways(text: _Lines, plan: Plan, values: Values) -> None:
-    """The colour of a hit where light bounces: a way from surface to surface, and the light that joins it at each."""
-    scene, add, glass = plan.scene, text.add, plan.glass is not None
-    add("vec3 lit(Surface surface) {", "Surface")
-    add(f"    vec3 color = {'emission_at(surface.p)' if plan.emission is not None else 'vec3(0.0)'};")
+def _lit(text: Lines, plan: Plan, values: Values) -> None:
+    """The light that a surface gives off and gets from the sources; `followed` is the share of its reflection that
+    ways of light bring."""
+    followed = ", float followed" if plan.scene.branches else ""
+    text.add(f"vec3 lit(Surface surface{followed}) {{", "Surface")
+    text.add(f"    vec3 color = {'emission_at(surface.p)' if plan.emission is not None else 'vec3(0.0)'};")
     text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
-    if scene.lights:
+    if plan.scene.lights:
         _lights(text, plan, values)
-    for line in ("    return color;", "}", "", "vec3 shade(Ray ray, Hit hit) {", "    vec3 color = vec3(0.0);"):
-        add(line)
+    for line in ("    return color;", "}", ""):
+        text.add(line)
+
+
+def _ways(text: Lines, plan: Plan) -> None:
+    """The colour of a hit where light bounces: a way from surface to surface, and the light that joins it at each."""
+    scene, add, glass = plan.scene, text.add, plan.glass is not None
+    add("vec3 shade(Ray ray, Hit hit) {")
+    add("    vec3 color = vec3(0.0);")
     add("    vec3 weight = vec3(1.0);")
     add("    float first = hit.t;")
     add("    float travelled = 0.0;")
@@ -120,7 +133,7 @@ def _ways(text: _Lines, plan: Plan, values: Values) -> None:
     add("        vec3 direction;")
     indent = "        "
     if glass:
-        _glass(text)
+        _glass(text, scene.bounces)
         indent += "    "
     shines = bool(scene.lights) and plan.model != "phong"
     if shines:
@@ -141,10 +154,10 @@ def _ways(text: _Lines, plan: Plan, values: Values) -> None:
         add(f"{indent}dull = max(dull, {matte});")
     if glass:
         add("        }")
-    add("        float offset = 2.0 * epsilon(surface.p, travelled);", "epsilon")
-    add("        if (dot(direction, surface.normal) < 0.0) offset = -offset;")
-    add("        ray = Ray(surface.p + offset * surface.normal, direction);")
-    add(f"        hit = second(ray, travelled, {side});", "second")
+    add("        float start;")
+    add("        vec3 outwards = dot(direction, surface.normal) < 0.0 ? -surface.normal : surface.normal;")
+    add("        ray = leaving(surface.p, outwards, direction, travelled, start);", "leaving")
+    add(f"        hit = second(ray, start, travelled, {side});", "second")
     add("        if (!hit.found) {")
     add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);", "sky")
     add("            break;")
@@ -156,11 +169,15 @@ def _ways(text: _Lines, plan: Plan, values: Values) -> None:
     add("}")
 
 
-def _glass(text: _Lines) -> None:
+def _glass(text: Lines, last: int) -> None:
     """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
     for line in (
         "Glass glass = glass_at(surface.p);",
         "if (side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission) {",
+        f"    if (bounce == {last}) {{",  # what would still come is taken for the sky, lest glass end in black
+        "        color += weight * sky(ray.direction);",
+        "        break;",
+        "    }",
         "    float ratio = side > 0.0 ? 1.0 / glass.ior : glass.ior;",
         "    float cosine = clamp(dot(surface.normal, surface.view), 0.0, 1.0);",
         "    if (random_of_pixel(dimension + 4) < reflectance(cosine, ratio)) {",
@@ -175,7 +192,7 @@ def _glass(text: _Lines) -> None:
         text.add(f"        {line}", "Glass", "glass_at", "reflectance")
 
 
-def _chunk(text: _Lines, plan: Plan, values: Values) -> Chunk:
+def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
     """The lines, and what of the sky and the fog they read by name."""
     scene = plan.scene
     if scene.sky.constant:
@@ -193,7 +210,7 @@ def scene_cone(plan: Plan) -> Chunk:
 
     A point beside the ray by width * t is below a plane at `upper` where origin + (direction - width) t is.
     """
-    text = _Lines("the scene's bounds")
+    text = Lines("the scene's bounds")
     text.add("vec2 scene_cone(Ray ray, vec2 range, float width) {", "Ray")
     for axis, low, high in box_ends(plan.scene.node.facts):
         at = f"range, ray.origin.{axis}, ray.direction.{axis}"
@@ -224,28 +241,15 @@ def light_rows() -> Chunk:
     return Chunk("light rows", frozenset(), frozenset({"u_lights"}), lines)
 
 
-class _Lines:
-    """Lines under way, and the names that they need."""
-
-    def __init__(self, made_by: str) -> None:
-        self.made_by = made_by
-        self.lines: list[Mapped] = []
-        self.needs: set[str] = set()
-
-    def add(self, line: str, *needs: str, by: str | None = None, where: Location | None = None) -> None:
-        self.lines.append(Mapped(line, by or self.made_by, where))
-        self.needs |= set(needs)
-
-
 FROM_SKY = {
     "phong": "matte_sky(surface)",
-    "physical": "glossy_sky(surface)",
-    "mixed": "mix(matte_sky(surface), glossy_sky(surface), surface.material.physical)",
+    "physical": "glossy_sky(surface, {followed})",
+    "mixed": "mix(matte_sky(surface), glossy_sky(surface, {followed}), surface.material.physical)",
 }
-"""What the sky adds to a surface, by model."""
+"""What the sky adds to a surface, by model, but for the share of its reflection that is followed."""
 
 
-def _ambient(text: _Lines, plan: Plan, values: Values) -> None:
+def _ambient(text: Lines, plan: Plan, values: Values) -> None:
     """Light without a place: the sky's, and the share of each light that Phong's materials take as such."""
     scene = plan.scene
     dimmed = occluded(scene, plan.model)
@@ -259,10 +263,11 @@ def _ambient(text: _Lines, plan: Plan, values: Values) -> None:
     if ambient_sky(scene):
         needs = {"phong": ("matte_sky",), "physical": ("glossy_sky",), "mixed": ("matte_sky", "glossy_sky")}[plan.model]
         factor = "open * " if dimmed else ""
-        text.add(f"    color += {factor}{FROM_SKY[plan.model]};", *needs, by="the sky's light", where=scene.where)
+        light = FROM_SKY[plan.model].format(followed="followed" if scene.branches else "0.0")
+        text.add(f"    color += {factor}{light};", *needs, by="the sky's light", where=scene.where)
 
 
-def _light(text: _Lines, i: int, light: Light, values: Values, answer: str) -> None:
+def _light(text: Lines, i: int, light: Light, values: Values, answer: str) -> None:
     """The lines of one light, with its numbers in them."""
     by, where = type(light).__name__, light.where
 
@@ -302,7 +307,7 @@ def _dimension(light: int) -> int:
     return 1024 + 2 * light
 
 
-def _visibility(text: _Lines, light: Light, value: Callable[[str, Expr], str]) -> str:
+def _visibility(text: Lines, light: Light, value: Callable[[str, Expr], str]) -> str:
     """How much of a light is seen from the surface, as text."""
     if not light.shadow:
         return "1.0"
@@ -317,7 +322,7 @@ def _visibility(text: _Lines, light: Light, value: Callable[[str, Expr], str]) -
     return shown
 
 
-def _loop(text: _Lines, plan: Plan) -> None:
+def _loop(text: Lines, plan: Plan) -> None:
     """The lines of all lights together: their numbers come from the rows of a texture."""
     has = lights.traits(plan.scene)
     names = lights.columns(has)

@@ -29,9 +29,11 @@ class Surface:
     Attributes
     ----------
     scene, values, field : what was hit, at which moment.
-    origin, directions : from where they are seen, (3,), and along which unit directions, (N, 3).
+    origin, directions : from where they are seen, (3,) or (N, 3), and along which unit directions, (N, 3).
     depth : distances from the origin, (N,).
     far : how far rays are traced. inside : the origin lies in the solid.
+    within : it lies in glass, which the light has entered on its way, and which takes `absorption` of it, (N, 3), on a
+        unit of length. dull : lights shine on anything smoother as on that.
     """
 
     scene: Scene
@@ -42,6 +44,9 @@ class Surface:
     depth: Array
     far: float
     inside: bool
+    within: bool = False
+    absorption: Array | None = None
+    dull: float = 0.0
 
     @cached_property
     def points(self) -> Array:
@@ -64,17 +69,23 @@ class Surface:
         """Index of the material with the largest share, (N,)."""
         return np.argmax(self.weights, axis=1)
 
-    @cached_property
-    def color(self) -> Array:
-        """Linear RGB with fog, (N, 3)."""
-        color = self._look["emission"] + self._from_sky
+    def light(self, followed: Any = 0.0) -> Array:
+        """What the surface gives off and gets from lights and sky, (N, 3).
+
+        followed : share of its reflection that is not taken from the sky, because its way is followed, (N, 1).
+        """
+        color = self.look["emission"] + self._from_sky(followed)
         for light in self.scene.lights:
             color = color + self._from(light)
-        fog = self.scene.fog
-        if fog is not None:
-            through = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
-            color = self.values.of(fog.color) * (1.0 - through) + color * through
         return color
+
+    def through_fog(self, color: Array) -> Array:
+        """What fog leaves of a colour at the surface, (N, 3) -> (N, 3)."""
+        fog = self.scene.fog
+        if fog is None:
+            return color
+        through = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
+        return self.values.of(fog.color) * (1.0 - through) + color * through
 
     @cached_property
     def _open(self) -> Array:
@@ -87,22 +98,21 @@ class Surface:
         missing, weights = np.zeros(len(self.depth)), 0.0
         for i in range(occlusion.steps):
             far = reach * (i + 1) / occlusion.steps
-            rise = side * self.field.distance(self.points + far * self._shading_normals)
+            rise = side * self.field.distance(self.points + far * self.shading_normals)
             missing += decay**i * np.clip(1.0 - rise / far, 0.0, 1.0)
             weights += decay**i
         return np.clip(1.0 - strength * missing / weights, 0.0, 1.0)[:, None]
 
-    @cached_property
-    def _from_sky(self) -> Array:
+    def _from_sky(self, followed: Any) -> Array:
         """What the sky adds, by the rules of `Sky(light=True)`, (N, 3)."""
-        sky, look, n = self.scene.sky, self._look, self._shading_normals
+        sky, look, n = self.scene.sky, self.look, self.shading_normals
         if not sky.light:
             return np.zeros((len(self.depth), 3))
         light = sky.harmonics(self.values)
         even = np.maximum(harmonics_at(n) @ light, 0.0)
         seen = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
         mirrored = self.directions + 2.0 * seen * n
-        rough, metal, color, f0 = (look[name] for name in ("roughness", "metalness", "color", "f0"))
+        rough, metal, color, f0 = self._roughness, look["metalness"], look["color"], look["f0"]
         around = (
             sky.seen(mirrored, self.values) * (1.0 - rough) + np.maximum(harmonics_at(mirrored) @ light, 0.0) * rough
         )
@@ -110,17 +120,22 @@ class Surface:
         share, edge = furnace(seen, rough)
         back = base * share + edge
         entering = np.minimum((1.0 - (1.0 - seen) ** 5) * (1.0 - f0), 1.0 - back) * (1.0 - metal)
-        glossy = around * back + even * entering * color
+        glossy = (1.0 - followed) * around * back + even * entering * color
         result: Array = self._open * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)
         return result
 
     @cached_property
-    def _look(self) -> dict[str, Array]:
+    def look(self) -> dict[str, Array]:
         """Material of each point, mixed: colours (N, 3), the others (N, 1)."""
         return self.field.looks(self.points)
 
+    @property
+    def _roughness(self) -> Array:
+        """Towards lights and sky, (N, 1)."""
+        return np.maximum(self.look["roughness"], self.dull)
+
     @cached_property
-    def _shading_normals(self) -> Array:
+    def shading_normals(self) -> Array:
         """From inside the solid its walls are lit on the side that is seen."""
         if not self.inside:
             return self.normals
@@ -139,21 +154,21 @@ class Surface:
 
     def _answered(self, light: Light, come: Incoming) -> Array:
         """What comes from one direction: the answers of the two models, each by its share."""
-        facing = np.einsum("ij,ij->i", self._shading_normals, come.direction)
+        facing = np.einsum("ij,ij->i", self.shading_normals, come.direction)
         visible = self._visible(light, come, (facing > 0.0) & come.radiance.any(axis=1))[:, None]
-        share = self._look["physical"]
+        share = self.look["physical"]
         added = np.zeros_like(self.points)
         if np.any(share < 1.0):
             added += (1.0 - share) * self._phong(come, facing[:, None], visible)
         if np.any(share > 0.0):
-            look = self._look
+            look = self.look
             answer = microfacets(
-                self._shading_normals,
+                self.shading_normals,
                 -self.directions,
                 come.direction,
                 look["color"],
                 look["metalness"],
-                look["roughness"],
+                self._roughness,
                 look["f0"],
                 self.scene.quality.masking,
             )
@@ -161,8 +176,8 @@ class Surface:
         return added
 
     def _phong(self, come: Incoming, facing: Array, visible: Array) -> Array:
-        look = self._look
-        reflected = 2.0 * facing * self._shading_normals - come.direction
+        look = self.look
+        reflected = 2.0 * facing * self.shading_normals - come.direction
         seen = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
         gloss = look["specular"] * seen ** look["shininess"] * (facing > 0.0)
         direct = visible * (look["color"] * np.maximum(facing, 0.0) + gloss)
@@ -181,8 +196,8 @@ class Surface:
         row = np.flatnonzero(asked)
         if not row.size:
             return visible
-        offset = self._offset[row]
-        rays = Rays(self.points[row] + offset[:, None] * self._shading_normals[row], come.direction[row])
+        offset = self.offset[row]
+        rays = Rays(self.points[row] + offset[:, None] * self.shading_normals[row], come.direction[row])
         box, end = self.scene.node.facts, come.distance[row]
         if light.soft and light.penumbra != "sampled":
             side = -1.0 if self.inside else 1.0
@@ -194,13 +209,13 @@ class Surface:
         return visible
 
     @cached_property
-    def _offset(self) -> Array:
+    def offset(self) -> Array:
         """How far shadow rays start off the surface, (N,).
 
         It must exceed the residual of the hit, some units in the last place of the coordinates. Far more than
         that costs nothing: `GAP` (the square root of a unit) of the distance is a millionth of a pixel. Much less
         would cost time, as a ray that leaves a round surface along its tangent takes 1 / sqrt(offset) steps.
         """
-        size = np.linalg.norm(self.origin) + self.depth
+        size = np.linalg.norm(self.origin, axis=-1) + self.depth
         offset: Array = np.maximum(GAP * self.depth, 64 * NOISE * size)
         return offset

@@ -17,6 +17,7 @@ from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
 from raymarch.truth.rays import Rays, camera_rays
 from raymarch.truth.shading import Surface
+from raymarch.truth.tree import light_of
 from raymarch.truth.visibility import first_hits, is_inside
 
 OUTPUTS = ("depth", "normal", "material", "color")
@@ -66,7 +67,9 @@ class Truth:
     @cached_property
     def color(self) -> NDArray[np.float64]:
         """(H, W, 3), linear RGB, >= 0 and without an upper end; the colour of the sky where nothing was hit."""
-        return self._picture(self._surface.color, self._sky)
+        surface = self._surface
+        light = light_of(surface) if surface.scene.branches else surface.light()
+        return self._picture(surface.through_fog(light), self._sky)
 
     def _picture(self, values: Any, background: Any) -> NDArray[Any]:
         made = np.empty((*self.hit.shape, *values.shape[1:]), values.dtype)

@@ -83,6 +83,12 @@ def scenes() -> dict[str, rm.Scene]:
     made["glossy bounces"] = rm.Scene(rm.sphere().material(gold), bounces=2, lights=[])
     made["glass"] = rm.Scene(rm.sphere().material(glass) | rm.plane(offset=-1).material(gold), fog=rm.Fog())
     made["glass and phong"] = rm.Scene(rm.union(rm.sphere().material(glass), solid(), k=0.2), occlusion=rm.Occlusion())
+    tree, mirror = rm.Quality(ways="tree"), rm.Material(albedo=(0.9, 0.9, 0.9), metalness=1, roughness=0)
+    row = rm.sphere().material(glass) | rm.sphere().material(mirror).translate((3, 0, 0))
+    sky = rm.GradientSky(light=True)
+    made["tree"] = rm.Scene(row | solid().translate((0, 0, -3)), bounces=3, quality=tree, sky=sky, fog=rm.Fog())
+    made["tree of mirrors"] = rm.Scene(rm.sphere().material(mirror), bounces=2, quality=tree, lights=[])
+    made["tree of glass"] = rm.Scene(rm.sphere().material(glass), quality=tree, lights=[])
     turned = rm.box().rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
     made["copies beside a material"] = rm.Scene(turned | rm.plane().material(RED))
     made |= {f"{n} normals": rm.Scene(solid(), quality=rm.Quality(normals=n)) for n in NORMALS}

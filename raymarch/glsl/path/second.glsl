@@ -1,11 +1,11 @@
-// What a ray meets that starts at a surface: plain steps, inside of the solid if `side` is -1. `travelled` is the way of the
-// light before it, by which its precision is measured.
+// What a ray meets that leaves a surface: plain steps from where it starts, inside of the solid if `side` is -1. `travelled`
+// is the way of the light before it, by which its precision is measured.
 // needs: field Ray Hit missed epsilon max_steps scene_box u_side u_far
 // gives: second
-Hit second(Ray ray, float travelled, float side) {
+Hit second(Ray ray, float start, float travelled, float side) {
     Hit hit = missed(0.0);
-    vec2 range = scene_box(ray, vec2(0.0, 2.0 * u_far));
-    float t = range.x;
+    vec2 range = scene_box(ray, vec2(start, 2.0 * u_far));
+    float t = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before where it starts
     for (int i = 0; i < max_steps; i++) {
         if (t > range.y) return hit;
         vec3 p = ray.origin + t * ray.direction;
@@ -13,7 +13,7 @@ Hit second(Ray ray, float travelled, float side) {
         hit.evaluations += 1.0;
         if (r < epsilon(p, travelled + t)) {
             hit.found = true;
-            hit.t = t;
+            hit.t = t + r;
             return hit;
         }
         t += r;

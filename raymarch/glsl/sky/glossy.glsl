@@ -1,8 +1,9 @@
 // The sky's light on a surface of microfacets. Matte: its mean, less what does not enter. Mirrored: between the sky that
-// the mirror faces and its mean, by roughness, times what the facets give back in a white furnace.
+// the mirror faces and its mean, by roughness, times what the facets give back in a white furnace; but for
+// the share of the reflection whose way is followed.
 // needs: Surface Material fifth furnace sky sky_mean
 // gives: glossy_sky
-vec3 glossy_sky(Surface surface) {
+vec3 glossy_sky(Surface surface, float followed) {
     Material material = surface.material;
     float seen = clamp(dot(surface.normal, surface.view), 0.0, 1.0);
     vec3 mirrored = reflect(-surface.view, surface.normal);
@@ -11,5 +12,5 @@ vec3 glossy_sky(Surface surface) {
     vec3 f0 = mix(material.f0, material.color, material.metalness);
     vec3 back = f0 * fit.x + fit.y;
     vec3 entering = min((1.0 - fifth(1.0 - seen)) * (1.0 - material.f0), 1.0 - back) * (1.0 - material.metalness);
-    return around * back + sky_mean(surface.normal) * entering * material.color;
+    return (1.0 - followed) * around * back + sky_mean(surface.normal) * entering * material.color;
 }

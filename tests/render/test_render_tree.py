@@ -1,0 +1,106 @@
+"""Mirrors and glass without chance: the tree of ways against the float64 truth, and against random ways."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.expr.vocabulary import sin, vec3
+from raymarch.gpu import Renderer
+from raymarch.plan import plan
+from raymarch.shader import assemble
+from raymarch.truth import truth
+
+SIZE = (64, 48)
+TREE = rm.Quality(ways="tree")
+CLEAR = rm.Material(transmission=1, ior=1.5)
+GREEN = rm.Material(transmission=1, ior=1.6, absorption=(1.6, 0.25, 0.9))
+SILVER = rm.Material(albedo=(0.95, 0.93, 0.9), metalness=1, roughness=0)
+SATIN = rm.Material(albedo=(0.9, 0.6, 0.3), metalness=1, roughness=0.14)
+FILM = rm.Material(albedo=(0.2, 0.5, 0.2), roughness=0.05, transmission=0.5, ior=1.3)
+TILES = rm.Material(albedo=lambda p: 0.5 + 0.3 * sin(2 * p.x) * vec3(sin(2 * p.z)), roughness=0.02)
+CLAY = rm.Material((0.7, 0.3, 0.2))
+SOLIDS = {
+    "glass": rm.sphere(0.8).material(CLEAR) | rm.sphere(0.5).translate((-1.2, -0.2, -1.2)).material(CLAY),
+    "absorbing": rm.box((1.2, 1.2, 1.2)).rotate(0.6, "y").material(GREEN),
+    "mirrors": rm.sphere(0.7).translate((-0.8, 0, 0)).material(SILVER)
+    | rm.sphere(0.6).translate((0.7, 0, 0.2)).material(SATIN),
+    "both": rm.sphere(0.7).translate((-0.8, 0, 0)).material(CLEAR)
+    | rm.sphere(0.6).translate((0.7, 0, -0.4)).material(SILVER)
+    | rm.sphere(0.4).translate((0.3, -0.2, 0.9)).material(FILM),
+}
+
+
+def scene(name: str, **parts: Any) -> rm.Scene:
+    parts = {
+        "camera": rm.Camera((0.3, 2.6, 4.2), (0, -0.2, 0)),
+        "lights": [rm.Sun((-0.5, 1, 0.6), intensity=0.8, shadow=True)],
+        "sky": rm.GradientSky(light=True),
+        "bounces": 3,
+        "quality": TREE,
+        **parts,
+    }
+    return rm.Scene(SOLIDS[name] | rm.plane(offset=-0.9).material(TILES), **parts)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_a_tree_is_true_in_each_pixel(name: str, renderer: Renderer) -> None:
+    """Every pixel's colour is among those of the true picture around it, to a step of 8 bits; the few that are not show
+    where a way leaps from one thing to another, which no pixel's middle need hit alike."""
+    renderer.resize(SIZE)
+    made = scene(name, fog=rm.Fog(density=0.02) if name == "both" else None)
+    known, found = truth(made, SIZE).color, renderer.render(made).color
+    rows, columns = known.shape[:2]
+    near = np.pad(known, ((1, 1), (1, 1), (0, 0)), "edge")
+    near = np.stack([near[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
+    wrong = np.maximum(found - near.max(axis=0), near.min(axis=0) - found).max(axis=-1)
+    assert np.mean(wrong > 1 / 255) < 0.01
+    assert np.percentile(np.abs(found - known), 90) < 1e-3
+
+
+@pytest.mark.parametrize("name", ["glass", "mirrors"])
+def test_a_tree_is_the_mean_of_random_ways(name: str, renderer: Renderer) -> None:
+    """Where all is perfectly smooth or gives off light by itself, both are the same: within three standard errors."""
+    renderer.resize((32, 24))
+    wall = rm.Material(color=(0, 0, 0), specular=0, ambient=0, emission=lambda p: 0.5 + 0.4 * vec3(sin(3 * p)))
+    balls = {
+        "glass": rm.sphere(0.8).material(CLEAR),
+        "mirrors": rm.sphere(0.7).translate((-0.8, 0, 0)).material(SILVER)
+        | rm.sphere(0.6).translate((0.7, 0, 0)).material(SILVER),
+    }[name]
+    node = balls | rm.plane(offset=-0.9).material(wall)
+    parts = {"camera": rm.Camera((0.3, 1.2, 4.2), (0, 0, 0)), "lights": [], "sky": rm.GradientSky(), "bounces": 4}
+
+    def drawn(ways: str) -> Any:
+        quality = rm.Quality(samples=128, ways=ways)
+        return renderer.render(rm.Scene(node, quality=quality, **parts)).color.astype(np.float64).mean(axis=-1)
+
+    apart = drawn("random") - drawn("tree")
+    error = apart.std() / np.sqrt(apart.size)
+    assert error < 5e-4 and abs(apart.mean()) <= 3 * error
+
+
+def test_clear_glass_in_a_white_sky_is_not_seen(renderer: Renderer) -> None:
+    renderer.resize((24, 18))
+    for shape in (rm.sphere(), rm.box((1, 1, 1)).rotate(0.5, (1, 2, 3))):
+        made = rm.Scene(shape.material(CLEAR), lights=[], sky=(1, 1, 1), bounces=4, quality=TREE)
+        np.testing.assert_allclose(renderer.render(made).color, 1.0, atol=2e-3)
+
+
+def test_a_tree_is_not_in_the_text_unless_something_mirrors() -> None:
+    clay = rm.sphere().material(CLAY)
+    plain, asked = (assemble(plan(rm.Scene(clay, bounces=n, quality=TREE))).text() for n in (0, 4))
+    assert plain == asked
+    assert "Branch" not in assemble(plan(rm.Scene(rm.sphere().material(SILVER), bounces=4, quality=TREE))).text()
+
+
+def test_a_tree_is_no_deeper_than_four() -> None:
+    assert rm.Scene(rm.sphere().material(CLEAR), quality=TREE).bounces == 4
+    with pytest.raises(SceneError, match=r"bounces = 5 .*63 rays.*up to 4.*random"):
+        rm.Scene(rm.sphere().material(CLEAR), bounces=5, quality=TREE)
+    with pytest.raises(SceneError, match="ways = 'bush'"):
+        rm.Quality(ways="bush")
