@@ -17,7 +17,7 @@ PATIENT = 0.6
 def cards_of(viewer: Viewer, now: float) -> list[Card]:
     """The cards to show; notices whose time is over are forgotten."""
     if viewer.help:
-        return [Card(viewer.hands.help(), "note", "middle")]
+        return [Card(viewer.keys.help(), "note", "middle")]
     cards = []
     if viewer.fault is not None:
         cards.append(Card(viewer.fault.text(), "error", "bottom left"))
@@ -28,7 +28,7 @@ def cards_of(viewer: Viewer, now: float) -> list[Card]:
     viewer.notices = [(until, text) for until, text in viewer.notices if until > now]
     cards += [Card(text, "note", "top left") for _, text in viewer.notices]
     if viewer.state.selected is not None:
-        cards.append(Card(viewer.hands.parameters(), "note", "top left"))
+        cards.append(Card(viewer.keys.parameters(), "note", "top left"))
     if viewer.pick is not None:
         cards.append(Card(viewer.pick.text(), "note", "top right"))
     return cards

@@ -6,6 +6,8 @@ or a choice such as its shadow, makes another shader.
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
@@ -14,7 +16,7 @@ import numpy as np
 from raymarch.expr.node import Expr
 from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
-from raymarch.scene.parameter import Param, Value
+from raymarch.scene.parameter import Param, Spec, Value
 from raymarch.scene.scene import Scene
 from raymarch.sdf.node import Node
 
@@ -144,6 +146,18 @@ class Edits:
             parts = [f"{name}={value!r}" for name, value in self.quality.items()]
             lines.append(f"quality = rm.Quality({', '.join(parts)})")
         return "\n".join(lines)
+
+
+def params_as_python(specs: Mapping[str, Spec], params: Mapping[str, Value]) -> str:
+    """The parameters that were moved, as lines for the scene file that make the values their defaults."""
+    lines = []
+    for name, value in params.items():
+        spec = specs[name]
+        ends = [
+            f"{end}={_written(bound)}" for end, bound in (("min", spec.min), ("max", spec.max)) if bound is not None
+        ]
+        lines.append(f"rm.Param({', '.join([json.dumps(name), _written(value), *ends])})")
+    return "\n".join(lines)
 
 
 def editable_lights(scene: Scene) -> tuple[LightEdit, ...]:

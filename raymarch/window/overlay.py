@@ -22,6 +22,8 @@ SMALLEST = 8
 BACKGROUNDS = {"error": (92, 14, 14, 255), "note": (18, 20, 24, 215), "busy": (64, 50, 8, 225)}
 """Colours behind the text by what it says, RGBA."""
 
+WHITE, FAINT = (255, 255, 255, 255), (176, 184, 194, 255)
+
 
 @dataclass(frozen=True, slots=True)
 class Card:
@@ -29,7 +31,7 @@ class Card:
 
     Attributes
     ----------
-    text : its lines.
+    text : its lines; a tab parts two columns.
     kind : "error", "note" or "busy".
     corner : "top left", "top right", "bottom left" or "middle" of the window.
     """
@@ -91,16 +93,28 @@ def picture_of(card: Card, size: tuple[int, int], density: float) -> NDArray[np.
 
 def _drawn(card: Card, width: int, density: float) -> NDArray[np.uint8]:
     font = _font(round(POINTS * density))
-    pad = round(7 * density)
+    pad, spacing = round(7 * density), round(4 * density)
     letter = max(1.0, float(font.getlength("n")))
+    rows = [line.partition("\t")[::2] for line in card.text.splitlines()]
+    column = max((font.getlength(left) for left, right in rows if right), default=0.0)
+    column = round(column + 2 * pad) if column else 0
     most = max(12, int((width - 4 * pad) / letter))
-    text = "\n".join(part for line in card.text.splitlines() for part in _wrapped(line, most))
+    narrow = max(12, int((width - 4 * pad - column) / letter))
+    lefts, rights = [], []
+    for left, right in rows:
+        parts = _wrapped(right, narrow) if right else _wrapped(left, most)
+        lefts += [left, *[""] * (len(parts) - 1)] if right else parts
+        rights += parts if right else [""] * len(parts)
+    blocks = [(0, "\n".join(lefts), FAINT if column else WHITE)]
+    blocks += [(column, "\n".join(rights), WHITE)] if column else []
     probe = ImageDraw.Draw(Image.new("L", (1, 1)))
-    left, top, right, bottom = probe.multiline_textbbox((0, 0), text, font=font, spacing=round(4 * density))
-    size = (max(1, int(right - left)) + 2 * pad, max(1, int(bottom - top)) + 2 * pad)
+    boxes = [probe.multiline_textbbox((at, 0), text, font=font, spacing=spacing) for at, text, _ in blocks]
+    top, bottom = min(box[1] for box in boxes), max(box[3] for box in boxes)
+    size = (max(1, int(max(box[2] for box in boxes))) + 2 * pad, max(1, int(bottom - top)) + 2 * pad)
     image = Image.new("RGBA", size, BACKGROUNDS[card.kind])
     draw = ImageDraw.Draw(image)
-    draw.multiline_text((pad - left, pad - top), text, (255, 255, 255, 255), font=font, spacing=round(4 * density))
+    for at, text, color in blocks:
+        draw.multiline_text((pad + at, pad - top), text, color, font=font, spacing=spacing)
     return np.asarray(image, np.uint8)
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time as clock_time
-from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from raymarch.gpu.views import VIEWS
-from raymarch.plan import explain
 from raymarch.scene.parameter import Spec, Value
 from raymarch.window import control, save
 from raymarch.window.editors import Editors
+from raymarch.window.edits import params_as_python
+from raymarch.window.meters import Meters
 from raymarch.window.surface import Button, Event, Key, Move, Scroll
 from raymarch.window.toolkit import Toolkit
 
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 WIDTH = 300
 """Of the panel on a plain screen, in pixels."""
 
-SHOWN = 120
-"""Frames in the graph."""
-
 
 class Panel:
     """Draws the panel, and passes what is changed in it on to the state."""
@@ -34,16 +31,14 @@ class Panel:
         self._imgui, self._viewer = imgui, viewer
         self.toolkit = Toolkit(imgui, viewer.window, viewer.screen)
         self.editors = Editors(imgui, viewer)
+        self.meters = Meters(imgui, viewer)
         self.shown = True
         self.active = 2
         self._cursor = float("inf")
         self._held: frozenset[int] = frozenset()
         self._at = clock_time.perf_counter()
-        self._times: deque[float] = deque([0.0] * SHOWN, SHOWN)
-        self._rest: deque[float] = deque([0.0] * SHOWN, SHOWN)
         self.items: dict[str, tuple[float, float]] = {}
         self._told: dict[str, tuple[int, int]] = {}
-        self._facts: tuple[Any, dict[str, Any]] | None = None
 
     def take(self, event: Event) -> bool:
         """Feed an event; True if it was the panel's, and nobody else shall act on it."""
@@ -82,11 +77,6 @@ class Panel:
         self.shown, self.active = not self.shown, 2
         self._viewer.window.touch()
 
-    def note(self, draw: float, rest: float) -> None:
-        """Milliseconds of a frame: of the scene, and of all else."""
-        self._times.append(draw)
-        self._rest.append(rest)
-
     def draw(self) -> None:
         """Draw the panel over the picture."""
         if not self.shown:
@@ -99,7 +89,7 @@ class Panel:
         width = self.width
         imgui.set_next_window_pos((0, 0), imgui.Cond_.always)
         imgui.set_next_window_size((width, viewer.screen.size[1]), imgui.Cond_.always)
-        imgui.set_next_window_bg_alpha(0.85)
+        imgui.set_next_window_bg_alpha(0.94)
         flags = imgui.WindowFlags_
         imgui.begin("raymarch", None, flags.no_move | flags.no_resize | flags.no_collapse | flags.no_title_bar)
         imgui.push_item_width(0.55 * width)
@@ -126,8 +116,8 @@ class Panel:
         self._section("Lights", self.editors.lights, 0)
         self._section("Materials", self.editors.materials, 0)
         self._section("Quality", self.editors.quality, 0)
-        self._section("Frame", self._frame, 0)
-        self._section("Plan", self._plan, 0)
+        self._section("Frame", self.meters.frame, 0)
+        self._section("Plan", self.meters.plan, 0)
 
     def _section(self, name: str, fill: Any, flags: Any) -> None:
         opened = self._imgui.collapsing_header(name, flags)
@@ -148,8 +138,17 @@ class Panel:
         for name, spec in self._viewer.state.specs.items():
             if not self.editors.owns(name):
                 self.parameter(name, spec)
-        if self._imgui.button("defaults"):
-            self._viewer.state.params.clear()
+        imgui, state = self._imgui, self._viewer.state
+        if imgui.button("defaults"):
+            state.params.clear()
+        self.mark("defaults")
+        imgui.same_line()
+        if imgui.button("copy as Python"):
+            moved = {name: value for name, value in state.params.items() if not self.editors.owns(name)}
+            text = params_as_python(state.specs, moved)
+            self._viewer.window.clip(text)
+            self._viewer.notice(f"copied\n{text}" if text else "no parameter was changed")
+        self.mark("copy parameters")
 
     def parameter(self, name: str, spec: Spec, label: str = "") -> None:
         """A slider or colour field for a parameter."""
@@ -207,7 +206,7 @@ class Panel:
             state.move(control.zoomed(camera, float(fov)))
         imgui.text_wrapped(control.as_python(camera))
         if imgui.button("copy"):
-            self._viewer.hands.copy()
+            self._viewer.keys.copy()
         imgui.same_line()
         if imgui.button("reset"):
             state.reset()
@@ -238,34 +237,6 @@ class Panel:
             changed, ends = imgui.drag_float2("from, to", list(line.loop), 0.02)
             if changed and ends[0] < ends[1]:
                 state.timeline = line.looping((float(ends[0]), float(ends[1])))
-
-    def _frame(self) -> None:
-        imgui, drawn = self._imgui, self._viewer.picture.drawn
-        total = np.array(self._times, np.float32) + np.array(self._rest, np.float32)
-        high = max(2 * self._viewer.picture.pace.budget, float(total.max()))
-        imgui.plot_lines("ms", np.ascontiguousarray(total), scale_min=0.0, scale_max=high, graph_size=(0, 60))
-        imgui.text(f"scene {self._times[-1]:.1f} ms, window {self._rest[-1]:.1f} ms")
-        width, height = drawn.size
-        imgui.text(f"{width} x {height}, {drawn.samples} samples{'' if drawn.whole else ', refining'}")
-        evaluations = self._viewer.evaluations()
-        imgui.text("evaluations a pixel: " + ("..." if evaluations is None else f"{evaluations:.1f}"))
-        driver = self._viewer.window.context.driver
-        imgui.text_wrapped(f"{driver.renderer}; {self._viewer.renderer.compiled} programs compiled")
-
-    def _plan(self) -> None:
-        imgui = self._imgui
-        plan = self._viewer.plan()
-        if self._facts is None or self._facts[0] is not plan:
-            self._facts = (plan, explain.as_dict(plan))
-        facts = self._facts[1]
-        field = facts["field"]
-        imgui.text_wrapped(f"{field['exactness']}, {field['shapes']} shapes, {field['operations']} operations")
-        for feature in facts["features"]:
-            imgui.text_wrapped(f"{'+' if feature['used'] else '-'} {feature['name']}: {feature['reason']}")
-        for module in facts["modules"]:
-            imgui.text_wrapped(f"{module['name']}: {module['reason']}")
-        for warning in facts["warnings"]:
-            imgui.text_wrapped(f"! {warning}")
 
     def release(self) -> None:
         """Free what the toolkit holds."""

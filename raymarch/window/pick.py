@@ -63,13 +63,13 @@ class Pick:
             lines = ["nothing was hit here"]
         else:
             lines = [
-                f"{self.part or '...'}{f'  {self.where}' if self.where else ''}",
-                f"material {self.material}",
-                f"position {_triple(self.position)}",
-                f"normal {_triple(self.normal)}",
-                f"distance {self.distance:.7g}",
+                f"{self.part or '...'}\t{self.where or ''}",
+                f"material\t{self.material}",
+                f"position\t{_triple(self.position)}",
+                f"normal\t{_triple(self.normal)}",
+                f"distance\t{self.distance:.7g}",
             ]
-        lines.append(f"{self.evaluations} evaluations, {self.iterations} steps")
+        lines.append(f"cost\t{self.evaluations} evaluations, {self.iterations} steps")
         if self.true is not None:
             lines.append(self._truth())
         if self.trouble:
@@ -78,16 +78,17 @@ class Pick:
 
     def _truth(self) -> str:
         assert self.true is not None
-        cost = f", {self.true_evaluations} evaluations"
+        cost = f"{self.true_evaluations} evaluations"
         if not np.isfinite(self.true):
-            return f"truth: nothing is hit here{cost}"
+            return f"truth\tnothing is hit here, {cost}"
         if not np.isfinite(self.distance):
-            return f"truth: distance {self.true:.10g}{cost}"
+            return f"truth\tdistance {self.true:.10g}, {cost}"
         assert self.true_normal is not None
         lean = float(np.degrees(np.arccos(np.clip(abs(self.true_normal @ self.normal), 0.0, 1.0))))
         return (
-            f"truth: distance {self.true:.10g}, {abs(self.true - self.distance):.2g} apart\n"
-            f"truth: normal {_triple(self.true_normal)}, {lean:.2g} degrees apart{cost}"
+            f"truth\tdistance {self.true:.10g}, {abs(self.true - self.distance):.2g} apart\n"
+            f" \tnormal {_triple(self.true_normal)}, {lean:.2g} degrees apart\n"
+            f" \t{cost}"
         )
 
 

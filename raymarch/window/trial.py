@@ -34,13 +34,13 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
 from raymarch.window.live import live
+from raymarch.window.pace import scaled
 
 FORKS = sys.platform.startswith("linux")
 """Whether a trial is a fork. Other systems' libraries do not survive one, or there is none."""
 
-SIZE = (80, 48)
-"""Of the picture that warms the driver's cache. No edge of it, or of its quarter, is a power of two: see
-`raymarch.window.pace.scaled`."""
+SIZE = (96, 58)
+"""The picture that warms the driver's cache is a little smaller, with edges that `raymarch.window.pace` chooses."""
 
 FLUSHED = 0.05
 """Seconds after which a driver has written what it keeps on disk; it does so in a thread of its own."""
@@ -115,7 +115,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     try:
         with _limited_memory(), _timed(times, "import"):
             found = live(load(scene))
-        size = tuple(request.get("size", SIZE))
+        size = tuple(request["size"])
         with _timed(times, "plan"):
             ready = prepare(found, size=size)
         if request.get("draw", True):
@@ -142,8 +142,9 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
 
 def _warm(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str, Any]) -> Renderer | None:
     """Draw a small picture off screen; None where there is no such context: then the window compiles by itself."""
+    scales = tuple(level.scale for level in ready.plan.marching.schedule.levels)
     try:
-        renderer = Renderer(SIZE)
+        renderer = Renderer(scaled(SIZE, 0.9, scales))
     except DeviceError:
         return None
     renderer.planned_for = size

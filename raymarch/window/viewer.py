@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +15,18 @@ from raymarch.plan import Plan
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.cards import cards_of
+from raymarch.window.changes import change, hear, titled, trouble
 from raymarch.window.control import fly
 from raymarch.window.edits import Edits
 from raymarch.window.hands import Hands
+from raymarch.window.keys import Keys
 from raymarch.window.log import Log
 from raymarch.window.overlay import Card, Overlay
-from raymarch.window.pace import Pace, scaled
+from raymarch.window.pace import Pace
 from raymarch.window.panel import Panel
-from raymarch.window.pick import Inquiry, Pick, picked, ray_through
+from raymarch.window.pick import Inquiry, Pick
 from raymarch.window.picture import Picture, Shot
-from raymarch.window.reload import Failed, Fault, Loaded, Reloader, Started, Watching
+from raymarch.window.reload import Fault, Reloader
 from raymarch.window.save import Sequence
 from raymarch.window.state import State, opened, read_settings
 from raymarch.window.surface import Window
@@ -78,7 +79,7 @@ class Viewer:
             self.state.restore(read_settings(settings))
         ready = prepare(self.state.live, size=size)
         self.log = Log(log)
-        self.window = Window(size, f"raymarch: {file.name}")
+        self.window = Window(size, titled(file))
         try:
             self._open(budget, size, samples)
             self.renderer.adopt(self.state.live, ready)
@@ -98,10 +99,11 @@ class Viewer:
         self.overlay = Overlay(self.screen)
         self.base: Scene = self.state.scene
         self.edits = Edits()
-        self._wanted: Edits | None = None
-        self._evaluated: tuple[Shot, float] | None = None
+        self.wanted: Edits | None = None
+        self.evaluated: tuple[Shot, float] | None = None
         imgui = find_imgui()
         self.panel: Panel | None = None if imgui is None else Panel(imgui, self)
+        self.keys = Keys(self)
         self.hands = Hands(self)
         self.fault: Fault | None = None
         self.pick: Pick | None = None
@@ -113,7 +115,7 @@ class Viewer:
         self._rest = 0.0
         self.notices: list[tuple[float, str]] = []
         self._cards: list[Card] = []
-        self._changed_at = self._at = clock_time.perf_counter()
+        self.changed_at = self._at = clock_time.perf_counter()
         self.reloading: float | None = None
         self.inquiry = Inquiry(window.wake)
         self.reloader = Reloader(self.state.file, window.wake, lambda: dict(self.state.params), size)
@@ -152,14 +154,14 @@ class Viewer:
         self.hands.take(events)
         now = clock_time.perf_counter()
         passed, self._at = now - self._at, now
-        self._hear(now)
+        hear(self, now)
         state = self.state
         state.timeline = state.timeline.advance(min(passed, 0.25)) if state.animated else state.timeline
         forward, right, upward = self.hands.flying()
         if forward or right or upward:
             state.move(fly(state.hold(), forward, right, upward, min(passed, 0.1)))
-        if self._wanted is not None:
-            self._change(self._wanted)
+        if self.wanted is not None:
+            change(self, self.wanted)
         if self.sequence is not None and not self.sequence.step(self):
             self.sequence = None
         if self.window.size[0] > 0 and self.window.size[1] > 0:
@@ -181,11 +183,11 @@ class Viewer:
             self.log.say("resize", size=size)
         drew = False
         try:
-            drew = self.picture.step(self.state.shot(), size, now - self._changed_at > SETTLED)
+            drew = self.picture.step(self.state.shot(), size, now - self.changed_at > SETTLED)
         except RaymarchError as fault:
-            self._trouble(fault)
+            trouble(self, fault)
         if drew and self.picture.drawn.moving:
-            self._changed_at = now
+            self.changed_at = now
         cards = cards_of(self, now)
         live = self.panel is not None and self.panel.busy
         if not (drew or resized or live or cards != self._cards or self.window.take_stale()):
@@ -195,11 +197,12 @@ class Viewer:
             return
         self._idle = False
         self._cards = cards
-        self._present()
+        self.present()
         if drew:
-            self._tell_frame()
+            self.tell_frame()
 
-    def _present(self) -> None:
+    def present(self) -> None:
+        """Show the canvas, and what is laid over it."""
         start = clock_time.perf_counter()
         canvas = self.picture.canvas
         if canvas is not None:
@@ -215,7 +218,7 @@ class Viewer:
         self.frames += 1
         self.picture.pace.other(rest)
         if self.panel is not None:
-            self.panel.note(self.picture.drawn.milliseconds, rest)
+            self.panel.meters.note(self.picture.drawn.milliseconds, rest, self.picture.drawn.compile)
 
     def _draw_panel(self, panel: Panel) -> None:
         """The panel; a fault of its toolkit costs the panel, not the window."""
@@ -225,7 +228,8 @@ class Viewer:
             self.panel = None
             self.notice(f"the panel failed, the window goes on: {fault}")
 
-    def _tell_frame(self) -> None:
+    def tell_frame(self) -> None:
+        """Log the frame that was shown."""
         drawn = self.picture.drawn
         facts = {
             "size": drawn.size,
@@ -237,135 +241,19 @@ class Viewer:
         }
         self.log.say("frame", n=self.frames, compiled=self.renderer.compiled, **facts)
 
-    # News
-
-    def _hear(self, now: float) -> None:
-        """What threads have found out since the last turn."""
-        for news in self.reloader.latest():
-            if isinstance(news, Started):
-                self.reloading = now
-                self.log.say("reloading")
-            elif isinstance(news, Watching):
-                self.log.say("watching", files=news.files)
-            elif isinstance(news, Failed):
-                self.reloading = None
-                self._fail(news.fault)
-            else:
-                self._swap(news, now)
-        found = self.inquiry.latest()
-        if found is not None and self.pick is not None and found.number == self.pick.number:
-            self.pick = found
-            where = found.where
-            self.log.say(
-                "truth",
-                part=found.part,
-                file=where.file if where else None,
-                line=where.line if where else None,
-                distance=found.true,
-                trouble=found.trouble,
-            )
-
-    def _swap(self, news: Loaded, now: float) -> None:
-        """Draw the new scene; only if that works it takes the place of the old one."""
-        before = replace(self.state, params=dict(self.state.params))
-        compiled = self.renderer.compiled
-        try:
-            scene = self.edits.apply(news.scene)
-            told = self.state.adopt(scene, scene.parameters)
-            if scene is news.scene:
-                self.renderer.adopt(self.state.live, news.prepared)
-            start = clock_time.perf_counter()
-            self.picture.step(self.state.shot(), self.screen.size, False)
-            first = 1e3 * (clock_time.perf_counter() - start)
-        except RaymarchError as fault:
-            self.state = before
-            self._trouble(fault)
-            return
-        self.state.file, self.base, self.fault, self.pick = news.file, news.scene, None, None
-        self.window.title(f"raymarch: {news.file.name}")
-        for text in told:
-            self.notice(text)
-        compile_ms = self.picture.drawn.compile
-        parts = {**news.ms, "compile": compile_ms, "first frame": first - compile_ms}
-        total = None if self.reloading is None else 1e3 * (clock_time.perf_counter() - self.reloading)
-        self._changed_at, self.reloading = now, None
-        self._present()
-        self.log.say("loaded", ms=parts, total=total, compiled=self.renderer.compiled - compiled)
-        self._tell_frame()
-
     def edit(self, edits: Edits) -> None:
         """Lay other edits over the scene, in the next turn."""
-        self._wanted = edits
-
-    def _change(self, edits: Edits) -> None:
-        before, self._wanted = replace(self.state, params=dict(self.state.params)), None
-        try:
-            scene = edits.apply(self.base)
-            self.state.adopt(scene, scene.parameters)
-            self.picture.step(self.state.shot(), self.screen.size, False)
-        except RaymarchError as fault:
-            self.state = before
-            self.notice(f"not possible: {fault.what}")
-            return
-        self.edits, self._changed_at = edits, clock_time.perf_counter()
-        lights = None if edits.lights is None else [light.kind for light in edits.lights]
-        self.log.say("edited", lights=lights, materials=sorted(edits.materials), quality=edits.quality)
-        if self.panel is not None:
-            self.panel.active = 3
-        self._present()
-
-    def _fail(self, fault: Fault) -> None:
-        self.fault = fault
-        self.log.say("failed", what=fault.what, legal=fault.legal, file=fault.file, line=fault.line)
-
-    def _trouble(self, fault: RaymarchError) -> None:
-        """A scene that loads but cannot be drawn now."""
-        where = fault.where
-        told = Fault(fault.what, fault.legal, where.file if where else None, where.line if where else None)
-        if told != self.fault:
-            self._fail(told)
-
-    # What hands and panel ask for
+        self.wanted = edits
 
     def notice(self, text: str) -> None:
         """Say something for a few seconds."""
         self.notices.append((clock_time.perf_counter() + NOTICED, text))
         self.log.say("notice", text=text)
 
-    def pick_at(self, x: float, y: float) -> Pick | None:
-        """What is at a place of the cursor; its truth follows when it is known."""
-        size = self.window.size
-        column, row = (int(v) for v in self.window.pixel(x, y))
-        if not (0 <= column < size[0] and 0 <= row < size[1]):
-            return None
-        try:
-            shot, values = self.state.shot(), self.state.values
-            texels = self.picture.probe(shot, size, column, row)
-        except RaymarchError as fault:
-            self._trouble(fault)
-            return None
-        view = self.state.hold()
-        ray = ray_through(view, (column, row), size)
-        self.picks += 1
-        pick = picked(self.picks, (column, row), texels, view.position, ray)
-        self.inquiry.ask(pick, shot, values, view.position, ray)
-        return pick
-
     def mark(self, name: str) -> None:
         """Remember where the panel's last item is."""
         if self.panel is not None:
             self.panel.mark(name)
-
-    def evaluations(self) -> float | None:
-        """Mean evaluations of a pixel in the whole picture, from one of a quarter of its size; None while it moves."""
-        if not self.picture.whole:
-            return None
-        shot = self.state.shot()
-        if self._evaluated is None or not shot.same(self._evaluated[0]):
-            renderer = self.picture.at(scaled(self.window.size, 0.25))
-            made = renderer.render(shot.scene, shot.time, shot.params, ("evaluations",), pose=shot.pose)
-            self._evaluated = (shot, float(made.evaluations.mean()))
-        return self._evaluated[1]
 
     def plan(self) -> Plan:
         """The plan of what is shown."""

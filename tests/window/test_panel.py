@@ -56,10 +56,15 @@ def test_sliders_switches_and_editors(view: View) -> None:
     hand.wheel(-3)
     assert same(session.settled(), seen.astype(int))
 
+    # What was moved, as Python.
+    mark = session.mark()
+    hand.click(*session.item("copy parameters"))
+    assert session.wait("notice", since=mark)["text"].startswith('copied\nrm.Param("radius", ')
+
     # The lights, taken over; one more; its shadow. Then as the file says.
-    hand.click(*session.item("Parameters"))
-    session.settled()
-    hand.click(*session.item("Lights"))
+    for name in ("Parameters", "View", "Lights"):  # the first two are closed
+        session.settled()
+        hand.click(*session.item(name))
     session.settled()
     for name in ("edit lights", "shadow 1", "remove 1", "add PointLight"):
         mark = session.mark()

@@ -1,0 +1,45 @@
+"""What hands and panel ask about the picture: what is under the cursor, what a pixel costs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from raymarch.errors import RaymarchError
+from raymarch.window.changes import trouble
+from raymarch.window.pace import scaled
+from raymarch.window.pick import Pick, picked, ray_through
+
+if TYPE_CHECKING:
+    from raymarch.window.viewer import Viewer
+
+
+def pick_at(viewer: Viewer, x: float, y: float) -> Pick | None:
+    """What is at a place of the cursor; its truth follows when it is known."""
+    size = viewer.window.size
+    column, row = (int(v) for v in viewer.window.pixel(x, y))
+    if not (0 <= column < size[0] and 0 <= row < size[1]):
+        return None
+    try:
+        shot, values = viewer.state.shot(), viewer.state.values
+        texels = viewer.picture.probe(shot, size, column, row)
+    except RaymarchError as fault:
+        trouble(viewer, fault)
+        return None
+    view = viewer.state.hold()
+    ray = ray_through(view, (column, row), size)
+    viewer.picks += 1
+    pick = picked(viewer.picks, (column, row), texels, view.position, ray)
+    viewer.inquiry.ask(pick, shot, values, view.position, ray)
+    return pick
+
+
+def evaluations(viewer: Viewer) -> float | None:
+    """Mean evaluations of a pixel in the whole picture, from one of a quarter of its size; None while it moves."""
+    if not viewer.picture.whole:
+        return None
+    shot = viewer.state.shot()
+    if viewer.evaluated is None or not shot.same(viewer.evaluated[0]):
+        renderer = viewer.picture.at(scaled(viewer.window.size, 0.25))
+        made = renderer.render(shot.scene, shot.time, shot.params, ("evaluations",), pose=shot.pose)
+        viewer.evaluated = (shot, float(made.evaluations.mean()))
+    return viewer.evaluated[1]
