@@ -141,7 +141,8 @@ def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -
     """What is seen and from where, to compare: the field, the quality, the camera and all values."""
     read = {name: value for name, value in uniforms.items() if name != "u_time" or ready.shader.uses_time}
     numbers = tuple((name, _content(value)) for name, value in sorted(read.items()))
-    return ready.plan.field.body, ready.plan.scene.quality, numbers, size
+    constants = tuple((name, *sorted(values.items())) for name, values in sorted(ready.constants.items()))
+    return ready.plan.field.body, ready.plan.scene.quality, numbers, constants, size
 
 
 def _content(value: Any) -> Any:
@@ -153,7 +154,8 @@ def _content(value: Any) -> Any:
 
 def _draft(store: Store, ready: Prepared, chosen: Pass, target: Target, uniforms: Mapping[str, Any]) -> Draft:
     program, compiling = store.program(ready, chosen.name)
-    return Draft(chosen, program, target, uniforms, compiling)
+    own = ready.constants.get(chosen.name)
+    return Draft(chosen, program, target, {**uniforms, **own} if own else uniforms, compiling)
 
 
 def _samples(

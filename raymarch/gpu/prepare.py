@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ class Prepared:
     plan, shader : what is drawn.
     texts : the fragment shader by pass. vertex : the vertex shader of them all.
     distance : the field in float64, a function of points from the plan's origin that gives a tuple of one array.
+    constants : by pass, uniforms that stand in its text in place of numbers, and their values.
     """
 
     plan: Plan
@@ -38,6 +39,7 @@ class Prepared:
     texts: Mapping[str, str]
     vertex: str
     distance: Callable[..., tuple[Any, ...]]
+    constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def prepare(scene: Scene, outputs: Sequence[str] = ("color",), size: tuple[int, int] | None = None) -> Prepared:

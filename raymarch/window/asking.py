@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from raymarch.errors import RaymarchError
+from raymarch.scene.scene import Scene
 from raymarch.window.changes import trouble
+from raymarch.window.constants import CLICKED
 from raymarch.window.pace import scaled
 from raymarch.window.pick import Pick, picked, ray_through
 
@@ -21,6 +23,7 @@ def pick_at(viewer: Viewer, x: float, y: float) -> Pick | None:
         return None
     try:
         shot, values = viewer.state.shot(), viewer.state.values
+        _prepare_clicks(viewer, shot.scene)
         texels = viewer.picture.probe(shot, size, column, row)
     except RaymarchError as fault:
         trouble(viewer, fault)
@@ -31,6 +34,14 @@ def pick_at(viewer: Viewer, x: float, y: float) -> Pick | None:
     pick = picked(viewer.picks, (column, row), texels, view.position, ray)
     viewer.inquiry.ask(pick, shot, values, view.position, ray)
     return pick
+
+
+def _prepare_clicks(viewer: Viewer, scene: Scene) -> None:
+    """The shader of clicks, with the uniforms that its trial has compiled it with."""
+    if scene is not viewer.clicked:
+        ready, _ = viewer.clicks.fit(viewer.renderer.prepared(scene, CLICKED))
+        viewer.renderer.adopt(scene, ready, CLICKED)
+        viewer.clicked = scene
 
 
 def evaluations(viewer: Viewer) -> float | None:

@@ -17,6 +17,7 @@ from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
+from raymarch.window.constants import Constants
 from raymarch.window.live import live
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
@@ -87,15 +88,24 @@ class Reloader:
     wake : called after each piece of news, from another thread.
     params : gives the values of parameters that the window holds.
     size : of the pictures that scenes are planned for.
+    constants, clicks : of the shaders that are drawn, and of those for clicks.
     """
 
     def __init__(
-        self, file: Path, wake: Callable[[], None], params: Callable[[], dict[str, Any]], size: tuple[int, int]
+        self,
+        file: Path,
+        wake: Callable[[], None],
+        params: Callable[[], dict[str, Any]],
+        size: tuple[int, int],
+        constants: Constants,
+        clicks: Constants,
     ) -> None:
         self.file, self.size = file, size
         self.news: SimpleQueue[News] = SimpleQueue()
         self.busy_since: float | None = None
         self._wake, self._params = wake, params
+        self._constants, self._clicks = constants, clicks
+        self._silent = False
         self._changed, self._stopping, self._interrupted = threading.Event(), threading.Event(), threading.Event()
         self._trials = Trials()
         self._watch = Watch(self._changed.set)
@@ -120,8 +130,8 @@ class Reloader:
         self._changed.set()
 
     def interrupt(self) -> None:
-        """Stop the trial that runs now; it is reported as failed, with the line where it was."""
-        if self.busy_since is not None:
+        """Stop the trial of a change that runs now; it is reported as failed, with the line where it was."""
+        if self.busy_since is not None and not self._silent:
             self._interrupted.set()
 
     def stop(self) -> None:
@@ -164,15 +174,17 @@ class Reloader:
     def _once(self, silent: bool) -> None:
         """One trial and what follows; `silent` for the scene that is shown already."""
         self._interrupted.clear()
+        self._silent = silent
         self.busy_since = time.monotonic()
         if not silent:
             self._tell(Started())
         file = self.file
-        answer = self._trials.run(str(file), self._params(), self.size, self._over)
+        known = {"constants": self._constants.as_json(), "clicks": self._clicks.as_json()}
+        answer = self._trials.run(str(file), self._params(), self.size, known, self._over)
         if answer is None or self._stopping.is_set():
             return  # a newer change
-        known = self._known if answer["error"] is not None and file == self._known_for else []
-        self._known, self._known_for = [*known, *answer["files"]], file
+        kept = self._known if answer["error"] is not None and file == self._known_for else []
+        self._known, self._known_for = [*kept, *answer["files"]], file
         self._watch.files([str(file.absolute()), *self._known])
         if answer["error"] is not None:
             self._tell(Failed(Fault(**answer["error"])))
@@ -200,6 +212,9 @@ class Reloader:
             self._tell(Failed(Fault(f"{type(found).__name__}: {found}", "", str(file), 1)))
         else:
             scene, prepared, ms = found
+            if answer["baked"]:
+                self._constants.forget()
+            prepared, _ = self._constants.fit(prepared)
             trial = {f"trial {name}": spent for name, spent in answer["ms"].items()}
             self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
 

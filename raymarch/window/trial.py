@@ -26,13 +26,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from raymarch.errors import DeviceError, RaymarchError, SceneError, is_users
+from raymarch.errors import DeviceError, RaymarchError, SceneError, ShaderError, is_users
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
+from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.live import live
 from raymarch.window.pace import scaled
 
@@ -98,8 +99,8 @@ def _die_with_parent() -> None:
 def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     """Load, plan, compile and draw a scene file once, and say how that went.
 
-    Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None}: `files` are those of the
-    user that were read, `error` says what, legal, file and line.
+    Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None, "baked"}: `files` are the
+    user's that were read, `error` says what, legal, file and line, `baked` that no number may be a uniform.
     """
     number, scene = request["id"], request["scene"]
     if request.get("trace"):
@@ -110,18 +111,17 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     _note_files(read)
     times: dict[str, float] = {}
     error: Answer | None = None
-    renderer: Renderer | None = None
     found: Scene | None = None
+    baked = False
     try:
         with _limited_memory(), _timed(times, "import"):
             found = live(load(scene))
         size = tuple(request["size"])
         with _timed(times, "plan"):
-            ready = prepare(found, size=size)
-        if request.get("draw", True):
+            ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size))
+        if fresh:
             with _timed(times, "compile"):
-                renderer = _warm(found, ready, size, request.get("params", {}))
-                time.sleep(FLUSHED)
+                baked = _compiled(found, ready, size, request["params"])
     except RaymarchError as fault:
         error = _described(fault)
     except MemoryError as fault:
@@ -133,30 +133,50 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     folder = str(Path(scene).absolute().parent)
     sources = {_source_of(f) for f in read}
     files = sorted({str(Path(scene).absolute()), *(f for f in sources if _watchable(f, folder))})
-    say({"id": number, "ok": error is None, "ms": times, "files": files, "error": error})
-    if renderer is not None and found is not None:
-        with _quietly():
-            _draw(renderer, found, {}, ("depth",))  # so that a click waits for no compiler
-        time.sleep(FLUSHED)
+    say({"id": number, "ok": error is None, "ms": times, "files": files, "error": error, "baked": baked})
+    if error is None and found is not None:
+        with _quietly():  # so that a click waits for no compiler
+            ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size))
+            if fresh:
+                _warm(found, ready, size, {}, CLICKED)
 
 
-def _warm(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str, Any]) -> Renderer | None:
-    """Draw a small picture off screen; None where there is no such context: then the window compiles by itself."""
+def _compiled(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str, Any]) -> bool:
+    """Compile and draw a scene; True if its numbers must be baked for that. ShaderError if that does not help."""
+    try:
+        _warm(scene, ready, size, params)
+    except ShaderError:
+        if not any(ready.constants.values()):
+            raise
+        _warm(scene, prepare(scene, size=size), size, params)
+        return True
+    return False
+
+
+def _warm(
+    scene: Scene,
+    ready: Prepared,
+    size: tuple[int, int],
+    params: dict[str, Any],
+    outputs: tuple[str, ...] = ("color",),
+) -> None:
+    """Draw a small picture off screen; none where there is no such context: then the window compiles by itself."""
     scales = tuple(level.scale for level in ready.plan.marching.schedule.levels)
     try:
         renderer = Renderer(scaled(SIZE, 0.9, scales))
     except DeviceError:
-        return None
+        return
     renderer.planned_for = size
-    renderer.adopt(scene, ready)
+    renderer.adopt(scene, ready, outputs)
     try:
-        _draw(renderer, scene, {name: value for name, value in params.items() if name in ready.plan.parameters})
+        known = {name: value for name, value in params.items() if name in ready.plan.parameters}
+        _draw(renderer, scene, known, outputs)
     except SceneError:  # a kept value outside the new range is the window's to mend
-        _draw(renderer, scene, {})
-    return renderer
+        _draw(renderer, scene, {}, outputs)
+    time.sleep(FLUSHED)
 
 
-def _draw(renderer: Renderer, scene: Scene, params: dict[str, Any], outputs: tuple[str, ...] = ("color",)) -> None:
+def _draw(renderer: Renderer, scene: Scene, params: dict[str, Any], outputs: tuple[str, ...]) -> None:
     """Draw each pass once, each with a program of its own.
 
     Mesa's software renderer compiles a program for each kind of texture that it is drawn with, and the first such

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
@@ -41,16 +41,23 @@ class Trials:
         os.close(handle)
 
     def run(
-        self, scene: str, params: dict[str, Any], size: tuple[int, int], over: Callable[[], str | None]
+        self,
+        scene: str,
+        params: dict[str, Any],
+        size: tuple[int, int],
+        known: Mapping[str, Any],
+        over: Callable[[], str | None],
     ) -> Answer | None:
         """Try a scene file; see `raymarch.window.trial.examine` for the answer.
 
+        known : "constants" and "clicks", the window's programs; see `raymarch.window.constants.Constants`.
         over : asked again and again; gives the reason why the trial shall end early. "changed" gives no answer (None),
             any other reason is the error, with the line where the file was.
         """
         self._settle()
         self._number += 1
-        self._ask({"id": self._number, "scene": scene, "params": params, "size": size, "trace": self._trace})
+        asked = {"scene": scene, "params": params, "size": size, "trace": self._trace, **known}
+        self._ask({"id": self._number, **asked})
         self._begun, deadline = False, time.monotonic() + UNANSWERED
         while True:
             reason = over()

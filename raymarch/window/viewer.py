@@ -16,6 +16,7 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.cards import cards_of
 from raymarch.window.changes import change, hear, titled, trouble
+from raymarch.window.constants import Constants
 from raymarch.window.control import fly
 from raymarch.window.edits import Edits
 from raymarch.window.hands import Hands
@@ -77,7 +78,8 @@ class Viewer:
         self.state: State = opened(file, scene, params or {}, size[0] / size[1])
         if settings is not None:
             self.state.restore(read_settings(settings))
-        ready = prepare(self.state.live, size=size)
+        self.constants, self.clicks = Constants(), Constants()
+        ready, _ = self.constants.fit(prepare(self.state.live, size=size))
         self.log = Log(log)
         self.window = Window(size, titled(file))
         try:
@@ -108,6 +110,7 @@ class Viewer:
         self.fault: Fault | None = None
         self.pick: Pick | None = None
         self.picks = 0
+        self.clicked: Scene | None = None
         self.frames = 0
         self.help = False
         self.sequence: Sequence | None = None
@@ -118,7 +121,9 @@ class Viewer:
         self.changed_at = self._at = clock_time.perf_counter()
         self.reloading: float | None = None
         self.inquiry = Inquiry(window.wake)
-        self.reloader = Reloader(self.state.file, window.wake, lambda: dict(self.state.params), size)
+        self.reloader = Reloader(
+            self.state.file, window.wake, lambda: dict(self.state.params), size, self.constants, self.clicks
+        )
 
     def _first(self) -> None:
         """The first picture, before anything else, so that a scene that cannot be drawn is refused at once."""

@@ -60,17 +60,29 @@ def test_a_file_that_is_dropped_is_opened(view: View, tmp_path: Path) -> None:
 
 
 def test_an_edit_that_leaves_the_shader_alone_compiles_nothing(view: View) -> None:
-    """A comment, the camera, the default of a parameter; a number in the scene is another shader."""
+    """A comment, the camera, the default of a parameter, a number that was edited before: not so another shape."""
     session = view(SCENE, "--size", "320x200")
     for edited, compiles in (
         (SCENE + "# a comment\n", 0),
         (SCENE.replace("position=(0, 1, 6)", "position=(1, 2, 6)"), False),
         (SCENE.replace('"radius", 1.0', '"radius", 1.2'), False),
         (SCENE.replace("-1.2", "-1.3"), True),
+        (SCENE.replace("-1.2", "-1.35"), False),  # it is a uniform now
+        (SCENE.replace("-1.2", "-1.35").replace("(0, 0, 0)", "(0, 0.25, 0)"), False),
+        (SCENE.replace("ball | floor", "ball"), True),
     ):
         mark = save(session, edited)
         assert bool(session.wait("loaded", since=mark)["compiled"]) == compiles, edited
         assert alike(session.settled(), drawn(scene_of(edited), None))
+
+
+def test_escape_does_not_spoil_a_scene_that_is_shown(view: View) -> None:
+    """While it is tried out in the background, to find what it reads."""
+    session = view(SCENE, "--size", "320x200")
+    for _ in range(3):
+        session.hand.key("Escape")
+    session.wait("watching")
+    assert not [e for e in session.events() if e["event"] == "failed"]
 
 
 def test_what_hangs_can_be_stopped(view: View) -> None:
