@@ -5,7 +5,7 @@ lives on, and the trial can be killed. On success the driver's shader cache on d
 the window compiles the same text in a few milliseconds.
 
 The process reads requests and writes answers as lines of JSON. On Linux it forks for each request, so that a trial
-starts in milliseconds with all modules loaded; elsewhere it serves one request and ends.
+starts in milliseconds with all modules loaded; elsewhere (`--once`) it serves one request and ends.
 """
 
 from __future__ import annotations
@@ -37,8 +37,7 @@ from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.live import live
 from raymarch.window.pace import scaled
 
-FORKS = sys.platform.startswith("linux")
-"""Whether a trial is a fork. Other systems' libraries do not survive one, or there is none."""
+LINUX = sys.platform.startswith("linux")
 
 SIZE = (96, 58)
 """The picture that warms the driver's cache is a little smaller, with edges that `raymarch.window.pace` chooses."""
@@ -52,8 +51,8 @@ MEMORY_SHARE = 0.5
 Answer = dict[str, Any]
 
 
-def serve() -> None:
-    """Answer requests from the standard input until it ends."""
+def serve(forks: bool) -> None:
+    """Answer requests from the standard input until it ends; without forks, one of them."""
     _die_with_parent()
     out = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)  # what scene files print must not mix with the answers
@@ -63,10 +62,10 @@ def serve() -> None:
         out.flush()
 
     prepare(Scene(box().round(0.1) | sphere()))  # forks then find the common definitions made
-    say({"ready": True, "forks": FORKS})
     for line in sys.stdin:
         request = json.loads(line)
-        if not FORKS:
+        if not forks:
+            say({"id": request["id"], "pid": os.getpid()})
             examine(request, say)
             return
         with warnings.catch_warnings():
@@ -91,7 +90,7 @@ def serve() -> None:
 
 def _die_with_parent() -> None:
     """Let Linux kill this process when its parent is gone, even one that hangs in a scene file."""
-    if FORKS:
+    if LINUX:
         with contextlib.suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
@@ -228,7 +227,7 @@ class _limited_memory:
 
     def __enter__(self) -> None:
         self._before: tuple[int, int] | None = None
-        if not FORKS:
+        if not LINUX:
             return
         import resource
 
@@ -278,4 +277,4 @@ def _source_of(file: str) -> str:
 
 
 if __name__ == "__main__":
-    serve()
+    serve(forks="--once" not in sys.argv[1:])

@@ -21,6 +21,11 @@ from raymarch.errors import is_users
 
 Answer: TypeAlias = dict[str, Any]
 
+FORKS = sys.platform.startswith("linux")
+"""Whether a trial is a fork. Other systems' libraries do not survive one, or there is none."""
+
+Started: TypeAlias = "tuple[subprocess.Popen[str], SimpleQueue[Answer]]"
+
 GLANCE = 0.02
 """Seconds between two looks at whether a trial shall end."""
 
@@ -29,9 +34,17 @@ UNANSWERED = 5.0
 
 
 class Trials:
-    """Runs one trial at a time. To be used from one thread."""
+    """Runs one trial at a time. To be used from one thread.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    forks : whether one process serves all trials, each in a fork of it; otherwise each trial has a process of its own,
+        of which one more than is needed is kept ready.
+    """
+
+    def __init__(self, forks: bool = FORKS) -> None:
+        self._forks = forks
+        self._spare: Started | None = None
         self._process: subprocess.Popen[str] | None = None
         self._answers: SimpleQueue[Answer] = SimpleQueue()
         self._number = 0
@@ -71,8 +84,7 @@ class Trials:
             if answer.get("gone") and self._process is None:
                 continue  # an earlier process, killed by us
             if answer.get("gone"):
-                self._process = None
-                return _failure(scene, "the scene file ended its process", None)
+                return _failure(scene, self._gone(), None)
             if answer.get("id") != self._number:
                 continue
             if "pid" in answer:
@@ -88,9 +100,10 @@ class Trials:
     def close(self) -> None:
         """End the process."""
         self._kill(ask=False)
-        if self._process is not None:
-            self._process.kill()
-            self._reap()
+        self._reap()
+        if self._spare is not None:
+            _end(self._spare[0])
+            self._spare = None
         Path(self._trace).unlink(missing_ok=True)
 
     def _settle(self) -> None:
@@ -102,6 +115,9 @@ class Trials:
     def _kill_child(self) -> None:
         child, self._child = self._child, None
         if child is None or self._process is None:
+            return
+        if not self._forks:
+            self._reap()
             return
         with contextlib.suppress(OSError, IndexError, ValueError):
             # A trial that has ended may have left its number to another process.
@@ -122,40 +138,22 @@ class Trials:
                 self._reap()
 
     def _start(self) -> None:
-        root = str(Path(__file__).parents[2])
-        paths = [root, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
-        answers: SimpleQueue[Answer] = SimpleQueue()
-        self._answers = answers
         self._child = None
-        self._process = process = subprocess.Popen(
-            [sys.executable, "-m", "raymarch.window.trial"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment,
-            start_new_session=True,  # Ctrl+C in the shell is the window's to handle
-        )
+        self._process, self._answers = self._spare or _started(self._forks)
+        self._spare = None if self._forks else _started(self._forks)
 
-        def read() -> None:
-            assert process.stdout is not None
-            for line in process.stdout:
-                with contextlib.suppress(json.JSONDecodeError):
-                    answers.put(json.loads(line))
-            answers.put({"gone": True})
-
-        threading.Thread(target=read, name="trial answers", daemon=True).start()
+    def _gone(self) -> str:
+        """What became of the process, which has ended."""
+        process = self._process
+        self._reap()
+        if self._forks or process is None:
+            return "the scene file ended its process"
+        return _death(process.returncode)
 
     def _reap(self) -> None:
         process, self._process, self._child = self._process, None, None
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        for stream in (process.stdin, process.stdout):
-            if stream is not None:
-                with contextlib.suppress(OSError):
-                    stream.close()
+        if process is not None:
+            _end(process)
 
     def _kill(self, *, ask: bool) -> tuple[str, int] | None:
         """End the running trial, and say in which line of the user's it was."""
@@ -191,6 +189,43 @@ class Trials:
                     if is_users(file):
                         return file, int(line)
         return None
+
+
+def _started(forks: bool) -> Started:
+    """A process in which scenes are tried out, and its answers as they come."""
+    root = str(Path(__file__).parents[2])
+    paths = [root, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
+    answers: SimpleQueue[Answer] = SimpleQueue()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "raymarch.window.trial", *([] if forks else ["--once"])],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+        start_new_session=True,  # Ctrl+C in the shell is the window's to handle
+    )
+
+    def read() -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            with contextlib.suppress(json.JSONDecodeError):
+                answers.put(json.loads(line))
+        answers.put({"gone": True})
+
+    threading.Thread(target=read, name="trial answers", daemon=True).start()
+    return process, answers
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Kill a process, if it lives, and close its ends of ours."""
+    if process.poll() is None:
+        process.kill()
+    process.wait()
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            with contextlib.suppress(OSError):
+                stream.close()
 
 
 def _failure(scene: str, what: str, where: tuple[str, int] | None) -> Answer:
