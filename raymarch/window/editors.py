@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from raymarch.scene.material import Material
 from raymarch.scene.quality import NORMALS, SCHEDULES, TRACERS
 from raymarch.window import edits
 from raymarch.window.edits import Edits, LightEdit
@@ -77,20 +79,31 @@ class Editors:
         imgui, viewer = self._imgui, self._viewer
         now: Edits = viewer.edits
         for index, material in enumerate(viewer.base.materials):
-            place = f"  {material.where}" if material.where and index else ""
-            imgui.text(f"{'default' if index == 0 else index}{place}")
+            self._swatch(index, material)
+            imgui.same_line()
             if index not in now.materials:
-                imgui.same_line()
                 if imgui.small_button(f"edit##{index}"):
                     values = edits.editable_material(material)
                     viewer.edit(replace(now, materials={**now.materials, index: values}))
                     return
                 viewer.mark(f"edit material {index}")
+                imgui.same_line()
+            where = material.where
+            place = f"  {Path(where.file).name}:{where.line}" if where and index else ""
+            imgui.text(f"{index or 'default'}{place}")
+            if index not in now.materials:
                 continue
             for name in now.materials[index]:
                 self._value(edits.material_name(index, name), name)
         if now.materials:
             self._foot("materials", replace(now, materials={}))
+
+    def _swatch(self, index: int, material: Material) -> None:
+        """The colour of a material, where it is a plain one."""
+        imgui = self._imgui
+        color = edits.editable_material(material)["albedo" if material.physical else "color"]
+        shown = color if isinstance(color, tuple) else (0.5, 0.5, 0.5)
+        imgui.color_button(f"##swatch {index}", imgui.ImVec4(*shown, 1.0), imgui.ColorEditFlags_.no_tooltip, (14, 14))
 
     def quality(self) -> None:
         """How a ray is marched."""
@@ -100,6 +113,7 @@ class Editors:
         new: dict[str, Any] = {}
         for name, choices in CHOICES.items():
             changed, chosen = imgui.combo(name, choices.index(getattr(quality, name)), list(choices))
+            viewer.mark(f"quality {name}")
             if changed:
                 new[name] = choices[chosen]
                 if name == "tracer":

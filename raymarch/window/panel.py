@@ -227,6 +227,7 @@ class Panel:
         self.mark("time")
         if changed:
             state.timeline = line = line.scrub(float(moment))
+            self._viewer.log.say("scrub", time=line.time)
         changed, speed = imgui.slider_float("speed", line.speed, -4.0, 4.0)
         if changed:
             state.timeline = line = replace(line, speed=float(speed))

@@ -10,6 +10,7 @@ import numpy as np
 from window_driver import Session, alike
 
 import raymarch as rm
+from raymarch.window.theme import ACCENT
 
 View = Callable[..., Session]
 
@@ -23,11 +24,11 @@ SIZE = (640, 400)
 RIGHT = slice(310, None)
 
 
-def drawn(text: str = SCENE, **params: Any) -> Any:
+def drawn(text: str = SCENE, time: float = 0.0, **params: Any) -> Any:
     names: dict[str, Any] = {}
     exec(text, names)
     with rm.Renderer(SIZE) as renderer:
-        return np.asarray(renderer.render(names["scene"], params=params).image()).astype(int)
+        return np.asarray(renderer.render(names["scene"], time, params).image()).astype(int)
 
 
 def same(seen: Any, expected: Any) -> bool:
@@ -87,6 +88,63 @@ def test_sliders_switches_and_editors(view: View) -> None:
     assert same(hidden, seen.astype(int)) and np.abs(hidden[200, :300].astype(int) - hidden[200, 300]).min() == 0
     hand.drag((100, 200), (160, 200))
     assert not same(session.settled(), seen.astype(int))
+    assert session.errors.read_text() == ""
+
+
+def test_materials_time_views_quality_and_figures(view: View) -> None:
+    text = SCENE.replace("rm.sphere(RADIUS)", "rm.sphere(RADIUS).translate((0.2 * rm.time, 0, 0))")
+    session = view(text, "--size", "640x400", "--panel", moving=True)
+    hand = session.hand
+
+    def logged(event: str, act: Callable[[], None]) -> dict[str, Any]:
+        mark = session.mark()
+        act()
+        return session.wait(event, since=mark)
+
+    def unfold(*names: str) -> None:
+        for name in names:
+            hand.click(*session.item(name))
+            session.settled()
+
+    # Time: paused by the key, then moved by its slider; the picture is that of the moment it says.
+    hand.key("space")
+    session.settled()
+    x, y = session.item("time")
+    moment = logged("scrub", lambda: hand.drag((x - 20, y), (x + 10, y)))["time"]
+    seen = session.settled()
+    moment = [e["time"] for e in session.events() if e["event"] == "scrub"][-1]
+    assert moment > 0 and same(seen, drawn(text, moment))
+
+    # A material: its colour becomes sliders; one is moved.
+    unfold("Parameters", "View", "Time", "Materials")
+    logged("edited", lambda: hand.click(*session.item("edit material 1")))
+    session.settled()
+    x, y = session.item("material 1 specular")
+    name = logged("param", lambda: hand.drag((x - 20, y), (x - 50, y)))["name"]
+    assert name == "material 1 specular" and not same(session.settled(), seen.astype(int))
+    edited = logged("notice", lambda: hand.click(*session.item("copy materials")))["text"]
+    assert "material_1 = rm.Material(" in edited and "specular=" in edited and "scene.py:4" in edited
+    assert logged("edited", lambda: hand.click(*session.item("drop materials")))["materials"] == []
+    assert same(session.settled(), seen.astype(int))
+
+    # Another tracer, and another view: the second of each list.
+    unfold("Materials", "Quality")
+    x, y = session.item("quality tracer")
+    hand.click(x, y)
+    session.settled()
+    assert logged("edited", lambda: hand.click(x, y + 44))["quality"]["tracer"] != "auto"
+    unfold("Quality", "View")
+    x, y = session.item("view")
+    hand.click(x, y)
+    session.settled()
+    assert logged("view", lambda: hand.click(x, y + 44))["name"] != "final"
+    session.settled()
+
+    # The graph has bars for the scene's part of each frame; the plan opens.
+    unfold("View", "Frame", "Plan")
+    shown = session.settled()[:, : session.item("Frame")[0]]
+    bars = np.all(np.abs(shown.astype(int) - [round(255 * c) for c in ACCENT]) <= 2, axis=-1)
+    assert bars.sum() > 50
     assert session.errors.read_text() == ""
 
 

@@ -119,6 +119,15 @@ def test_a_demo_ends_by_itself_with_a_true_code(display: str, tmp_path: Path) ->
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def test_a_demo_of_a_scene_that_is_broken_meanwhile_ends_with_code_2(view: View) -> None:
+    session = view(SCENE, "--size", "160x90", "--demo-seconds", "3")
+    session.wait("watching")
+    mark = session.mark()
+    (session.folder / "scene.py").write_text("scene = 1 / 0\n")
+    session.wait("failed", since=mark)
+    assert session.end() == 2
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
