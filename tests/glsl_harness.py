@@ -21,10 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Text, print_functions
 from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
 from raymarch.expr.types import Type
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
-from raymarch.gpu.targets import Target, upload
+from raymarch.gpu.targets import Target, upload, upload_pyramid
 
 DESKTOP = "#version 330 core\n"
 ES = "#version 300 es\n" + "".join(f"precision highp {t};\n" for t in ("float", "int", "sampler2D", "sampler3D"))
@@ -62,7 +63,7 @@ def run(
     inputs: Sequence[tuple[Type, ArrayLike]],
     size: int = 1,
     uniforms: Mapping[str, Any] | None = None,
-    samples: Mapping[str, Samples] | None = None,
+    samples: Mapping[str, Samples | Texels] | None = None,
 ) -> NDArray[np.float32]:
     """Values of a GLSL expression for many points.
 
@@ -85,7 +86,7 @@ def run(
     try:
         values: dict[str, Any] = dict(uniforms or {})
         for name, data in (samples or {}).items():
-            made.append(upload(context, data))
+            made.append(upload_pyramid(context, data) if isinstance(data, Texels) else upload(context, data))
             values[name] = made[-1]
         for i, (type, given) in enumerate(inputs):
             texels = np.zeros((width * height, 4), np.float32)

@@ -14,6 +14,7 @@ import numpy as np
 from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
 from raymarch.expr.walk import topological
 from raymarch.scene.parameter import Spec
 from raymarch.scene.quality import Quality
@@ -48,6 +49,8 @@ def content_key(scene: Scene, *more: Any) -> str:
     content.add(
         "quality", *((f.name, getattr(scene.quality, f.name)) for f in fields(Quality) if f.name not in MARCHING)
     )
+    if any(m.textured for m in scene.materials):
+        content.add("footprint", scene.quality.footprint)
     content.add("more", *more)
     return content.key
 
@@ -103,7 +106,7 @@ class _Content:
                 self._once(part, "function", *part.params, part.body)
             case Loop():
                 self._once(part, "loop", part.count, part.index, *part.state, *part.captured, *part.step, part.until)
-            case Samples():
+            case Samples() | Texels():
                 self._text(f"samples {part.key}")
             case Spec():
                 self._text(f"parameter {part.name} {part.value!r} {part.min!r} {part.max!r}")

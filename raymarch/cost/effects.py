@@ -189,7 +189,7 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Calla
     renderer.render(scene, time, params, ("color",))
     planned = plan(scene, size=size)
     shader = assemble(planned)
-    data = sum(samples.values.nbytes for samples in shader.samples.values())
+    data = sum(samples.nbytes for samples in shader.samples.values())
     cells = sum(level.size(size)[0] * level.size(size)[1] for level in planned.marching.schedule.levels)
     pair = 2 if any(p.module == "view/accumulate" for p in planned.passes) else 1
     drawn = sum(p.textures for p in planned.passes if p.name != "cone") * size[0] * size[1] * pair

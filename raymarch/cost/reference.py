@@ -189,7 +189,7 @@ def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edg
     for top in range(0, height, band):
         rows = range(top * edge, min(top + band, height) * edge)
         rays = camera_rays(pose, width * edge, height * edge, rows)
-        fine = trace(scene, values, pose, rays, (len(rows), width * edge)).color
+        fine = trace(scene, values, pose, rays, (len(rows), width * edge), pose.pixel(height * edge)).color
         cells = fine.reshape(-1, edge, width, edge, 3).swapaxes(1, 2).reshape(-1, width, edge * edge, 3)
         part = slice(top, top + band)
         picture[part], half[part] = cells.mean(axis=2), cells[:, :, black].mean(axis=2)

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from raymarch.expr import hashing, raw, samples
+from raymarch.expr import hashing, raw, samples, textures
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
@@ -158,6 +158,7 @@ RULES: Mapping[str, Rule] = {
     "transpose": lambda _node, m: np.swapaxes(m, -1, -2),
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,
+    "texture": textures.evaluate,
     "random_of": hashing.evaluate,
     "raw": raw.evaluate,
     "raw_slope": raw.evaluate_slope,

@@ -77,6 +77,7 @@ PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
     "round": (None,),
     "fract": (lambda e: ONE,),
     "random_of": (None,),
+    "texture": (None, None, None, None),  # heights are read as slopes instead, see `raymarch.scene.relief`
     "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
     "exp": (lambda e: e,),
     "exp2": (lambda e: math.log(2) * e,),
@@ -368,6 +369,12 @@ def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> lis
         for direction in moved:
             direction[node] = _forward(node, [direction.get(arg, zero(arg.type)) for arg in node.args])
     return [[direction.get(root, zero(root.type)) for root in roots] for direction in moved]
+
+
+def moved_along(root: Expr, variable: Expr, directions: Sequence[Expr]) -> list[Expr]:
+    """The tangents of an expression while a variable moves along some directions of its own type."""
+    opened = _open([root], {variable})
+    return [moved[0] for moved in tangents(opened, [{variable: direction} for direction in directions])]
 
 
 def _forward(node: Expr, incoming: Sequence[Expr]) -> Expr:

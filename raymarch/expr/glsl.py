@@ -19,6 +19,8 @@ from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr, const, make, var
 from raymarch.expr.raw import RawFunction, slope_text
 from raymarch.expr.samples import GLSL_HELPERS, Samples
+from raymarch.expr.texels import Texels
+from raymarch.expr.textures import glsl_helper, helper_of
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import depends_on, find, substitute, topological
 
@@ -317,6 +319,15 @@ def _sample(component: str) -> Template:
     return template
 
 
+def _texture(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    """A picture's mean over an ellipse."""
+    name = helper_of(node.data)
+    printer.helpers[name, ""] = glsl_helper(node.data)
+    printer.text.samples[node.data.name] = node.data
+    call = call_text(name, [Piece(node.data.name, ATOM, 0), *pieces], [node, *node.args])
+    return Piece(f"{call.text}.{'xyz'[: node.data.channels]}", POSTFIX, call.depth)
+
+
 def _random_of(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     for name, text in hashing.GLSL_HELPERS.items():
         printer.helpers[name, ""] = text
@@ -384,6 +395,7 @@ TEMPLATES: Mapping[str, Template] = {
     "transpose": _call("transpose"),
     "sample": _sample("value"),
     "sample_slope": _sample("slope"),
+    "texture": _texture,
     "random_of": _random_of,
     "raw": _raw,
     "raw_slope": _raw,
@@ -400,6 +412,7 @@ static extern external interface long short half fixed unsigned superp input out
 packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
 atan sinh cosh tanh interpolated random_of lattice_mixed
+filtered filtered_mirrored
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
 not lessThan greaterThan equal dFdx dFdy fwidth uint field asinh acosh atanh roundEven faceforward outerProduct
@@ -458,7 +471,7 @@ class Text:
     helpers: dict[tuple[str, str], str]
     uniforms: dict[str, Expr]
     uses_time: bool
-    samples: dict[str, Samples] = field(default_factory=dict)
+    samples: dict[str, Samples | Texels] = field(default_factory=dict)
     uniform_names: dict[Expr, str] = field(default_factory=dict)
 
     def lines(self) -> list[Line]:

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr import samples
+from raymarch.expr import samples, textures
 from raymarch.expr.arrays import SHORTEST, SMALLEST, lift
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
@@ -235,6 +235,7 @@ RULES: Mapping[str, Rule] = {
     "transpose": lambda _node, m: (m[0].T, m[1].T),
     "sample": samples.interval,
     "sample_slope": _unknown,
+    "texture": textures.interval,
     "raw": _unknown,
     "raw_slope": _unknown,
     "random_of": lambda _node, _cell: (np.zeros(()), np.ones(())),

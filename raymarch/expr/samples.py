@@ -56,6 +56,21 @@ class Samples:
         return self.values.ndim
 
     @property
+    def nbytes(self) -> int:
+        """Of the texture."""
+        return self.values.nbytes
+
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return f"samples of {' x '.join(map(str, self.size))}"
+
+    @property
+    def channels(self) -> int:
+        """One."""
+        return 1
+
+    @property
     def size(self) -> tuple[int, ...]:
         """Texels along x, y (and z)."""
         return self.values.shape[::-1]

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import FULL_SCREEN, Program
-from raymarch.gpu.targets import PingPong, Target, upload
+from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
 
 KEPT = 32
 """Programs, at first, and textures of data, that are kept; the one used longest ago is freed first."""
@@ -105,10 +106,11 @@ class Store:
             self._rest.draw(march.back, {"u_march": (march.front, 0)})
         return int(query.samples)
 
-    def texture(self, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
-        """Sampled data on the device."""
+    def texture(self, data: Samples | Texels) -> moderngl.Texture | moderngl.Texture3D:
+        """Sampled data or a picture on the device."""
         if data.key not in self._textures:
-            self._textures[data.key] = upload(self.context, data)
+            made = upload_pyramid(self.context, data) if isinstance(data, Texels) else upload(self.context, data)
+            self._textures[data.key] = made
             while len(self._textures) > KEPT:
                 self._textures.popitem(last=False)[1].release()
         self._textures.move_to_end(data.key)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import DeviceError
 from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
 
 _COMPONENTS = 4
@@ -216,6 +217,23 @@ def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Textu
     except moderngl.Error as fault:
         raise DeviceError(f"no texture for samples of {data.size}: {fault}", legal="smaller data") from fault
     texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
+def upload_pyramid(context: Context, data: Texels) -> moderngl.Texture:
+    """A picture as a half-float texture with all its levels, read linearly within and between them; DeviceError if it
+    does not fit."""
+    context.make_current()
+    try:
+        texture = context.gl.texture(data.size, data.channels, data.levels[0].tobytes(), alignment=1, dtype="f2")
+        if len(data.levels) > 1:
+            texture.build_mipmaps(0, len(data.levels) - 1)  # makes room for the levels, which are then our own
+            for k, level in enumerate(data.levels[1:], 1):
+                texture.write(level.tobytes(), (0, 0, *level.shape[1::-1]), level=k, alignment=1)
+    except moderngl.Error as fault:
+        raise DeviceError(f"no texture for {data.label} of {data.size}: {fault}", legal="smaller pictures") from fault
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR if len(data.levels) > 1 else moderngl.LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = data.wrap == "repeat"
     return texture
 
 

@@ -28,6 +28,9 @@ def as_dict(plan: Plan) -> dict[str, Any]:
             {"name": f.name, "used": f.used, "reason": f.reason, "where": str(f.where) if f.where else None}
             for f in plan.features
         ],
+        "textures": [
+            {"name": t.label, "size": list(t.size), "channels": t.channels, "bytes": t.nbytes} for t in plan.textures
+        ],
         "parameters": [
             {"name": s.name, "value": s.value, "min": s.min, "max": s.max, "where": str(s.where) if s.where else None}
             for s in plan.parameters.values()
@@ -72,6 +75,11 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
         for feature in plan.features:
             if feature.used == used:
                 row(feature.name, feature.reason + (f" ({feature.where})" if feature.where else ""))
+    if plan.textures:
+        heading(f"Textures ({_bytes(sum(data.nbytes for data in plan.textures))})")
+        for data in plan.textures:
+            size = " x ".join(map(str, data.size))
+            row(data.label, f"{size}, {data.channels} channel{'s' * (data.channels > 1)}, {_bytes(data.nbytes)}")
     if plan.parameters:
         heading("Parameters")
         for spec in plan.parameters.values():
@@ -82,6 +90,10 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
     for warning in plan.warnings:
         console.print("\n[bold]Warning[/bold]", end=" ")
         console.print(warning, markup=False)
+
+
+def _bytes(count: int) -> str:
+    return f"{count / 2**20:.1f} MiB" if count >= 2**20 else f"{count / 2**10:.1f} KiB"
 
 
 _MEANING = {

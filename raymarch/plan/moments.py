@@ -17,7 +17,7 @@ from raymarch.expr.types import Type
 from raymarch.expr.walk import find, rebuild, rewrite, topological
 from raymarch.scene.parameter import Spec, Value, Values
 
-HELD = {"var", "apply", "cell", "loop", "item", "mark", "sample", "sample_slope", "raw", "raw_slope"}
+HELD = {"var", "apply", "cell", "loop", "item", "mark", "sample", "sample_slope", "texture", "raw", "raw_slope"}
 """Operations that depend on the point, or that only the shader can do."""
 
 

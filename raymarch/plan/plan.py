@@ -23,6 +23,7 @@ from raymarch.plan.feature import Feature
 from raymarch.plan.marching import Marching
 from raymarch.plan.moments import by_moment
 from raymarch.plan.passes import Pass, joining, passes_of
+from raymarch.plan.textures import Data, textures_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene, all_nodes
@@ -51,6 +52,7 @@ class Plan:
     material_index: Function | None
     emission: Function | None
     glass: Record | None
+    relief: Record | None
     model: str
     origins: dict[Expr, Location]
     passes: list[Pass]
@@ -61,6 +63,7 @@ class Plan:
     shapes: int
     nodes: int
     operations: int
+    textures: list[Data] = default(default_factory=list)
     warnings: list[str] = default(default_factory=list)
 
     @property
@@ -128,6 +131,7 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
         material_index=None,
         emission=None,
         glass=None,
+        relief=None,
         model="phong",
         origins=lowering.origins,
         passes=drawn,
@@ -147,8 +151,9 @@ def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int]
     if shaded or geometry:
         looks = shading.looks(scene, lowering, shaded, geometry)
         made.model, made.material, made.emission = looks.model, looks.record, looks.emission
-        made.material_index, made.glass = looks.index, looks.glass
+        made.material_index, made.glass, made.relief = looks.index, looks.glass, looks.relief
     _choose_modules(made, shaded, needs_normal)
+    made.textures = textures_of(made)
     _describe_effects(made)
     made.warnings += [*_warnings(given), *range_warning(given, origin)]
     return made

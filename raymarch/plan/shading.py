@@ -12,13 +12,13 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr, const
 from raymarch.expr.vocabulary import where
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, rebuild, rewrite
 from raymarch.plan import lights
 from raymarch.plan.feature import Feature
 from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
-from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, Material
+from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, RELIEF, Material
 from raymarch.scene.scene import Scene
-from raymarch.sdf.lower import Lowering, look_of
+from raymarch.sdf.lower import SEEN, Lowering, look_of
 
 Key = TypeVar("Key")
 
@@ -29,7 +29,7 @@ class Looks:
 
     model : how materials are shaded: "phong", "physical", or "mixed" where there are both.
     record : fills the struct Material. emission : light that the surface gives off. glass : fills the
-    struct Glass. index : of the main material.
+    struct Glass. relief : fills the struct Relief. index : of the main material.
     The functions are None where nothing asks for them.
     """
 
@@ -37,6 +37,7 @@ class Looks:
     record: Record | None = None
     emission: Function | None = None
     glass: Record | None = None
+    relief: Record | None = None
     index: Function | None = None
 
 
@@ -55,13 +56,20 @@ def looks(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
     made = Looks("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
     if look:
         fields = _mixed(values, shares)
+        params = (*marked.params, *SEEN) if mapped(scene) else marked.params
+
+        def record(name: str, kind: str, names: Sequence[str]) -> Record:
+            return Record(name, kind, params, tuple((n, fields[n]) for n in names))
+
         if surfaced(scene):
             names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
-            made.record = Record("material_at", "Material", marked.params, tuple((n, fields[n]) for n in names))
+            made.record = record("material_at", "Material", names)
+        if surfaced(scene) and mapped(scene):
+            made.relief = record("relief_at", "Relief", RELIEF)
         if (scene.wanders or scene.branches) and any(m.transmits for m in chosen):
-            made.glass = Record("glass_at", "Glass", marked.params, tuple((n, fields[n]) for n in GLASS))
+            made.glass = record("glass_at", "Glass", GLASS)
         if any(m.emits for m in chosen):
-            made.emission = Function("emission_at", marked.params, fields["emission"])
+            made.emission = Function("emission_at", params, fields["emission"])
     if index:
         made.index = Function("material_index", marked.params, _largest(scene.materials, chosen, shares))
     return made
@@ -69,7 +77,7 @@ def looks(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
 
 def _mixed(values: Sequence[tuple[Expr, ...]], shares: Sequence[Expr]) -> dict[str, Expr]:
     """Each field of a material, mixed from all by their shares."""
-    weights = _summed(values, shares)
+    weights = {_read_where(look, weight): weight for look, weight in _summed(values, shares).items()}
     total = sum(weights.values(), const(0.0))
     total = where(total <= 0.0, 1.0, total)
     fields = {}
@@ -79,6 +87,19 @@ def _mixed(values: Sequence[tuple[Expr, ...]], shares: Sequence[Expr]) -> dict[s
         mixed = sum((weight * v for weight, v in zip(weights.values(), each, strict=True)), const(0.0)) / total
         fields[name] = each[0] if same else mixed
     return fields
+
+
+def _read_where(look: tuple[Expr, ...], share: Expr) -> tuple[Expr, ...]:
+    """The look of a part, its textures read only where the part is seen."""
+    if share.is_constant or not find(look, "texture"):
+        return look
+    shown = where(share <= 0.0, 0.0, 1.0)
+
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        return rebuild(node, (*args[:3], shown * args[3]) if node.op == "texture" else args)
+
+    new = rewrite(look, rule)
+    return tuple(new[value] for value in look)
 
 
 def _largest(materials: Sequence[Material], found: Sequence[Material], shares: Sequence[Expr]) -> Expr:
@@ -118,7 +139,17 @@ SOFT = ("two-sided", "cone", "triangulated")
 
 def surfaced(scene: Scene) -> bool:
     """True if light from elsewhere falls on surfaces, so that their normals and materials count."""
-    return bool(scene.lights) or scene.sky.light or scene.wanders or scene.branches
+    return bool(scene.lights) or scene.sky.light or scene.wanders or scene.branches or _glows_by_map(scene)
+
+
+def mapped(scene: Scene) -> bool:
+    """True if a look depends on how the surface is seen: some material has a texture, or bends its normal."""
+    return any(m.textured or m.relief for m in scene.materials)
+
+
+def _glows_by_map(scene: Scene) -> bool:
+    """True if what is given off is read from a texture, which takes the normal and the footprint of the surface."""
+    return any(m.emits and m.textured for m in scene.materials)
 
 
 def lit(scene: Scene) -> bool:
@@ -133,7 +164,12 @@ def ambient_sky(scene: Scene) -> bool:
 
 def occluded(scene: Scene, model: str) -> bool:
     """True if there is ambient light for an Occlusion to dim."""
-    return scene.occlusion is not None and (ambient_sky(scene) or (bool(scene.lights) and model != "physical"))
+    return scene.occlusion is not None and ambient(scene, model)
+
+
+def ambient(scene: Scene, model: str) -> bool:
+    """True if some light comes from nowhere in particular."""
+    return ambient_sky(scene) or (bool(scene.lights) and model != "physical")
 
 
 def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, str]]:
@@ -143,7 +179,10 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
     """
     found: list[tuple[str, str]] = []
     if model is not None and surfaced(scene):
-        found += [(f"material/{model}", "light shades materials"), ("light/light", "light shades materials")]
+        found.append((f"material/{model}", "light shades materials"))
+        bare = ("light/light", "light shades materials")
+        why = "a material has a texture or relief"
+        found += [("material/relief", why), ("light/mapped", why)] if mapped(scene) else [bare]
         if scene.lights:
             found += _answers(scene, model)
         for trait in sorted(lights.traits(scene), key=list(MODULES).index):
@@ -190,6 +229,7 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which light bounces."""
     why = f"Scene(bounces={scene.bounces})"
     found = [("path/second", why), ("path/leaving", why), ("path/lobes", why), ("random/pixel", why)]
+    found += [("path/unbent", "rays leave along the normal of the solid")] if mapped(scene) else []
     if model != "physical":
         found.append(("path/matte", why))
     if model != "phong":
@@ -204,6 +244,7 @@ def _tree(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which all ways of mirrors and glass are followed."""
     why = "Quality(ways='tree')"
     found = [("path/second", why), ("path/leaving", why), ("path/faint", why)]
+    found += [("path/unbent", "rays leave along the normal of the solid")] if mapped(scene) else []
     if any(m.mirrors for m in scene.materials):
         found += [("light/fresnel", "a material mirrors"), ("path/mirror", "a material mirrors")]
     if any(m.transmits for m in scene.materials):
@@ -251,6 +292,9 @@ def features(scene: Scene) -> list[Feature]:
     patterned = next((m for m in others if m.patterned), None)
     why = "no value of a material is a function of the position"
     feature("patterns", patterned is not None, "a material has one", why, _place(patterned))
+    own = next((m for m in others if m.textured or m.relief), None)
+    why = "no material has a texture or relief"
+    feature("maps", own is not None, "a material has some", why, _place(own))
     glowing = next((m for m in others if m.emits), None)
     feature("emission", glowing is not None, "a material has one", "no material has one", _place(glowing))
     feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")

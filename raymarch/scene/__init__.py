@@ -11,6 +11,7 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.scene.skies import GradientSky, ImageSky, SunSky
 from raymarch.scene.sky import Fog, Sky
+from raymarch.scene.texture import Texture, planar, triplanar
 from raymarch.scene.tone import Tone
 
 __all__ = [
@@ -30,10 +31,13 @@ __all__ = [
     "SpotLight",
     "Sun",
     "SunSky",
+    "Texture",
     "Tone",
     "checker",
     "load",
     "noise",
+    "planar",
     "stripes",
     "time",
+    "triplanar",
 ]

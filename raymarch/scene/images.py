@@ -1,4 +1,4 @@
-"""Pictures read from files, as linear RGB: Radiance, OpenEXR, and what Pillow reads.
+"""Pictures read from files, as linear RGB or as they are stored: Radiance, OpenEXR, and what Pillow reads.
 
 OpenEXR files need the package OpenEXR (`pip install 'raymarch[exr]'`).
 """
@@ -26,12 +26,22 @@ def read_image(what: str, file: str | PathLike[str], largest: int = LARGEST) -> 
 
     what : who asks, for the message of a SceneError: a file that is missing, broken, or larger than `largest`.
     """
+    pixels, encoded = read_stored(what, file, largest)
+    rgb = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
+    return np.ascontiguousarray(linear(rgb) if encoded else rgb, np.float32)
+
+
+def read_stored(what: str, file: str | PathLike[str], largest: int = LARGEST) -> tuple[NDArray[Any], bool]:
+    """The numbers of a picture as they are stored, (H, W, 1 to 4), and whether its colours are encoded as sRGB.
+
+    Whole numbers are given as shares of the largest one, from 0 to 1. Errors are those of `read_image`.
+    """
     path = Path(fspath(file))
     legal = f"a picture of up to {largest} x {largest} pixels: .hdr, .exr, .png, .jpg, ..."
     if not path.is_file():
         raise SceneError(f"{what}: no file '{path}'", legal=legal)
     try:
-        pixels = _read(path)
+        pixels, encoded = _read(path)
     except (OSError, ValueError, IndexError, UnidentifiedImageError, Image.DecompressionBombError) as fault:
         raise SceneError(f"{what}: '{path}' cannot be read: {fault}", legal=legal) from fault
     height, width = pixels.shape[:2]
@@ -39,17 +49,23 @@ def read_image(what: str, file: str | PathLike[str], largest: int = LARGEST) -> 
         raise SceneError(f"{what}: '{path}' has {width} x {height} pixels", legal=legal)
     if not np.all(np.isfinite(pixels)):
         raise SceneError(f"{what}: '{path}' holds values that are not finite", legal="finite numbers")
-    return np.ascontiguousarray(pixels, np.float32)
+    return pixels, encoded
 
 
-def _read(path: Path) -> NDArray[Any]:
+def _read(path: Path) -> tuple[NDArray[Any], bool]:
     ending = path.suffix.lower()
     if ending in (".hdr", ".pic", ".rgbe"):
-        return read_radiance(path.read_bytes())
+        return read_radiance(path.read_bytes()), False
     if ending == ".exr":
-        return _read_exr(path)
+        return _read_exr(path), False
     with Image.open(path) as image:
-        return linear(np.asarray(image.convert("RGB"), np.float64) / 255.0)
+        if image.mode == "F":
+            return np.asarray(image, np.float64)[..., None], False
+        if image.mode.startswith("I"):  # 16 bits
+            return np.asarray(image, np.float64)[..., None] / 65535.0, True
+        kept = image if image.mode in ("L", "RGB", "RGBA") else image.convert("L" if image.mode == "1" else "RGBA")
+        pixels = np.asarray(kept, np.float64) / 255.0
+        return (pixels[..., None] if pixels.ndim == 2 else pixels), True
 
 
 def linear(encoded: NDArray[Any]) -> NDArray[Any]:

@@ -14,7 +14,9 @@ from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number, as_vec3
-from raymarch.sdf.lower import POSITION
+from raymarch.scene.relief import FLAT, tilt_of
+from raymarch.scene.texture import Texture, lie_alike
+from raymarch.sdf.lower import POSITION, is_seen
 
 PHONG = ("color", "shininess", "specular", "ambient")
 PHYSICAL = ("color", "metalness", "roughness", "f0")
@@ -26,7 +28,10 @@ SMOOTH = 0.1
 the share falls evenly to 0 at twice that, so that a pattern of roughness has no edges."""
 
 GLASS = ("transmission", "ior", "absorption")
-FIELDS = (*MIXED, "emission", *GLASS)
+RELIEF = ("tilt", "open")
+"""What maps add: how the normal is bent, and the share of ambient light that comes through."""
+
+FIELDS = (*MIXED, "emission", *GLASS, *RELIEF)
 
 
 class Material:
@@ -51,8 +56,14 @@ class Material:
     absorption : physical: what a unit of length inside takes away, exp(-absorption) is left; a number or linear RGB,
         >= 0.
 
-    A value may be a function of a point, `lambda p: ...`, in the words of `raymarch.expr.vocabulary`; it is asked in
-    the space in which the material is given, so a pattern moves along with what it is painted on. See
+    normal : a normal map, `planar(...)` or `triplanar(...)`; times `normal_strength`, in [0, 100]; 1.
+    height : a height map, or a function of the point; the normal bends as if the surface were raised by it times
+        `height_scale`, in units of length, in [-1000, 1000]; 0.02. Nothing moves: see `displace_by_image` for that.
+    occlusion : share of the ambient light and of the sky's that comes through, in [0, 1]; 1. Bounces find their own.
+
+    A value may be a picture, `planar("wood.png")` or `triplanar("rock.png")`; maps that lie alike have as many pixels.
+    It may be a function of a point, `lambda p: ...`, in the words of `raymarch.expr.vocabulary`; it is asked in the
+    space in which the material is given, so a pattern moves along with what it is painted on. See
     `raymarch.checker`, `stripes` and `noise`. Equal materials are one.
 
     The physical model is that of Cook and Torrance (1982): GGX distribution (Walter et al. 2007), height-correlated
@@ -79,6 +90,11 @@ class Material:
         transmission: Any = None,
         ior: Any = None,
         absorption: Any = None,
+        normal: Any = None,
+        normal_strength: Any = 1.0,
+        height: Any = None,
+        height_scale: Any = 0.02,
+        occlusion: Any = None,
     ) -> None:
         self.where: Location | None = user_location()
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
@@ -90,6 +106,8 @@ class Material:
             raise SceneError("Material: color together with albedo", legal="one of them; they are the same")
         name = "color" if albedo is None else "albedo"
         base = color if albedo is None else albedo
+        maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
+        _refuse_sizes({**maps, "occlusion": occlusion})
         self._fields = {
             "color": _value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
             "shininess": _value("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
@@ -103,6 +121,8 @@ class Material:
             "transmission": _value("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
             "ior": _value("ior", _or(ior, 1.5), 1, 1.0, 4.0),
             "absorption": _value("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
+            "tilt": tilt_of(normal, normal_strength, height, height_scale),
+            "open": _value("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
         }
 
     @property
@@ -173,6 +193,16 @@ class Material:
         """True if any value depends on the position."""
         return POSITION in free_variables(self.expressions)
 
+    @property
+    def relief(self) -> bool:
+        """True if it bends normals or keeps ambient light out."""
+        return (self._fields["tilt"], self._fields["open"]) != (FLAT, expr(1.0))
+
+    @property
+    def textured(self) -> bool:
+        """True if it has a picture, or anything else that depends on how a surface is seen."""
+        return is_seen(self.expressions)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Material) and self.expressions == other.expressions
 
@@ -192,6 +222,19 @@ def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
             f"Material: {one} together with {other}",
             legal="Phong's shininess, specular, ambient; or the physical albedo, metalness, roughness, f0",
         )
+
+
+def _refuse_sizes(maps: dict[str, Any]) -> None:
+    """Maps that are laid alike must have as many pixels as the first of them."""
+    given = {name: value for name, value in maps.items() if isinstance(value, Texture)}
+    for i, (name, one) in enumerate(given.items()):
+        for first, other in list(given.items())[:i]:
+            if lie_alike(one, other) and one.size != other.size:
+                sizes = [f"{width} x {height} pixels" for width, height in (one.size, other.size)]
+                raise SceneError(
+                    f"Material: the {name} map '{one.file}' has {sizes[0]}, the {first} map '{other.file}' {sizes[1]}",
+                    legal="as many, where they have the same size, offset and rotation",
+                )
 
 
 def _or(value: Any, otherwise: Any) -> Any:
@@ -214,10 +257,28 @@ _PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
 def _value(name: str, value: Any, size: int, low: float, high: float) -> Expr:
     """A value of a material, checked; a function of the position becomes its expression, kept in its range."""
     what = f"Material: {name}"
+    if isinstance(value, Texture):
+        return _picture(what, value, size, low, high)
     check = as_number if size == 1 else as_vec3
     if not callable(value) or isinstance(value, Expr):
         return check(what, value, low, high, cells=True)
     return _pattern(what, value, size, low, high)
+
+
+def _picture(what: str, value: Texture, size: int, low: float, high: float) -> Expr:
+    """A picture's values, which must all be legal."""
+    try:
+        made = value.number(POSITION) if size == 1 else value.color(POSITION)
+    except SceneError as fault:
+        raise SceneError(f"{what}: {fault.what}", legal=fault.legal) from None
+    for read in find([made], "texture"):
+        least, most = (float(end(read.data.levels[0])) for end in (np.min, np.max))
+        if not low <= least <= most <= high:
+            ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
+            raise SceneError(
+                f"{what}: '{value.file}' has values from {least:.4g} to {most:.4g}", legal=f"values {ends}"
+            )
+    return made
 
 
 def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:
@@ -231,7 +292,7 @@ def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, 
         made = vec3(made)
     if made.type is not vector(size):
         raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
-    if not find([made], "time", "param", "cell"):
+    if not find([made], "time", "param", "cell") and not is_seen([made]):
         values = np.broadcast_to(evaluator([made], [POSITION])(_PROBES)[0], (len(_PROBES), *made.type.shape))
         legal_there = (values >= low) & (values <= high)  # false for NaN
         if not np.any(legal_there) or np.any(np.isnan(values)):

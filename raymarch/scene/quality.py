@@ -173,6 +173,12 @@ class Quality:
         """
         return _searches["time"](scene, time, **where)
 
+    @property
+    def footprint(self) -> float:
+        """Width, in pixels, of what one ray sees of a texture: with more rays a pixel each sees less."""
+        rays = max(self.samples, 1 if self.temporal == "off" else 4)
+        return float(max(rays**-0.5, 0.125))
+
     def near(self, certified: bool) -> float:
         """How near a ray comes, in pixel widths, before it looks for its hit."""
         return self.epsilon if self.epsilon is not None else 0.1 if certified else 0.5

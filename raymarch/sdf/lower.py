@@ -6,7 +6,7 @@ becomes a function of its own; all else is one expression, in which equal subtre
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import companion
+from raymarch.expr.derivative import companion, moved_along
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, construct, make, var
 from raymarch.expr.types import FLOAT, VEC3, vector
-from raymarch.expr.walk import find, rebuild, rewrite, substitute, topological
+from raymarch.expr.vocabulary import cross, dot, normalize, where
+from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
 from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
@@ -37,6 +38,22 @@ POSITION = var("position of the label", VEC3)
 """In the expressions of a label: the point in the space in which the label was given to its node."""
 
 
+NORMAL, ACROSS, ALONG, OUTWARD = (
+    var(f"{name} of the label", VEC3) for name in ("normal", "across", "along", "outward")
+)
+"""More of that space: the unit normal of what is seen there, and the vectors to which the space takes the axes of a
+pixel's footprint on the surface and the unit normal of the surface."""
+
+SEEN = tuple(var(name, VEC3) for name in ("outward", "across", "along"))
+"""What they are in the space of the scene: the unit normal out of the solid, and the footprint's axes, at right angles
+to it and to each other; as long as the footprint is."""
+
+
+def is_seen(expressions: Iterable[Expr]) -> bool:
+    """True if some expressions of a label depend on how its point is seen: on normal or footprint."""
+    return not {NORMAL, ACROSS, ALONG, OUTWARD, *SEEN}.isdisjoint(free_variables(expressions))
+
+
 def cells_of(label: Any) -> list[Expr]:
     """The cells whose index a label depends on, which it shows by a list `expressions`."""
     return find(getattr(label, "expressions", ()), "cell")
@@ -47,7 +64,30 @@ def look_of(mark: Expr) -> list[Expr]:
     _, at, *cells = mark.args
     here = at if at.type is VEC3 else construct(at, 0.0)
     known = {POSITION: here, **dict(zip(cells_of(mark.data), cells, strict=True))}
+    if is_seen(mark.data.expressions):
+        known |= _seen_at(here, at.type is not VEC3)
     return substitute(mark.data.expressions, known)
+
+
+def _seen_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
+    """Normal and footprint in the space in which a point of the scene is `here`.
+
+    Vectors along a surface go with the derivative J of the space, its normal with the inverse of J transposed. That is
+    the cross product of two vectors along it, up to its length, and to its sign where J is a mirror. A flat space
+    forgets a direction: walls keep their normal there, and all else has that of the plane.
+    """
+    outward, across, along = moved_along(here, var("p", VEC3), SEEN)
+    if outward is SEEN[0]:
+        normal = outward
+    else:
+        upright = cross(across, along)
+        if flat:
+            wall = dot(upright, upright) < 1e-6 * dot(across, across) * dot(along, along)
+            normal = normalize(where(wall, outward, upright))
+            outward = where(wall, outward, normal)
+        else:
+            normal = normalize(where(dot(upright, outward) < 0.0, -upright, upright))
+    return {NORMAL: normal, OUTWARD: outward, ACROSS: across, ALONG: along}
 
 
 @dataclass(slots=True)

@@ -16,12 +16,14 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import Line, Printable, Text, literal, print_functions
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
 from raymarch.shader.chunk import Chunk, Mapped
 from raymarch.shader.shade import Values, box_ends, light_rows, scene_cone, shading
+from raymarch.shader.units import refuse_too_many
 
 HEADERS = {
     "330 core": ["#version 330 core"],
@@ -47,7 +49,7 @@ class Shader:
     passes : names of the passes in it; with more than one, `PASS` chooses. heads : lines that each begins with.
     parameters : GLSL name of the uniform of each parameter, by the parameter's own name.
     uses_time : whether it has a uniform u_time.
-    samples : sampled data by the name of its texture.
+    samples : sampled data and pictures by the name of their texture.
     """
 
     body: tuple[Mapped, ...]
@@ -55,7 +57,7 @@ class Shader:
     heads: tuple[tuple[str, ...], ...]
     parameters: Mapping[str, str]
     uses_time: bool
-    samples: Mapping[str, Samples]
+    samples: Mapping[str, Samples | Texels]
 
     def text(self, chosen: str | None = None, version: str = "330 core") -> str:
         """The whole text for one pass (the first by default), ready for the compiler.
@@ -102,6 +104,7 @@ def assemble(plan: Plan) -> Shader:
     fields, parameters, text = _fields(plan, values, taken)
     order = _in_order([*modules, fields, *generated])
     body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
+    refuse_too_many(plan, body, mains)
     body += _main(mains)
     names, heads = tuple(p.name for p in plan.passes), tuple(p.head for p in plan.passes)
     return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples)
@@ -177,6 +180,7 @@ def _constants(plan: Plan) -> Chunk:
         "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),
         "occlusion_steps": ("int", str(plan.scene.occlusion.steps if plan.scene.occlusion else 0)),
         "smoothing": ("float", literal(quality.beta)),
+        "footprint_pixels": ("float", literal(quality.footprint)),
     }
     needed = {name for module, _ in plan.modules for name in glsl.load(module).needs}
     lines = [
@@ -214,7 +218,7 @@ def _scene_box(plan: Plan) -> Chunk:
 
 def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions that are made from expressions, printed together so that each definition stands once."""
-    optional = (plan.gradient, plan.material, plan.emission, plan.glass, plan.material_index)
+    optional = (plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
     text = print_functions(roots, taken)
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}
@@ -227,7 +231,7 @@ def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[st
         lines.append(Mapped("", "parameters"))
     lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
-    records = (record for record in (plan.material, plan.glass) if record is not None)
+    records = (record for record in (plan.material, plan.relief, plan.glass) if record is not None)
     needs = frozenset(record.type_name for record in records)
     return Chunk("field", needs, gives, tuple(lines)), parameters, text
 

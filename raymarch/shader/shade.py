@@ -11,11 +11,12 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import constant, literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
-from raymarch.plan.shading import ambient_sky, occluded
+from raymarch.plan.shading import ambient, ambient_sky, occluded
 from raymarch.scene.light import Light, PointLight, SpotLight, Sun
 from raymarch.scene.sky import DIRECTION
 from raymarch.sdf.facts import Facts
 from raymarch.shader.chunk import Chunk, Lines, Mapped
+from raymarch.shader.looks import normal_of, place_of, surface_of
 from raymarch.shader.tree import tree
 
 SHADOW = {
@@ -66,9 +67,11 @@ def shading(plan: Plan, values: Values) -> Chunk:
     surfaced = plan.material is not None
     lit = surfaced and bool(scene.lights)
     if surfaced:
-        text.add("    Surface surface = surface_at(ray, hit);", "Surface", "surface_at")
+        call, name = surface_of(plan, "ray", "hit.t")
+        text.add(f"    Surface surface = {call};", "Surface", name)
     if plan.emission is not None:
-        text.add("    vec3 color = emission_at(ray.origin + hit.t * ray.direction);", "emission_at")
+        place = place_of(plan) if plan.relief is not None else "ray.origin + hit.t * ray.direction"
+        text.add(f"    vec3 color = emission_at({place});", "emission_at")
     else:
         text.add("    vec3 color = vec3(0.0);")
     if surfaced:
@@ -96,7 +99,7 @@ def _lit(text: Lines, plan: Plan, values: Values) -> None:
     ways of light bring."""
     followed = ", float followed" if plan.scene.branches else ""
     text.add(f"vec3 lit(Surface surface{followed}) {{", "Surface")
-    text.add(f"    vec3 color = {'emission_at(surface.p)' if plan.emission is not None else 'vec3(0.0)'};")
+    text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if plan.emission is not None else 'vec3(0.0)'};")
     text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
     if plan.scene.lights:
@@ -123,7 +126,8 @@ def _ways(text: Lines, plan: Plan) -> None:
     side = "side" if glass else "1.0"
     add(f"    for (int bounce = 0; bounce <= {scene.bounces}; bounce++) {{")
     add("        travelled += hit.t;")
-    add("        Surface surface = surface_at(ray, hit);", "surface_at")
+    call, name = surface_of(plan, "ray", "travelled")
+    add(f"        Surface surface = {call};", name)
     add("        surface.t = travelled;")
     if glass:
         add("        if (side < 0.0) weight *= exp(-absorption * distance(before, surface.p));")
@@ -133,7 +137,7 @@ def _ways(text: Lines, plan: Plan) -> None:
     add("        vec3 direction;")
     indent = "        "
     if glass:
-        _glass(text, scene.bounces)
+        _glass(text, plan)
         indent += "    "
     shines = bool(scene.lights) and plan.model != "phong"
     if shines:
@@ -155,7 +159,8 @@ def _ways(text: Lines, plan: Plan) -> None:
     if glass:
         add("        }")
     add("        float start;")
-    add("        vec3 outwards = dot(direction, surface.normal) < 0.0 ? -surface.normal : surface.normal;")
+    solid, needs = normal_of(plan)
+    add(f"        vec3 outwards = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
     add("        ray = leaving(surface.p, outwards, direction, travelled, start);", "leaving")
     add(f"        hit = second(ray, start, travelled, {side});", "second")
     add("        if (!hit.found) {")
@@ -169,12 +174,12 @@ def _ways(text: Lines, plan: Plan) -> None:
     add("}")
 
 
-def _glass(text: Lines, last: int) -> None:
+def _glass(text: Lines, plan: Plan) -> None:
     """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
     for line in (
-        "Glass glass = glass_at(surface.p);",
+        f"Glass glass = glass_at({place_of(plan)});",
         "if (side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission) {",
-        f"    if (bounce == {last}) {{",  # what would still come is taken for the sky, lest glass end in black
+        f"    if (bounce == {plan.scene.bounces}) {{",  # what would still come is the sky's, lest glass end in black
         "        color += weight * sky(ray.direction);",
         "        break;",
         "    }",
@@ -252,19 +257,32 @@ FROM_SKY = {
 def _ambient(text: Lines, plan: Plan, values: Values) -> None:
     """Light without a place: the sky's, and the share of each light that Phong's materials take as such."""
     scene = plan.scene
-    dimmed = occluded(scene, plan.model)
-    if dimmed:
+    shares = _opened_by_map(plan)
+    dimmed = shares or occluded(scene, plan.model)
+    by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
+    if occluded(scene, plan.model):
         assert scene.occlusion is not None
         for name in ("reach", "strength", "decay"):
             values.add(f"occlusion_{name}", getattr(scene.occlusion, name), scene.where)
-        text.add("    float open = openness(surface);", "openness", by="Scene(occlusion=...)", where=scene.where)
-        if scene.lights and plan.model != "physical":
-            text.add("    surface.material.ambient *= open;", by="Scene(occlusion=...)", where=scene.where)
+        share = "surface.open * " if shares else ""
+        text.add(f"    float open = {share}openness(surface);", "openness", by=by, where=scene.where)
+    elif shares:
+        text.add("    float open = surface.open;", by=by, where=scene.where)
+    if dimmed and scene.lights and plan.model != "physical":
+        text.add("    surface.material.ambient *= open;", by=by, where=scene.where)
     if ambient_sky(scene):
         needs = {"phong": ("matte_sky",), "physical": ("glossy_sky",), "mixed": ("matte_sky", "glossy_sky")}[plan.model]
         factor = "open * " if dimmed else ""
         light = FROM_SKY[plan.model].format(followed="followed" if scene.branches else "0.0")
         text.add(f"    color += {factor}{light};", *needs, by="the sky's light", where=scene.where)
+
+
+def _opened_by_map(plan: Plan) -> bool:
+    """True if a material keeps out some of the ambient light that there is."""
+    if plan.relief is None or not ambient(plan.scene, plan.model):
+        return False
+    share = dict(plan.relief.fields)["open"]
+    return not (share.is_constant and float(share.data) == 1.0)
 
 
 def _light(text: Lines, i: int, light: Light, values: Values, answer: str) -> None:

@@ -10,12 +10,13 @@ from __future__ import annotations
 from raymarch.plan import Plan
 from raymarch.scene.material import SMOOTH
 from raymarch.shader.chunk import Lines
+from raymarch.shader.looks import normal_of, place_of, surface_of
 
 
 def tree(text: Lines, plan: Plan) -> None:
     """The colour of a hit: what it is lit by, and what its mirrored and bent ways bring from up to n more surfaces."""
     mirrors = any(m.mirrors for m in plan.scene.materials)
-    text.add("vec3 shade(Ray ray, Hit hit) {", "sky", "second", "surface_at", "leaving", "faint")
+    text.add("vec3 shade(Ray ray, Hit hit) {", "sky", "second", "leaving", "faint")
     text.add("    vec3 color = vec3(0.0);")
     text.add("    float first = hit.t;")
     if plan.glass is not None:
@@ -30,12 +31,14 @@ def tree(text: Lines, plan: Plan) -> None:
 
 def _chain(text: Lines, plan: Plan) -> None:
     """The ways where nothing is bent: one, from mirror to mirror."""
+    surface, name = surface_of(plan, "ray", "travelled")
+    solid, needs = normal_of(plan)
     for line in (
         "vec3 weight = vec3(1.0);",
         "float travelled = 0.0;",
         f"for (int bounce = 0; bounce <= {plan.scene.bounces}; bounce++) {{",
         "    travelled += hit.t;",
-        "    Surface surface = surface_at(ray, hit);",
+        f"    Surface surface = {surface};",
         "    surface.t = travelled;",
         f"    float followed = bounce < {plan.scene.bounces} ? followed_of(surface.material) : 0.0;",
         f"    vec3 onwards = {_share(plan)} * mirrored_by(surface);",
@@ -45,7 +48,7 @@ def _chain(text: Lines, plan: Plan) -> None:
         "    if (faint(weight)) break;",
         "    vec3 away = reflect(ray.direction, surface.normal);",
         "    float start;",
-        "    ray = leaving(surface.p, surface.normal, away, travelled, start);",
+        f"    ray = leaving(surface.p, {solid}, away, travelled, start);",
         "    hit = second(ray, start, travelled, 1.0);",
         "    if (!hit.found) {",
         "        color += weight * sky(ray.direction);",
@@ -53,12 +56,13 @@ def _chain(text: Lines, plan: Plan) -> None:
         "    }",
         "}",
     ):
-        text.add(f"    {line}", "followed_of", "mirrored_by")
+        text.add(f"    {line}", name, *needs, "followed_of", "mirrored_by")
 
 
 def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
     """All ways, the newest first."""
     deepest = plan.scene.bounces
+    surface, name = surface_of(plan, "at.ray", "at.travelled")
     for line in (
         f"Branch waiting[{deepest + 1}];",
         "int count = 0;",
@@ -75,13 +79,13 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         "    }",
         "    at.travelled += hit.t;",
         "    if (at.side < 0.0) at.weight *= exp(-hit.t * at.absorption);",
-        "    Surface surface = surface_at(at.ray, hit);",
+        f"    Surface surface = {surface};",
         "    surface.t = at.travelled;",
         "    surface.normal *= at.side;",
-        "    Glass glass = glass_at(surface.p);",
+        f"    Glass glass = glass_at({place_of(plan)});",
         "    float through = at.side < 0.0 ? 1.0 : glass.transmission;",
     ):
-        text.add(f"    {line}", "Branch", "Glass", "glass_at", "reflectance")
+        text.add(f"    {line}", name, "Branch", "Glass", "glass_at", "reflectance")
     followed = f"at.bounce < {deepest} ? followed_of(surface.material) : 0.0" if mirrors else "0.0"
     text.add(f"        float followed = {followed};", *({"followed_of"} if mirrors else ()))
     if mirrors:
@@ -100,11 +104,12 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
 
 def _parted(text: Lines, plan: Plan, mirrors: bool) -> None:
     """The two ways that go on from a surface of glass. One that is faint leaves its share to the other."""
+    solid, needs = normal_of(plan)
     text.add("        float ratio = at.side > 0.0 ? 1.0 / glass.ior : glass.ior;")
     text.add("        float back = reflectance(clamp(dot(surface.normal, surface.view), 0.0, 1.0), ratio);")
     text.add("        if (faint(back * at.weight)) back = 0.0;")
     text.add("        if (faint((1.0 - back) * at.weight)) back = 1.0;")
-    text.add("        vec3 mirrored = (through * back) * at.weight;")
+    text.add("        vec3 mirrored = (through * back) * at.weight;", *needs)
     if mirrors:
         text.add("        mirrored += (1.0 - through) * at.weight * onwards;")
     for line in (
@@ -113,12 +118,12 @@ def _parted(text: Lines, plan: Plan, mirrors: bool) -> None:
         "float start;",
         "if (!faint(mirrored)) {",
         "    vec3 away = reflect(at.ray.direction, surface.normal);",
-        "    Ray next = leaving(surface.p, surface.normal, away, at.travelled, start);",
+        f"    Ray next = leaving(surface.p, {solid}, away, at.travelled, start);",
         "    waiting[count++] = Branch(next, start, mirrored, at.absorption, at.travelled, at.side, at.bounce);",
         "}",
         "if (!faint(bent)) {",
         "    vec3 away = refract(at.ray.direction, surface.normal, ratio);",
-        "    Ray next = leaving(surface.p, -surface.normal, away, at.travelled, start);",
+        f"    Ray next = leaving(surface.p, -{solid}, away, at.travelled, start);",
         "    waiting[count++] = Branch(next, start, bent, glass.absorption, at.travelled, -at.side, at.bounce);",
         "}",
     ):

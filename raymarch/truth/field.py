@@ -19,7 +19,7 @@ from raymarch.scene.material import FIELDS
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.lower import Lowering, look_of, lower
+from raymarch.sdf.lower import SEEN, Lowering, look_of, lower
 
 Array: TypeAlias = NDArray[Any]
 Evaluate: TypeAlias = Callable[..., tuple[Array, ...]]
@@ -58,7 +58,7 @@ class Field:
         slope = companion(whole)
         self._gradient = evaluator([slope.body], slope.params)
         self._marks, self._shares = _material_shares(scene)
-        self._looks = evaluator([number for mark in self._marks for number in _numbers_of(look_of(mark))], [p])
+        self._looks = evaluator([number for mark in self._marks for number in _numbers_of(look_of(mark))], [p, *SEEN])
 
     def distance(self, points: Array) -> NDArray[np.float64]:
         """Signed distance; points (N, 3) -> (N,). Raises SceneError where it is NaN."""
@@ -100,13 +100,21 @@ class Field:
         weights[~((total > 0.0) & np.isfinite(total))] = np.eye(len(materials))[0]
         return weights / weights.sum(axis=1, keepdims=True)
 
-    def looks(self, points: Array) -> dict[str, NDArray[np.float64]]:
-        """The values of the surface's material, mixed by the shares: by name, (N, 3) -> (N, 1) or (N, 3)."""
+    @property
+    def mapped(self) -> bool:
+        """True if looks depend on how the surface is seen."""
+        return any(m.textured or m.relief for m in self._scene.materials)
+
+    def looks(self, points: Array, *frame: Array) -> dict[str, NDArray[np.float64]]:
+        """The values of the surface's material, mixed by the shares: by name, (N, 3) -> (N, 1) or (N, 3).
+
+        frame : unit normals and the two axes of the footprint, (N, 3) each; they may be left out if nothing is mapped.
+        """
         default = self._scene.materials[0]
         usual = np.array([self._values.of(number) for number in _numbers_of(default.expressions)])
         shape = (len(self._marks), len(usual), len(points))
         shares = np.abs(np.array(self._run(self._shares, points, ()))).reshape(shape[0], shape[2])
-        values = np.array(self._run(self._looks, points, ())).reshape(shape)
+        values = np.array(self._run(self._looks, points, (), *(frame or 3 * (points,)))).reshape(shape)
         total = shares.sum(axis=0)
         seen = (total > 0.0) & np.isfinite(total)
         mixed = np.einsum("mn,mkn->nk", np.where(seen, shares, 0.0) / np.where(seen, total, 1.0), values)
@@ -123,11 +131,13 @@ class Field:
             raise SceneError(f"the field of {node.name} is NaN at {where.tolist()}", legal="a number", where=node.where)
         return stacked
 
-    def _run(self, evaluate: Evaluate, points: Array, shape: tuple[int, ...]) -> list[NDArray[np.float64]]:
+    def _run(
+        self, evaluate: Evaluate, points: Array, shape: tuple[int, ...], *more: Array
+    ) -> list[NDArray[np.float64]]:
         """All results at all points, block by block; each has `shape` at each point."""
-        blocks = [points[i : i + BLOCK] for i in range(0, max(len(points), 1), BLOCK)]
+        blocks = [[v[i : i + BLOCK] for v in (points, *more)] for i in range(0, max(len(points), 1), BLOCK)]
         with bound(self._values.params, self._values.time):
-            parts = [[np.broadcast_to(v, (len(b), *shape)) for v in evaluate(b)] for b in blocks]
+            parts = [[np.broadcast_to(v, (len(b[0]), *shape)) for v in evaluate(*b)] for b in blocks]
         return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
 

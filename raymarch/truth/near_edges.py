@@ -53,6 +53,6 @@ def silhouettes_within(
         i, j = row[start : start + AT_ONCE], column[start : start + AT_ONCE]
         ahead = middle[i, j] / -(middle[i, j] @ pose.frame[:, 2])[:, None]  # at distance 1 before the camera
         rays = Rays(pose.position[None, :], unit((ahead[:, None, None] + shift).reshape(-1, 3)))
-        blocks = trace(scene, values, pose, rays, (BLOCK * len(i), BLOCK))
+        blocks = trace(scene, values, pose, rays, (BLOCK * len(i), BLOCK), spacing * pose.pixel(height))
         found[i, j] = silhouettes(blocks)[BLOCK // 2 :: BLOCK, BLOCK // 2]
     return found

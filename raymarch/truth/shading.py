@@ -14,6 +14,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
 from raymarch.truth.field import Field
+from raymarch.truth.footprint import footprint
 from raymarch.truth.light import PARTS, Incoming, furnace, incoming, microfacets, parts_of, soft_visibility
 from raymarch.truth.march import GAP, NOISE
 from raymarch.truth.rays import Rays, unit
@@ -32,6 +33,7 @@ class Surface:
     origin, directions : from where they are seen, (3,) or (N, 3), and along which unit directions, (N, 3).
     depth : distances from the origin, (N,).
     far : how far rays are traced. inside : the origin lies in the solid.
+    pixel : width of a pixel at distance 1. travelled : way of the light before the origin, (N,) or a number.
     within : it lies in glass, which the light has entered on its way, and which takes `absorption` of it, (N, 3), on a
         unit of length. dull : lights shine on anything smoother as on that.
     """
@@ -44,9 +46,11 @@ class Surface:
     depth: Array
     far: float
     inside: bool
+    pixel: float
     within: bool = False
     absorption: Array | None = None
     dull: float = 0.0
+    travelled: Array | float = 0.0
 
     @cached_property
     def points(self) -> Array:
@@ -121,13 +125,17 @@ class Surface:
         back = base * share + edge
         entering = np.minimum((1.0 - (1.0 - seen) ** 5) * (1.0 - f0), 1.0 - back) * (1.0 - metal)
         glossy = (1.0 - followed) * around * back + even * entering * color
-        result: Array = self._open * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)
+        ambient = look["open"] * self._open
+        result: Array = ambient * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)
         return result
 
     @cached_property
     def look(self) -> dict[str, Array]:
         """Material of each point, mixed: colours (N, 3), the others (N, 1)."""
-        return self.field.looks(self.points)
+        if not self.field.mapped:
+            return self.field.looks(self.points)
+        width = self.scene.quality.footprint * self.pixel * (self.travelled + self.depth)
+        return self.field.looks(self.points, self.normals, *footprint(self.normals, self.directions, width))
 
     @property
     def _roughness(self) -> Array:
@@ -136,11 +144,24 @@ class Surface:
 
     @cached_property
     def shading_normals(self) -> Array:
-        """From inside the solid its walls are lit on the side that is seen."""
-        if not self.inside:
-            return self.normals
-        away = np.einsum("ij,ij->i", self.normals, self.directions)[:, None] > 0.0
-        return np.where(away, -self.normals, self.normals)
+        """Bent by the material, and from inside the solid those of the walls on the side that is seen."""
+        normals = self.normals
+        if self.field.mapped:
+            side = np.where(self._away, -1.0, 1.0)
+            bent = unit(normals - self.look["tilt"])
+            low = 0.01 + side * np.einsum("ij,ij->i", bent, self.directions)[:, None]
+            normals = unit(bent - side * np.maximum(low, 0.0) * self.directions)
+        return np.where(self._away, -normals, normals) if self.inside else normals
+
+    @property
+    def unbent(self) -> Array:
+        """Normals of the solid, on the side of the shading normals, (N, 3)."""
+        return np.where(self._away, -self.normals, self.normals) if self.inside else self.normals
+
+    @cached_property
+    def _away(self) -> NDArray[np.bool_]:
+        """Where the solid's normal points away from the viewer, (N, 1)."""
+        return np.einsum("ij,ij->i", self.normals, self.directions)[:, None] > 0.0
 
     def _from(self, light: Light) -> Array:
         """What one light adds. One whose points are sampled is the mean of even points of its disc."""
@@ -181,7 +202,7 @@ class Surface:
         seen = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
         gloss = look["specular"] * seen ** look["shininess"] * (facing > 0.0)
         direct = visible * (look["color"] * np.maximum(facing, 0.0) + gloss)
-        result: Array = come.radiance * (self._open * look["ambient"] * look["color"] + direct)
+        result: Array = come.radiance * (look["open"] * self._open * look["ambient"] * look["color"] + direct)
         return result
 
     def _visible(self, light: Light, come: Incoming, asked: NDArray[Any]) -> Array:

@@ -117,20 +117,24 @@ def truth(
             raise SceneError(f"truth: output {name!r}", legal=", ".join(OUTPUTS))
     values = set_values(scene.parameters, params or {}, time)
     pose = scene.pose(values, width / height)
-    made = trace(scene, values, pose, camera_rays(pose, width, height), (height, width))
+    made = trace(scene, values, pose, camera_rays(pose, width, height), (height, width), pose.pixel(height))
     for name in outputs:
         getattr(made, name)
     return made
 
 
-def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int, int]) -> Truth:
-    """The truth along rays from where the camera stands, H times W of them, as a picture of shape (H, W)."""
+def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int, int], pixel: float) -> Truth:
+    """The truth along rays from where the camera stands, H times W of them, as a picture of shape (H, W).
+
+    pixel : width, at distance 1, of what each ray stands for.
+    """
     far = scene.far(pose)
     moment = Field(scene, values)
     inside = is_inside(moment, pose.position)
     roots = first_hits(moment, rays, rays.lines(scene.node.facts, far), inside)
     rows = np.flatnonzero(np.isfinite(roots.t))
-    surface = Surface(scene, values, moment, pose.position, rays.directions[rows], roots.t[rows], far, inside)
+    directions, depth = rays.directions[rows], roots.t[rows]
+    surface = Surface(scene, values, moment, pose.position, directions, depth, far, inside, pixel)
     residual = np.zeros(roots.t.shape)
     residual[rows] = np.abs(moment.distance(surface.points))
     return Truth(

@@ -87,7 +87,7 @@ def _met(surface: Surface, weight: Array, directions: Array, depth: int, crosses
     row = np.flatnonzero(weight.max(axis=1) >= FAINT)
     if not row.size:
         return color
-    off = surface.offset[row, None] * surface.shading_normals[row]
+    off = surface.offset[row, None] * surface.unbent[row]
     rays = Rays(surface.points[row] + (-off if crosses else off), directions[row])
     inside, within = surface.inside != crosses, surface.within != crosses
     lines = rays.lines(surface.scene.node.facts, 2.0 * surface.far, surface.depth[row])
@@ -103,6 +103,7 @@ def _met(surface: Surface, weight: Array, directions: Array, depth: int, crosses
         origin=rays.origins[hit],
         directions=rays.directions[hit],
         depth=roots.t[hit],
+        travelled=(surface.travelled + surface.depth)[row[hit]],
         inside=inside,
         within=within,
         absorption=absorption,

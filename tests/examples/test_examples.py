@@ -17,7 +17,7 @@ from raymarch.truth import Truth, compare, silhouettes, truth
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(p.stem for p in FOLDER.glob("*.py"))
 SIZE = (320, 180)
-SIZES = {"village": (192, 108), "mandelbulb": (80, 45)}
+SIZES = {"village": (192, 108), "mandelbulb": (80, 45), "textures": (160, 90)}
 """Smaller ones, where the truth takes long."""
 ESTIMATES = ["mandelbulb"]
 PROVEN = [name for name in EXAMPLES if name not in ESTIMATES]

@@ -25,6 +25,8 @@ from raymarch.expr.raw import RawFunction, raw
 from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import Samples, sample_slope
 from raymarch.expr.samples import sample as interpolated
+from raymarch.expr.texels import Texels
+from raymarch.expr.textures import texture
 from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, vector
 
 Plain: TypeAlias = Any
@@ -504,6 +506,34 @@ for _n in (2, 3):
         a=of(_n, _TEXELS),
         fixed=("a",),  # within a cell the slope is taken as constant: a field is not differentiated twice
     )
+
+# Pictures
+
+PICTURE = Texels([[0.0, 1.0, 0.5], [0.75, -1.0, 0.25]], "clamp")
+
+
+def p_pictured(at: Plain) -> float:
+    """A point so much smaller than a texel is between four of them; the edge goes on outside."""
+    rows = [[0.0, 1.0, 0.5], [0.75, -1.0, 0.25]]
+    values: Any = rows
+    for position, n in ((at[1], 2), (at[0], 3)):
+        place = min(max(position * n - 0.5, 0.0), n - 1.0)
+        cell = min(int(place), n - 2)
+        share = place - cell
+        low, high = values[cell], values[cell + 1]
+        values = [a + (b - a) * share for a, b in zip(low, high, strict=True)] if n == 2 else low + (high - low) * share
+    return float(values)
+
+
+sample(
+    "pictured",
+    lambda a: texture(PICTURE, a, (1e-3, 0.0), (0.0, 1e-3)),
+    p_pictured,
+    absolute=32,
+    gpu=1024,  # texture units round their weights to 8 bits
+    a=of(2, Pool(-0.5, 1.5, (0.0, 1.0, 0.5, 0.25, 0.75))),
+    fixed=("a",),  # it has no derivative: heights are read as slopes
+)
 
 # Functions
 

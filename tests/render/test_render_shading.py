@@ -20,6 +20,7 @@ from shader_samples import lamps, scenes, solid
 SIZE = (80, 60)
 SKIES = ("gradient sky", "sun sky", "blue sky", "matte under a sky", "gold under a sky", "occlusion")
 EXACT = ("physical", "masking", "both models", "patterns", "glow without lights", "many plain lamps", *SKIES)
+MAPS = ("mapped", "relief", "relief under a sky", "relief in corners", "matte relief", "glow of a texture")
 SOFT = ("soft shadows", "soft shadows without end", "lamps", "many lamps")
 
 
@@ -31,7 +32,7 @@ def differences(renderer: Renderer, scene: rm.Scene) -> np.ndarray:
     return (np.abs(found - known.color) / np.maximum(known.color, 1.0)).max(axis=-1)[~silhouettes(known)]
 
 
-@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("name", [*EXACT, *MAPS])
 def test_a_look_is_true(renderer: Renderer, name: str) -> None:
     off = differences(renderer, scenes()[name])
     assert np.mean(off > 1 / 255) < 1e-3 and np.percentile(off, 95) < 1e-3

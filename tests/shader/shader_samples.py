@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 import raymarch as rm
 from raymarch.expr.vocabulary import sin
 from raymarch.scene.light import PENUMBRAS
@@ -26,6 +28,49 @@ def lamps() -> list[rm.PointLight | rm.Sun]:
         rm.SpotLight((0, 4, 0), angle=GAP, blend=0.5),
         rm.SphereLight((2, 4, 2), 0.4, shadow=True, penumbra="triangulated"),
     ]
+
+
+def tiles(side: int = 16) -> np.ndarray:
+    """A coloured picture without symmetry, linear."""
+    y, x = np.mgrid[0:side, 0:side] / side
+    return np.stack([0.2 + 0.6 * (x > 0.4), 0.5 + 0.4 * np.sin(6 * y), 0.3 + 0.5 * x * y], axis=-1)
+
+
+def maps() -> dict[str, rm.Scene]:
+    """Scenes whose materials have textures or relief."""
+    picture, waves = tiles(), 0.5 + 0.5 * np.sin(np.linspace(0, 12, 48)).reshape(1, 48) * np.ones((32, 1))
+    normals = 0.5 + 0.1 * tiles(32) * (1, 1, 0) + (0, 0, 0.45)
+    rough = tiles(16)[..., 0]
+    tiled = rm.Material(albedo=rm.triplanar(picture, 0.7), roughness=rm.triplanar(rough, 0.7, wrap="mirror"))
+    bumpy = rm.Material(
+        albedo=rm.planar(picture, (1.5, 1), rotation=GAP),
+        normal=rm.triplanar(normals, 0.9, 8),
+        height=rm.planar(waves, axis="y"),
+        occlusion=rm.planar(rough, 3, "y", offset=(0.2, 0.1), wrap="clamp"),
+    )
+    matte = rm.Material(rm.planar(picture, axis="x"), height=lambda p: sin(9 * p.x) * p.y, height_scale=0.05)
+    glow = rm.Material(emission=rm.triplanar(picture), transmission=rm.planar(rough), height=rm.planar(waves, 2))
+    dented = rm.Material(albedo=(1, 0.9, 0.7), metalness=1, roughness=0, height=rm.triplanar(waves))
+    turned = rm.box().material(tiled).rotate(0.6, (1, 2, 3)).scale((1, 1.4, 0.8)) | rm.plane(offset=-1.2)
+    return {
+        "mapped": rm.Scene(turned),
+        "relief": rm.Scene(rm.sphere().material(bumpy).mirror("x") | rm.plane(offset=-1).material(tiled)),
+        "relief under a sky": rm.Scene(rm.sphere().material(bumpy), sky=rm.GradientSky(light=True)),
+        "relief in corners": rm.Scene(
+            rm.union(rm.sphere().material(bumpy), rm.box().material(tiled).translate((0.8, 0, 0)), k=0.3),
+            sky=rm.GradientSky(light=True),
+            occlusion=rm.Occlusion(3),
+        ),
+        "matte relief": rm.Scene(rm.rectangle((2, 1.5)).material(matte).extrude(1) | solid().translate((0, 0, 2))),
+        "glow of a texture": rm.Scene(rm.sphere().material(glow), lights=[], bounces=0),
+        "textures in a tree": rm.Scene(
+            rm.sphere().material(dented) | rm.plane(offset=-1.2).material(tiled),
+            bounces=2,
+            quality=rm.Quality(ways="tree"),
+            sky=rm.GradientSky(light=True),
+        ),
+        "textures in bounces": rm.Scene(rm.sphere().material(glow) | rm.plane(offset=-1).material(bumpy), bounces=2),
+    }
 
 
 def scenes() -> dict[str, rm.Scene]:
@@ -89,6 +134,7 @@ def scenes() -> dict[str, rm.Scene]:
     made["tree"] = rm.Scene(row | solid().translate((0, 0, -3)), bounces=3, quality=tree, sky=sky, fog=rm.Fog())
     made["tree of mirrors"] = rm.Scene(rm.sphere().material(mirror), bounces=2, quality=tree, lights=[])
     made["tree of glass"] = rm.Scene(rm.sphere().material(glass), quality=tree, lights=[])
+    made |= maps()
     turned = rm.box().rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
     made["copies beside a material"] = rm.Scene(turned | rm.plane().material(RED))
     made |= {f"{n} normals": rm.Scene(solid(), quality=rm.Quality(normals=n)) for n in NORMALS}

@@ -1,0 +1,118 @@
+"""Pictures as data: values at texels, with the smaller versions of them that far surfaces are read from.
+
+A picture is stored as half floats, so that the truth and the graphics card read the same numbers. Each level of the
+pyramid is the mean of what it stands for, in linear values, so every level has the mean of the whole.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any, Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.types import Type, vector
+
+Array = NDArray[Any]
+Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
+
+WRAPS: Final = ("repeat", "mirror", "clamp")
+LARGEST = 4096
+"""Texels along either edge."""
+
+
+class Texels:
+    """A picture of 1 to 3 channels with its pyramid.
+
+    Attributes
+    ----------
+    levels : float16 (h, w, channels) each, level 0 first; row 0 is the lowest, v grows upwards. Each level has half the
+        texels of the one before along each axis, rounded down, and the last has one.
+    wrap : what lies outside: "repeat", "mirror", or "clamp", which is the edge's texels.
+    label : what messages call it; it does not count for equality. Equal texels are equal.
+    """
+
+    __slots__ = ("key", "label", "levels", "wrap")
+
+    def __init__(self, values: ArrayLike, wrap: Wrap = "repeat", label: str = "") -> None:
+        """values : (h, w) or (h, w, channels), linear, row 0 at the bottom; each side 1 to 4096, |value| <= 65504."""
+        array = np.asarray(values, np.float64)
+        array = array[..., None] if array.ndim == 2 else array
+        if array.ndim != 3 or not 1 <= array.shape[2] <= 3 or not 1 <= min(array.shape) <= max(array.shape) <= LARGEST:
+            raise SceneError(f"texels of shape {array.shape}", legal=f"(h, w, 1 to 3), sides from 1 to {LARGEST}")
+        if not np.all(np.abs(array) <= np.finfo(np.float16).max):
+            raise SceneError("texels hold values that half floats cannot", legal="numbers up to 65504 in size")
+        self.levels = pyramid(array)
+        self.wrap: Wrap = wrap
+        self.label = label or f"an array of {array.shape[1]} x {array.shape[0]}"
+        state = f"{wrap} {array.shape}".encode()
+        self.key = hashlib.sha256(state + self.levels[0].tobytes()).hexdigest()[:12]
+
+    def __repr__(self) -> str:
+        return f"Texels({self.label}, {'x'.join(map(str, self.size))}, {self.channels} channels)"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Texels) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    @property
+    def name(self) -> str:
+        """The GLSL name of the texture."""
+        return f"u_texels_{self.key}"
+
+    @property
+    def dimension(self) -> int:
+        """2: of the GLSL sampler."""
+        return 2
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Texels along u and v."""
+        height, width, _ = self.levels[0].shape
+        return width, height
+
+    @property
+    def channels(self) -> int:
+        """1 to 3."""
+        return int(self.levels[0].shape[2])
+
+    @property
+    def type(self) -> Type:
+        """Of one value."""
+        return vector(self.channels)
+
+    @property
+    def nbytes(self) -> int:
+        """Of all levels."""
+        return sum(level.nbytes for level in self.levels)
+
+
+def pyramid(values: Array) -> tuple[Array, ...]:
+    """The values and all their smaller versions, float16; (h, w, channels) each."""
+    levels = [values]
+    while max(levels[-1].shape[:2]) > 1:
+        levels.append(_halved(_halved(levels[-1], 0), 1))
+    rounded = tuple(np.ascontiguousarray(level, np.float16) for level in levels)
+    for level in rounded:
+        level.setflags(write=False)
+    return rounded
+
+
+def _halved(values: Array, axis: int) -> Array:
+    """Half as many along an axis, rounded down: each the mean of the stretch that it covers."""
+    n = values.shape[axis]
+    m = max(n // 2, 1)
+    if n == m:
+        return values
+    first = np.moveaxis(values, axis, 0)
+    if n == 2 * m:
+        return np.moveaxis(0.5 * (first[0::2] + first[1::2]), 0, axis)
+    total = np.concatenate([np.zeros_like(first[:1]), np.cumsum(first, axis=0)])
+    ends = np.arange(m + 1) * (n / m)
+    whole = np.minimum(ends.astype(int), n - 1)
+    share = (ends - whole).reshape(-1, *(1,) * (first.ndim - 1))
+    return np.moveaxis(np.diff(total[whole] + share * first[whole], axis=0) * (m / n), 0, axis)

@@ -1,0 +1,75 @@
+"""The numbers of a picture: as they are stored, and as what it is used for needs them.
+
+Colours are decoded from sRGB, all else is taken as it is stored. Normals and heights become slopes, whose mean over a
+footprint is the slope of what is seen there.
+"""
+
+from __future__ import annotations
+
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.texels import LARGEST, Wrap
+from raymarch.scene.images import linear, read_stored
+
+Array = NDArray[Any]
+Picture: TypeAlias = str | PathLike[str] | Array
+
+STEEPEST = 64.0
+"""Slopes that normals may have; beyond 89 degrees they say nothing."""
+
+
+def values_for(stored: Array, role: str, encoded: bool, channel: int | None, downwards: bool, wrap: Wrap) -> Array:
+    """The numbers of a picture for what it is used for, row 0 at the bottom."""
+    pixels = np.asarray(stored[::-1], np.float64)
+    one = pixels[..., channel or 0]
+    values: Array
+    if role == "color":
+        values = linear(pixels[..., :3]) if encoded else pixels[..., :3]
+    elif role == "grey":
+        values = linear(one) if encoded and channel is None else one
+    elif role == "stored":
+        values = pixels[..., :3]
+    elif role == "number":
+        values = one
+    elif role == "normals":
+        normal = 2.0 * pixels - 1.0
+        slope = -normal[..., :2] / np.maximum(normal[..., 2:3], 1.0 / STEEPEST)
+        values = np.clip(slope * (1.0, -1.0 if downwards else 1.0), -STEEPEST, STEEPEST)
+    else:
+        values = _slopes(one, wrap)
+    return values
+
+
+def _slopes(heights: Array, wrap: Wrap) -> Array:
+    """How heights rise across a whole picture along u and v, from the texels on either side; (h, w, 2)."""
+    mode: Any = "wrap" if wrap == "repeat" else "edge"
+    padded = np.pad(heights, 1, mode)
+    right = 0.5 * (padded[1:-1, 2:] - padded[1:-1, :-2]) * heights.shape[1]
+    up = 0.5 * (padded[2:, 1:-1] - padded[:-2, 1:-1]) * heights.shape[0]
+    return np.stack([right, up], axis=-1)
+
+
+def pixels_of(what: str, picture: Picture) -> tuple[Array, bool, str]:
+    """What a picture holds: (H, W, channels) float32, whether its colours are encoded, and what to call it."""
+    if isinstance(picture, str | PathLike):
+        stored, encoded = read_stored(what, picture, LARGEST)
+        return np.ascontiguousarray(stored, np.float32), encoded, Path(fspath(picture)).name
+    array = np.asarray(picture)
+    legal = f"a file, or an array (H, W) or (H, W, 1 to 4) of finite numbers, sides from 1 to {LARGEST}"
+    given = f"{what}: an array of shape {array.shape}, {array.dtype}"
+    if array.dtype.kind not in "biuf" or array.ndim not in (2, 3) or not array.size:
+        raise SceneError(given if isinstance(picture, np.ndarray) else f"{what}: {picture!r}", legal=legal)
+    encoded = array.dtype == np.uint8
+    values = np.asarray(array, np.float64) / (255.0 if encoded else 1.0)
+    values = values[..., None] if values.ndim == 2 else values
+    if values.shape[2] > 4 or not 1 <= min(values.shape[:2]) <= np.max(values.shape[:2]) <= LARGEST:
+        raise SceneError(given, legal=legal)
+    if not np.all(np.abs(values) <= np.finfo(np.float16).max):
+        raise SceneError(f"{what}: the array holds numbers beyond 65504, or that are not finite", legal=legal)
+    return np.ascontiguousarray(values, np.float32), encoded, "array"

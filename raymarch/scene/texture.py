@@ -1,0 +1,271 @@
+"""Pictures laid over surfaces: what a material's value may be in place of a number or a function.
+
+A picture is asked at a point of the space in which the material is given, over the footprint that a pixel has there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.derivative import moved_along
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.texels import WRAPS, Texels, Wrap
+from raymarch.expr.textures import texture
+from raymarch.expr.vocabulary import abs, cos, max, pow, sin, vec2, vec3, where
+from raymarch.scene.parameter import as_number
+from raymarch.scene.picture import Picture, pixels_of, values_for
+from raymarch.sdf.lower import ACROSS, ALONG, NORMAL, POSITION
+
+FACES = {"x": ((2, -1.0), (1, 1.0)), "y": ((0, 1.0), (2, -1.0)), "z": ((0, 1.0), (1, 1.0))}
+"""Across and up for a picture that is seen upright from the positive end of an axis: which axis, and its sign."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a picture lies in space. axis : along which it is projected, None for all three, by the normal.
+    turn : of the picture, counter-clockwise. extents : of one picture along u and v. shift : of its middle."""
+
+    axis: str | None
+    extents: tuple[Expr, Expr]
+    shift: tuple[Expr, Expr]
+    turn: Expr
+    hardness: Expr
+
+
+class Texture:
+    """A picture with its layout; made by `planar` and `triplanar`.
+
+    Give it to a `Material` as any of its values. Called with a point, inside of a function of the point, it is a
+    colour; `number` and `color` say which is meant.
+
+    file : name of the file, or "array". pixels : (H, W, channels) as stored, row 0 at the top.
+    """
+
+    __slots__ = ("_made", "channel", "downwards", "encoded", "file", "layout", "pixels", "wrap")
+
+    def __init__(
+        self, what: str, picture: Picture, layout: Layout, wrap: Wrap, channel: str | None, green: str
+    ) -> None:
+        self.pixels, self.encoded, self.file = pixels_of(what, picture)
+        self.layout, self.wrap = layout, wrap
+        self._made: dict[str, Texels] = {}
+        if wrap not in WRAPS:
+            raise SceneError(f"{what}: wrap = {wrap!r}", legal=", ".join(map(repr, WRAPS)))
+        channels = self.pixels.shape[2]
+        if channel is not None and (channel not in tuple("rgba") or "rgba".index(channel) >= channels):
+            legal = ", ".join(repr(c) for c in "rgba"[:channels])
+            raise SceneError(f"{what}: channel = {channel!r} of '{self.file}'", legal=f"{legal} or None")
+        if green not in ("up", "down"):
+            raise SceneError(f"{what}: green = {green!r}", legal="'up' (OpenGL) or 'down' (Direct3D)")
+        self.channel, self.downwards = channel, green == "down"
+
+    def __repr__(self) -> str:
+        return f"Texture({self.file!r}, {self.size[0]} x {self.size[1]})"
+
+    def __call__(self, p: Expr) -> Expr:
+        """The colour at a point."""
+        return self.color(p)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Pixels across and down."""
+        return self.pixels.shape[1], self.pixels.shape[0]
+
+    def color(self, p: Expr) -> Expr:
+        """Linear RGB at a point, a vec3. Grey pictures, and single channels, are grey."""
+        if self.channel is not None or self.pixels.shape[2] < 3:
+            value = self._laid(self._texels("grey"), p)
+            return vec3(value)
+        return self._laid(self._texels("color"), p)
+
+    def number(self, p: Expr) -> Expr:
+        """The value at a point, a float, as it is stored."""
+        channels = self.pixels.shape[2]
+        if self.channel is not None and channels >= 3 and self.channel != "a":
+            return self._laid(self._texels("stored"), p)["rgb".index(self.channel)]  # one texture for all channels
+        if self.channel is None and channels >= 3 and np.ptp(self.pixels[..., :3], axis=2).max() > 1.5 / 255.0:
+            raise SceneError(
+                f"'{self.file}' has {channels} channels where one number is wanted",
+                legal="a grey picture, or channel='r', 'g' or 'b'",
+            )
+        return self._laid(self._texels("number"), p)
+
+    def tilt(self, p: Expr) -> Expr:
+        """The slopes that a normal map means, as a gradient in space of a height over the surface; a vec3."""
+        if self.pixels.shape[2] < 3:
+            legal = "three: red right, green up, blue out; or two of slopes"
+            raise SceneError(f"'{self.file}' has {self.pixels.shape[2]} channels, no normals", legal=legal)
+        return self._raised(self._texels("normals"), p, False)
+
+    def rise(self, p: Expr) -> Expr:
+        """The gradient in space of the picture's values as heights; a vec3."""
+        if self.channel is None:
+            self.number(p)  # refuses colours
+        return self._raised(self._texels("heights"), p, True)
+
+    def _texels(self, role: str) -> Texels:
+        if role not in self._made:
+            channel = None if self.channel is None else "rgba".index(self.channel)
+            values = values_for(self.pixels, role, self.encoded, channel, self.downwards, self.wrap)
+            self._made[role] = Texels(values, self.wrap, self.file)
+        return self._made[role]
+
+    def _laid(self, data: Texels, p: Expr) -> Expr:
+        """The picture at a point: one projection, or three by their weights."""
+        place = _Place(p)
+        if self.layout.axis is not None:
+            return place.read(data, self.layout, self.layout.axis, expr(1.0))
+        total = expr(0.0) if data.channels == 1 else expr((0.0,) * data.channels)
+        for axis, weight in place.weights(self.layout.hardness).items():
+            total = total + place.read(data, self.layout, axis, weight)
+        return total
+
+    def _raised(self, data: Texels, p: Expr, per_tile: bool) -> Expr:
+        """Slopes along u and v as a gradient in space: those of the projections add up (Mikkelsen 2020)."""
+        place, layout = _Place(p), self.layout
+        chosen = {layout.axis: expr(1.0)} if layout.axis is not None else place.weights(layout.hardness)
+        total = expr((0.0, 0.0, 0.0))
+        for axis, weight in chosen.items():
+            slope = place.read(data, layout, axis, weight)
+            total = total + _Frame(layout, axis).out(slope / vec2(*layout.extents) if per_tile else slope)
+        return total
+
+
+class _Place:
+    """A point at which a picture is asked, with the normal and the footprint there."""
+
+    def __init__(self, p: Expr) -> None:
+        self.p = p
+        # A point that is moved by a pattern carries its footprint along.
+        self.across, self.along = (ACROSS, ALONG) if p is POSITION else moved_along(p, POSITION, (ACROSS, ALONG))
+
+    def weights(self, hardness: Expr) -> dict[str, Expr]:
+        """Of the three projections, by the components of the normal; their sum is 1."""
+        powers = [pow(abs(NORMAL[i]), hardness) for i in range(3)]
+        total = max(powers[0] + powers[1] + powers[2], 1e-12)
+        return {axis: power / total for axis, power in zip("xyz", powers, strict=True)}
+
+    def read(self, data: Texels, layout: Layout, axis: str, weight: Expr) -> Expr:
+        """The picture as it is projected along one axis, times a weight."""
+        frame, size = _Frame(layout, axis), vec2(*layout.extents)
+        middle = (frame.within(self.p) - frame.turned(*layout.shift)) / size + 0.5
+        return texture(data, middle, frame.within(self.across) / size, frame.within(self.along) / size, weight)
+
+
+class _Frame:
+    """The directions across and up a picture. In all of three projections it is turned to be read from outside."""
+
+    def __init__(self, layout: Layout, axis: str) -> None:
+        (self._across, self._sign), (self._up, self._sign_up) = FACES[axis]
+        self._mirror = where(NORMAL["xyz".index(axis)] < 0.0, -1.0, 1.0) if layout.axis is None else expr(1.0)
+        self._cos, self._sin = cos(layout.turn), sin(layout.turn)
+
+    def turned(self, right: Expr, up: Expr) -> Expr:
+        """What lies so far across and up the surface, across and up the picture; a vec2."""
+        return vec2(self._cos * right + self._sin * up, self._cos * up - self._sin * right)
+
+    def within(self, v: Expr) -> Expr:
+        """A vector in space, across and up the picture; a vec2."""
+        return self.turned(self._mirror * (self._sign * v[self._across]), self._sign_up * v[self._up])
+
+    def out(self, slope: Expr) -> Expr:
+        """A vec2 across and up the picture as a vector in space."""
+        parts = [expr(0.0)] * 3
+        parts[self._across] = self._mirror * (self._sign * (self._cos * slope.x - self._sin * slope.y))
+        parts[self._up] = self._sign_up * (self._sin * slope.x + self._cos * slope.y)
+        return vec3(*parts)
+
+
+def _extents(what: str, size: Any, pixels: tuple[int, int]) -> tuple[Expr, Expr]:
+    if isinstance(size, tuple | list):
+        if len(size) != 2:
+            raise SceneError(f"{what}: size = {size!r}", legal="a length > 0, or two")
+        width, height = (as_number(f"{what}: size", v, 1e-6, 1e6) for v in size)
+        return width, height
+    width = as_number(f"{what}: size", size, 1e-6, 1e6)
+    return width, width * (pixels[1] / pixels[0])
+
+
+def _made(
+    what: str,
+    picture: Picture,
+    axis: str | None,
+    size: Any,
+    offset: Any,
+    rotation: Any,
+    hardness: Any,
+    **parts: Any,
+) -> Texture:
+    if not isinstance(offset, tuple | list | np.ndarray) or len(offset) != 2:
+        raise SceneError(f"{what}: offset = {offset!r}", legal="two lengths")
+    across, up = (as_number(f"{what}: offset", v, -1e6, 1e6) for v in offset)
+    turn = as_number(f"{what}: rotation", rotation)
+    hard = as_number(f"{what}: hardness", hardness, 1.0, 64.0)
+    one = expr(1.0)
+    made = Texture(what, picture, Layout(axis, (one, one), (across, up), turn, hard), **parts)
+    made.layout = Layout(axis, _extents(what, size, made.size), (across, up), turn, hard)
+    return made
+
+
+def planar(
+    picture: Picture,
+    size: Any = 1.0,
+    axis: str = "z",
+    *,
+    offset: Any = (0.0, 0.0),
+    rotation: Any = 0.0,
+    wrap: Wrap = "repeat",
+    channel: str | None = None,
+    green: str = "up",
+) -> Texture:
+    """A picture projected along an axis, its middle at the origin.
+
+    Parameters
+    ----------
+    picture : a file, or an array (H, W) or (H, W, channels), row 0 at the top. Files of whole numbers and arrays of
+        uint8 hold shares of the largest, their colours encoded as sRGB; OpenEXR, Radiance and other arrays are linear.
+    size : extent of the picture across, or (across, up), > 0.
+    axis : "x", "y" or "z": seen upright from its positive end.
+    offset : of its middle, across and up. rotation : counter-clockwise about the middle, in radians.
+    wrap : what lies beside it: "repeat", "mirror", or "clamp" for its edge.
+    channel : "r", "g", "b" or "a", where one number is wanted; maps in the channels of one picture are one texture.
+    green : of a normal map, "up" (OpenGL) or "down" (Direct3D).
+
+    Raises SceneError for a file that is missing or broken, more than 4096 pixels along an edge, or values out of range.
+    """
+    if axis not in FACES:
+        raise SceneError(f"planar: axis = {axis!r}", legal="'x', 'y' or 'z'")
+    return _made("planar", picture, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
+
+
+def triplanar(
+    picture: Picture,
+    size: Any = 1.0,
+    hardness: Any = 4.0,
+    *,
+    offset: Any = (0.0, 0.0),
+    rotation: Any = 0.0,
+    wrap: Wrap = "repeat",
+    channel: str | None = None,
+    green: str = "up",
+) -> Texture:
+    """A picture projected along all three axes, each by its share of the surface's normal: fits any solid.
+
+    hardness : from 1, blended widely, to 64; the shares are |n|^hardness, divided by their sum. The others are those of
+    `planar`. Normal and height maps of the three add up as gradients (Mikkelsen 2020).
+    """
+    return _made("triplanar", picture, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green)
+
+
+def lie_alike(a: Texture, b: Texture) -> bool:
+    """True if two pictures are laid over a surface in the same way, so that each texel of the one belongs to one of the
+    other."""
+
+    def key(layout: Layout) -> tuple[Any, ...]:
+        return layout.axis, layout.extents[0], layout.shift, layout.turn
+
+    return key(a.layout) == key(b.layout)

@@ -1,0 +1,22 @@
+"""How the functions of looks are asked, with maps and without."""
+
+from __future__ import annotations
+
+from raymarch.plan import Plan
+
+
+def place_of(plan: Plan) -> str:
+    """What says where on a surface a look is asked: its point, and where there are maps also how it is seen."""
+    return "surface.p" + (", surface.outward, surface.across, surface.along" if plan.relief is not None else "")
+
+
+def surface_of(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
+    """A call for the surface that a ray met after light has `travelled` so far, and the name of its function."""
+    if plan.relief is None:
+        return f"surface_at({ray}, hit)", "surface_at"
+    return f"surface_seen({ray}, hit, {travelled})", "surface_seen"
+
+
+def normal_of(plan: Plan) -> tuple[str, tuple[str, ...]]:
+    """The normal of the solid itself, bent by no map, on the side of the other one, and what it needs."""
+    return ("surface.normal", ()) if plan.relief is None else ("unbent(surface)", ("unbent",))
