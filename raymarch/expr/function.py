@@ -77,7 +77,7 @@ def trace(
     try:
         body = definition(*symbols)
     finally:
-        sys.setprofile(previous)
+        _resume(previous)
     where = Location(code.co_filename, code.co_firstlineno)
     try:
         body = expr(body)
@@ -87,6 +87,13 @@ def trace(
     if stray:
         raise SceneError(f"{name} uses {stray} from outside its own parameters", where=where)
     return Function(name, symbols, body, names, where)
+
+
+def _resume(profiler: Any) -> None:
+    """Give the profiler back its place. That of cProfile is an object that switches itself on, and cannot be called."""
+    sys.setprofile(None if hasattr(profiler, "enable") else profiler)
+    if hasattr(profiler, "enable"):
+        profiler.enable()
 
 
 def _code_family(code: CodeType) -> set[CodeType]:

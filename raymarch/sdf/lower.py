@@ -258,20 +258,31 @@ def lower(node: Node) -> Function:
     return Lowering().field(node)
 
 
+BLOCK = 1 << 14
+"""Points that are evaluated at once: every step between them is an array of so many, whatever the caller asks for."""
+
+
 @method
 def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances in float64; see `Node.distance`."""
-    definition = lower(node)
-    value = evaluator([definition.body], definition.params)(points)[0]
-    return np.array(np.broadcast_to(value, points.shape[:-1]))
+    return _in_blocks(lower(node), points, ()).reshape(points.shape[:-1])
 
 
 @method
 def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gradients in float64; see `Node.gradient`."""
-    definition = companion(lower(node))
-    value = evaluator([definition.body], definition.params)(points)[0]
-    return np.array(np.broadcast_to(value[..., :-1], points.shape))
+    size = points.shape[-1]
+    return _in_blocks(companion(lower(node)), points, (size + 1,))[..., :size].reshape(points.shape)
+
+
+def _in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Values of a function of a point, each of `shape`, of all points in a row."""
+    value = evaluator([definition.body], definition.params)
+    flat = points.reshape(-1, points.shape[-1])
+    result = np.empty((len(flat), *shape))
+    for i in range(0, len(flat), BLOCK):
+        result[i : i + BLOCK] = value(flat[i : i + BLOCK])[0]
+    return result
 
 
 @method

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cProfile
 import gc
 import math
 import weakref
@@ -287,6 +288,18 @@ def test_tracing_leaves_the_profiler_as_it_was() -> None:
     with pytest.raises(RuntimeError, match="on purpose"):
         trace("broken", broken, [("x", FLOAT)])
     assert sys.getprofile() is before
+
+
+def test_a_scene_may_be_profiled() -> None:
+    """The object of cProfile is no function: handed back as one, it broke the next call in the program."""
+    profiler = cProfile.Profile()
+    profiler.enable()
+    try:
+        trace("profiled", lambda a: v.sin(a) + 1, [("a", FLOAT)])
+        math.gcd(12, 18)
+    finally:
+        profiler.disable()
+    assert any("gcd" in str(entry.code) for entry in profiler.getstats())
 
 
 def test_inlining_gives_the_same_values() -> None:

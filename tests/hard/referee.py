@@ -15,13 +15,17 @@ from analytic import around
 from numpy.typing import NDArray
 
 import raymarch as rm
+from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
 from raymarch.scene.quality import CONTACT
 from raymarch.truth import silhouettes
+from raymarch.truth.rays import camera_rays
+from tests.hard.rounding import rounding_of
 from tests.hard.world import EPSILON, ULP
 
-ROUNDING = 64.0
-"""Units in the last place that a deep tree may lose in its field: chosen, not derived."""
+PLACE = 4.0
+"""Ulp of the largest coordinate that a point on a ray may be off: the direction's rotation and length, and t times it,
+are ten roundings of half an ulp, of which the largest component has its share; two more put the point on the ray."""
 
 
 @dataclass
@@ -33,11 +37,21 @@ class Referee:
 
     @cached_property
     def known(self) -> Any:
+        """The truth; costly where the field is an estimate, of which nothing needs it."""
         return rm.truth(self.scene, self.size, outputs=("depth", "normal"))
 
     @cached_property
+    def pose(self) -> Pose:
+        return self.scene.pose(Values({}), self.size[0] / self.size[1])
+
+    @cached_property
+    def direction(self) -> NDArray[np.float64]:
+        """Unit rays, (H, W, 3)."""
+        return camera_rays(self.pose, *self.size).directions.reshape(*self.size[::-1], 3)
+
+    @cached_property
     def pixel(self) -> float:
-        return self.scene.pose(Values({}), self.size[0] / self.size[1]).pixel(self.size[1])
+        return self.pose.pixel(self.size[1])
 
     @cached_property
     def calm(self) -> NDArray[np.bool_]:
@@ -52,24 +66,29 @@ class Referee:
         found = []
         if np.isnan(depth).any():
             found.append(f"{np.isnan(depth).sum()} depths are NaN")
-        at = self.known.position + np.where(hit, depth, 0)[..., None] * self.known.direction
-        allowed = self._allowed(np.where(hit, depth, 0), at, iterations)
-        above = np.zeros(depth.shape)
+        at = self.pose.position + np.where(hit, depth, 0)[..., None] * self.direction
+        above, allowed = np.zeros(depth.shape), np.zeros(depth.shape)
         above[hit] = np.abs(self.scene.node.distance(at[hit]))
-        air = hit & (above > (allowed if certified else 8 * allowed / (CONTACT * EPSILON)))
+        contact = self._contact(depth[hit], None if iterations is None else iterations[hit])
+        allowed[hit] = (contact if certified else 8 * self.pixel * depth[hit]) + self._rounding(at[hit], depth[hit])
+        air = hit & (above > allowed)
         if air.sum() > (0 if certified else 0.02 * air.size):
             found.append(f"{air.sum()} hits in the air, {np.max(above[air] / allowed[air]):.3g} times what is allowed")
         if certified:
             found += self._missed(depth)
         return found
 
-    def _allowed(self, t: NDArray[Any], at: NDArray[Any], iterations: NDArray[Any] | None) -> NDArray[Any]:
-        """The size of the field that a hit may have."""
-        largest = np.maximum(np.abs(at).max(axis=-1), np.maximum(t, np.abs(self.known.position).max()))
+    def _contact(self, t: NDArray[Any], iterations: NDArray[Any] | None = None) -> NDArray[Any]:
+        """The size of the field that a hit may have; a pixel where a ray ran out of steps."""
         pixels = np.full(t.shape, CONTACT * EPSILON)
         if iterations is not None:
             pixels = np.where(iterations >= self.scene.quality.max_steps, 1.0, pixels)
-        return pixels * self.pixel * t + ROUNDING * ULP * largest
+        return np.asarray(pixels * self.pixel * t)
+
+    def _rounding(self, at: NDArray[Any], t: NDArray[Any]) -> NDArray[Any]:
+        """What float32 may make of the field at points at the distances t, (N, 3) and (N,)."""
+        largest = np.maximum(np.abs(at).max(axis=-1), np.maximum(t, np.abs(self.pose.position).max()))
+        return rounding_of(self.scene.node, at, PLACE * ULP * largest)
 
     def _missed(self, depth: NDArray[Any]) -> list[str]:
         through = self.through(depth)
@@ -82,7 +101,7 @@ class Referee:
         found = known.hit & ~(depth <= first * (1 + 1e-4) + 4 * self.pixel * first)
         if not found.any():
             return found
-        origin, direction, t = known.position, known.direction[found], first[found]
+        origin, direction, t = self.pose.position, self.direction[found], first[found]
         end = np.where(np.isfinite(depth[found]), depth[found], t + 64 * self.pixel * t)
         share = np.linspace(0, 1, 65)[1:]
         samples = t[:, None] + np.minimum(end - t, 64 * self.pixel * t)[:, None] * share
@@ -90,19 +109,21 @@ class Referee:
         values = self.scene.node.distance(at.reshape(-1, 3)).reshape(samples.shape)
         outside = float(self.scene.node.distance(np.asarray(origin)[None])[0]) >= 0
         deepest = np.max(-values if outside else values, axis=1)
-        found[found] = deepest > self._allowed(t, at[:, 0], None)
+        found[found] = deepest > self._contact(t) + self._rounding(at[:, 0], t)
         return found
 
     def turned(self, frame: rm.Frame) -> list[str]:
         """Normals that point elsewhere, of hits away from edges."""
+        if not np.all(np.isfinite(frame.normal)):
+            return ["normals are not finite"]
+        if self.scene.node.exactness == "estimate":
+            return []
         both = self.calm & self.known.hit & np.isfinite(frame.depth)
         both &= np.abs(
             np.where(both, frame.depth, 0) - np.where(both, self.known.depth, 0)
         ) < 2 * self.pixel * self.known.depth.clip(0, 1e9)
         apart = np.linalg.norm(frame.normal[both] - self.known.normal[both], axis=-1)
-        if not np.all(np.isfinite(frame.normal)):
-            return ["normals are not finite"]
         bad = int(np.sum(apart > 0.05))
-        if self.scene.node.exactness == "estimate" or bad <= max(3, 0.02 * apart.size):
+        if bad <= max(3, 0.02 * apart.size):
             return []
         return [f"{bad} of {apart.size} normals are turned"]

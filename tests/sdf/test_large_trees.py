@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -116,3 +117,16 @@ def test_the_text_does_not_depend_on_the_process() -> None:
         assert done.returncode == 0, done.stderr
         texts.add(done.stdout)
     assert len(texts) == 1
+
+
+def test_many_points_take_no_more_than_their_values() -> None:
+    """A deep field has hundreds of steps between its points and its values: they are held for some points at once."""
+    node = union(*[sphere(0.1).rotate(0.1 * i, "z").translate((i, 0, 0)).round(0.1) for i in range(40)], k=0.2)
+    points = np.random.default_rng(1).normal(size=(200_000, 3))
+    tracemalloc.start()
+    try:
+        node.distance(points)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 1.5 * points.nbytes
