@@ -49,6 +49,11 @@ class Referee:
         """Unit rays, (H, W, 3)."""
         return camera_rays(self.pose, *self.size).directions.reshape(*self.size[::-1], 3)
 
+    def at(self, depth: NDArray[Any]) -> NDArray[np.float64]:
+        """Points at some depths, (H, W, 3); where a depth is infinite, the camera."""
+        shift: NDArray[np.float64] = np.where(np.isfinite(depth), depth, 0.0)[..., None] * self.direction
+        return self.pose.position + shift
+
     @cached_property
     def pixel(self) -> float:
         return self.pose.pixel(self.size[1])
@@ -66,10 +71,10 @@ class Referee:
         found = []
         if np.isnan(depth).any():
             found.append(f"{np.isnan(depth).sum()} depths are NaN")
-        at = self.pose.position + np.where(hit, depth, 0)[..., None] * self.direction
+        at = self.at(depth)
         above, allowed = np.zeros(depth.shape), np.zeros(depth.shape)
         above[hit] = np.abs(self.scene.node.distance(at[hit]))
-        contact = self._contact(depth[hit], None if iterations is None else iterations[hit])
+        contact = self.contact(depth[hit], None if iterations is None else iterations[hit])
         allowed[hit] = (contact if certified else 8 * self.pixel * depth[hit]) + self._rounding(at[hit], depth[hit])
         air = hit & (above > allowed)
         if air.sum() > (0 if certified else 0.02 * air.size):
@@ -78,7 +83,7 @@ class Referee:
             found += self._missed(depth)
         return found
 
-    def _contact(self, t: NDArray[Any], iterations: NDArray[Any] | None = None) -> NDArray[Any]:
+    def contact(self, t: NDArray[Any], iterations: NDArray[Any] | None = None) -> NDArray[Any]:
         """The size of the field that a hit may have; a pixel where a ray ran out of steps."""
         pixels = np.full(t.shape, CONTACT * EPSILON)
         if iterations is not None:
@@ -91,26 +96,33 @@ class Referee:
         return rounding_of(self.scene.node, at, PLACE * ULP * largest)
 
     def _missed(self, depth: NDArray[Any]) -> list[str]:
-        through = self.through(depth)
+        through = self.through(depth, self.known.depth)
         return [f"{through.sum()} rays go through a surface"] if through.any() else []
 
-    def through(self, depth: NDArray[Any]) -> NDArray[np.bool_]:
-        """Rays that went through the first surface: those that are in it by more than a contact for a while."""
-        known = self.known
-        first = np.where(known.hit, known.depth, 0.0)
-        found = known.hit & ~(depth <= first * (1 + 1e-4) + 4 * self.pixel * first)
-        if not found.any():
-            return found
-        origin, direction, t = self.pose.position, self.direction[found], first[found]
-        end = np.where(np.isfinite(depth[found]), depth[found], t + 64 * self.pixel * t)
+    def through(self, depth: NDArray[Any], known: NDArray[Any]) -> NDArray[np.bool_]:
+        """Rays that went through the first surface: those that are in it by more than a contact for a while.
+
+        known : its depth in float64, inf where there is none.
+        """
+        first = np.where(np.isfinite(known), known, 0.0)
+        found = np.isfinite(known) & ~(depth <= first * (1 + 1e-4) + 4 * self.pixel * first)
+        if found.any():
+            t = first[found]
+            found[found] = self.deepest(found, first, depth) > self.contact(t) + self._rounding(
+                self.at(first)[found], t
+            )
+        return found
+
+    def deepest(self, rows: NDArray[np.bool_], first: NDArray[Any], depth: NDArray[Any]) -> NDArray[np.float64]:
+        """How far rays are in the solid between a first depth and the one drawn, at a sample a pixel for 64 pixels."""
+        direction, t = self.direction[rows], first[rows]
+        end = np.where(np.isfinite(depth[rows]), depth[rows], t + 64 * self.pixel * t)
         share = np.linspace(0, 1, 65)[1:]
         samples = t[:, None] + np.minimum(end - t, 64 * self.pixel * t)[:, None] * share
-        at = origin + samples[..., None] * direction[:, None]
+        at = self.pose.position + samples[..., None] * direction[:, None]
         values = self.scene.node.distance(at.reshape(-1, 3)).reshape(samples.shape)
-        outside = float(self.scene.node.distance(np.asarray(origin)[None])[0]) >= 0
-        deepest = np.max(-values if outside else values, axis=1)
-        found[found] = deepest > self._contact(t) + self._rounding(at[:, 0], t)
-        return found
+        outside = float(self.scene.node.distance(self.pose.position[None])[0]) >= 0
+        return np.asarray(np.max(-values if outside else values, axis=1))
 
     def turned(self, frame: rm.Frame) -> list[str]:
         """Normals that point elsewhere, of hits away from edges."""

@@ -36,7 +36,7 @@ Rule: TypeAlias = Callable[..., Near]
 
 
 def _monotone(own: float) -> Callable[..., Rule]:
-    """A function that only rises or only falls: its error is the difference at the ends. `own` is in ulp of the result."""
+    """A function that only rises or only falls errs by its difference at the ends, and by `own` ulp of the result."""
 
     def make(name: str) -> Rule:
         compute = arrays.RULES[name]

@@ -1,34 +1,55 @@
 """Rays at closed random solids against float64: how many go through a surface.
 
-python -m tests.hard.watertight --rays 1e7
+python -m tests.hard.watertight --rays 1e7 [--seed 1]
 
 A ray is transverse if it enters the solid by more than a contact, the size of the field that a hit may have; such a ray
-must not be lost. Rays that only graze it, by less, may pass; their share is told.
+must not be lost. Rays that only graze it, by less, may pass; their share is told, by the angle at which they touch.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import test_random_trees
+from numpy.typing import NDArray
 
 import raymarch as rm
+from raymarch.truth.rays import camera_rays
 from tests.hard.fuzz import scene_of
 from tests.hard.referee import Referee
 from tests.hard.world import World
 
+ANGLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 90.0)
+"""Upper ends of the bins, degrees between ray and surface."""
+STEPS = 1500
+"""Of the float64 march; a ray that is not done is left out, and counted."""
+
 
 @dataclass
 class Count:
-    """Rays of which float64 knows that they hit; those lost among them, and those that grazed and passed."""
+    """Rays; of which float64 knows that they meet a solid; those lost among them, and those that grazed and passed.
+
+    met, passed : by the angle, of those that meet a solid and of those that grazed and passed.
+    """
 
     rays: int = 0
     hits: int = 0
     lost: int = 0
     grazing: int = 0
+    unknown: int = 0
+    met: NDArray[Any] = field(default_factory=lambda: np.zeros(len(ANGLES), int))
+    passed: NDArray[Any] = field(default_factory=lambda: np.zeros(len(ANGLES), int))
+
+    def table(self) -> str:
+        """A line for each bin."""
+        lines = []
+        for low, high, met, passed in zip((0.0, *ANGLES), ANGLES, self.met, self.passed, strict=False):
+            lines.append(f"{low:g} to {high:g} degrees: {passed} of {met} pass, {passed / max(met, 1):.2g}")
+        return "\n".join(lines)
 
 
 def solid(seed: int) -> rm.Node:
@@ -42,36 +63,88 @@ def solid(seed: int) -> rm.Node:
     return test_random_trees.made(str(random.choice(many)), [node, other], int(random.integers(200)))
 
 
+def first_contact(referee: Referee) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Where plain float64 steps come within a contact of the solid, (H, W), inf where they leave its box; which ended.
+
+    A certified field is never larger than the distance, so nothing lies before it.
+    """
+    node, (width, height) = referee.scene.node, referee.size
+    rays = camera_rays(referee.pose, width, height)
+    lines = rays.lines(node.facts, np.inf)
+    found = np.full(width * height, np.inf)
+    rows = np.flatnonzero(lines.end > lines.start)
+    t = lines.start[rows]
+    for _ in range(STEPS):
+        if not rows.size:
+            break
+        value = node.distance(rays.at(rows, t))
+        near = value <= referee.contact(t)
+        found[rows[near]] = t[near]
+        t = t + value
+        going = ~near & (t < lines.end[rows])
+        rows, t = rows[going], t[going]
+    known = np.ones(width * height, bool)
+    known[rows] = False
+    return found.reshape(height, width), known.reshape(height, width)
+
+
 def shoot(world: World, seed: int, size: tuple[int, int], count: Count) -> None:
     """Add the rays of one picture of a solid."""
     node = solid(seed)
     if node.exactness == "estimate" or node.facts.empty:
         return
-    referee = Referee(scene_of(node, seed), size)
-    frame = world.draw(referee.scene, size, ("depth",))
-    through = referee.through(frame.depth.astype(np.float64))
-    missing = referee.known.hit & ~np.isfinite(frame.depth)
-    count.rays += frame.depth.size
-    count.hits += int(referee.known.hit.sum())
+    scene = scene_of(node, seed)
+    scene.camera = rm.Camera(scene.camera.position, scene.camera.target, fov=36.0)  # the solid fills the picture
+    referee = Referee(scene, size)
+    frame = world.draw(referee.scene, size, ("depth", "normal"))
+    first, known = first_contact(referee)
+    depth = frame.depth.astype(np.float64)
+    through = referee.through(depth, first)
+    missing = np.isfinite(first) & ~np.isfinite(depth)
+    missing[missing] = referee.deepest(missing, first, depth) > 0  # the others came near, and went by
+    seen = np.isfinite(first) & np.isfinite(depth)
+    hit = seen | missing
+    count.rays += depth.size
+    count.hits += int(hit.sum())
     count.lost += int(through.sum())
     count.grazing += int((missing & ~through).sum())
+    count.unknown += int((~known).sum())
+    passed = _angles(node.gradient(referee.at(first)[missing]), referee.direction[missing])
+    count.passed += _binned(passed)
+    count.met += _binned(_angles(frame.normal[seen], referee.direction[seen])) + _binned(passed)
+
+
+def _angles(normals: NDArray[Any], directions: NDArray[Any]) -> NDArray[np.float64]:
+    length = np.maximum(np.linalg.norm(normals, axis=-1), 1e-9)
+    return np.degrees(np.arcsin(np.clip(np.abs(np.sum(normals * directions, axis=-1)) / length, 0, 1)))
+
+
+def _binned(angles: NDArray[Any]) -> NDArray[np.int64]:
+    return np.bincount(np.searchsorted(ANGLES[:-1], angles), minlength=len(ANGLES))
 
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rays", type=float, default=1e5)
-    wanted = parser.parse_args(arguments).rays
-    count, seed = Count(), 1
-    size = (320, 240) if wanted > 1e6 else (96, 72)
+    parser.add_argument("--seed", type=int, default=1)
+    given = parser.parse_args(arguments)
+    count, seed = Count(), given.seed
+    size = (320, 240) if given.rays > 1e6 else (96, 72)
     with World() as world:
-        while count.rays < wanted:
+        while count.rays < given.rays:
+            before = count.lost
             shoot(world, seed, size, count)
+            if count.lost > before:
+                print(f"solid {seed}: {count.lost - before} lost", flush=True)
             seed += 1
-            if seed % 20 == 0:
-                print(count, flush=True)
+            if seed % 10 == 0:
+                print(
+                    f"{seed - given.seed} solids: {count.rays} rays, {count.hits} hits, {count.lost} lost", flush=True
+                )
     share = count.grazing / max(count.hits, 1)
     print(
-        f"{count.rays} rays at {seed - 1} solids, {count.hits} hits: {count.lost} lost; {share:.2g} grazed and passed"
+        f"{count.rays} rays at {seed - given.seed} solids, {count.hits} meet one: {count.lost} lost; "
+        f"{share:.2g} grazed and passed; {count.unknown} not known\n{count.table()}"
     )
     return 1 if count.lost else 0
 
