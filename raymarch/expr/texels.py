@@ -38,7 +38,7 @@ class Texels:
 
     def __init__(self, values: ArrayLike, wrap: Wrap = "repeat", label: str = "") -> None:
         """values : (h, w) or (h, w, channels), linear, row 0 at the bottom; each side 1 to 4096, |value| <= 65504."""
-        array = np.asarray(values, np.float64)
+        array = np.asarray(values, np.float32)
         array = array[..., None] if array.ndim == 2 else array
         if array.ndim != 3 or not 1 <= array.shape[2] <= 3 or not 1 <= min(array.shape) <= max(array.shape) <= LARGEST:
             raise SceneError(f"texels of shape {array.shape}", legal=f"(h, w, 1 to 3), sides from 1 to {LARGEST}")
@@ -111,8 +111,9 @@ def _halved(values: Array, axis: int) -> Array:
     first = np.moveaxis(values, axis, 0)
     if n == 2 * m:
         return np.moveaxis(0.5 * (first[0::2] + first[1::2]), 0, axis)
-    total = np.concatenate([np.zeros_like(first[:1]), np.cumsum(first, axis=0)])
+    total = np.concatenate([np.zeros_like(first[:1]), np.cumsum(first, axis=0, dtype=np.float64)])
     ends = np.arange(m + 1) * (n / m)
     whole = np.minimum(ends.astype(int), n - 1)
     share = (ends - whole).reshape(-1, *(1,) * (first.ndim - 1))
-    return np.moveaxis(np.diff(total[whole] + share * first[whole], axis=0) * (m / n), 0, axis)
+    means = np.diff(total[whole] + share * first[whole], axis=0) * (m / n)
+    return np.moveaxis(means.astype(values.dtype), 0, axis)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from raymarch.errors import SceneError
+from raymarch.errors import SceneError, user_location
 
 Array = NDArray[np.float32]
 
@@ -36,7 +36,7 @@ def read_stored(what: str, file: str | PathLike[str], largest: int = LARGEST) ->
 
     Whole numbers are given as shares of the largest one, from 0 to 1. Errors are those of `read_image`.
     """
-    path = Path(fspath(file))
+    path = _found(Path(fspath(file)))
     legal = f"a picture of up to {largest} x {largest} pixels: .hdr, .exr, .png, .jpg, ..."
     if not path.is_file():
         raise SceneError(f"{what}: no file '{path}'", legal=legal)
@@ -50,6 +50,13 @@ def read_stored(what: str, file: str | PathLike[str], largest: int = LARGEST) ->
     if not np.all(np.isfinite(pixels)):
         raise SceneError(f"{what}: '{path}' holds values that are not finite", legal="finite numbers")
     return pixels, encoded
+
+
+def _found(path: Path) -> Path:
+    """A file's place: as it is given, or beside the scene's own file."""
+    where = user_location()
+    beside = path if where is None else Path(where.file).parent / path
+    return beside if not path.is_file() and beside.is_file() else path
 
 
 def _read(path: Path) -> tuple[NDArray[Any], bool]:

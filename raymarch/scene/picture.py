@@ -26,13 +26,13 @@ STEEPEST = 64.0
 
 def values_for(stored: Array, role: str, encoded: bool, channel: int | None, downwards: bool, wrap: Wrap) -> Array:
     """The numbers of a picture for what it is used for, row 0 at the bottom."""
-    pixels = np.asarray(stored[::-1], np.float64)
+    pixels = np.asarray(stored[::-1], np.float32)
     one = pixels[..., channel or 0]
     values: Array
     if role == "color":
-        values = linear(pixels[..., :3]) if encoded else pixels[..., :3]
+        values = _decoded(pixels[..., :3]) if encoded else pixels[..., :3]
     elif role == "grey":
-        values = linear(one) if encoded and channel is None else one
+        values = _decoded(one) if encoded and channel is None else one
     elif role == "stored":
         values = pixels[..., :3]
     elif role == "number":
@@ -44,6 +44,12 @@ def values_for(stored: Array, role: str, encoded: bool, channel: int | None, dow
     else:
         values = _slopes(one, wrap)
     return values
+
+
+def _decoded(encoded: Array) -> Array:
+    """Linear values of encoded ones, which are shares of 255 or of 65535, by a table: there may be many millions."""
+    table = np.asarray(linear(np.arange(65536) / 65535.0), np.float32)
+    return table[np.rint(encoded * 65535.0).astype(np.uint16)]
 
 
 def _slopes(heights: Array, wrap: Wrap) -> Array:

@@ -202,8 +202,8 @@ def _made(
 ) -> Texture:
     if not isinstance(offset, tuple | list | np.ndarray) or len(offset) != 2:
         raise SceneError(f"{what}: offset = {offset!r}", legal="two lengths")
-    across, up = (as_number(f"{what}: offset", v, -1e6, 1e6) for v in offset)
-    turn = as_number(f"{what}: rotation", rotation)
+    across, up = (as_number(f"{what}: offset", v, -1e6, 1e6, cells=True) for v in offset)
+    turn = as_number(f"{what}: rotation", rotation, -1e6, 1e6, cells=True)
     hard = as_number(f"{what}: hardness", hardness, 1.0, 64.0)
     one = expr(1.0)
     made = Texture(what, picture, Layout(axis, (one, one), (across, up), turn, hard), **parts)

@@ -1,0 +1,120 @@
+"""Textures on the device: what they are filtered to, what of them is kept, and light that goes on from them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.function import Function
+from raymarch.expr.node import const, var
+from raymarch.expr.texels import Texels, Wrap
+from raymarch.expr.textures import texture
+from raymarch.expr.types import FLOAT, VEC2
+from raymarch.expr.vocabulary import vec3
+from raymarch.gpu import Renderer
+from raymarch.gpu.context import Context
+from raymarch.truth import silhouettes, truth
+
+sys.path += [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "shader")]
+from glsl_harness import evaluate
+from shader_samples import scenes, tiles
+
+WEIGHTS = 3 * 2.0**-9
+"""What texture units may do to a value, by its range: they round the weights along u, v and the levels to 8 bits."""
+
+SIZE = (80, 60)
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
+@pytest.mark.parametrize(("height", "width", "channels"), [(16, 16, 3), (5, 12, 1), (1, 7, 2), (1, 1, 3)])
+def test_the_device_filters_as_the_truth_does(wrap: Wrap, height: int, width: int, channels: int, egl: Context) -> None:
+    rng = np.random.default_rng(height + width)
+    data = Texels(rng.uniform(0, 1, (height, width, channels)), wrap)
+    at = rng.uniform(-2, 3, (400, 2))
+    across, along = (10.0 ** rng.uniform(-4, 0.5, (400, 1)) * rng.uniform(-1, 1, (400, 2)) for _ in range(2))
+    weight = np.where(rng.uniform(size=400) < 0.2, 0.0, rng.uniform(0, 1, 400))
+    inputs = (*(var(name, VEC2) for name in ("at", "across", "along")), var("weight", FLOAT))
+    node = texture(data, *inputs)
+    function = Function("pictured", inputs, vec3(node, const(0.0)) if channels == 2 else node)
+    points = [v.astype(np.float32).astype(np.float64) for v in (at, across, along, weight)]
+    found = evaluate(egl, function, points)
+    wanted = evaluator([function.body], inputs)(*points)[0]
+    off = np.abs(found - wanted).reshape(400, -1).max(axis=1)
+    # Where the number of samples is about to change, rounding may take another one.
+    assert np.mean(off > WEIGHTS) < 0.01 and off.max() < 0.5
+    assert np.all(found.reshape(400, -1)[weight == 0.0] == 0.0)
+
+
+def test_a_checkered_floor_is_that_of_the_truth_up_to_its_horizon(renderer: Renderer) -> None:
+    checks = np.kron(np.array([[0.1, 0.9], [0.9, 0.1]]), np.ones((32, 32)))
+    floor = rm.plane().material(rm.Material(rm.planar(checks, 0.5, "y"), specular=0.0))
+    made = rm.Scene(floor, camera=rm.Camera((0.13, 1, 0), (0.13, 0.9, -2)))
+    renderer.resize(SIZE)
+    known = truth(made, SIZE)
+    off = np.abs(renderer.render(made).color - known.color).max(axis=-1)[known.hit & ~silhouettes(known)]
+    assert off.size > 1000 and np.percentile(off, 99) < WEIGHTS * 0.8
+
+
+def test_equal_pictures_are_one_texture_on_the_device(renderer: Renderer) -> None:
+    before = renderer.store.objects["data"]
+    ball = rm.sphere()
+    made = [rm.Material(rm.triplanar(tiles(24).copy())), rm.Material(rm.planar(tiles(24), 2, rotation=1))]
+    scene = rm.Scene(ball.material(made[0]) | ball.translate((2, 0, 0)).material(made[1]))
+    renderer.render(scene)
+    renderer.render(scene, time=1.0)
+    assert renderer.store.objects["data"] == before + 1
+    (picture,) = renderer.prepared(scene).plan.textures
+    assert picture.size == (24, 24) and picture.nbytes == 2 * 3 * (24**2 + 12**2 + 6**2 + 3**2 + 1)
+
+
+def test_what_a_part_does_not_show_is_not_read(renderer: Renderer) -> None:
+    """The weight of a texture is 0 where another part is seen: the text says so."""
+    shown = rm.sphere().material(rm.Material(rm.planar(tiles()))) | rm.box().material(rm.Material((1, 0, 0)))
+    text = renderer.prepared(rm.Scene(shown)).texts["color"]
+    (call,) = [line for line in text.split("\n") if "filtered(u_texels" in line]
+    assert "<= 0.0 ? 0.0 : 1.0)" in call
+
+
+def test_a_bent_mirror_shows_what_the_truth_shows(renderer: Renderer) -> None:
+    """As for other trees: each colour is among those of the true picture around it, but for a few pixels in which a way
+    leaps from one thing to another."""
+    made = scenes()["textures in a tree"]
+    renderer.resize(SIZE)
+    known, found = truth(made, SIZE).color, renderer.render(made).color
+    near = np.pad(known, ((1, 1), (1, 1), (0, 0)), "edge")
+    near = np.stack([near[i : i + SIZE[1], j : j + SIZE[0]] for i in range(3) for j in range(3)])
+    wrong = np.maximum(found - near.max(axis=0), near.min(axis=0) - found).max(axis=-1)
+    assert np.mean(wrong > 1 / 255) < 0.01
+
+
+def test_textures_are_read_wherever_light_goes(renderer: Renderer) -> None:
+    """Light that wanders over a red and a blue half of a floor brings both colours to a white ball."""
+    halves = np.concatenate([np.tile((1.0, 0.05, 0.05), (2, 2, 1)), np.tile((0.05, 0.05, 1.0), (2, 2, 1))], axis=1)
+    floor = rm.plane(offset=-1).material(rm.Material(albedo=rm.planar(halves, 20, "y", wrap="clamp"), roughness=1.0))
+    ball = rm.sphere().material(rm.Material(albedo=(0.9, 0.9, 0.9), roughness=1.0))
+    renderer.resize((48, 36))
+    scene = rm.Scene(
+        ball | floor, rm.Camera((0, 0.5, 6), (0, 0, 0)), [], (1, 1, 1), bounces=2, quality=rm.Quality(samples=64)
+    )
+    low = renderer.render(scene).color[20:24]
+    left, right = low[:, 16:22].mean((0, 1)), low[:, 26:32].mean((0, 1))
+    assert left[0] > 1.1 * left[2] and right[2] > 1.1 * right[0]
+
+
+def test_a_texture_may_lie_otherwise_in_each_cell(renderer: Renderer) -> None:
+    def block(index: rm.Node) -> rm.Node:
+        shift = 0.3 * index.x
+        return rm.box((0.8, 0.8, 0.8)).material(rm.Material(rm.planar(tiles(), offset=(shift, 0.0))))
+
+    scene = rm.Scene(rm.repeat_varied(block, (1, None, None), 3))
+    renderer.resize(SIZE)
+    known = truth(scene, SIZE)
+    off = np.abs(renderer.render(scene).color - known.color).max(axis=-1)[known.hit & ~silhouettes(known)]
+    assert np.percentile(off, 95) < WEIGHTS
+    still = rm.box((0.8, 0.8, 0.8)).material(rm.Material(rm.planar(tiles()))).repeat((1, None, None), 3)
+    assert np.abs(truth(rm.Scene(still), SIZE).color - known.color).max() > 0.1
