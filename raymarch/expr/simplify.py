@@ -121,6 +121,16 @@ def _scalars(v: Expr) -> list[Expr]:
     return [part for p in v.args for part in ([p] if p.type is FLOAT else [p[i] for i in range(p.type.size)])]
 
 
+def _placed(m: Expr, v: Expr) -> Expr | None:
+    """A constant matrix times a vector. What is less than the rounding of a full turn, 2^-50, beside the rest of its
+    row is 0, such as the cosine of a quarter turn; a matrix that only swaps and mirrors axes picks components."""
+    size = np.abs(m.data)
+    data = np.where(size < 2.0**-50 * size.max(axis=1, keepdims=True), 0.0, m.data)
+    if np.all(np.sort(np.abs(data), axis=1) == np.eye(m.type.size)[-1]):
+        return construct(*(v[int(np.argmax(np.abs(row)))] * float(row.sum()) for row in data))
+    return None if np.array_equal(data, m.data) else make("matmul", v.type, (const(data, m.type), v))
+
+
 @simplifier
 def components(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
     if op == "swizzle":
@@ -141,8 +151,8 @@ def components(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
             return swizzle(source, "".join(p.data for p in args))
     if op == "matmul":
         m, v = args
-        if m.op == "const" and bool(np.array_equal(m.data, np.eye(m.type.size))):
-            return v
+        if m.op == "const" and v.type.is_vector:
+            return _placed(m, v)
     if op == "transpose" and args[0].op == "transpose":
         return args[0].args[0]
     return None

@@ -23,6 +23,7 @@ from raymarch.expr.node import swizzle
 from raymarch.expr.types import BOOL, FLOAT, VEC2, VEC3, VECTORS
 from raymarch.expr.walk import topological
 from raymarch.gpu.context import Context
+from raymarch.sdf.placing import rotation_matrix
 
 Recipe: TypeAlias = Any
 A, P, Q = var("a", FLOAT), var("p", VEC3), var("q", VEC2)
@@ -237,6 +238,9 @@ def test_unsimplified_text_means_the_same(egl: Context, recipe: Recipe) -> None:
         (lambda: v.vec3(A, Q).yz, lambda: Q),
         (lambda: P.zx.x, lambda: P.z),
         (lambda: expr(np.eye(3)) @ P, lambda: P),
+        (lambda: rotation_matrix(expr((1.0, 0.0, 0.0)), expr(np.pi / 2)) @ P, lambda: v.vec3(P.x, -P.z, P.y)),
+        (lambda: rotation_matrix(expr((0.0, 1.0, 0.0)), expr(np.pi)) @ P, lambda: v.vec3(-P.x, P.y, -P.z)),
+        (lambda: expr([[2.0, 1e-17], [0.0, 1.0]]) @ Q, lambda: expr([[2.0, 0.0], [0.0, 1.0]]) @ Q),
         (lambda: v.transpose(v.transpose(v.columns(Q, Q))), lambda: v.columns(Q, Q)),
         (lambda: const(2.0) * 3 + 1, lambda: const(7.0)),
         (lambda: v.dot((0.0, 0.0, 0.0), P), lambda: const(0.0)),
