@@ -21,7 +21,9 @@ from raymarch.expr.node import Expr, const
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
+from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
+from raymarch.sdf.labels import relabelled
 from raymarch.shader import assemble
 
 TEXEL = 16
@@ -75,7 +77,7 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """The scene with each of its effects left out in turn.
 
     An effect is an optional part of the scene that is given (fog, occlusion, ...), a switch of a light or of the sky
-    that is on, a softness that is not 0, one of several lights, or more than one ray a pixel.
+    that is on, a softness that is not 0, one of several lights, textures and relief, or more than one ray a pixel.
     """
     for name in _optional_parts(scene):
         yield name, _changed(scene, **{name: None})
@@ -93,6 +95,8 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
         for i, light in enumerate(scene.lights):
             rest = scene.lights[:i] + scene.lights[i + 1 :]
             yield f"light {i + 1}, {type(light).__name__}", _changed(scene, lights=rest)
+    if any(m.textured or m.relief for m in scene.materials):
+        yield "maps", _changed(scene, node=relabelled(scene.node, Material.without_maps))
     if scene.quality.samples > 1:
         yield "anti-aliasing", with_quality(scene, replace(scene.quality, samples=1))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
-from raymarch.expr.walk import find, free_variables
+from raymarch.expr.walk import find, free_variables, rebuild, rewrite
 from raymarch.scene.parameter import as_number, as_vec3
 from raymarch.scene.relief import FLAT, tilt_of
 from raymarch.scene.texture import Texture, lie_alike
@@ -180,6 +181,22 @@ class Material:
         """True if light goes through it."""
         share = self._fields["transmission"]
         return not share.is_constant or bool(np.any(share.data))
+
+    def without_maps(self) -> Material:
+        """The same material with the mean of each picture in its place, and nothing that bends normals."""
+        made = copy.copy(self)
+        fields = {**self._fields, "tilt": FLAT, "open": expr(1.0)}
+
+        def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+            if node.op != "texture":
+                return rebuild(node, args)
+            share = 1.0 if args[3].is_constant else 1.0 / 3.0  # of three projections, whose weights sum to 1
+            mean = share * node.data.levels[-1][0, 0].astype(np.float64)
+            return expr(mean if node.type.is_vector else float(mean[0]))
+
+        new = rewrite(fields.values(), rule)
+        made._fields = {name: new[value] for name, value in fields.items()}
+        return made
 
     @property
     def mirrors(self) -> bool:

@@ -72,7 +72,7 @@ def pixels_of(what: str, picture: Picture) -> tuple[Array, bool, str]:
     if array.dtype.kind not in "biuf" or array.ndim not in (2, 3) or not array.size:
         raise SceneError(given if isinstance(picture, np.ndarray) else f"{what}: {picture!r}", legal=legal)
     encoded = array.dtype == np.uint8
-    values = np.asarray(array, np.float64) / (255.0 if encoded else 1.0)
+    values = np.asarray(array, np.float32) / np.float32(255.0 if encoded else 1.0)
     values = values[..., None] if values.ndim == 2 else values
     if values.shape[2] > 4 or not 1 <= min(values.shape[:2]) <= np.max(values.shape[:2]) <= LARGEST:
         raise SceneError(given, legal=legal)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import raymarch as rm
+from raymarch.cost.effects import ablations
 from raymarch.gpu.effort import effort
 from raymarch.plan import lights
 from raymarch.scene import load
@@ -83,6 +84,9 @@ def pairs() -> Iterator[tuple[str, str, rm.Scene, rm.Scene]]:
     yield "64 lights for 1", "lights", many, with_lights(many, _nothing, 1)
     yield "64 lights for 1, no shadows", "lights", with_lights(many, _shadowless), with_lights(many, _shadowless, 1)
     yield "64 shadows", "lights", many, with_lights(many, _shadowless)
+
+    maps = load(FOLDER.parent / "textures.py")
+    yield "13 maps", "textures", maps, dict(ablations(maps))["maps"]
 
 
 def cost(renderer: rm.Renderer, scene: rm.Scene) -> tuple[float, float]:

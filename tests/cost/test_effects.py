@@ -53,6 +53,23 @@ def test_each_effect_is_left_out_alone():
     assert scene.fog is not None
 
 
+def test_without_maps_each_picture_is_its_mean(renderer):
+    picture = np.random.default_rng(2).uniform(0, 1, (8, 8, 3))
+
+    def scene(material):
+        node = rm.union(rm.sphere().material(material), rm.box().translate((1, 0, 0)), k=0.2)
+        return rm.Scene(node.repeat(4, 3))
+
+    painted = rm.Material(albedo=rm.triplanar(picture), height=rm.triplanar(picture[..., 0], 0.5))
+    ((name, bare),) = ablations(scene(painted))
+    (plain,) = bare.materials[1:]
+    assert name == "maps"
+    assert not plain.textured
+    assert not plain.relief
+    evened = scene(rm.Material(albedo=tuple(picture.mean((0, 1)))))
+    np.testing.assert_allclose(renderer.render(bare).color, renderer.render(evened).color, atol=1e-3)
+
+
 def test_a_plain_scene_has_no_effects(renderer):
     assert not list(ablations(rm.Scene(rm.sphere())))
     with pytest.raises(CostError, match="no effects"):

@@ -118,3 +118,14 @@ def test_a_texture_may_lie_otherwise_in_each_cell(renderer: Renderer) -> None:
     assert np.percentile(off, 95) < WEIGHTS
     still = rm.box((0.8, 0.8, 0.8)).material(rm.Material(rm.planar(tiles()))).repeat((1, None, None), 3)
     assert np.abs(truth(rm.Scene(still), SIZE).color - known.color).max() > 0.1
+
+
+def test_textures_far_from_the_origin_are_those_near_it(renderer: Renderer) -> None:
+    """A material's space is told from its own place: coordinates of millions leave the footprint as it is."""
+    pictures = []
+    for place in ((0.0, 0.0, 0.0), (1e6, -2e6, 5e5)):
+        bumpy = rm.Material(rm.triplanar(tiles(), 0.5), height=rm.planar(tiles()[..., 0], 0.5), height_scale=0.05)
+        floor = rm.plane(offset=-0.6).material(rm.Material(rm.planar(tiles(), 1, "y")))
+        camera = rm.Camera(tuple(np.add(place, (1, 1.5, 3))), place)
+        pictures.append(renderer.render(rm.Scene((rm.box().material(bumpy) | floor).translate(place), camera)).color)
+    assert np.percentile(np.abs(pictures[0] - pictures[1]), 99.9) < 1e-3

@@ -1,0 +1,29 @@
+"""A tree of nodes with other labels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from raymarch.sdf.node import Node
+
+
+def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
+    """The same solid, its labels replaced by what a function makes of them. What is asked twice stays one node."""
+    made: dict[Node, Node] = {}
+    pending = [root]
+    while pending:
+        node = pending[-1]
+        waiting = [child for child in node.children if child not in made]
+        if waiting:
+            pending += waiting
+            continue
+        pending.pop()
+        children = tuple(made[child] for child in node.children)
+        label = None if node.label is None else change(node.label)
+        if children == node.children and label is node.label:
+            made[node] = node
+        else:
+            made[node] = Node(node.definition, children, node.params, node.facts, label)
+            made[node].where = node.where
+    return made[root]
