@@ -110,6 +110,13 @@ class Screen:
         where its size is another."""
         self._fill(self, picture, True, None, tone)
 
+    def clear(self, grey: float) -> None:
+        """Fill the window with a grey, of sRGB."""
+        self.context.make_current()
+        confine(self.framebuffer, None)
+        self.framebuffer.use()
+        self.framebuffer.clear(grey, grey, grey, 1.0)
+
     def copy(self, picture: Target, into: Target, tile: tuple[int, int, int, int] | None = None) -> None:
         """Copy a picture into another target, or a tile of it; smoothly where its size is another."""
         self._fill(into, picture, False, tile)

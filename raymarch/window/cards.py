@@ -24,7 +24,9 @@ def cards_of(viewer: Viewer, now: float) -> list[Card]:
     since = viewer.reloader.busy_since
     if since is not None and viewer.reloading is not None and clock_time.monotonic() - since > PATIENT:
         waited = clock_time.monotonic() - since
-        cards.append(Card(f"{viewer.state.file.name} runs for {waited:.0f} s (Esc stops it)", "busy", "bottom left"))
+        cards.append(
+            Card(f"{viewer.reloader.file.name}: tried out for {waited:.0f} s (Esc stops it)", "busy", "bottom left")
+        )
     viewer.notices = [(until, text) for until, text in viewer.notices if until > now]
     cards += [Card(text, "note", "top left") for _, text in viewer.notices]
     if viewer.state.selected is not None:

@@ -130,6 +130,9 @@ class Viewer:
         self.state.aspect = self.window.size[0] / max(1, self.window.size[1])
         if not self.state.moved:
             self.state.reset()
+        self.screen.clear(0.12)  # a driver may compile for seconds
+        self.overlay.draw([Card(f"{self.state.file.name}: compiling", "note", "middle")], self.window.density)
+        self.window.swap()
         self.picture.step(self.state.shot(), self.window.size, False)
         driver = self.window.context.driver
         self.log.say("open", size=self.window.size, density=self.window.density, renderer=driver.renderer)
