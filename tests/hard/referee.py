@@ -1,7 +1,8 @@
 """A frame held against the float64 truth: every pixel must be explained by what a hit promises.
 
 A hit lies where the true field is within a contact (and rounding); nothing is in front of it, unless the ray only
-touches that, by less than a contact. A ray that ran out of steps may be a pixel's width off.
+dips into that, by less than an epsilon: from there on the last steps follow the slope, and prove nothing. A ray that
+ran out of steps may be a pixel's width off. What rounding adds is derived for the field at that point.
 """
 
 from __future__ import annotations
@@ -96,21 +97,23 @@ class Referee:
         return rounding_of(self.scene.node, at, PLACE * ULP * largest)
 
     def _missed(self, depth: NDArray[Any]) -> list[str]:
-        through = self.through(depth, self.known.depth)
+        through = self.through(depth, deeper=EPSILON)
         return [f"{through.sum()} rays go through a surface"] if through.any() else []
 
-    def through(self, depth: NDArray[Any], known: NDArray[Any]) -> NDArray[np.bool_]:
+    def through(
+        self, depth: NDArray[Any], known: NDArray[Any] | None = None, deeper: float = CONTACT * EPSILON
+    ) -> NDArray[np.bool_]:
         """Rays that went through the first surface: those that are in it by more than a contact for a while.
 
-        known : its depth in float64, inf where there is none.
+        known : its depth in float64, inf where there is none; by default the truth's. deeper : in pixels.
         """
+        known = self.known.depth if known is None else known
         first = np.where(np.isfinite(known), known, 0.0)
         found = np.isfinite(known) & ~(depth <= first * (1 + 1e-4) + 4 * self.pixel * first)
         if found.any():
             t = first[found]
-            found[found] = self.deepest(found, first, depth) > self.contact(t) + self._rounding(
-                self.at(first)[found], t
-            )
+            allowed = deeper * self.pixel * t + self._rounding(self.at(first)[found], t)
+            found[found] = self.deepest(found, first, depth) > allowed
         return found
 
     def deepest(self, rows: NDArray[np.bool_], first: NDArray[Any], depth: NDArray[Any]) -> NDArray[np.float64]:

@@ -2,8 +2,9 @@
 
 python -m tests.hard.watertight --rays 1e7 [--seed 1]
 
-A ray is transverse if it enters the solid by more than a contact, the size of the field that a hit may have; such a ray
-must not be lost. Rays that only graze it, by less, may pass; their share is told, by the angle at which they touch.
+A ray is transverse if it enters the solid by more than an epsilon, a tenth of a pixel; such a ray must not be lost.
+Rays that only dip into it, by less, may be drawn farther on; those that are by more than a contact are counted. Rays
+that graze it by less than that may pass; their share is told, by the angle at which they touch.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import raymarch as rm
 from raymarch.truth.rays import camera_rays
 from tests.hard.fuzz import scene_of
 from tests.hard.referee import Referee
-from tests.hard.world import World
+from tests.hard.world import EPSILON, World
 
 ANGLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 90.0)
 """Upper ends of the bins, degrees between ray and surface."""
@@ -31,7 +32,8 @@ STEPS = 1500
 
 @dataclass
 class Count:
-    """Rays; of which float64 knows that they meet a solid; those lost among them, and those that grazed and passed.
+    """Rays; of which float64 knows that they meet a solid; those lost among them, those drawn behind a dip, and those that
+    grazed and passed.
 
     met, passed : by the angle, of those that meet a solid and of those that grazed and passed.
     """
@@ -39,6 +41,7 @@ class Count:
     rays: int = 0
     hits: int = 0
     lost: int = 0
+    dipped: int = 0
     grazing: int = 0
     unknown: int = 0
     met: NDArray[Any] = field(default_factory=lambda: np.zeros(len(ANGLES), int))
@@ -99,7 +102,8 @@ def shoot(world: World, seed: int, size: tuple[int, int], count: Count) -> None:
     frame = world.draw(referee.scene, size, ("depth", "normal"))
     first, known = first_contact(referee)
     depth = frame.depth.astype(np.float64)
-    through = referee.through(depth, first)
+    through = referee.through(depth, first, EPSILON)
+    dipped = referee.through(depth, first) & ~through
     missing = np.isfinite(first) & ~np.isfinite(depth)
     missing[missing] = referee.deepest(missing, first, depth) > 0  # the others came near, and went by
     seen = np.isfinite(first) & np.isfinite(depth)
@@ -107,7 +111,8 @@ def shoot(world: World, seed: int, size: tuple[int, int], count: Count) -> None:
     count.rays += depth.size
     count.hits += int(hit.sum())
     count.lost += int(through.sum())
-    count.grazing += int((missing & ~through).sum())
+    count.dipped += int(dipped.sum())
+    count.grazing += int((missing & ~through & ~dipped).sum())
     count.unknown += int((~known).sum())
     passed = _angles(node.gradient(referee.at(first)[missing]), referee.direction[missing])
     count.passed += _binned(passed)
@@ -144,7 +149,7 @@ def main(arguments: list[str]) -> int:
     share = count.grazing / max(count.hits, 1)
     print(
         f"{count.rays} rays at {seed - given.seed} solids, {count.hits} meet one: {count.lost} lost; "
-        f"{share:.2g} grazed and passed; {count.unknown} not known\n{count.table()}"
+        f"{count.dipped} drawn behind a dip of less than an epsilon; {share:.2g} grazed and passed; {count.unknown} not known\n{count.table()}"
     )
     return 1 if count.lost else 0
 
