@@ -32,8 +32,7 @@ STEPS = 1500
 
 @dataclass
 class Count:
-    """Rays; of which float64 knows that they meet a solid; those lost among them, those drawn behind a dip, and those that
-    grazed and passed.
+    """Rays; those that float64 knows to meet a solid; of them, those lost, drawn behind a dip, and grazed and passed.
 
     met, passed : by the angle, of those that meet a solid and of those that grazed and passed.
     """
@@ -146,10 +145,10 @@ def main(arguments: list[str]) -> int:
                 print(
                     f"{seed - given.seed} solids: {count.rays} rays, {count.hits} hits, {count.lost} lost", flush=True
                 )
-    share = count.grazing / max(count.hits, 1)
     print(
         f"{count.rays} rays at {seed - given.seed} solids, {count.hits} meet one: {count.lost} lost; "
-        f"{count.dipped} drawn behind a dip of less than an epsilon; {share:.2g} grazed and passed; {count.unknown} not known\n{count.table()}"
+        f"{count.dipped} drawn behind a dip of less than an epsilon; {count.grazing} grazed and passed; "
+        f"{count.unknown} not known\n{count.table()}"
     )
     return 1 if count.lost else 0
 
