@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import json
 import os
 import re
 import runpy
@@ -130,3 +131,11 @@ def test_no_promise_is_broken():
 def test_every_module_has_a_header():
     for file in (ROOT / "raymarch" / "glsl").glob("*/*.glsl"):
         glsl.load(f"{file.parent.name}/{file.stem}")
+
+
+def test_the_gallery_shows_all_examples_as_its_script_writes_it():
+    gallery = runpy.run_path(str(ROOT / "docs" / "gallery.py"))
+    counts = json.loads((ROOT / "docs" / "figures" / "gallery.json").read_text())
+    assert list(counts) == [gallery["name_of"](file) for file in gallery["files"]()]
+    assert gallery["page"](counts) == (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    assert all((ROOT / "docs" / "pictures" / "gallery" / f"{name}.png").is_file() for name in counts)
