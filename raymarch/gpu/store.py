@@ -69,6 +69,10 @@ class Store:
             oldest.release()
         return program, spent
 
+    def knows(self, ready: Prepared) -> bool:
+        """Whether all programs of a scene are compiled."""
+        return all((ready.vertex, text) in self._programs for text in ready.texts.values())
+
     def first_draw(self, program: Program) -> bool:
         """True once for each program: drivers finish their work in its first draw."""
         first = program not in self._drawn

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from raymarch.errors import RaymarchError
 from raymarch.window.edits import Edits
+from raymarch.window.overlay import Card
 from raymarch.window.reload import Failed, Fault, Loaded, Started, Watching
 
 if TYPE_CHECKING:
@@ -77,6 +78,8 @@ def change(viewer: Viewer, edits: Edits) -> None:
     try:
         scene = edits.apply(viewer.base)
         viewer.state.adopt(scene, scene.parameters)
+        if not viewer.renderer.store.knows(viewer.renderer.prepared(viewer.state.live)):
+            viewer.announce(Card("compiling", "busy", "bottom left"))
         viewer.picture.step(viewer.state.shot(), viewer.screen.size, False)
     except RaymarchError as fault:
         viewer.state = before

@@ -34,7 +34,8 @@ class Editors:
         imgui, viewer = self._imgui, self._viewer
         now: Edits = viewer.edits
         if now.lights is None:
-            imgui.text(f"{len(viewer.base.lights)} lights, as the file says")
+            count = len(viewer.base.lights)
+            imgui.text(f"{count} light{'' if count == 1 else 's'}, as the file says")
             if imgui.button("edit"):
                 viewer.edit(replace(now, lights=edits.editable_lights(viewer.base)))
             viewer.mark("edit lights")

@@ -88,6 +88,10 @@ class Toolkit:
         self._imgui.render()
         for texture in self._imgui.get_platform_io().textures:
             self._update(texture)
+        self.paint()
+
+    def paint(self) -> None:
+        """Draw the last frame over the screen once more."""
         data = self._imgui.get_draw_data()
         size = (float(self._screen.size[0]), float(self._screen.size[1]))
         for commands in data.cmd_lists:

@@ -212,11 +212,7 @@ class Viewer:
     def present(self) -> None:
         """Show the canvas, and what is laid over it."""
         start = clock_time.perf_counter()
-        canvas = self.picture.canvas
-        if canvas is not None:
-            shown = self.state
-            self.screen.show(canvas, shown.scene.tone if shown.view == "final" else None)
-        self.overlay.draw(self._cards, self.window.density, 0 if self.panel is None else self.panel.width)
+        self._lay(self._cards)
         if self.panel is not None:
             self._draw_panel(self.panel)
         self.window.take_stale()
@@ -227,6 +223,20 @@ class Viewer:
         self.picture.pace.other(rest)
         if self.panel is not None:
             self.panel.meters.note(self.picture.drawn.milliseconds, rest, self.picture.drawn.compile)
+
+    def announce(self, card: Card) -> None:
+        """Show a card at once, before something that takes long; the panel stands as it is and takes no events."""
+        self._lay([*self._cards, card])
+        if self.panel is not None and self.panel.shown:
+            self.panel.toolkit.paint()
+        self.window.swap()
+
+    def _lay(self, cards: list[Card]) -> None:
+        canvas = self.picture.canvas
+        if canvas is not None:
+            shown = self.state
+            self.screen.show(canvas, shown.scene.tone if shown.view == "final" else None)
+        self.overlay.draw(cards, self.window.density, 0 if self.panel is None else self.panel.width)
 
     def _draw_panel(self, panel: Panel) -> None:
         """The panel; a fault of its toolkit costs the panel, not the window."""
