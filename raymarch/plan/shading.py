@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from raymarch.errors import Location
-from raymarch.expr.derivative import sensitivities
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr, const
@@ -19,6 +18,7 @@ from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, RELIEF, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import SEEN, Lowering, look_of
+from raymarch.sdf.shares import shares_of
 
 Key = TypeVar("Key")
 
@@ -48,9 +48,9 @@ def looks(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
     """
     default = scene.materials[0]
     marked = lowering.again().field(scene.node, label=default)
-    marks = find([marked.body], "mark")
+    marks, parts = shares_of(marked)
     values = [tuple(look_of(mark)) for mark in marks] or [tuple(default.expressions)]
-    shares = [abs(part) for part in sensitivities(marked.body, marks)] if len(set(values)) > 1 else [const(1.0)]
+    shares = parts if len(set(values)) > 1 else [const(1.0)]
     chosen = [mark.data for mark in marks] or [default]
     kinds = {m.physical for m in chosen}
     made = Looks("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")

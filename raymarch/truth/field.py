@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.derivative import companion, gradient, sensitivities
+from raymarch.expr.derivative import companion, gradient
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import min
@@ -20,6 +20,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.lower import SEEN, Lowering, look_of, lower
+from raymarch.sdf.shares import shares_of
 
 Array: TypeAlias = NDArray[Any]
 Evaluate: TypeAlias = Callable[..., tuple[Array, ...]]
@@ -184,5 +185,5 @@ def _numbers_of(look: Sequence[Expr]) -> list[Expr]:
 def _material_shares(scene: Scene) -> tuple[list[Expr], Evaluate]:
     """The marked parts, and an evaluator of how much the distance of each moves the field."""
     marked = Lowering().field(scene.node, label=scene.materials[0])
-    marks = [node for node in topological([marked.body]) if node.op == "mark"]
-    return marks, evaluator(sensitivities(marked.body, marks), marked.params)
+    marks, shares = shares_of(marked)
+    return marks, evaluator(shares, marked.params)

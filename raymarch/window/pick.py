@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, RaymarchError
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.derivative import sensitivities
-from raymarch.expr.walk import find
 from raymarch.scene.camera import Camera
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
+from raymarch.sdf.shares import shares_of
 from raymarch.truth import truth
 from raymarch.window.control import View
 from raymarch.window.picture import Shot
@@ -180,14 +179,14 @@ def part_at(scene: Scene, values: Values, point: Vector) -> Node:
     """
     shapes = _labelled(scene.node)
     marked = Lowering().field(shapes, label=scene.node)
-    marks = find([marked.body], "mark")
+    marks, shares = shares_of(marked)
     if not marks:
         return scene.node
-    weigh = evaluator(sensitivities(marked.body, marks), marked.params)
+    weigh = evaluator(shares, marked.params)
     with bound(values.params, values.time):
         weights: dict[Node, float] = {}
         for mark, weight in zip(marks, weigh(point[None, :]), strict=True):
-            weights[mark.data] = weights.get(mark.data, 0.0) + abs(float(np.ravel(weight)[0]))
+            weights[mark.data] = weights.get(mark.data, 0.0) + float(np.ravel(weight)[0])
     return max(weights, key=lambda node: weights[node])
 
 

@@ -73,3 +73,21 @@ def test_rows_follow_parameters_without_a_new_shader(renderer: Renderer) -> None
     low, high = (renderer.render(scene, params={"height": h}) for h in (2.0, 8.0))
     assert low.color.max() > 2 * high.color.max()
     assert high.timings[0].compile == 0.0
+
+
+def test_the_ends_of_an_extruded_profile_show_its_material(renderer: Renderer) -> None:
+    """No distance of the profile moves the field there; beside other materials as alone."""
+    red, blue = (rm.Material(c, specular=0.0, ambient=1.0) for c in ((1, 0, 0), (0, 0, 1)))
+    profile = rm.rectangle((1, 1)).material(red) | rm.circle(0.4).material(blue).translate((0.8, 0))
+    solid = profile.extrude(0.6) | rm.sphere(0.2).translate((0, 1, 0))
+    scene = rm.Scene(solid, rm.Camera((0.3, 0.2, 4), (0.3, 0.2, 0), fov=40), [rm.Sun((0, 0, -1))])
+    renderer.resize(SIZE)
+    known, frame = truth(scene, SIZE), renderer.render(scene)
+    end = known.hit & (known.normal[..., 2] > 0.99) & (known.depth < 4)
+    assert end.sum() > 200
+    for index, color in ((1, (1, 0, 0)), (2, (0, 0, 1))):
+        part = end & (known.material == index)
+        assert part.sum() > 20
+        np.testing.assert_allclose(known.color[part], np.broadcast_to(color, (part.sum(), 3)), atol=1e-9)
+    assert np.mean(np.abs(frame.color - known.color)[end].max(axis=-1) > 1e-3) < 0.02
+    assert np.mean((frame.material != known.material)[end]) < 0.02
