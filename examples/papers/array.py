@@ -1,4 +1,4 @@
-"""Twenty solids that each cost much to evaluate, in two rows.
+"""Twenty solids that each cost much to evaluate, in four rows.
 
 After figure 8 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021).
 """
@@ -24,14 +24,13 @@ costly = [
 def at(k):
     """One of twenty places, and the colour of what stands there."""
     skin = rm.Material(albedo=colorsys.hsv_to_rgb(k / 20, 0.5, 0.85), roughness=0.35)
-    return (
-        costly[k % 10].rotate(0.4 + k, "y").translate((1.1 * (k % 10 - 4.5), 0.5, 1.3 * (k // 10) - 0.6)).material(skin)
-    )
+    place = (1.2 * (k % 5 - 2), 0.5, 1.3 * (k // 5 - 1.5))
+    return costly[k % 10].rotate(0.4 + k, "y").translate(place).material(skin)
 
 
 scene = rm.Scene(
     rm.union(*(at(k) for k in range(20))) | rm.plane().material(rm.Material(albedo=(0.5, 0.5, 0.52), roughness=0.8)),
-    camera=rm.Camera(position=(0, 3.0, 7.3), target=(0, 0.3, 0), fov=50),
+    camera=rm.Camera(position=(0, 4.6, 7.6), target=(0, 0.25, 0.15), fov=27),
     lights=[rm.Sun(direction=(-0.6, 1.4, 0.8), intensity=1.6, shadow=True)],
     sky=rm.GradientSky(light=True),
     occlusion=rm.Occlusion(reach=0.3),
