@@ -8,6 +8,7 @@ rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 from raymarch import cost
 from raymarch.errors import CostError, DeviceError, PlanError, RaymarchError, SceneError, ShaderError
 from raymarch.gpu import Frame, Renderer, render
+from raymarch.gpu.probe import Probe, probe
 from raymarch.scene import (
     Camera,
     Fog,
@@ -157,6 +158,7 @@ __all__ = [
     "Param",
     "PlanError",
     "PointLight",
+    "Probe",
     "Quality",
     "RaymarchError",
     "Renderer",
@@ -239,6 +241,7 @@ __all__ = [
     "polygon",
     "polyline",
     "polyline_tube",
+    "probe",
     "pyramid",
     "quad",
     "random_of",

@@ -19,7 +19,7 @@ from rich.progress import Progress, TextColumn
 import raymarch
 from raymarch.cli.choice import choose_quality
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
-from raymarch.cli.views import CHOICES, check_view, drawn, numbers
+from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.errors import RaymarchError
 from raymarch.gpu.doctor import examine
 from raymarch.gpu.renderer import Renderer
@@ -120,17 +120,20 @@ def render(
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
             frame = renderer.render(found, moment, params, CHOICES[view], tell, cut=cut)
+            seen = shown(renderer, frame, view, found, params)
             with written(file) as unfinished:
                 if file.suffix.lower() == ".exr":
-                    write_exr(unfinished, numbers(frame, view, found, params))
+                    write_exr(unfinished, seen.numbers())
                 else:
-                    drawn(frame, view, found, params).save(unfinished, FORMATS[file.suffix.lower()])
+                    seen.image().save(unfinished, FORMATS[file.suffix.lower()])
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
                 f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}",
                 markup=False,
             )
+            for line in seen.lines:
+                typer.echo(line)
 
 
 def _later(progress: Callable[[float], None], before: int, share: float) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,13 +14,42 @@ from PIL import Image
 from raymarch.cli.common import CommandError
 from raymarch.cost.error_view import error_picture, error_scale, errors_of
 from raymarch.gpu.frame import Frame
+from raymarch.gpu.probe import find_faults, find_slopes
+from raymarch.gpu.probe_pictures import fault_numbers, fault_picture, slope_numbers, slope_picture
+from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.reports import told
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
 from raymarch.gpu.views import VIEWS, light, picture, scale_of
 from raymarch.scene.scene import Scene
 
-CHOICES: Mapping[str, tuple[str, ...]] = {**VIEWS, "error": ("depth",)}
+CHOICES: Mapping[str, tuple[str, ...]] = {
+    **VIEWS,
+    "error": ("depth",),
+    "nonfinite": ("color",),
+    "lipschitz": ("color",),
+}
 """The arrays that each view needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A view ready to be written: as an image, as numbers, and what there is to say of it."""
+
+    image: Callable[[], Image.Image]
+    numbers: Callable[[], NDArray[np.float32]]
+    lines: Sequence[str] = ()
+
+
+def shown(renderer: Renderer, frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> Shown:
+    """A view of a frame that a renderer has just drawn."""
+    if view == "nonfinite":
+        faults = find_faults(renderer, scene, frame.time, params)
+        return Shown(partial(fault_picture, faults), partial(fault_numbers, faults), told(faults.reports))
+    if view == "lipschitz":
+        slopes = find_slopes(renderer, scene, frame.time, params)
+        return Shown(partial(slope_picture, slopes), partial(slope_numbers, slopes), told(slopes.reports))
+    return Shown(partial(drawn, frame, view, scene, params), partial(numbers, frame, view, scene, params))
 
 
 def check_view(view: str, slice_: str | None) -> Slice | None:

@@ -160,6 +160,8 @@ RULES: Mapping[str, Rule] = {
     "sample_slope": samples.evaluate_slope,
     "texture": textures.evaluate,
     "random_of": hashing.evaluate,
+    "finite": lambda node, x: np.isfinite(x).all(axis=-1) if node.args[0].type.shape else np.isfinite(x),
+    "probe": lambda _node, value, *_: value,
     "raw": raw.evaluate,
     "raw_slope": raw.evaluate_slope,
 }

@@ -148,6 +148,13 @@ def _slope_of_call(e: Expr) -> Expr:
     return swizzle(e, "xyzw"[: e.type.size - 1])
 
 
+def _across(adjoint: Expr, e: Expr) -> Expr:
+    """Back through a probe: what passed from a node to another goes the other way now."""
+    return make(
+        "probe", adjoint.type, (adjoint,), e.data._replace(role="gradient", site=e.data.other, other=e.data.site)
+    )
+
+
 Back: TypeAlias = Callable[[Expr, Expr, int], "Expr | None"]
 BACKWARD: Mapping[str, Back] = {
     "dot": lambda adj, e, i: adj * e.args[1 - i],
@@ -167,6 +174,7 @@ BACKWARD: Mapping[str, Back] = {
     "raw_slope": lambda adj, e, i: None,
     "sample": lambda adj, e, i: adj * sample_slope(e),
     "sample_slope": lambda adj, e, i: None,
+    "probe": lambda adj, e, i: _across(adj, e) if i == 0 else None,
 }
 """Operations that mix components: the adjoint of argument i from the adjoint of the result."""
 
@@ -187,6 +195,7 @@ FORWARD: Mapping[str, Forward] = {
     "raw_slope": lambda e, t: zero(e.type),
     "sample": lambda e, t: v.dot(sample_slope(e), t[0]),
     "sample_slope": lambda e, t: zero(e.type),
+    "probe": lambda e, t: t[0],
 }
 """The same operations forwards: the tangent of the result from the tangents of the arguments."""
 
@@ -245,23 +254,68 @@ def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
     """Adjoints of everything between the variables and an opened scalar root."""
     dependent = depends_on([root], variables)
     adjoints: dict[Expr, Expr] = {root: ONE}
-    for node in reversed(topological([root])):
+    order = topological([root])
+    choices = {node.args[0] for node in order if node.op == "where"}
+    for node in reversed(order):
         adjoint = adjoints.get(node)
         if adjoint is None or node not in dependent or node in variables:
             continue
+        inner, sides = _taken(adjoint, choices)
         if node.op == "item":
             for variable in variables:
-                _accumulate(adjoints, variable, _back_through_loop(node, variable, adjoint))
+                _accumulate(adjoints, variable, _back_through_loop(node, variable, inner), sides)
             continue
         for i, arg in enumerate(node.args):
             if arg in dependent:
-                _accumulate(adjoints, arg, _backward(adjoint, node, i))
+                _accumulate(adjoints, arg, _backward(inner, node, i), sides)
     return adjoints
 
 
-def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None) -> None:
-    if term is not None:
-        adjoints[node] = adjoints[node] + term if node in adjoints else term
+Sides: TypeAlias = Sequence[tuple[Expr, bool]]
+"""Conditions, outermost first, and whether each must hold."""
+
+NESTED = 8
+"""Choices within choices that are looked through."""
+
+
+def _taken(adjoint: Expr, choices: set[Expr]) -> tuple[Expr, Sides]:
+    """The adjoint inside of what some choices take, and those choices.
+
+    The side that is not taken has the adjoint 0, but slopes there may be infinite, and 0 times that is NaN. So slopes
+    are multiplied by the adjoint inside, and the choice is made of the products.
+    """
+    sides: list[tuple[Expr, bool]] = []
+    while len(sides) < NESTED and (side := _side(adjoint)) is not None and side[0] in choices:
+        sides.append(side)
+        adjoint = adjoint.args[1 if side[1] else 2]
+    return adjoint, sides
+
+
+def _side(adjoint: Expr) -> tuple[Expr, bool] | None:
+    """The condition of a choice between something and 0, and whether something is taken where it holds."""
+    if adjoint.op != "where" or adjoint.args[1] is adjoint.args[2]:
+        return None
+    nothing = zero(adjoint.type)
+    condition, yes, no = adjoint.args
+    return (condition, True) if no is nothing else (condition, False) if yes is nothing else None
+
+
+def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, sides: Sides) -> None:
+    if term is None:
+        return
+    for condition, holds in reversed(sides):
+        term = v.where(condition, term, zero(term.type)) if holds else v.where(condition, zero(term.type), term)
+    adjoints[node] = _sum(adjoints[node], term) if node in adjoints else term
+
+
+def _sum(a: Expr, b: Expr) -> Expr:
+    """a + b, as one choice where both are chosen alike."""
+    side = _side(a)
+    if side is None or side != _side(b):
+        return a + b
+    k = 1 if side[1] else 2
+    total = _sum(a.args[k], b.args[k])
+    return v.where(side[0], total, zero(total.type)) if side[1] else v.where(side[0], zero(total.type), total)
 
 
 def _backward(adjoint: Expr, node: Expr, i: int) -> Expr | None:

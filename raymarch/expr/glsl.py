@@ -343,6 +343,29 @@ def _raw(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece
     return call_text(f"{function.name}_slope", pieces, node.args)
 
 
+def _finite(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    """By the bits: compilers turn `not less` into `greater or equal`, which lets NaN through."""
+    size = node.args[0].type.size
+    if size == 1:
+        text = "bool is_finite(float x) {\n    return (floatBitsToUint(x) & 0x7F800000u) != 0x7F800000u;\n}"
+    else:
+        text = f"bool is_finite(vec{size} v) {{\n    return all(lessThan(floatBitsToUint(v) & 0x7F800000u, "
+        text += f"uvec{size}(0x7F800000u)));\n}}"
+    printer.helpers["is_finite", node.args[0].type.name] = text
+    return call_text("is_finite", pieces, node.args)
+
+
+def _probe(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    """Shows each node's value to the function `seen` of the shader's probe: value, point, cell, the node's number."""
+    if node.data.role != "value":
+        return pieces[0]
+    printer.text.needs.add("seen")
+    point = pieces[1] if node.args[1].type.size == 3 else Piece(f"vec3({pieces[1].text}, 0.0)", ATOM, 0)
+    cell = pieces[2] if len(pieces) > 2 else Piece("0.0", ATOM, 0)
+    number = Piece(str(node.data.site), ATOM, 0)
+    return call_text("seen", [pieces[0], point, cell, number], [*node.args[:2], node, node])
+
+
 TEMPLATES: Mapping[str, Template] = {
     "add": _infix("+", PLUS),
     "sub": _infix("-", PLUS),
@@ -399,6 +422,8 @@ TEMPLATES: Mapping[str, Template] = {
     "random_of": _random_of,
     "raw": _raw,
     "raw_slope": _raw,
+    "finite": _finite,
+    "probe": _probe,
 }
 
 # Names
@@ -411,7 +436,7 @@ struct common partition active asm class union enum typedef template this resour
 static extern external interface long short half fixed unsigned superp input output filter cast namespace using
 packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
-atan sinh cosh tanh interpolated random_of lattice_mixed
+atan sinh cosh tanh interpolated random_of lattice_mixed is_finite
 filtered filtered_mirrored
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
@@ -473,6 +498,8 @@ class Text:
     uses_time: bool
     samples: dict[str, Samples | Texels] = field(default_factory=dict)
     uniform_names: dict[Expr, str] = field(default_factory=dict)
+    needs: set[str] = field(default_factory=set)
+    """What it calls that others give."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""

@@ -238,6 +238,8 @@ RULES: Mapping[str, Rule] = {
     "texture": textures.interval,
     "raw": _unknown,
     "raw_slope": _unknown,
+    "finite": lambda _node, _x: (np.asarray(False), np.asarray(True)),
+    "probe": lambda _node, value, *_: value,
     "random_of": lambda _node, _cell: (np.zeros(()), np.ones(())),
 }
 

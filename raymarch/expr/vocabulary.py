@@ -180,6 +180,11 @@ def where(condition: Expr, a: Operand, b: Operand) -> Expr:
     return simplify("where", yes.type, (condition, yes, no))
 
 
+def finite(x: Operand) -> Expr:
+    """True where no component is NaN or infinite."""
+    return simplify("finite", BOOL, (expr(x),))
+
+
 def _vectors(name: str, *values: Operand) -> tuple[Expr, ...]:
     args = tuple(map(expr, values))
     if not args[0].type.is_vector or any(a.type is not args[0].type for a in args):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from raymarch.expr.node import Expr, make, simplify
 
-_UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop", "item", "apply", "mark"}
+_UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop", "item", "apply", "mark", "probe"}
 
 
 def topological(

@@ -48,10 +48,14 @@ def prepare(scene: Scene, outputs: Sequence[str] = ("color",), size: tuple[int, 
     size : (width, height) of the picture, by which the plan weighs what a further pass would save.
     Raises SceneError for an unknown output and PlanError for a scene that cannot be planned.
     """
-    made = plan(scene, passes_for(outputs), size)
+    return assembled(plan(scene, passes_for(outputs), size))
+
+
+def assembled(made: Plan) -> Prepared:
+    """The shader of a plan, ready for drawing."""
     shader = assemble(made)
     texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
-    vertex = RAYS if scene.quality.rays == "interpolated" else FULL_SCREEN
+    vertex = RAYS if made.scene.quality.rays == "interpolated" else FULL_SCREEN
     known = not without_twin(made.field.body)
     distance = evaluator([made.field.body], made.field.params) if known else _outside
     return Prepared(made, shader, texts, vertex, distance)

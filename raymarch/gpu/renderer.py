@@ -213,12 +213,16 @@ class Renderer:
             raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
         ready = self._prepare(scene, outputs)
         self._refuse_lacking(ready)
+        return ready, self.uniforms(ready, values, pose, cut)
+
+    def uniforms(self, ready: Prepared, values: Values, pose: Pose, cut: Slice | None = None) -> dict[str, Any]:
+        """The uniforms of all passes of a prepared scene for one frame, textures of data among them."""
         uniforms = frame_uniforms(ready, values, self.size, pose, cut)
         with in_pass(*(chosen.name for chosen in ready.plan.passes)):
             uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.store.lights(lights.rows(ready.plan.scene, values))
-        return ready, uniforms
+        return uniforms
 
     def _refuse_lacking(self, ready: Prepared) -> None:
         for chosen in ready.plan.passes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -100,6 +101,22 @@ def with_bar(image: Image.Image, scale: Scale) -> Image.Image:
             draw.line([(x, top + THICKNESS), (x, top + THICKNESS + 2)], INK)
             draw.text((at, top + THICKNESS + 3), text, INK, font=font)
             free = at + wide + MARGIN
+    return made
+
+
+def with_legend(image: Image.Image, title: str, entries: Sequence[tuple[tuple[int, int, int], str]]) -> Image.Image:
+    """The image and, below it, a title and a line for each colour: a square of it, and what it stands for."""
+    font = _font()
+    line = POINTS + 4
+    made = Image.new("RGB", (image.width, image.height + (len(entries) + 1) * line + MARGIN), PAPER)
+    made.paste(image, (0, 0))
+    draw = ImageDraw.Draw(made)
+    top = image.height + MARGIN // 2
+    draw.text((MARGIN, top), title, INK, font=font)
+    for color, text in entries:
+        top += line
+        draw.rectangle([MARGIN, top + 2, MARGIN + POINTS - 2, top + POINTS], fill=color)
+        draw.text((MARGIN + line, top), text, INK, font=font)
     return made
 
 

@@ -65,6 +65,8 @@ class Plan:
     operations: int
     textures: list[Data] = default(default_factory=list)
     warnings: list[str] = default(default_factory=list)
+    further: list[Function] = default(default_factory=list)
+    """Functions of the point that a module reads besides."""
 
     @property
     def tracer(self) -> str:
@@ -98,15 +100,21 @@ class Plan:
         return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
 
 
-def plan(scene: Scene, passes: Sequence[str] = ("color",), size: tuple[int, int] | None = None) -> Plan:
+def plan(
+    scene: Scene,
+    passes: Sequence[str] = ("color",),
+    size: tuple[int, int] | None = None,
+    lowering: Lowering | None = None,
+) -> Plan:
     """Plan a scene. PlanError for clashing parameters or a field that is too large.
 
     passes : names of what is to be drawn, of `raymarch.plan.passes.DRAWN`; passes that they need are added.
     size : (width, height) of the picture, by which the plan weighs what a further pass would save.
+    lowering : the pass over the nodes; None is a plain one.
     """
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
-    lowering = Lowering()
+    lowering = lowering or Lowering()
     definition, moments = by_moment(lowering.field(scene.node), lowering.origins)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion, moved_along
-from raymarch.expr.function import Function
+from raymarch.expr.faults import Passage
+from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, construct, make, var
 from raymarch.expr.types import FLOAT, VEC3, vector
@@ -29,6 +31,9 @@ from raymarch.sdf.registry import method
 Request: TypeAlias = tuple[Node, Expr, Any]
 Work: TypeAlias = Generator[Request, Expr, Expr]
 
+
+_PRIMES = (1.0, 127.0, 16381.0)
+"""By which the indices of a cell are told apart as one number, exact in float32 up to some hundred cells a side."""
 
 UNMARKED = object()
 """In place of a label: the material of this part does not matter."""
@@ -98,17 +103,21 @@ class Lowering:
     ----------
     origins : the user's line for each expression that a node became.
     shapes : the expressions that shapes became, each once, those inside of functions too.
+    sites : where a list is given, what passes from one node to another stays findable, as a `probe`; the list is filled
+        with the nodes, and the number of a node is its place in it, from 1. See `raymarch.expr.faults.Passage`.
     """
 
     origins: dict[Expr, Location] = field(default_factory=dict)
     shapes: set[Expr] = field(default_factory=set)
+    sites: list[Node] | None = None
+    _numbers: dict[Node, int] = field(default_factory=dict)
     _sites: dict[Node, int] = field(default_factory=dict)
     _done: dict[Request, Expr] = field(default_factory=dict)
     _functions: dict[Node, tuple[Function, list[Expr]]] = field(default_factory=dict)
 
     def again(self) -> Lowering:
         """Another pass over the same nodes, which shares what this one found and the functions that it made."""
-        return Lowering(self.origins, self.shapes, _functions=self._functions)
+        return Lowering(self.origins, self.shapes, self.sites, self._numbers, _functions=self._functions)
 
     def field(self, root: Node, name: str = "field", label: Any = UNMARKED) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
@@ -119,7 +128,9 @@ class Lowering:
         """
         self._count_sites(root)
         p = var("p", vector(root.dimension))
-        body = self._run((root, p, label if label is UNMARKED else (label, p)))
+        q = self._handed(p, None, root)
+        body = self._run((root, q, label if label is UNMARKED else (label, q)))
+        body = self._probed(body, q, root, None)
         if find([body], "cell"):
             raise SceneError(
                 f"{root.name} depends on the index of a cell that it does not stand in",
@@ -189,7 +200,9 @@ class Lowering:
                     continue
                 args = tuple(new[arg] for arg in part.args)
                 if part.op == "apply":
-                    value = yield from self._ask(children[part.data], args[0], label)
+                    q = self._handed(args[0], node, children[part.data])
+                    value = yield from self._ask(children[part.data], q, label)
+                    value = self._probed(value, q, children[part.data], node)
                     new[part] = self._in_cell(value, *args[1:]) if len(args) > 1 else value
                 elif marking and part.data is FLOOR:
                     new[part] = args[0]
@@ -214,6 +227,33 @@ class Lowering:
             self._functions[child] = (made, cells)
         function, cells = self._functions[child]
         return function(point, *cells)
+
+    def _handed(self, point: Expr, above: Node | None, child: Node) -> Expr:
+        """A point at which a node asks a child."""
+        if self.sites is None:
+            return point
+        return make("probe", point.type, (point,), Passage("point", self._number(above), self._number(child)))
+
+    def _probed(self, value: Expr, point: Expr, child: Node, above: Node | None) -> Expr:
+        """What a child answers."""
+        if self.sites is None:
+            return value
+        cells = find([value], "cell")
+        parts = [part for cell in cells for part in (cell if cell.type.is_vector else [cell])]
+        which = [sum_of([part * prime for part, prime in zip(parts, cycle(_PRIMES), strict=False)])] if cells else []
+        data = Passage("value", self._number(child), self._number(above))
+        return make("probe", FLOAT, (value, point, *which), data)
+
+    def _number(self, node: Node | None) -> int:
+        """Of the node that computes: labels compute nothing."""
+        while node is not None and node.label is not None:
+            node = node.children[0]
+        if node is None or self.sites is None:
+            return 0
+        if node not in self._numbers:
+            self.sites.append(node)
+            self._numbers[node] = len(self.sites)
+        return self._numbers[node]
 
     def _in_cell(self, value: Expr, cell: Expr, index: Expr) -> Expr:
         """The field of a child that depends on the index of its cell, for one cell."""

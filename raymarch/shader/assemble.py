@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from raymarch import glsl
 from raymarch.errors import Location, is_users
+from raymarch.expr.faults import COLOR
+from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Line, Printable, Text, literal, print_functions
 from raymarch.expr.node import Expr
@@ -181,6 +183,7 @@ def _constants(plan: Plan) -> Chunk:
         "occlusion_steps": ("int", str(plan.scene.occlusion.steps if plan.scene.occlusion else 0)),
         "smoothing": ("float", literal(quality.beta)),
         "footprint_pixels": ("float", literal(quality.footprint)),
+        "color_fault": ("float", literal(fault_code(COLOR, 0))),
     }
     needed = {name for module, _ in plan.modules for name in glsl.load(module).needs}
     lines = [
@@ -219,7 +222,7 @@ def _scene_box(plan: Plan) -> Chunk:
 def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions that are made from expressions, printed together so that each definition stands once."""
     optional = (plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index)
-    roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions]
+    roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
     text = print_functions(roots, taken)
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}
     lines = [Mapped(f"uniform {leaf.type} {name};", "a Param", leaf.data.where) for name, leaf in text.uniforms.items()]
@@ -232,7 +235,7 @@ def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[st
     lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
     records = (record for record in (plan.material, plan.relief, plan.glass) if record is not None)
-    needs = frozenset(record.type_name for record in records)
+    needs = frozenset(record.type_name for record in records) | text.needs
     return Chunk("field", needs, gives, tuple(lines)), parameters, text
 
 

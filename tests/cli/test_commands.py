@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from raymarch.cli.commands import main
-from raymarch.cli.views import CHOICES
+from raymarch.cli.views import CHOICES, Shown
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan.passes import DRAWN
 
@@ -68,7 +68,33 @@ def test_every_view(folder, view):
     assert shown.max() > shown.min()
 
 
-@pytest.mark.parametrize("view", ["evaluations", "slice", "boxes", "error"])
+PLANTED = """import raymarch as rm
+from raymarch.expr.vocabulary import length, log, max
+
+
+@rm.shape(exactness="exact", bounds=lambda: ((-1, -1, -1), (1, 1, 1)))
+def planted(p):
+    return max(1.5 * (length(p) - 1), log(p.x) - 200)
+
+
+scene = planted() | rm.plane(offset=-1)
+"""
+
+
+def test_the_probe_names_node_and_line(folder, capsys):
+    Path("planted.py").write_text(PLANTED)
+    assert run("render", "planted.py", "-o", "a.png", "--view", "nonfinite", "--size", "24x16") == 0
+    (sentence,) = capsys.readouterr().out.splitlines()
+    assert sentence.startswith("planted, planted.py:10: the logarithm of 0 or less, ") and "pixel (" in sentence
+    assert run("render", "planted.py", "-o", "a.png", "--view", "lipschitz", "--size", "24x16") == 0
+    (sentence,) = capsys.readouterr().out.splitlines()
+    assert sentence.startswith("planted, planted.py:10: slope 1.") and "it promises 1 at most" in sentence
+    for view, words in (("nonfinite", "no value at fault: "), ("lipschitz", "no slope beyond its promise: ")):
+        assert run("render", "hello.py", "-o", "a.png", "--view", view, "--size", "24x16") == 0
+        assert capsys.readouterr().out.startswith(words)
+
+
+@pytest.mark.parametrize("view", ["evaluations", "slice", "boxes", "error", "nonfinite", "lipschitz"])
 def test_views_are_written_as_numbers_too(folder, view):
     assert run("render", "hello.py", "-o", "a.exr", "--view", view, "--size", "24x16") == 0
     assert files(folder) == {"hello.py", "a.exr"}
@@ -266,14 +292,14 @@ def test_a_failure_on_the_way_leaves_no_file(folder, monkeypatch):
     def fails(*_: object) -> None:
         raise RuntimeError("planted")
 
-    monkeypatch.setattr("raymarch.cli.commands.drawn", fails)
+    monkeypatch.setattr("raymarch.cli.commands.shown", lambda *_: Shown(fails, fails))  # with the file open
     with pytest.raises(RuntimeError, match="planted"):
         main(["render", "hello.py", "--size", "16x9"])
     assert files(folder) == {"hello.py"}
 
 
 def test_a_fault_of_ours_is_code_1(folder):
-    code = "import raymarch.cli.commands as m\ndef f(*a): raise RuntimeError('planted')\nm.drawn = f\nm.main()"
+    code = "import raymarch.cli.commands as m\ndef f(*a): raise RuntimeError('planted')\nm.shown = f\nm.main()"
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
         [sys.executable, "-c", code, "render", "hello.py", "--size", "16x9"],

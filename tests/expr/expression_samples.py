@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, expr, function, loop, trace
+from raymarch.expr.faults import Passage
 from raymarch.expr.hashing import random_of
-from raymarch.expr.node import swizzle
+from raymarch.expr.node import make, swizzle
 from raymarch.expr.raw import RawFunction, raw
 from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import Samples, sample_slope
@@ -751,6 +752,20 @@ def lattice_hash(cell: Plain) -> float:
     return (bits >> 8) * 2.0**-24
 
 
+sample(
+    "finite",
+    lambda x, a: v.where(v.finite(v.exp(1.0e5 * x)), 1.0, 2.0) + v.where(v.finite(a), 4.0, 8.0),
+    lambda x, a: 5.0 if x < 0 else 6.0,
+    fixed=("x",),
+    x=NONZERO,
+    a=of(3),
+)
+sample(
+    "passage",
+    lambda a: make("probe", a.type, (a,), Passage("point", 1, 2)) * 2.0,
+    lambda a: each(lambda x: 2 * x, a),
+    a=of(3),
+)
 sample("lattice", lambda a: random_of(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))
 
 

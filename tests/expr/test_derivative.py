@@ -53,6 +53,24 @@ def test_a_kink_has_a_finite_slope_of_one_side(e: Expr, slope: float) -> None:
     assert at(gradient(e, A), a=0.0) == slope
 
 
+INFINITE = 1.0 / v.max(A - 2.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "e",
+    [
+        v.where(A > 2.0, INFINITE, A),
+        v.where(A < 2.0, A, INFINITE * A),
+        v.where(A > 2.0, v.where(A > 3.0, INFINITE, INFINITE * A), A),
+        v.where(A < 3.0, v.where(A < 2.0, A, INFINITE), v.where(A < 4.0, INFINITE, 1.0)),
+        v.where(A < 2.0, A, v.length(v.vec3(INFINITE, A * INFINITE, INFINITE * INFINITE))),
+        v.where(A < 2.0, A, loop(3, (A,), lambda i, x: (x * INFINITE,))[0]),
+    ],
+)
+def test_an_infinite_slope_on_the_side_not_taken_does_not_count(e: Expr) -> None:
+    assert at(gradient(e, A), a=1.0) == 1.0
+
+
 def test_the_gradient_of_a_length_is_a_unit_vector_or_zero() -> None:
     points = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 4.0], [1e-30, 0, 0], [0, 1e12, 0], [1e-12, 1e-12, 0.0]])
     sizes = np.linalg.norm(at(gradient(v.length(P), P), p=points), axis=1)

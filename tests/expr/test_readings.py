@@ -201,7 +201,7 @@ def test_derivative_in_float32_is_finite(sample: Sample, by: str) -> None:
 
 # Completeness
 
-CONDITIONS = {"lt", "le", "and", "or", "not"}
+CONDITIONS = {"lt", "le", "and", "or", "not", "finite"}
 """They give a bool, which has no derivative; `where` differentiates what it chooses from."""
 
 

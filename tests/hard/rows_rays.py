@@ -10,8 +10,11 @@ import numpy as np
 from analytic import angles, around, hit_plane, hit_sphere, points
 
 import raymarch as rm
+from raymarch.expr.vocabulary import length, where
 from raymarch.plan import plan
 from raymarch.scene.quality import CONTACT, TRACERS
+from raymarch.sdf.definition import REGISTRY, cube
+from raymarch.sdf.domain import Positive
 from tests.hard.fuzz import scene_of
 from tests.hard.referee import Referee
 from tests.hard.world import EPSILON, ULP, Figure, World, bytes_off, camera_of, case, off, steepest, view_of
@@ -379,3 +382,32 @@ def beside_a_wall(world: World) -> Iterator[Figure]:
         frame = world.draw(referee.scene, (24, 20), ("depth",))
         through += int(referee.through(frame.depth.astype(np.float64)).sum())
     yield Figure("rays that go through the sponge, of 4 views", through, 0, "more than a contact deep in float64")
+
+
+@case(62, "a slope where nobody looks", before="no normal of the solid was finite")
+def hidden_slope(world: World) -> Iterator[Figure]:
+    """The side of a choice that is not taken may have an infinite slope, and 0 times that is NaN. Gradients choose
+    between products."""
+
+    @rm.shape(exactness="exact", bounds=lambda radius: cube(radius))
+    def guarded_ball(p: Any, radius: Positive = 1.0) -> Any:
+        return where(p.y > -2.0, length(p), length(p) / where(p.y > -2.0, 0.0, 1.0)) - radius
+
+    REGISTRY.pop("guarded_ball")
+    view = view_of((0.4, 0.5, 4.0), (0, 0, 0))
+    frame = world.draw(rm.Scene(guarded_ball(), camera_of(view)))
+    t = hit_sphere(view.origin, view.directions, (0, 0, 0), 1.0)
+    found = np.isfinite(t) & np.isfinite(frame.depth)
+    yield Figure(
+        "normals that are not finite", int(np.sum(~np.isfinite(frame.normal[found]))), 0, "the other side counts"
+    )
+    normal = points(view.origin, view.directions, t)
+    cosine = np.abs(np.sum(normal * view.directions, axis=-1))
+    sure = found & (cosine > 0.05)
+    allowed = EPSILON * view.pixel * t[sure] / cosine[sure] + 8 * ULP
+    yield Figure(
+        "error of a normal over what the hit allows",
+        float(np.max(angles(frame.normal, normal)[sure] / allowed)),
+        1,
+        "epsilon / cosine",
+    )

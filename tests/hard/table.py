@@ -18,6 +18,7 @@ from tests.hard.world import CASES, Case, Figure, World
 
 ROOT = Path(__file__).parents[2]
 LEDGER = ROOT / "docs" / "figures" / "stability.json"
+PROBE = ROOT / "docs" / "figures" / "probe.json"
 PAGE = ROOT / "docs" / "stability.md"
 ROWS = ("rows_scene", "rows_rays", "rows_light", "rows_frames", "rows_device", "rows_far")
 
@@ -68,7 +69,30 @@ def page(rows: Iterable[Case], figures: Mapping[str, Any]) -> str:
             lines.append(f"| {first} | " + " | ".join(value.replace("|", "\\|") for value in values) + " |")
         before = f" Before: {case.before}." if case.before else ""
         notes.append(f"{case.row}. **{case.name}**: {case.wrong}{before}")
-    return "\n".join([*lines, "", "## What goes wrong", "", *notes]) + "\n"
+    return "\n".join([*lines, *probed(), "", "## What goes wrong", "", *notes]) + "\n"
+
+
+PROBED = """## Every node, looked at
+
+The probe draws a scene once more and looks at every value of every node along all rays, and at every slope: see
+[views](views.md). `python -m tests.hard.probe` does so for all examples, all kinds of nodes with the samples of their
+tests, and the scenes of the cases above. A value that is not finite, an argument outside of its operation's domain and
+a slope beyond the promise would be named with their node."""
+
+SCENES = {"examples": "examples", "nodes": "kinds of nodes", "cases": "hard cases"}
+
+
+def probed() -> list[str]:
+    """The part of the page on the probe, from its own ledger."""
+    known = json.loads(PROBE.read_text(encoding="utf-8"))
+    head = "| scenes of | scenes | nodes | nodes with a value at fault | nodes too steep | steepest |"
+    lines = ["", PROBED, "", head, "|---|---|---|---|---|---|"]
+    for name, what in SCENES.items():
+        row = known.get(name)
+        if row is not None:
+            figures = [row["scenes"], row["nodes"], row["faults"], row["broken"], f"{row['steepest']:g} of its promise"]
+            lines.append(f"| {what} | " + " | ".join(map(str, figures)) + " |")
+    return lines
 
 
 def _number(value: float) -> str:

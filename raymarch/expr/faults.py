@@ -1,0 +1,212 @@
+"""The fault reading: from expressions to the expression of the first value in them that went wrong.
+
+It gives a vec2: a code, 0 where all is well, and the value at fault. At fault is what was computed and taken:
+
+- a value that is not finite, where it might vanish (in a `min`, a comparison, an `exp`, ...) or leaves its node;
+- an argument outside of its operation's domain, by more than rounding explains. The vocabulary puts the nearest legal
+  value in its place, so that all stays finite; whether that was meant, it cannot know. Who means it writes it: the root
+  of `max(x, 0)` is no fault.
+
+What a `where` does not take is not looked at, nor is `normalize(0)` or `atan2(0, 0)`: on an axis every direction is as
+good as the others. A fault counts where it arises: a value made from one that is at fault is not counted again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+import raymarch.expr.vocabulary as v
+from raymarch.expr.domains import HIDING, NOTHING, merged, not_finite, outside
+from raymarch.expr.function import Function, Loop, close_loop
+from raymarch.expr.node import Expr, construct, make, var
+from raymarch.expr.types import STATE, VEC2
+from raymarch.expr.walk import find, rebuild, topological
+
+Role: TypeAlias = Literal["value", "point", "gradient"]
+
+
+class Passage(NamedTuple):
+    """The data of a `probe`: it stands around what passes from one node to another, and gives its first argument.
+
+    role : what passes. site : number of the node that computed it, from 1. other : of the one that gets it; 0 for none.
+    """
+
+    role: Role
+    site: int
+    other: int
+
+
+KINDS: Final = (
+    *("", "a value that is not finite", "a point that is not finite", "a gradient that is not finite"),
+    *("a division by 0", "mod by 0", "the root of a negative number", "the logarithm of 0 or less"),
+    *("a power of a negative number", "the arc sine of more than 1", "the arc cosine of more than 1"),
+    *("a smoothstep without width", "a colour that is not finite"),
+)
+"""What can go wrong; a code is an index into these, plus STRIDE times the number of the node."""
+
+STRIDE: Final = 32
+
+COLOR: Final = len(KINDS) - 1
+
+_OF_ROLES = {"value": 1, "point": 2, "gradient": 3}
+_OF_DOMAINS = {"div": 4, "mod": 5, "sqrt": 6, "log": 7, "log2": 7, "pow": 8, "asin": 9, "acos": 10, "smoothstep": 11}
+
+
+def code(kind: int, site: int) -> float:
+    """The number that stands for a kind of fault at a node."""
+    return float(kind + STRIDE * site)
+
+
+def decoded(number: float) -> tuple[int, int]:
+    """Kind and site of a code."""
+    site, kind = divmod(round(number), STRIDE)
+    return kind, site
+
+
+def plain(definition: Function) -> Function:
+    """The function without probes."""
+    if not find(definition.inner, "probe"):
+        return definition
+    if "plain" not in definition.derived:
+        reading = _Reading(checks=False)
+        (body,) = reading.read([definition.body], 0)
+        names = {reading.values[e]: name for e, name in definition.names.items() if e in reading.values}
+        made = Function(definition.name, definition.params, body, names, definition.where)
+        definition.derived["plain"] = made
+    result: Function = definition.derived["plain"]
+    return result
+
+
+def without_probes(roots: Sequence[Expr]) -> list[Expr]:
+    """Expressions without probes, also in the functions that they call."""
+    return _Reading(checks=False).read(roots, 0)
+
+
+def faults_of(definition: Function) -> Function | None:
+    """The function `vec2 name_faults(...)` of the same parameters; None if nothing in it can go wrong.
+
+    Codes from outside of any probe have the site 0, and get that of the node that calls.
+    """
+    if "faults" not in definition.derived:
+        found = first_fault([definition.body])
+        made = None
+        if found is not None:
+            made = Function(f"{definition.name}_faults", definition.params, found, {}, definition.where)
+        definition.derived["faults"] = made
+    result: Function | None = definition.derived["faults"]
+    return result
+
+
+def first_fault(roots: Sequence[Expr], kind: int = 1) -> Expr | None:
+    """The first fault in some expressions; None if there can be none.
+
+    kind : of the fault that a root which is not finite is, if it is not a probe.
+    """
+    reading = _Reading()
+    reading.read(roots, 0)
+    found = [reading.faults[root] for root in roots]
+    ends = [not_finite(reading.values[root], code(kind, 0)) for root in roots if root.op != "probe"]
+    return merged([*found, *ends])
+
+
+@dataclass(slots=True)
+class _Reading:
+    """Goes over expressions once.
+
+    values : each expression without probes, its loops with their faults as more state. faults : what went wrong in it.
+    """
+
+    checks: bool = True
+    values: dict[Expr, Expr] = field(default_factory=dict)
+    faults: dict[Expr, Expr | None] = field(default_factory=dict)
+    _results: dict[Expr, tuple[Expr, ...]] = field(default_factory=dict)
+
+    def read(self, roots: Sequence[Expr], owner: int) -> list[Expr]:
+        """Read expressions that belong to the node `owner`, where no probe says more; gives their values."""
+        order = topological(roots)
+        owners = _owners(order, owner)
+        for node in order:
+            args = tuple(self.values[arg] for arg in node.args)
+            if node.type is STATE:
+                self._results[node], inside = self._loop(node, args, owners[node])
+                self.values[node] = node
+                self.faults[node] = merged([*(self.faults[arg] for arg in node.args), inside])
+            elif node.op == "item":
+                self.values[node] = self._results[node.args[0]][node.data]
+                self.faults[node] = self.faults[node.args[0]]
+            else:
+                self.values[node] = self._value(node, args)
+                self.faults[node] = self._fault(node, args, owners[node]) if self.checks else None
+        return [self.values[root] for root in roots]
+
+    def _value(self, node: Expr, args: tuple[Expr, ...]) -> Expr:
+        if node.op == "probe":
+            return args[0]
+        if node.op == "call":
+            return make("call", node.type, args, plain(node.data))
+        return rebuild(node, args)
+
+    def _fault(self, node: Expr, args: tuple[Expr, ...], site: int) -> Expr | None:
+        before = [self.faults.get(arg) for arg in node.args]
+        if node.op == "where":
+            yes, no = (NOTHING if fault is None else fault for fault in before[1:])
+            return merged([before[0], v.where(args[0], yes, no)])
+        if node.op == "probe":
+            data: Passage = node.data
+            return merged([before[0], not_finite(args[0], code(_OF_ROLES[data.role], data.site))])
+        found = before
+        if node.op in HIDING:
+            looked_at = args[1:] if node.op in ("div", "mod") else args
+            found += [not_finite(arg, code(1, site)) for arg in looked_at]
+        if node.op in _OF_DOMAINS:
+            found.append(outside(node.op, args, code(_OF_DOMAINS[node.op], site)))
+        if node.op == "call" and (inside := faults_of(node.data)) is not None:
+            found.append(_adopted(inside(*args), site))
+        return merged(found)
+
+    def _loop(self, node: Expr, args: tuple[Expr, ...], site: int) -> tuple[tuple[Expr, ...], Expr | None]:
+        """The results of a loop and what went wrong in it, from a loop that carries its first fault as more state."""
+        body: Loop = node.data
+        n = len(body.state)
+        inner = _Reading(self.checks)
+        values = inner.read(body.inner, site)
+        step, until = tuple(values[:n]), values[n] if body.until is not None else None
+        around = dict(zip(body.captured, args[n:], strict=True))
+        own: Expr | None = None
+        if self.checks:
+            ends = [not_finite(value, code(1, site)) for value in step]
+            own = merged([*(inner.faults[e] for e in body.inner), *ends])
+        if own is None:
+            return close_loop(body.count, body.index, body.state, step, until, args[:n], around), None
+        carried = var("fault", VEC2)
+        results = close_loop(
+            body.count,
+            body.index,
+            (*body.state, carried),
+            (*step, v.where(carried.x > 0.0, carried, own)),
+            until,
+            (*args[:n], NOTHING),
+            around,
+        )
+        return results[:n], results[n]
+
+
+def _owners(order: Sequence[Expr], owner: int) -> dict[Expr, int]:
+    """The node that each expression belongs to: that of the first probe that its value flows into."""
+    owners: dict[Expr, int] = {}
+    for node in reversed(order):
+        owners.setdefault(node, owner)
+        here = node.data.site if node.op == "probe" else owners[node]
+        for arg in node.args:
+            owners.setdefault(arg, here)
+    return owners
+
+
+def _adopted(fault: Expr, site: int) -> Expr:
+    """What went wrong inside of a function, as a fault of the node that calls it."""
+    if site == 0:
+        return fault
+    unknown = (fault.x > 0.0) & (fault.x < float(STRIDE))
+    return construct(v.where(unknown, fault.x + float(STRIDE * site), fault.x), fault.y)

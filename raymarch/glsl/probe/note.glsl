@@ -1,0 +1,27 @@
+// The first fault of a pixel: its code, the value, how many evaluations had one, and where. Faults of nodes whose bit in
+// u_heard is 0 are passed over.
+// needs:
+// gives: note noted noted_place u_heard
+uniform uint u_heard[128];
+
+vec3 first_fault = vec3(0.0);
+vec3 first_place = vec3(0.0);
+
+void note(vec2 fault, vec3 p) {
+    if (fault.x <= 0.0) return;
+    int site = min(int(fault.x) / 32, 4095);
+    if ((u_heard[site >> 5] >> uint(site & 31) & 1u) == 0u) return;
+    if (first_fault.z == 0.0) {
+        first_fault.xy = fault;
+        first_place = p;
+    }
+    first_fault.z += 1.0;
+}
+
+vec3 noted() {
+    return first_fault;
+}
+
+vec3 noted_place() {
+    return first_place;
+}

@@ -1,0 +1,15 @@
+// Pass: how steep four nodes are along the rays of a pixel.
+// needs: Ray Hit camera_ray trace shade sky watch steepest steepest_place
+// gives: main out_slopes out_place out_color
+layout(location = 0) out vec4 out_slopes;  // one component each
+layout(location = 1) out vec4 out_place;  // of the first: where, and how far apart the two samples were
+layout(location = 2) out vec4 out_color;
+
+void main() {
+    watch();
+    Ray ray = camera_ray(gl_FragCoord.xy);
+    Hit hit = trace(ray);
+    out_color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+    out_slopes = steepest();
+    out_place = steepest_place();
+}

@@ -1,0 +1,19 @@
+// Pass: the first value of each pixel that went wrong, in the field wherever its rays ask it, in gradient and material at
+// the hit, and in the colour.
+// needs: Ray Hit camera_ray trace shade sky surface_faults color_fault finite note noted noted_place
+// gives: main out_fault out_place out_color
+layout(location = 0) out vec4 out_fault;  // code, value, evaluations at fault, 1
+layout(location = 1) out vec4 out_place;  // where, and the distance along the primary ray at its end
+layout(location = 2) out vec4 out_color;
+
+void main() {
+    Ray ray = camera_ray(gl_FragCoord.xy);
+    Hit hit = trace(ray);
+    vec3 p = ray.origin + hit.t * ray.direction;
+    if (hit.found) note(surface_faults(p), p);
+    vec4 color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+    if (!finite(color)) note(vec2(color_fault, color.r + color.g + color.b), p);
+    out_fault = vec4(noted(), 1.0);
+    out_place = vec4(noted_place(), hit.t);
+    out_color = color;
+}

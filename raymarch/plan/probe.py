@@ -1,0 +1,90 @@
+"""The probe build: the plan of a picture whose field is looked at node by node while it is drawn.
+
+Ordinary plans hold nothing of it. The picture is marched and shaded as ever, by one sample a pixel and without cones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from raymarch.expr.faults import first_fault, plain, without_probes
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import Record
+from raymarch.expr.node import Expr, const
+from raymarch.plan.passes import Pass
+from raymarch.plan.plan import Plan, plan
+from raymarch.scene.scene import Scene
+from raymarch.sdf.lower import Lowering
+from raymarch.sdf.node import Node
+
+FAULTS = Pass("nonfinite", "view/nonfinite", 3, "values that went wrong were asked for", shades=True)
+SLOPES = Pass("lipschitz", "view/lipschitz", 3, "slopes of all nodes were asked for", shades=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Probing:
+    """A plan and the nodes that it looks at; their numbers count from 1 in this order."""
+
+    plan: Plan
+    nodes: tuple[Node, ...]
+
+
+def bare(scene: Scene) -> Scene:
+    """The scene drawn by one sample a pixel, marched in one go."""
+    return scene.changed(quality=replace(scene.quality, samples=1, temporal="off", schedule="single", budget=None))
+
+
+def plan_faults(scene: Scene) -> Probing:
+    """A plan that finds the first value of each pixel that is not finite or out of its domain."""
+    made, nodes = _planned(scene, FAULTS)
+    looked_at = [e for f in _surface(made) for e in f.inner]
+    field, surface = first_fault([made.field.body]), first_fault(looked_at)
+    further = [_function("field_faults", made.field, field), _function("surface_faults", made.field, surface)]
+    _strip(made, plain(made.field))
+    made.further = further
+    modules = ["temporal/finite", "probe/note", "probe/noting"]
+    made.modules += [(name, FAULTS.reason) for name in modules if name not in dict(made.modules)]
+    return Probing(made, nodes)
+
+
+def plan_slopes(scene: Scene) -> Probing:
+    """A plan that finds how steep each node is along the rays."""
+    made, nodes = _planned(scene, SLOPES)
+    _strip(made, made.field)
+    modules = ["temporal/finite", "probe/seen", "probe/asking"]
+    made.modules += [(name, SLOPES.reason) for name in modules if name not in dict(made.modules)]
+    return Probing(made, nodes)
+
+
+def _planned(scene: Scene, chosen: Pass) -> tuple[Plan, tuple[Node, ...]]:
+    nodes: list[Node] = []
+    made = plan(bare(scene), lowering=Lowering(sites=nodes))
+    made.modules = [(name, reason) for name, reason in made.modules if name != made.passes[0].module]
+    made.modules.append((chosen.module, chosen.reason))
+    made.passes = [chosen]
+    return made, tuple(nodes)
+
+
+def _surface(made: Plan) -> list[Function | Record]:
+    """What is asked once, at the hit. Looks that take more than the point, those with textures, show in the colour."""
+    functions = (made.gradient, made.material, made.emission, made.glass)
+    return [f for f in functions if f is not None and f.params == made.field.params]
+
+
+def _function(name: str, like: Function, fault: Expr | None) -> Function:
+    return Function(name, like.params, const([0.0, 0.0]) if fault is None else fault, where=like.where)
+
+
+def _strip(made: Plan, field: Function) -> None:
+    """Give `field` another name, for a module gives a field that looks; take the probes out of all else."""
+    made.field = Function("field_value", field.params, field.body, field.names, field.where)
+    made.gradient, made.emission = (None if f is None else plain(f) for f in (made.gradient, made.emission))
+    made.material, made.relief, made.glass = (
+        None if record is None else _plain_record(record) for record in (made.material, made.relief, made.glass)
+    )
+
+
+def _plain_record(record: Record) -> Record:
+    names = [name for name, _ in record.fields]
+    fields = tuple(zip(names, without_probes(record.inner), strict=True))
+    return Record(record.name, record.type_name, record.params, fields)
