@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar, overload
 
 from raymarch.expr.node import Expr, make, simplify
 
+Below = TypeVar("Below")
 _UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop", "item", "apply", "mark", "probe"}
 
 
+@overload
+def topological(roots: Iterable[Expr]) -> list[Expr]: ...
+@overload
+def topological(roots: Iterable[Below], arguments: Callable[[Below], tuple[Below, ...]]) -> list[Below]: ...
 def topological(
-    roots: Iterable[Expr], arguments: Callable[[Expr], tuple[Expr, ...]] = lambda node: node.args
-) -> list[Expr]:
-    """All expressions below the roots, each once, arguments before what uses them."""
-    order: list[Expr] = []
-    seen: set[Expr] = set()
-    stack: list[tuple[Expr, bool]] = [(root, False) for root in reversed(list(roots))]
+    roots: Iterable[Any], arguments: Callable[[Any], tuple[Any, ...]] = lambda node: node.args
+) -> list[Any]:
+    """All expressions below the roots, or other things below others, each once, arguments before what uses them."""
+    order: list[Any] = []
+    seen: set[Any] = set()
+    stack: list[tuple[Any, bool]] = [(root, False) for root in reversed(list(roots))]
     while stack:
         node, arguments_done = stack.pop()
         if arguments_done:

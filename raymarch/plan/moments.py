@@ -1,19 +1,21 @@
 """What of a field depends on time alone is worked out in float64, once a frame.
 
 A day after the start one unit in the last place of float32 is .0078 s: an angle of `time` would turn in jerks. Sines,
-angles and offsets of time reach the shader as uniforms instead, which is also less work for every evaluation.
+angles and offsets of time reach the shader as uniforms instead, which is also less work for every evaluation. A wave
+such as sin(x + time), in which time meets the point, is the same wave after each turn: there the turns are left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from raymarch.errors import Location
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, make
-from raymarch.expr.types import Type
+from raymarch.expr.types import FLOAT, Type
 from raymarch.expr.walk import find, rebuild, rewrite, topological
 from raymarch.scene.parameter import Spec, Value, Values
 
@@ -26,21 +28,54 @@ def by_moment(field: Function, origins: dict[Expr, Location]) -> tuple[Function,
 
     `origins`, the user's line of each expression, is continued for the new ones.
     """
-    leaves: dict[Expr, Expr] = {}
     moments: dict[str, Expr] = {}
-    for node in _largest(field.body):
-        name = f"moment {len(moments)}"
-        moments[name] = node
-        leaves[node] = make(
-            "param", node.type, (), Spec(name, _plain(Values({}).of(node)), None, None, origins.get(node))
-        )
-    if not moments:
-        return field, moments
-    new = rewrite([field.body], lambda node, args: leaves[node] if node in leaves else rebuild(node, args))
+    leaves: dict[Expr, Expr] = {}
+    made: dict[Function, Function] = {}
+    for old in topological([field], _called):
+        body = _calling(old.body, made, origins)
+        body = _replaced(body, _phases(body), origins)
+        for node in _largest(body):
+            if node not in leaves:
+                name = f"moment {len(moments)}"
+                moments[name] = node
+                spec = Spec(name, _plain(Values({}).of(node)), None, None, origins.get(node))
+                leaves[node] = make("param", node.type, (), spec)
+        body = _replaced(body, leaves, origins)
+        made[old] = old if body is old.body else Function(old.name, old.params, body, old.names, old.where)
+    return made[field], moments
+
+
+def _called(definition: Function) -> tuple[Function, ...]:
+    """The functions in which time may meet the point."""
+    still, _ = _of_time(definition.body)
+    calls = [node for node in topological([definition.body]) if node.op == "call" and node not in still]
+    return tuple(node.data for node in calls if find([node.data.body], "time"))
+
+
+def _calling(body: Expr, made: Mapping[Function, Function], origins: dict[Expr, Location]) -> Expr:
+    """The body with calls of other functions in place of those that were made anew."""
+    still, _ = _of_time(body)
+
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        if node.op == "call" and node not in still and node.data in made:
+            return make("call", node.type, args, made[node.data])
+        return rebuild(node, args)
+
+    return _rewritten(body, rule, origins)
+
+
+def _replaced(body: Expr, leaves: Mapping[Expr, Expr], origins: dict[Expr, Location]) -> Expr:
+    """The body with others in place of some expressions."""
+    return _rewritten(body, lambda node, args: leaves[node] if node in leaves else rebuild(node, args), origins)
+
+
+def _rewritten(body: Expr, rule: Callable[[Expr, tuple[Expr, ...]], Expr], origins: dict[Expr, Location]) -> Expr:
+    """The body after a rule for each of its expressions, whose lines stay theirs."""
+    new = rewrite([body], rule)
     for old, changed in new.items():
         if changed is not old and old in origins:
             origins.setdefault(changed, origins[old])
-    return Function(field.name, field.params, new[field.body], where=field.where), moments
+    return new[body]
 
 
 def at_moment(moments: Mapping[str, Expr], values: Values) -> Values:
@@ -53,26 +88,55 @@ def at_moment(moments: Mapping[str, Expr], values: Values) -> Values:
 
 def _largest(body: Expr) -> list[Expr]:
     """The expressions of time that something other uses, but not time itself: float32 holds that as well as can be."""
-    still: set[Expr] = set()
-    moving: set[Expr] = set()
-    found: dict[Expr, None] = {}
-    for node in topological([body]):
-        if node.op in HELD or not all(arg in still for arg in node.args):
-            found.update((arg, None) for arg in node.args if arg in moving)
-            continue
-        if _has_leaf(node.type):
-            still.add(node)
-            if (
-                node.op == "time"
-                or any(arg in moving for arg in node.args)
-                or (node.op == "call" and find([node], "time"))
-            ):
-                moving.add(node)
-        else:  # no parameter can be a matrix or a truth: its parts are
-            found.update((arg, None) for arg in node.args if arg in moving)
+    still, moving = _of_time(body)
+    found = {arg: None for node in topological([body]) if node not in still for arg in node.args if arg in moving}
     if body in moving:
         found[body] = None
     return [node for node in found if node.op != "time"]
+
+
+def _of_time(body: Expr) -> tuple[set[Expr], set[Expr]]:
+    """What does not depend on the point and can be a parameter, which no matrix and no truth can; and of that, what
+    depends on time."""
+    still: set[Expr] = set()
+    moving: set[Expr] = set()
+    for node in topological([body]):
+        if node.op in HELD or not _has_leaf(node.type) or not all(arg in still for arg in node.args):
+            continue
+        still.add(node)
+        if node.op == "time" or any(arg in moving for arg in node.args) or (node.op == "call" and find([node], "time")):
+            moving.add(node)
+    return still, moving
+
+
+def _phases(body: Expr) -> dict[Expr, Expr]:
+    """The waves in which a term of time is added to one of the point, and the same with whole turns left out."""
+    still, moving = _of_time(body)
+    waves = {}
+    for node in topological([body]):
+        if node.op in ("sin", "cos") and node not in still:
+            (phase,) = node.args
+            turned = _turned(phase, 2.0 * math.pi, moving)
+            if turned is not phase:
+                waves[node] = rebuild(node, (turned,))
+    return waves
+
+
+def _turned(phase: Expr, period: float, moving: set[Expr]) -> Expr:
+    """A sum whose terms of time are taken to within a period; a factor of the sum shortens it."""
+    if phase in moving:
+        return phase % period
+    match phase.op:
+        case "add" | "sub" | "neg" | "swizzle":
+            return rebuild(phase, tuple(_turned(term, period, moving) for term in phase.args))
+        case "mul":
+            factor = next((arg for arg in phase.args if arg.is_constant and arg.type is FLOAT and arg.data != 0), None)
+            if factor is not None:
+                period /= abs(float(factor.data))
+                return rebuild(
+                    phase, tuple(arg if arg is factor else _turned(arg, period, moving) for arg in phase.args)
+                )
+    return phase
 
 
 def _has_leaf(type: Type) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from analytic import angles, around, hit_sphere, points
 
 import raymarch as rm
+from raymarch.expr.vocabulary import sin
 from raymarch.plan import plan
 from raymarch.scene import load
 from tests.hard.world import ULP, Figure, World, bytes_off, camera_of, case, view_of
@@ -108,7 +109,8 @@ def far_normals(world: World) -> Iterator[Figure]:
 
 @case(36, "a long time")
 def long_time(world: World) -> Iterator[Figure]:
-    """One ulp of float32 is .0078 s after a day; what depends on time alone is worked out in float64."""
+    """One ulp of float32 is .0078 s after a day, 2 s after a year. What depends on time alone is worked out in float64;
+    a wave over the point is told the turn that it is in. Other products of time and point keep the digits they have."""
     turning = rm.Scene(rm.box((1, 0.6, 0.4)).rotate(rm.time * 2 * np.pi), rm.Camera((2, 1.5, 3), (0, 0, 0)))
     known = world.draw(turning, outputs=("color", "depth"), time=0.3)
     worst = 0
@@ -119,3 +121,8 @@ def long_time(world: World) -> Iterator[Figure]:
             worst, int(np.sum(np.isfinite(known.depth) != np.isfinite(later.depth))), bytes_off(known, later, inner)
         )
     yield Figure("8-bit steps, or pixels of the silhouette, after a day and a year", worst, 1, "float64 leaves 4e-9 s")
+    waves = rm.box(1.4).displace_by(lambda p: 0.03 * sin(6.0 * p.x + rm.time) * sin(6.0 * (p.y - rm.time)), 0.03, 0.26)
+    rippled = rm.Scene(waves, rm.Camera((2, 1.5, 3), (0, 0, 0)))
+    known, later = (world.draw(rippled, outputs=("color", "depth"), time=0.3 + 2 * np.pi * n) for n in (0, 5_000_000))
+    inner = np.isfinite(known.depth) & np.isfinite(later.depth)
+    yield Figure("8-bit steps of waves after a year", bytes_off(known, later, inner), 1, "float64 leaves 4e-9 s")

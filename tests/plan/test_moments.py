@@ -7,7 +7,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.vocabulary import sin
+from raymarch.expr.vocabulary import cos, sin
 from raymarch.plan import plan
 from raymarch.plan.moments import at_moment
 from raymarch.scene.parameter import set_values
@@ -25,6 +25,8 @@ NODES = {
     "moved": rm.sphere().translate((sin(rm.time), rm.time * SIZE, 0)),
     "grown": rm.sphere(0.5 + 0.1 * sin(rm.time)) | rm.torus().rotate(rm.time),
     "waves": ripples(0.02).rotate(0.5 * rm.time),
+    "beats": rm.box(2.0).displace_by(lambda p: 0.02 * sin(p.x * rm.time), 0.02, 0.1),
+    "thrice": rm.box(2.0).displace_by(lambda p: 0.02 * cos(3.0 * (p - 2.0 * rm.time).y), 0.02, 0.06),
     "copies": rm.box(0.3).rotate(rm.time).translate((0.2, 0, 0)).repeat(1.5, 3),
 }
 
@@ -43,9 +45,24 @@ def test_the_field_is_the_same(name: str, time: float) -> None:
     np.testing.assert_allclose(found, known, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["waves", "thrice"])
+def test_a_wave_keeps_its_digits_for_years(name: str) -> None:
+    """Time met the point as a float32 of whole seconds after a year."""
+    time = 3e7 + 0.3
+    made = plan(rm.Scene(NODES[name], rm.Camera((0, 1, 4), (0, 0, 0))))
+    values = set_values(made.parameters, {}, time)
+    points = np.random.default_rng(1).normal(size=(100, 3)).astype(np.float32)
+    with bound(values.params, time):
+        known = NODES[name].distance(points)
+    then = at_moment(made.moments, values)
+    with bound(then.params, time):
+        found = evaluator([made.field.body], made.field.params, np.float32)(points)[0]
+    np.testing.assert_allclose(found, known, atol=64 * 2.0**-23)
+
+
 def test_nothing_but_time_that_meets_the_point_is_left_to_the_shader() -> None:
-    turned, waves = (assemble(plan(rm.Scene(NODES[name]))) for name in ("turned", "waves"))
-    assert not turned.uses_time and waves.uses_time
+    turned, beats = (assemble(plan(rm.Scene(NODES[name]))) for name in ("turned", "beats"))
+    assert not turned.uses_time and beats.uses_time
     assert any(name.startswith("moment") for name in turned.parameters)
 
 
