@@ -15,18 +15,19 @@ from raymarch.cli.commands import app
 from raymarch.cli.common import CommandError, parse_settings, parse_size, written
 from raymarch.cost.accuracy import claims, page
 from raymarch.cost.checks import check
-from raymarch.cost.effects import ablate
+from raymarch.cost.effects import ablate, evaluations_of
 from raymarch.cost.effects import table as effects_table
 from raymarch.cost.environment import environment
 from raymarch.cost.html import as_html
 from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
-from raymarch.cost.reference import reference
-from raymarch.cost.settings import axes, grid, parse_values
+from raymarch.cost.reference import Reference, reference
+from raymarch.cost.settings import Setting, axes, grid, parse_values
 from raymarch.cost.suite import FULL, QUICK, find_scenes, measure_suite
 from raymarch.cost.suite_plots import figure_3, figure_5, fronts
 from raymarch.cost.sweep import METRICS, Point, Sweep, sweep
-from raymarch.cost.text import FORMAT, as_csv, as_json, findings, table
+from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
+from raymarch.cost.variants import ideal_of
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
@@ -56,10 +57,10 @@ def cost_command(
     ] = None,
     axis: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=V,V,...", help="Values to try of a field of Quality; may be repeated."),
+        typer.Option(metavar="NAME=V,V,...", help="Values of an axis to try; may be repeated."),
     ] = None,
     cross: Annotated[
-        str | None, typer.Option(metavar="NAME,NAME", help="Try these fields of Quality only, in all combinations.")
+        str | None, typer.Option(metavar="NAME,NAME", help="Try these axes only, in all combinations.")
     ] = None,
     by: Annotated[str, typer.Option(help=f"The error that the front is made by: {', '.join(METRICS)}.")] = "pixels_p99",
     repeats: Annotated[int, typer.Option(min=1, max=1000, help="Timed frames of each setting.")] = 9,
@@ -100,8 +101,30 @@ def cost_command(
         return
     settings = grid(found, asked, pixels)
     with watched() as tell, Renderer(pixels, backend, device) as renderer:
-        known = reference(found, pixels, time, params, samples, lambda what: tell(what, 0.0))
-        made = sweep(found, settings, known, renderer, scene.stem, time, params, repeats, seed, tell)
+
+        def say(what: str) -> None:
+            tell(what, 0.0)
+
+        known = reference(found, pixels, time, params, samples, say)
+
+        def judge(setting: Setting) -> Reference:
+            ideal = ideal_of(found, setting.variations)
+            return known if ideal is found else reference(ideal, pixels, time, params, samples, say)
+
+        made = sweep(
+            found,
+            settings,
+            known,
+            renderer,
+            scene.stem,
+            time,
+            params,
+            repeats,
+            seed,
+            tell,
+            judge=judge,
+            count=evaluations_of,
+        )
         made.checks = check(made, found, renderer, time, params)
     show(made, by, everything)
     for file, text in ((json, as_json), (csv, as_csv), (html, as_html)):
@@ -169,9 +192,11 @@ def show(made: Sweep, metric: str, everything: bool) -> None:
     out.width = max(out.width, WIDTH)
     shown = made.points if everything else telling(made, metric)
     out.print(table(made, metric, shown))
-    left = len(made.points) - len(shown)
+    left = len(in_table(made, metric)) - len(in_table(made, metric, shown))
     if left:
         out.print(f"and {left} more settings that others beat (--all)", markup=False)
+    if (light := light_table(made, metric)) is not None:
+        out.print(light)
     for line in findings(made, metric):
         out.print(line, markup=False, soft_wrap=True)
 

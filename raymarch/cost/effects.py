@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from raymarch.cost.drawing import timed
 from raymarch.cost.flip import BAD, flip, largest_region
 from raymarch.cost.settings import Setting, with_quality
 from raymarch.cost.statistics import Median, median
-from raymarch.cost.sweep import Progress, timed
+from raymarch.cost.sweep import Progress
 from raymarch.errors import CostError
 from raymarch.expr.node import Expr, const
 from raymarch.gpu.prepare import prepare

@@ -137,6 +137,15 @@ def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]
     }
 
 
+def picture_doubt(known: Reference) -> float:
+    """By how much the true picture may be off by its own noise, as the 99th percentile of FLIP.
+
+    It is that between the mean of all rays and the mean of half of them, which is as far from it as the mean of all is
+    from that of infinitely many. 0 where a pixel has one ray: then nothing is known of it.
+    """
+    return float(np.percentile(flip(known.picture, known.half), 99))
+
+
 def footprints(known: Reference, depth: ArrayLike) -> Array:
     """abs(depth - truth) in footprints, (H, W): inf where a hit is missed or made up, 0 where neither hits."""
     return apart(depth, known.depth, known.pixel)

@@ -7,71 +7,118 @@ import io
 from html import escape
 from typing import Any
 
+import numpy as np
 from PIL import Image
+from rich.table import Table
 
-from raymarch.cost.maps import flip_map, footprint_map
-from raymarch.cost.plots import figure, save
+from raymarch.cost.html_style import SCRIPT, STYLE
+from raymarch.cost.maps import FLIP_SCALE, FOOTPRINT_SCALE, flip_map, footprint_map
+from raymarch.cost.plots import panels, save
 from raymarch.cost.sweep import Point, Sweep
-from raymarch.cost.text import findings, labelled, table
+from raymarch.cost.text import findings, held_against, in_table, labelled, light_table, lights_of, table
 from raymarch.gpu.frame import srgb
+from raymarch.gpu.scale import Scale
 
 MOST = 6
 """Points that are shown with pictures."""
-
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 1500px; padding: 0 1em; color: #222; }
-table { border-collapse: collapse; font-size: 13px; } td, th { padding: 2px 9px; text-align: right; }
-td:nth-child(-n+2), th:nth-child(-n+2) { text-align: left; } tr.front { font-weight: 600; background: #eef5ea; }
-tr.unsound { color: #999; } figure { display: inline-block; margin: 0 10px 14px 0; vertical-align: top; }
-figcaption { font-size: 12px; color: #555; } img { image-rendering: pixelated; max-width: 100%; }
-.failed { color: #b00020; font-weight: 600; }
-"""
+STOPS = 12
+"""Colours of a legend's gradient."""
 
 
 def as_html(made: Sweep, metric: str = "pixels_p99") -> str:
-    """The report as text: findings, checks, figures, the table, and pictures with error maps of the points that matter.
+    """The report as text: findings, checks, figures, tables, and pictures with error maps of the points that matter.
 
     CostError if matplotlib is missing.
     """
-    known = made.known
+    env, (width, height) = made.environment, made.known.size
     parts = [
         f"<h1>What accuracy costs: {escape(made.name)}</h1>",
+        f'<p class="soft">{width}x{height} pixels, {len(made.points)} settings, {made.repeats} frames of each; '
+        f"{escape(env['driver']['renderer'])}, {escape(env['clock']['kind'])}, {escape(env['date'][:10])}</p>",
         _sentences(made, metric),
-        _image(save(figure(made, metric)), "error against time, evaluations, and both relative to the plain tracer"),
+        "<h2>Error against time</h2>",
+        _figures(made, metric),
         "<h2>Settings</h2>",
-        _table(made, metric),
+        '<p class="soft">A dot marks what no other setting beats in both time and error; grey rows miss hits. '
+        "A click on a heading sorts.</p>",
+        _table(made, metric, table(made, metric), in_table(made, metric)),
+        _light(made, metric),
         "<h2>Pictures</h2>",
-        f"<p>The true picture is the mean of {known.samples} float64 rays a pixel, with a mean standard error of "
-        f"{known.spread.mean():.2g}. Distances run from 0.0001 (black) to 10 footprints (yellow); missed and false "
-        "hits are magenta. FLIP runs from 0 (black) to 1 (yellow).</p>",
-        _picture(srgb(known.picture), "the truth"),
-        *(_shown(made, p) for p in _chosen(made, metric)),
+        _pictures(made, metric),
         "<h2>Measured with</h2>",
-        _environment(made.environment),
+        _environment(env),
     ]
-    head = f'<meta charset="utf-8"><title>{escape(made.name)}: cost</title><style>{STYLE}</style>'
-    return f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(parts)}</body></html>\n'
+    head = (
+        '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(made.name)}: cost</title><style>{STYLE}</style>"
+    )
+    body = "".join(parts)
+    return f'<!doctype html><html lang="en"><head>{head}</head><body>{body}<script>{SCRIPT}</script></body></html>\n'
 
 
 def _sentences(made: Sweep, metric: str) -> str:
-    lines = [f"<li>{escape(line)}</li>" for line in findings(made, metric)]
-    kinds = {True: "holds", False: '<span class="failed">FAILED</span>'}
-    checks = [f"<li>{escape(c.name)}: {kinds[c.holds]}. {escape(c.words)}</li>" for c in made.checks]
-    return f"<ul>{''.join(lines)}</ul><h2>The report's own checks</h2><ul>{''.join(checks)}</ul>"
+    lines = [line for line in findings(made, metric) if not line.startswith("CHECK FAILED")]
+    kinds = {
+        True: '<span class="holds">&#10003; holds</span>',
+        False: '<span class="failed">&#10007; FAILED</span>',
+    }
+    checks = [f"<li>{kinds[c.holds]} {escape(c.name)}: {escape(c.words)}</li>" for c in made.checks]
+    said = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f'<ul>{said}</ul><h2>The report\'s own checks</h2><ul class="checks">{"".join(checks)}</ul>'
 
 
-def _table(made: Sweep, metric: str) -> str:
-    """The columns of the table that the command prints."""
-    drawn = table(made, metric)
-    ordered = sorted(made.points, key=lambda p: p.time.value)
+def _figures(made: Sweep, metric: str) -> str:
+    drawn = [_image(save(figure), words) for words, figure in panels(made, metric)]
+    return f'<div class="figures">{"".join(drawn)}</div>'
+
+
+def _table(made: Sweep, metric: str, drawn: Table, points: list[Point]) -> str:
+    """The columns of a table that the command prints; `points` are its rows."""
     front = {id(p) for p in made.front(metric)}
     head = "".join(f"<th>{escape(str(column.header))}</th>" for column in drawn.columns)
-    columns = [list(column.cells) for column in drawn.columns]
+    columns = [list(column.cells) for column in drawn.columns][1:]
     rows = []
-    for point, cells in zip(ordered, zip(*columns, strict=True), strict=True):
+    for point, cells in zip(points, zip(*columns, strict=True), strict=True):
         kind = "front" if id(point) in front else "" if point.errors.sound else "unsound"
-        rows.append(f'<tr class="{kind}">' + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>")
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+        mark = "&#9679;" if id(point) in front else ""
+        shown = "".join(f"<td>{escape(str(cell))}</td>" for cell in cells)
+        rows.append(f'<tr class="{kind}"><td>{mark}</td>{shown}</tr>')
+    content = f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f'<div class="scroll"><table class="sortable">{content}</table></div>'
+
+
+def _light(made: Sweep, metric: str) -> str:
+    drawn = light_table(made, metric)
+    if drawn is None:
+        return ""
+    words = (
+        "Other ways to reckon the light: all evaluations of the field and its gradient a pixel, those of shadows too; "
+        "and how far the picture is from the true one. Forms of soft shadows are held against the shadow of the "
+        "light's whole disc."
+    )
+    listed = _table(made, metric, drawn, lights_of(made, metric))
+    return f'<h2>Light and shadow</h2><p class="soft">{words}</p>{listed}'
+
+
+# Pictures
+
+
+def _pictures(made: Sweep, metric: str) -> str:
+    known = made.known
+    words = f"mean of {known.samples} float64 rays a pixel, mean standard error {known.spread.mean():.2g}"
+    truth = f'<div class="point truth"><h3>The truth</h3><p class="says">{words}</p>'
+    return "".join(
+        (
+            '<div class="scales">',
+            _legend(FOOTPRINT_SCALE, "distance from the true hit in pixel footprints; magenta: missed or made up"),
+            _legend(FLIP_SCALE, "FLIP: difference that an eye sees"),
+            "</div>",
+            truth,
+            _picture(srgb(known.picture), "true picture"),
+            "</div>",
+            *(_shown(made, p) for p in _chosen(made, metric)),
+        )
+    )
 
 
 def _chosen(made: Sweep, metric: str) -> list[Point]:
@@ -84,25 +131,34 @@ def _chosen(made: Sweep, metric: str) -> list[Point]:
 def _shown(made: Sweep, point: Point) -> str:
     errors = point.errors
     words = (
-        f"{escape(labelled(point))}: {point.time} ms, {errors.pixels_p99:.2g} px (p99), {errors.missed} missed, "
-        f"FLIP {errors.flip_p99:.2g} (p99), {point.evaluations:.1f} evaluations a pixel"
+        f"{point.time} ms; {errors.pixels_p99:.2g} px (p99); {errors.missed} missed, {errors.false} made up; "
+        f"FLIP {errors.flip_p99:.2g} (p99) against {held_against(point, made)}; {point.evaluations:.1f} evaluations"
     )
-    return f"<h3>{words}</h3><div>" + "".join(
-        (
-            _picture(srgb(point.color), "picture") if point.color is not None else "",
-            _picture(footprint_map(made.known, point.depth), "distance from the true hit"),
-            _picture(flip_map(made.known, point.color), "FLIP") if point.color is not None else "",
-            "</div>",
-        )
-    )
+    badge = '<span class="badge">front</span>' if point in made.front() else ""
+    maps = [_picture(footprint_map(point.known, point.depth), "distance from the true hit")]
+    if point.color is not None:
+        maps.insert(0, _picture(srgb(point.color), "picture"))
+        maps.append(_picture(flip_map(point.known, point.color), "FLIP"))
+    heading = f'<h3>{escape(labelled(point))}{badge}</h3><p class="says">{escape(words)}</p>'
+    return f'<div class="point">{heading}<div class="maps">{"".join(maps)}</div></div>'
+
+
+def _legend(scale: Scale, words: str) -> str:
+    """A bar of a scale's colours with its marks."""
+    share = np.linspace(0.0, 1.0, STOPS)
+    values = 10.0 ** (np.log10(scale.low) + share * np.log10(scale.high / scale.low)) if scale.kind == "log" else share
+    colors = ", ".join("rgb({},{},{})".format(*np.rint(255 * c).astype(int)) for c in scale.colored(values))
+    ticks = "".join(f"<span>{value:.3g}</span>" for value in scale.ticks)
+    bar = f'<div class="bar" style="background: linear-gradient(90deg, {colors})"></div>'
+    return f'<div>{bar}<div class="ticks">{ticks}</div><div class="soft">{escape(words)}</div></div>'
 
 
 def _environment(env: dict[str, Any]) -> str:
     rows = []
     for name, value in env.items():
         said = ", ".join(f"{k}: {v}" for k, v in value.items()) if isinstance(value, dict) else str(value)
-        rows.append(f"<tr><td>{escape(name)}</td><td>{escape(said)}</td></tr>")
-    return f"<table>{''.join(rows)}</table>"
+        rows.append(f"<tr><td></td><td>{escape(name.replace('_', ' '))}</td><td>{escape(said)}</td></tr>")
+    return f'<div class="scroll"><table class="plain"><tbody>{"".join(rows)}</tbody></table></div>'
 
 
 def _picture(pixels: Any, caption: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from raymarch.cost.maps import plotting
@@ -48,6 +48,24 @@ def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
     return drawn
 
 
+def panels(made: Sweep, metric: str = "pixels_p99") -> list[tuple[str, Any]]:
+    """The parts of `figure` as figures of their own, each with its caption."""
+    steps = by_steps(made)
+    parts: list[tuple[str, Callable[[Any], None]]] = [
+        ("error against time, with the front and the presets", lambda axes: draw_front(axes, made, metric)),
+        ("evaluations of the field, beside the least that could do", lambda axes: draw_evaluations(axes, made)),
+    ]
+    if len(steps) > 1 and "plain" in steps:
+        words = "error and time by the steps of a ray, relative to the plain tracer"
+        parts.append((words, lambda axes: draw_relative(axes, steps, "plain")))
+    found = []
+    for words, draw in parts:
+        drawn = blank(6.4, 5.2)
+        draw(drawn.subplots())
+        found.append((words, drawn))
+    return found
+
+
 def blank(width: float, height: float) -> Any:
     """An empty figure, inches."""
     plotting()
@@ -70,7 +88,7 @@ def _measured(made: Sweep) -> str:
 
 def draw_front(axes: Any, made: Sweep, metric: str) -> None:
     """Error against time: every sound setting with its interval, the front, the presets, the scene's own."""
-    sound = [p for p in made.points if p.errors.sound and p.error(metric) == p.error(metric)]
+    sound = [p for p in made.comparable(metric) if p.error(metric) == p.error(metric)]
     if not sound:
         axes.text(0.5, 0.5, "no setting finds every hit", ha="center", transform=axes.transAxes)
         return
@@ -95,7 +113,8 @@ def draw_front(axes: Any, made: Sweep, metric: str) -> None:
             axes.plot(*spot, "s", ms=9, mfc="none", mec="black")
             axes.annotate(point.setting.preset, spot, xytext=(7, 5), textcoords="offset points", fontsize=8)
     axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame, median and 95 % interval", ylabel=LABELS[metric])
-    axes.set_title(f"error against time; {len(made.points) - len(sound)} settings that miss hits are not shown")
+    unsound = sum(not p.errors.sound for p in made.points)
+    axes.set_title(f"error against time; {unsound} settings that miss hits are not shown")
     axes.title.set_fontsize(9)
     axes.grid(alpha=0.25, which="both", lw=0.4)
     axes.legend(fontsize=7)

@@ -8,10 +8,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from raymarch.cost.drawing import Draws, timed
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting, named, settled
 from raymarch.cost.statistics import Median, median
-from raymarch.cost.sweep import Draws, Point, Progress, sweep, timed
+from raymarch.cost.sweep import Point, Progress, sweep
 from raymarch.errors import CostError
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality, provide_searches

@@ -1,4 +1,4 @@
-"""The settings that are compared: named axes over the fields of `Quality`."""
+"""The settings that are compared: named axes over the fields of `Quality`, ways to draw, and the scene's light."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from raymarch.cost.variants import VARIANTS, check_values, varied
 from raymarch.errors import CostError, SceneError
 from raymarch.plan.marching import trusted
 from raymarch.plan.plan import plan
@@ -19,8 +20,8 @@ from raymarch.scene.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """A field of `Quality` and the values that are tried. Crossed axes are combined with each other; of the rest one
-    value at a time is changed."""
+    """What is changed, and the values that are tried: a field of `Quality`, `frames` or `scale` of a `Setting`, or one
+    of `raymarch.cost.variants`. Crossed axes are combined; of the rest one value at a time is changed."""
 
     name: str
     values: tuple[Any, ...]
@@ -36,23 +37,56 @@ AXES = (
     Axis("normals", ("analytic", "tetrahedron", "central", "forward")),
     Axis("beta", (0.15, 0.3, 0.6)),
     Axis("step_scale", (0.7, 1.0)),
-    Axis("shadow_steps", (16, 64, 256)),
-    Axis("occlusion_samples", (2, 5, 10)),
-    Axis("light_samples", (1, 4, 16)),
     Axis("samples", (1, 4, 16)),
+    Axis("frames", (4, 16)),
+    Axis("scale", (0.5, 2.0)),
     Axis("rays", ("computed", "interpolated")),
-    Axis("scale", (0.5, 1.0)),
+    Axis("shadow_steps", (8, 16, 32)),
+    Axis("light_samples", (1, 4)),
+    Axis("masking", ("correlated", "separable")),
+    *(Axis(v.name, v.values) for v in VARIANTS.values()),
 )
-"""What `raymarch cost` tries. A name that is no field of `Quality` is passed over."""
+"""What `raymarch cost` tries."""
+
+LIGHT = {"shadow_steps", "light_samples", "masking", *VARIANTS}
+"""Axes along which the light changes, and no hit does."""
+
+DRAWN = {"frames": (1, 256), "scale": (0.1, 4.0)}
+"""Axes that are fields of a `Setting`, and the ends of their ranges."""
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A quality under a name that says in what it differs from the base; and the preset that it is, if it is one."""
+    """A way to draw a scene, under a name that says in what it differs from the base.
+
+    Attributes
+    ----------
+    quality : to draw with. preset : that it is, if it is one.
+    frames : of which the picture is the mean; what is timed is all of them.
+    scale : width of what is drawn over that of the picture, which is made from it by interpolation.
+    variations : names and values of `raymarch.cost.variants`.
+    light : True if the light is reckoned in another way, which errors of depth do not show.
+    """
 
     name: str
     quality: Quality
     preset: str | None = None
+    frames: int = 1
+    scale: float = 1.0
+    variations: tuple[tuple[str, Any], ...] = ()
+    light: bool = False
+
+    def of(self, scene: Scene) -> Scene:
+        """The scene as this setting draws it. ValueError if the scene has nothing that a variation changes."""
+        made = varied(scene, self.variations)
+        if made is None:
+            raise ValueError(f"{self.name}: the scene has nothing to change")
+        return with_quality(made, self.quality)
+
+    def size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Of what is drawn, for a picture of some size."""
+        width, height = (max(1, round(self.scale * n)) for n in size)
+        return width, height
 
 
 def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] | None = None) -> tuple[Axis, ...]:
@@ -60,17 +94,17 @@ def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] 
 
     Parameters
     ----------
-    names : only these of them, all crossed; None is all that `Quality` has a field for.
+    names : only these of them, all crossed; None is all of AXES.
     given : values in place of the default ones, by name; a field that has no default axis may be named too.
 
-    Raises CostError for what is no field of `Quality`.
+    Raises CostError for a name that is no axis.
     """
-    known = [f.name for f in fields(Quality)]
+    known = _known()
     own = dict(given or {})
     for name in (*(names or ()), *own):
         if name not in known:
-            raise CostError(f"axis {name!r}", legal=f"a field of Quality: {', '.join(known)}")
-    defaults = {axis.name: axis for axis in AXES if axis.name in known}
+            raise CostError(f"axis {name!r}", legal=", ".join(known))
+    defaults = {axis.name: axis for axis in AXES}
     for name, values in own.items():
         defaults[name] = Axis(name, tuple(values), defaults[name].crossed if name in defaults else False)
     if names is None:
@@ -87,28 +121,44 @@ def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = No
     Combinations that `Quality` refuses, and those that come to the same for this scene, are left out.
     """
     base = scene.quality
-    chosen = list(chosen)
-    crossed, single = [a for a in chosen if a.crossed], [a for a in chosen if not a.crossed]
-    changes: list[dict[str, Any]] = [{}]
-    changes += [
-        dict(zip((a.name for a in crossed), combination, strict=True))
-        for combination in itertools.product(*(a.values for a in crossed))
-        if crossed
-    ]
-    changes += [{axis.name: value} for axis in single for value in axis.values]
-    found: dict[Quality, Setting] = {settled(scene, base, size): Setting("base", base)}
+    found: dict[Any, Setting] = {_meant(scene, Setting("base", base), size): Setting("base", base)}
     for name in PRESETS:
-        quality = Quality.preset(name)
-        meant = settled(scene, quality, size)
-        found[meant] = replace(found.get(meant, Setting(name, quality)), preset=name)
-    for change in changes:
+        made = Setting(name, Quality.preset(name))
+        meant = _meant(scene, made, size)
+        found[meant] = replace(found.get(meant, made), preset=name)
+    for change in _changes(list(chosen)):
         try:
-            quality = replace(base, **change)
-        except SceneError:
+            made = setting(base, change)
+            meant = _meant(scene, made, size)
+        except (SceneError, ValueError):
             continue
-        meant = settled(scene, quality, size)
-        found.setdefault(meant, Setting(named(change), quality))
+        found.setdefault(meant, made)
     return list(found.values())
+
+
+def _changes(chosen: Sequence[Axis]) -> list[dict[str, Any]]:
+    crossed, single = [a for a in chosen if a.crossed], [a for a in chosen if not a.crossed]
+    combined = itertools.product(*(a.values for a in crossed)) if crossed else []
+    changes = [dict(zip((a.name for a in crossed), values, strict=True)) for values in combined]
+    return changes + [{axis.name: value} for axis in single for value in axis.values]
+
+
+def setting(base: Quality, change: Mapping[str, Any]) -> Setting:
+    """A setting by what it changes, by the names of axes. SceneError for what is not legal."""
+    drawn = {name: value for name, value in change.items() if name in DRAWN}
+    variations = tuple((name, value) for name, value in change.items() if name in VARIANTS)
+    quality = {name: value for name, value in change.items() if name not in DRAWN and name not in VARIANTS}
+    if drawn.get("frames", 1) > 1:
+        quality["temporal"] = "accumulate"
+    light = bool(LIGHT & change.keys())
+    return Setting(named(change), replace(base, **quality), variations=variations, light=light, **drawn)
+
+
+def _meant(scene: Scene, made: Setting, size: tuple[int, int] | None) -> Any:
+    """What a setting comes to: equal for two that draw the same, and are held against the same truth."""
+    drawn = None if size is None else made.size(size)
+    varied_scene = made.of(scene)
+    return settled(varied_scene, made.quality, drawn), made.frames, made.scale, made.variations
 
 
 def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None) -> Quality:
@@ -119,6 +169,8 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
     certified = trusted(with_quality(scene, quality))
     levels = tuple(level for level in marching.schedule.levels if level != PIXEL)
     schedule = next(name for name, known in SCHEDULES.items() if known.levels == levels)
+    shadowed = any(light.shadow for light in scene.lights)
+    discs = any(light.soft and light.penumbra == "sampled" for light in scene.lights)
     omega = quality.omega if tracer == quality.tracer else None
     scale = quality.step_scale if tracer == "plain" else 1.0
     beta = quality.beta if tracer in ("auto_relaxed", "front") else 0.3
@@ -130,6 +182,9 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         omega=omega,
         step_scale=scale,
         beta=beta,
+        shadow_steps=(quality.shadow_steps or quality.max_steps) if shadowed else None,
+        light_samples=quality.light_samples if discs else 1,
+        masking=quality.masking if any(m.physical for m in scene.materials) else "correlated",
     )
 
 
@@ -147,8 +202,8 @@ def named(change: Mapping[str, Any]) -> str:
         match name:
             case "tracer":
                 words.append(str(value))
-            case "max_steps":
-                words.append(f"{value} steps")
+            case "max_steps" | "frames":
+                words.append(f"{value} {name.removeprefix('max_')}")
             case _:
                 words.append(f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}")
     return ", ".join(words) or "base"
@@ -167,15 +222,30 @@ def parse_values(name: str, text: str) -> tuple[Any, ...]:
     if not values:
         raise CostError(f"axis {name!r} without values", legal="NAME=VALUE,VALUE,...")
     for given in values:
-        try:
-            replace(Quality(), **{name: given})
-        except SceneError as fault:
-            if name != "omega":  # whose range depends on the tracer
-                raise CostError(f"axis {name} = {given!r}", legal=fault.legal) from None
-        except TypeError:
-            raise CostError(f"axis {name!r}", legal=f"a field of Quality: {_names()}") from None
+        _check_value(name, given)
     return values
 
 
-def _names() -> str:
-    return ", ".join(f.name for f in fields(Quality))
+def _check_value(name: str, given: Any) -> None:
+    if name in VARIANTS:
+        check_values(name, (given,))
+        return
+    if name in DRAWN:
+        low, high = DRAWN[name]
+        whole = name == "scale" or isinstance(given, int)
+        if not isinstance(given, int | float) or isinstance(given, bool) or not low <= given <= high or not whole:
+            number = "a number" if name == "scale" else "an integer"
+            raise CostError(f"axis {name} = {given!r}", legal=f"{number} from {low:g} to {high:g}")
+        return
+    try:
+        replace(Quality(), **{name: given})
+    except SceneError as fault:
+        if name != "omega":  # whose range depends on the tracer
+            raise CostError(f"axis {name} = {given!r}", legal=fault.legal) from None
+    except TypeError:
+        raise CostError(f"axis {name!r}", legal=", ".join(_known())) from None
+
+
+def _known() -> list[str]:
+    """The names of all axes."""
+    return [*(f.name for f in fields(Quality)), *DRAWN, *VARIANTS]

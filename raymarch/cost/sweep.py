@@ -5,17 +5,17 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.cost.drawing import Draws, Renderers, brought_to, draw, nearest, timed
 from raymarch.cost.environment import environment
 from raymarch.cost.errors import Errors, measure
 from raymarch.cost.front import pareto
 from raymarch.cost.reference import Reference
-from raymarch.cost.settings import Setting, with_quality
+from raymarch.cost.settings import Setting
 from raymarch.cost.statistics import Median, median
 from raymarch.plan import plan
 from raymarch.scene.scene import Scene
@@ -36,28 +36,8 @@ METRICS = (
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of all that is done, 0 to 1."""
-
-
-class Drawn(Protocol):
-    """What is needed of a frame."""
-
-    @property
-    def timings(self) -> Any: ...
-    @property
-    def milliseconds(self) -> float: ...
-    def array(self, name: str) -> NDArray[Any]: ...
-
-
-class Draws(Protocol):
-    """What is needed of a renderer; a `raymarch.Renderer` is one."""
-
-    kept: int
-    clock: Any
-    context: Any
-
-    def render(
-        self, scene: Scene, time: float = ..., params: Mapping[str, Any] | None = ..., outputs: Sequence[str] = ...
-    ) -> Drawn: ...
+Judge = Callable[[Setting], Reference]
+Count = Callable[..., float]
 
 
 @dataclass(slots=True)
@@ -68,12 +48,15 @@ class Point:
     ----------
     setting : its name and quality. tracer : what the plan chose.
     errors : against the truth.
-    evaluations, iterations : mean a pixel, of the primary ray. worst_evaluations : of the worst pixel.
+    evaluations, iterations : mean of one primary ray. worst_evaluations : of the worst pixel.
     shader_bytes : of the picture's shader.
     compile_ms, first_ms : the driver's compilation, and the first frame after it; of no other frame's time a part.
     times : milliseconds of each measured frame. time : their median with its interval.
     walls : milliseconds that passed on the wall clock while each was asked for: more than a true time, never less.
     depth, done, color : what was drawn; `done` is False where a ray ran out of steps; color may be None.
+    known : the truth that it was held against.
+    all_evaluations : of the field and its gradient, mean a pixel, those of shadows and all other rays too; nan where
+        they were not counted.
     """
 
     setting: Setting
@@ -88,6 +71,8 @@ class Point:
     depth: NDArray[Any] = field(repr=False)
     done: NDArray[Any] = field(repr=False)
     color: NDArray[Any] | None = field(repr=False)
+    known: Reference = field(repr=False)
+    all_evaluations: float = float("nan")
     walls: list[float] = field(default_factory=list, repr=False)
     times: list[float] = field(default_factory=list)
 
@@ -144,10 +129,16 @@ class Sweep:
     def base(self) -> Point:
         return self.points[0]
 
+    def comparable(self, metric: str = "pixels_p99") -> list[Point]:
+        """The sound settings whose errors are of one kind. Those that change the light alone count only where the error
+        is that of the picture, and then if that is to be the scene's own."""
+        pictured = metric.startswith("flip")
+        sound = [p for p in self.points if p.errors.sound and (pictured or not p.setting.light)]
+        return [p for p in sound if p.known is self.known]
+
     def front(self, metric: str = "pixels_p99") -> list[Point]:
-        """The settings that no other beats in both time and error, fastest first; sound ones only."""
-        sound = [p for p in self.points if p.errors.sound]
-        return pareto(sound, lambda p: p.time.value, lambda p: p.error(metric))
+        """The comparable settings that no other beats in both time and error, fastest first."""
+        return pareto(self.comparable(metric), lambda p: p.time.value, lambda p: p.error(metric))
 
 
 def sweep(
@@ -162,6 +153,8 @@ def sweep(
     seed: int = 1,
     progress: Progress | None = None,
     output: str = "color",
+    judge: Judge | None = None,
+    count: Count | None = None,
 ) -> Sweep:
     """Measure a scene at each of some settings.
 
@@ -174,6 +167,9 @@ def sweep(
     seed : of that order.
     output : what is drawn when it is timed: "color", the picture; or "depth", marching and normals without shading,
         and then no colours are compared.
+    judge : gives the truth of a setting, for those that are to be held against another one than `known`.
+    count : counts all evaluations, `raymarch.cost.effects.evaluations_of`; asked for the first setting and for those
+        that change the light.
     """
     if not settings or repeats < 1:
         raise ValueError(f"sweep: {len(settings)} settings, {repeats} repeats (at least one of each)")
@@ -181,35 +177,26 @@ def sweep(
     renderer.kept = max(renderer.kept, 4 * len(settings))  # else each turn would compile anew
     total = len(settings) * (repeats + 2)
     points = []
-    for i, setting in enumerate(settings):
-        tell(f"errors: {setting.name}", 2 * i / total)
-        points.append(_examine(scene, setting, known, renderer, time, params, output))
-    turns = random.Random(seed)
-    done = 2 * len(settings)
-    for _ in range(repeats):
-        order = list(range(len(points)))
-        turns.shuffle(order)
-        for i in order:
-            tell(f"time: {points[i].name}", done / total)
-            claimed, wall = timed(scene, points[i].setting, renderer, time, params, output)
-            points[i].times.append(claimed)
-            points[i].walls.append(wall)
-            done += 1
+    with Renderers(renderer, known.size) as renderers:
+        for i, setting in enumerate(settings):
+            tell(f"errors: {setting.name}", 2 * i / total)
+            judged = known if judge is None else judge(setting)
+            points.append(_examine(scene, setting, judged, renderers.of(setting), time, params, output))
+            if count is not None and (setting.light or i == 0):
+                points[i].all_evaluations = count(setting.of(scene), renderers.of(setting), time, params)
+        turns = random.Random(seed)
+        done = 2 * len(settings)
+        for _ in range(repeats):
+            order = list(range(len(points)))
+            turns.shuffle(order)
+            for i in order:
+                setting = points[i].setting
+                tell(f"time: {setting.name}", done / total)
+                claimed, wall = timed(scene, setting, renderers.of(setting), time, params, output)
+                points[i].times.append(claimed)
+                points[i].walls.append(wall)
+                done += 1
     return Sweep(name, known, points, seed, repeats, environment(renderer))
-
-
-def timed(
-    scene: Scene,
-    setting: Setting,
-    renderer: Draws,
-    time: float = 0.0,
-    params: Mapping[str, Any] | None = None,
-    output: str = "color",
-) -> tuple[float, float]:
-    """Milliseconds of one frame: by the renderer's clock, and what passed on the wall clock while it was asked for."""
-    start = perf_counter()
-    claimed = renderer.render(with_quality(scene, setting.quality), time, params, (output,)).milliseconds
-    return claimed, 1e3 * (perf_counter() - start)
 
 
 def _examine(
@@ -222,20 +209,20 @@ def _examine(
     output: str,
 ) -> Point:
     """Everything about a setting but its time: errors, counts, and the first frame, which is no measure of the rest."""
-    made = with_quality(scene, setting.quality)
-    planned = plan(made, size=known.size)
-    first = renderer.render(made, time, params, (output,))
-    compile_ms = sum(t.compile for t in first.timings)
-    first_ms = first.milliseconds
-    color = first.array("color") if output == "color" else None
+    made, size = setting.of(scene), known.size
+    planned = plan(made, size=setting.size(size))
+    last, frames = draw(scene, setting, renderer, time, params, (output,))
+    compile_ms = sum(t.compile for t in frames[0].timings)
+    first_ms = frames[0].milliseconds
+    color = brought_to(last.array("color"), size) if output == "color" else None
     geometry = renderer.render(made, time, params, ("depth",))
-    depth = geometry.array("depth")
     evaluations = geometry.array("evaluations")
-    renderer.render(made, time, params, (output,))  # the warm-up
+    depth, normal, reach = (nearest(geometry.array(name), size) for name in ("depth", "normal", "reach"))
+    draw(scene, setting, renderer, time, params, (output,))  # the warm-up
     return Point(
         setting=setting,
         tracer=planned.tracer,
-        errors=measure(known, depth, geometry.array("normal"), color, geometry.array("reach")),
+        errors=measure(known, depth, normal, color, reach),
         evaluations=float(evaluations.mean()),
         iterations=float(geometry.array("iterations").mean()),
         worst_evaluations=int(evaluations.max()),
@@ -243,6 +230,7 @@ def _examine(
         compile_ms=compile_ms,
         first_ms=first_ms,
         depth=depth,
-        done=geometry.array("done"),
+        done=nearest(geometry.array("done"), size),
         color=color,
+        known=known,
     )

@@ -11,8 +11,11 @@ from typing import Any
 
 from rich.table import Table
 
+from raymarch.cost.errors import picture_doubt
 from raymarch.cost.sweep import Point, Sweep
+from raymarch.cost.variants import VARIANTS
 
+Column = tuple[str, Callable[[Point], str]]
 FORMAT = 1
 """Version of the JSON; it grows when a name changes its meaning or goes."""
 
@@ -36,6 +39,8 @@ def as_dict(made: Sweep, metric: str = "pixels_p99") -> dict[str, Any]:
             "picture_samples": known.samples,
             "picture_standard_error_mean": float(known.spread.mean()),
             "picture_standard_error_max": float(known.spread.max()),
+            "picture_flip_p99": picture_doubt(known),
+            "edge_width": known.edge_width,
         },
         "floor": _number(made.floor),
         "points": [_point(p, made, id(p) in front) for p in made.points],
@@ -55,6 +60,11 @@ def _point(point: Point, made: Sweep, on_front: bool) -> dict[str, Any]:
         "evaluations_over_floor": _number(point.evaluations / made.floor if made.floor > 0 else float("nan")),
         "worst_evaluations": point.worst_evaluations,
         "iterations": point.iterations,
+        "all_evaluations": _number(point.all_evaluations),
+        "held_against": held_against(point, made),
+        "frames": point.setting.frames,
+        "scale": point.setting.scale,
+        "variations": dict.fromkeys(VARIANTS) | dict(point.setting.variations),
         "milliseconds": {
             "median": time.value,
             "low": time.low,
@@ -97,15 +107,52 @@ def _flat(values: dict[str, Any], before: str = "") -> dict[str, Any]:
     return found
 
 
-Column = tuple[str, Callable[[Point], str]]
-
-
 def table(made: Sweep, metric: str = "pixels_p99", shown: Sequence[Point] | None = None) -> Table:
-    """The sweep as a table, fastest first. `*` marks the front; `shown` picks some of the points."""
+    """The sweep as a table, fastest first. `*` marks the front; `shown` picks some of the points. Settings that change
+    the light alone are in `light_table`, unless the front is by the picture."""
+    title = f"{made.name}, {made.known.size[0]}x{made.known.size[1]}"
+    return _drawn(made, metric, in_table(made, metric, shown), title, _columns(made, metric))
+
+
+def in_table(made: Sweep, metric: str, shown: Sequence[Point] | None = None) -> list[Point]:
+    """The points of `table` in its order."""
+    given = made.points if shown is None else shown
+    apart = {id(p) for p in lights_of(made, metric)}
+    return sorted((p for p in given if p is made.base or id(p) not in apart), key=lambda p: p.time.value)
+
+
+def lights_of(made: Sweep, metric: str) -> list[Point]:
+    """The points of `light_table` in its order: the scene's own, then as the axes have them; [] if it is alone."""
+    comparable = {id(p) for p in made.comparable(metric)}
+    light = [p for p in made.points if p.setting.light and id(p) not in comparable]
+    return [made.base, *light] if light else []
+
+
+def light_table(made: Sweep, metric: str = "pixels_p99") -> Table | None:
+    """Other ways to reckon the light, by what they cost and how far the picture is from the true one; None if none was
+    tried."""
+    points = lights_of(made, metric)
+    columns: list[Column] = [
+        ("ms", lambda p: f"{p.time.value:.2f}"),
+        ("95 %", lambda p: f"{p.time.low:.2f}-{p.time.high:.2f}"),
+        ("all evals", lambda p: "-" if p.all_evaluations != p.all_evaluations else f"{p.all_evaluations:.1f}"),
+        ("shader bytes", lambda p: str(p.shader_bytes)),
+        ("flip p99", lambda p: _short(p.errors.flip_p99)),
+        ("flip max", lambda p: _short(p.errors.flip_max)),
+        ("bad region", lambda p: str(p.errors.flip_region)),
+        ("held against", lambda p: held_against(p, made)),
+    ]
+    return _drawn(made, metric, points, "light and shadow", columns) if points else None
+
+
+def held_against(point: Point, made: Sweep) -> str:
+    """Whose truth a point's picture is compared with."""
+    return "the scene's truth" if point.known is made.known else "the light's whole disc"
+
+
+def _drawn(made: Sweep, metric: str, points: Sequence[Point], title: str, columns: Sequence[Column]) -> Table:
     front = {id(p) for p in made.front(metric)}
-    points = sorted(made.points if shown is None else shown, key=lambda p: p.time.value)
-    drawn = Table(title=f"{made.name}, {made.known.size[0]}x{made.known.size[1]}", title_justify="left", box=None)
-    columns = _columns(made, metric)
+    drawn = Table(title=title, title_justify="left", box=None)
     drawn.add_column("", no_wrap=True)
     drawn.add_column("setting", no_wrap=True, min_width=12)
     for heading, _ in columns:
@@ -156,6 +203,16 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
         f"{made.repeats} frames of each setting in random order (seed {made.seed}), medians with 95 % intervals, "
         f"by the {env['clock']['kind']}; {env['driver']['renderer']}, {env['date'][:10]}",
     ]
+    if made.known.samples > 1:
+        lines.append(
+            f"the true picture is known to FLIP {picture_doubt(made.known):.2g} (99 % of the pixels) from "
+            f"{made.known.samples} rays a pixel"
+        )
+    if made.known.edge_width < 1.0:
+        lines.append(
+            f"nearly every pixel has an edge: silhouettes that stand apart are those within {made.known.edge_width:g} "
+            "pixels of a ray"
+        )
     if made.floor > 0:
         lines.append(f"no ray on its own can be decided with fewer than N* = {made.floor:.2f} evaluations a pixel")
     if front:
@@ -183,7 +240,7 @@ def worth(front: Sequence[Point], metric: str) -> list[Point]:
 def standing(made: Sweep, metric: str) -> str:
     """How far the scene's own setting is from the front, and whether that can be told from noise."""
     base = made.base
-    rivals = [p for p in made.points if p.errors.sound and p.error(metric) <= base.error(metric)]
+    rivals = [p for p in made.comparable(metric) if p.error(metric) <= base.error(metric)]
     best = min(rivals, key=lambda p: p.time.value)
     times = base.time.value / best.time.value
     if times <= 1.0:

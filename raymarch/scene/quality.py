@@ -85,6 +85,10 @@ class Quality:
     budget : steps that a ray may take in one pass, 4 to 60,000; the march goes on in the next pass from where it
         stood, until it ends or has taken `max_steps`; with temporal="accumulate" also in the next frame, while the
         picture stays the same. None: one pass. For one ray a pixel.
+    shadow_steps : steps that a ray towards a light may take, 1 to 60,000; one that runs out has reached the light. None
+        is as many as `max_steps`.
+    light_samples : points of a light's disc that each ray takes, with penumbra="sampled", 1 to 64. Each costs a ray
+        towards the light, one of `samples` a ray of the camera too.
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
     ways : how light bounces, where a Scene has `bounces`. "random": each sample follows one way, from surfaces of all
         kinds, so it takes `samples` or frames. "tree": every sample follows both the mirrored and the bent way at each
@@ -109,6 +113,8 @@ class Quality:
     rays: str = "computed"
     masking: str = "correlated"
     ways: str = "random"
+    shadow_steps: int | None = None
+    light_samples: int = 1
 
     def __post_init__(self) -> None:
         for name, legal in _CHOICES.items():
@@ -116,6 +122,9 @@ class Quality:
                 raise SceneError(f"Quality: {name} = {getattr(self, name)!r}", legal=", ".join(map(repr, legal)))
         _whole("max_steps", self.max_steps, 60000)
         _whole("samples", self.samples, 4096)
+        _whole("light_samples", self.light_samples, 64)
+        if self.shadow_steps is not None:
+            _whole("shadow_steps", self.shadow_steps, 60000)
         if self.budget is not None:
             _whole("budget", self.budget, 60000, 4)
             if self.samples > 1 or self.temporal == "reproject":

@@ -91,7 +91,7 @@ def _lights(text: Lines, plan: Plan, values: Values) -> None:
         _loop(text, plan)
         return
     for i, light in enumerate(plan.scene.lights):
-        _light(text, i, light, values, ANSWER[plan.model])
+        _light(text, i, light, values, plan)
 
 
 def _lit(text: Lines, plan: Plan, values: Values) -> None:
@@ -285,9 +285,9 @@ def _opened_by_map(plan: Plan) -> bool:
     return not (share.is_constant and float(share.data) == 1.0)
 
 
-def _light(text: Lines, i: int, light: Light, values: Values, answer: str) -> None:
+def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> None:
     """The lines of one light, with its numbers in them."""
-    by, where = type(light).__name__, light.where
+    by, where, answer = type(light).__name__, light.where, ANSWER[plan.model]
 
     def value(name: str, of: Expr) -> str:
         return values.text(f"light_{i}_{name}", of, where)
@@ -316,6 +316,16 @@ def _light(text: Lines, i: int, light: Light, values: Values, answer: str) -> No
         add(f"light.radiance *= spot(light.direction, {cone});", "spot")
     if light.soft and light.penumbra == "sampled":
         width = value("softness", light.softness) + ("" if isinstance(light, Sun) else " / light.distance")
+        samples = plan.scene.quality.light_samples
+        if samples > 1:
+            stride = 2 * len(plan.scene.lights)
+            add(f"Light whole_{i} = light;")
+            add(f"for (int k = 0; k < {samples}; k++) {{")
+            add(f"    light = part_of(whole_{i}, {width}, {_dimension(i)} + {stride} * k);", "part_of")
+            seen = _visibility(text, light, value)
+            add(f"    color += {answer}(surface, light, {seen}) / {literal(samples)};", answer)
+            add("}")
+            return
         add(f"light = part_of(light, {width}, {_dimension(i)});", "part_of")
     add(f"color += {answer}(surface, light, {_visibility(text, light, value)});", answer)
 
@@ -381,7 +391,22 @@ def _loop(text: Lines, plan: Plan) -> None:
         if "sampled" in has:
             number = float(lights.shadows(has).index("sampled") + 1)
             width = "caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
-            add(f"if (caster.x == {number}) light = part_of(light, {width}, {_dimension(0)} + 2 * i);", "part_of")
+            first, samples = f"{_dimension(0)} + 2 * i", plan.scene.quality.light_samples
+            if samples > 1:
+                stride = 2 * len(plan.scene.lights)
+                add(f"if (caster.x == {number}) {{")
+                add("    Light whole = light;")
+                add(f"    for (int k = 0; k < {samples}; k++) {{")
+                add(f"        light = part_of(whole, {width}, {first} + {stride} * k);", "part_of")
+                shown = "hard_shadow(surface, light)"
+                shown = f"{near.removesuffix(' && ')} ? {shown} : 1.0" if near else shown
+                add(f"        float seen = {shown};")
+                add(f"        color += {answer}(surface, light, seen) / {literal(samples)};", "hard_shadow")
+                add("    }")
+                add("    continue;")
+                add("}")
+            else:
+                add(f"if (caster.x == {number}) light = part_of(light, {width}, {first});", "part_of")
         for k, shadow in enumerate(lights.shadows(has), 1):
             width = "" if shadow in ("hard", "sampled") else ", caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
             add(

@@ -32,6 +32,9 @@ class FakeRenderer:
         )
     )
 
+    def forget(self):
+        pass
+
     def render(self, scene, time=0.0, params=None, outputs=("color",)):
         quality = scene.quality
         first = quality not in self.calls

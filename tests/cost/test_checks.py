@@ -6,6 +6,7 @@ import dataclasses
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from cost_samples import SIZE
 
@@ -21,6 +22,7 @@ SETTINGS = [
     Setting("base", rm.Quality()),
     *(Setting(name, rm.Quality(tracer=name)) for name in quality.TRACERS if name != "auto"),
     *(Setting(f"epsilon {e}", rm.Quality(epsilon=e)) for e in (2.0, 0.5, 0.01)),
+    *(Setting(f"correction {name}", rm.Quality(correction=name)) for name in quality.CORRECTIONS),
     Setting("few steps", rm.Quality(max_steps=12)),
 ]
 
@@ -65,6 +67,18 @@ def test_a_tracer_that_stops_at_ten_times_epsilon(scene, known, renderer, monkey
     made, failed = measured(scene, known, settings, renderer)
     assert [c.name for c in failed] == ["hits of planted"]
     assert any("CHECK FAILED, hits of planted" in line for line in findings(made))
+
+
+def test_a_step_that_is_not_asked_is_held_to_where_it_began(scene, known, renderer):
+    """With "slope" a hit may lie deeper than epsilon, but not without a sample within epsilon before it."""
+    slope = rm.Quality(correction="slope", epsilon=2.0)
+    point = sweep(scene, [Setting("slope", slope)], known, renderer, repeats=1).points[0]
+    assert point.errors.pixels_max > 4.0, "some hit lies deep"
+    made, failed = measured(scene, known, [Setting("slope", slope)], renderer)
+    assert not failed
+    early = made.points[0]
+    early.depth = np.where(np.isfinite(early.depth), 0.8 * early.depth, early.depth)
+    assert [c.name for c in check(made, scene, renderer) if not c.holds and c.name != "clock"] == ["hits of slope"]
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])

@@ -20,13 +20,14 @@ from raymarch.cost.maps import WRONG, flip_map, footprint_map
 from raymarch.cost.plots import by_steps, figure, save
 from raymarch.cost.settings import Setting, axes, grid
 from raymarch.cost.sweep import Sweep, sweep
-from raymarch.cost.text import findings, worth
+from raymarch.cost.text import findings, lights_of, worth
 from raymarch.errors import CostError
 
 
 @pytest.fixture
 def made(scene, known) -> Sweep:
-    found = sweep(scene, grid(scene, axes()), known, FakeRenderer(known), name="a <b> & c", repeats=6)
+    chosen = [axis for axis in axes() if axis.name != "scale"]  # this renderer has one size
+    found = sweep(scene, grid(scene, chosen), known, FakeRenderer(known), name="a <b> & c", repeats=6)
     found.checks = [Check("clock", True, "agrees"), Check("hits of front", False, "5 % lie <too> far")]
     return found
 
@@ -105,8 +106,11 @@ def test_the_report_is_one_file(made):
 def test_the_table_of_the_report_has_every_setting(made):
     text = as_html(made)
     table = text[text.index("<h2>Settings") : text.index("<h2>Pictures")]
-    assert len(re.findall("<tr", table)) == len(made.points) + 1
-    assert len(re.findall('<tr class="front"', table)) == len(made.front())
+    light = lights_of(made, "pixels_p99")  # the scene's own stands in both tables
+    assert len(light) > 1
+    assert len(re.findall("<tr", table)) == len(made.points) + 3
+    whole = table[: table.index("<h2>Light")]
+    assert len(re.findall('<tr class="front"', whole)) == len(made.front())
 
 
 def test_maps_show_where_and_how_much(known):

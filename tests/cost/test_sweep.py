@@ -75,7 +75,8 @@ def test_the_grid_has_the_base_first_and_no_setting_twice(scene):
     found = grid(scene, axes())
     assert found[0].name == "base"
     assert found[0].quality == scene.quality
-    assert len({s.quality for s in found}) == len(found) == len({s.name for s in found})
+    drawn = {(s.quality, s.frames, s.scale, s.variations) for s in found}
+    assert len(drawn) == len(found) == len({s.name for s in found})
     tracers = {(s.quality.tracer, s.quality.max_steps) for s in found}
     assert {("plain", 16), ("front", 128)} <= tracers
     assert any(s.quality.epsilon == 2.0 and s.quality.tracer == "auto" for s in found)

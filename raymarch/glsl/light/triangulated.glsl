@@ -1,6 +1,6 @@
 // Soft shadow as by a cone, with the clearance where the ray passes nearest between two samples (Aaltonen 2018): the
 // spheres of two steps meet in a circle, and the obstacle is taken to be on it. The first step knows no other.
-// needs: field Ray Surface Light epsilon max_steps scene_cone u_side
+// needs: field Ray Surface Light epsilon shadow_steps scene_cone u_side
 // gives: triangulated_shadow
 float triangulated_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
@@ -10,7 +10,7 @@ float triangulated_shadow(Surface surface, Light light, float width) {
     float least = 1.0;
     float last = 0.0;
     float s = range.x;
-    for (int i = 0; i < max_steps; i++) {
+    for (int i = 0; i < shadow_steps; i++) {
         if (s >= range.y) break;
         float r = u_side * field(ray.origin + s * ray.direction);
         if (r <= 0.25 * offset) return 0.0;

@@ -5,7 +5,7 @@
 // what is thinner than the disc lets light through; a cone's shadow does not.
 // Steps pass what cannot matter and are half the distance elsewhere, so that the smallest clearance between two samples
 // is known to a thirtieth of itself.
-// needs: field Ray Surface Light epsilon max_steps scene_cone u_side
+// needs: field Ray Surface Light epsilon shadow_steps scene_cone u_side
 // gives: two_sided_shadow
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
@@ -14,7 +14,7 @@ float two_sided_shadow(Surface surface, Light light, float width) {
     vec2 range = scene_cone(ray, vec2(offset, light.distance), width);
     float least = 1.0;
     float s = range.x;
-    for (int i = 0; i < max_steps; i++) {
+    for (int i = 0; i < shadow_steps; i++) {
         if (s >= range.y) break;
         float r = u_side * field(ray.origin + s * ray.direction);
         float reach = width * s;

@@ -1,0 +1,161 @@
+"""Other ways to light a scene than its own, as axes of a sweep: what the fields of `Quality` do not hold."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from raymarch.errors import CostError
+from raymarch.expr.vocabulary import pow, sqrt
+from raymarch.scene.light import PENUMBRAS, Light
+from raymarch.scene.material import Material
+from raymarch.scene.occlusion import Occlusion
+from raymarch.scene.scene import Scene
+from raymarch.sdf.node import Node
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A part of a scene and the ways to have it that are compared.
+
+    make : the scene with one of the values; None if it has nothing that this would change.
+    ideal : the scene whose truth is the right picture for all the values; None is the scene itself.
+    legal : what a value may be, in words. is_legal : whether one is.
+    """
+
+    name: str
+    values: tuple[Any, ...]
+    make: Callable[[Scene, Any], Scene | None]
+    legal: str
+    is_legal: Callable[[Any], bool]
+    ideal: Callable[[Scene], Scene] | None = None
+
+
+def with_penumbra(scene: Scene, form: str) -> Scene | None:
+    """Every soft shadow in one form, or "hard"."""
+    if not any(light.soft for light in scene.lights):
+        return None
+
+    def formed(light: Light) -> Light:
+        if not light.soft:
+            return light
+        made = copy.copy(light)
+        made.penumbra = form if form != "hard" else made.penumbra
+        made.softness = made.softness * 0.0 if form == "hard" else made.softness
+        return made
+
+    return scene.changed(lights=[formed(light) for light in scene.lights])
+
+
+def with_disc(scene: Scene) -> Scene:
+    """Every soft shadow that of the light's whole disc: what all forms stand for."""
+    return with_penumbra(scene, "sampled") or scene
+
+
+def with_occlusion_samples(scene: Scene, samples: int) -> Scene | None:
+    """The occlusion by another number of samples. What counts near and far stays as it is: the decay, too, is spread
+    over as many more or fewer samples."""
+    own = scene.occlusion
+    if own is None or own.steps == samples:
+        return None
+    made = Occlusion(samples, own.reach, own.strength)
+    made.decay = pow(own.decay, own.steps / samples)
+    return scene.changed(occlusion=made)
+
+
+def with_model(scene: Scene, model: str) -> Scene | None:
+    """Every material after Phong, or every one physical.
+
+    A highlight is as wide in both: of GGX's slopes alpha and Blinn's exponent n, alpha^2 = 2 / (n + 2) (Walter et al.
+    2007), and Phong's exponent is a quarter of Blinn's.
+    """
+    wanted = model == "physical"
+    if all(m.physical == wanted for m in scene.materials) or any(m.transmits or m.relief for m in scene.materials):
+        return None
+    turned = _relabelled(scene.node, lambda material: _as_model(material, wanted))
+    return scene.changed(node=turned.material(_as_model(scene.materials[0], wanted)))
+
+
+def _as_model(material: Material, physical: bool) -> Material:
+    if material.physical == physical:
+        return material
+    if physical:
+        width = sqrt(2.0 / (4.0 * material.shininess + 2.0))
+        return Material(albedo=material.color, roughness=sqrt(width), emission=material.emission)
+    square = pow(material.roughness, 4.0)
+    return Material(
+        color=material.color, shininess=(2.0 / (square + 1e-4) - 2.0) / 4.0 + 1e-3, emission=material.emission
+    )
+
+
+def _relabelled(root: Node, turned: Callable[[Material], Material]) -> Node:
+    """The same solid with other materials; shared parts stay shared."""
+    made: dict[Node, Node] = {}
+    pending = [root]
+    while pending:
+        node = pending[-1]
+        waiting = [child for child in node.children if child not in made]
+        if waiting:
+            pending += waiting
+            continue
+        pending.pop()
+        label = None if node.label is None else turned(node.label)
+        children = tuple(made[child] for child in node.children)
+        made[node] = node if not node.labelled else Node(node.definition, children, node.params, node.facts, label)
+    return made[root]
+
+
+def _whole(low: int, high: int) -> Callable[[Any], bool]:
+    return lambda value: type(value) is int and low <= value <= high
+
+
+VARIANTS: dict[str, Variant] = {
+    v.name: v
+    for v in (
+        Variant(
+            "penumbra",
+            ("hard", *PENUMBRAS),
+            with_penumbra,
+            ", ".join(("hard", *PENUMBRAS)),
+            lambda value: value in ("hard", *PENUMBRAS),
+            with_disc,
+        ),
+        Variant("occlusion_samples", (2, 5, 10), with_occlusion_samples, "an integer from 1 to 32", _whole(1, 32)),
+        Variant(
+            "model",
+            ("phong", "physical"),
+            with_model,
+            "phong, physical",
+            lambda value: value in ("phong", "physical"),
+        ),
+    )
+}
+"""By the names of their axes."""
+
+
+def varied(scene: Scene, variations: tuple[tuple[str, Any], ...]) -> Scene | None:
+    """The scene with some variations, each a name and a value; None if one would change nothing."""
+    for name, value in variations:
+        made = VARIANTS[name].make(scene, value)
+        if made is None:
+            return None
+        scene = made
+    return scene
+
+
+def ideal_of(scene: Scene, variations: tuple[tuple[str, Any], ...]) -> Scene:
+    """The scene whose truth is the right picture for some variations."""
+    for name, _ in variations:
+        ideal = VARIANTS[name].ideal
+        scene = ideal(scene) if ideal is not None else scene
+    return scene
+
+
+def check_values(name: str, values: tuple[Any, ...]) -> None:
+    """CostError for a value that an axis of this name cannot have."""
+    variant = VARIANTS[name]
+    for value in values:
+        if not variant.is_legal(value):
+            raise CostError(f"axis {name} = {value!r}", legal=variant.legal)
