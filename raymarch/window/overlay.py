@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,12 @@ class Overlay:
         for texture in self._made.values():
             texture.release()
         self._made.clear()
+
+
+def near(file: str) -> str:
+    """A file as it is called from the current folder, where it lies below it."""
+    path = Path(file)
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else file
 
 
 def picture_of(card: Card, size: tuple[int, int], density: float) -> NDArray[np.uint8]:

@@ -21,6 +21,7 @@ from raymarch.sdf.node import Node
 from raymarch.sdf.shares import shares_of
 from raymarch.truth import truth
 from raymarch.window.control import View
+from raymarch.window.overlay import near
 from raymarch.window.picture import Shot
 
 Vector = NDArray[np.float64]
@@ -62,7 +63,7 @@ class Pick:
             lines = ["nothing was hit here"]
         else:
             lines = [
-                f"{self.part or '...'}\t{self.where or ''}",
+                f"{self.part or '...'}\t{f'{near(self.where.file)}:{self.where.line}' if self.where else ''}",
                 f"material\t{self.material}",
                 f"position\t{_triple(self.position)}",
                 f"normal\t{_triple(self.normal)}",

@@ -171,7 +171,7 @@ class Picture:
         rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
         part = rest[0]
         done: list[Tile] = []
-        while part.tiles and spent < self.pace.budget:
+        while part.tiles and spent + spent / max(len(done), 1) <= self.pace.budget:  # the next one will fit
             tile = part.tiles.pop(0)
             part.draft.draw(tile)
             self._renderer.context.gl.finish()

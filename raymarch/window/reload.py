@@ -19,6 +19,7 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.constants import Constants
 from raymarch.window.live import live
+from raymarch.window.overlay import near
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
 
@@ -41,7 +42,7 @@ class Fault:
 
     def text(self) -> str:
         """For the overlay: the place, the line of the file, the message."""
-        place = f"{self.file}:{self.line}\n" if self.file else ""
+        place = f"{near(self.file)}:{self.line}\n" if self.file else ""
         source = _line_of(self.file, self.line) if self.file and self.line else ""
         cure = f"\n({self.legal})" if self.legal else ""
         return f"{place}{source}{self.what}{cure}"

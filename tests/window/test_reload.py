@@ -6,8 +6,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from ball import MIDDLE, SCENE, drawn, save, scene_of
 from window_driver import PATIENCE, Session, alike
+
+from raymarch.window.reload import Fault
 
 View = Callable[..., Session]
 
@@ -83,6 +86,14 @@ def test_escape_does_not_spoil_a_scene_that_is_shown(view: View) -> None:
         session.hand.key("Escape")
     session.wait("watching")
     assert not [e for e in session.events() if e["event"] == "failed"]
+
+
+def test_a_message_calls_a_file_as_the_current_folder_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "scene.py").write_text("one\ntwo\n")
+    fault = Fault("it is wrong", "right", str(tmp_path / "scene.py"), 2)
+    assert fault.text() == f"{tmp_path}/scene.py:2\n2 | two\nit is wrong\n(right)"
+    monkeypatch.chdir(tmp_path)
+    assert fault.text() == "scene.py:2\n2 | two\nit is wrong\n(right)"
 
 
 def test_what_hangs_can_be_stopped(view: View) -> None:
