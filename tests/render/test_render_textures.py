@@ -129,3 +129,25 @@ def test_textures_far_from_the_origin_are_those_near_it(renderer: Renderer) -> N
         camera = rm.Camera(tuple(np.add(place, (1, 1.5, 3))), place)
         pictures.append(renderer.render(rm.Scene((rm.box().material(bumpy) | floor).translate(place), camera)).color)
     assert np.percentile(np.abs(pictures[0] - pictures[1]), 99.9) < 1e-3
+
+
+def test_a_mirror_shows_a_floor_as_from_behind_it(renderer: Renderer) -> None:
+    """A pixel is as wide as all of the way of light is long: to the mirror, and from there to the floor. On the device
+    a ray meets the floor within a tenth of a pixel, which moves an edge between checks by a tenth of their contrast."""
+    checks = np.kron(np.array([[0.1, 0.9], [0.9, 0.1]]), np.ones((16, 16)))
+    floor = rm.plane().material(rm.Material(albedo=(0, 0, 0), f0=0, emission=rm.planar(checks, 0.6, "y")))
+    silver = rm.Material(albedo=(1, 1, 1), metalness=1, roughness=0)
+    dark: dict[str, object] = {"lights": [], "sky": (0, 0, 0), "bounces": 1, "quality": rm.Quality(ways="tree")}
+    eye, to, seen = np.array([0.1, 1.0, 4.0]), np.array([0.1, 0.7, 0.0]), (1, 1, -1)
+    mirrored = rm.Scene(floor | rm.plane((0, 0, 1)).material(silver), rm.Camera(tuple(eye), tuple(to)), **dark)
+    behind = rm.Scene(floor, rm.Camera(tuple(eye * seen), tuple(to * seen)), **dark)
+    renderer.resize(SIZE)
+    for draw, near in (
+        (lambda s: truth(s, SIZE).color, 1e-6),
+        (lambda s: renderer.render(s).color, 0.1 * 0.8 + WEIGHTS),
+    ):
+        picture, direct = draw(mirrored), draw(behind)[:, ::-1]
+        wall = np.abs(truth(mirrored, SIZE).normal[..., 2]) > 0.9
+        far = wall & (truth(behind, SIZE).depth[:, ::-1] < 30)
+        assert far.sum() > 300 and np.ptp(direct[far]) > 0.2
+        assert np.percentile(np.abs(picture - direct)[far], 98) < near
