@@ -52,6 +52,8 @@ def _swap(viewer: Viewer, news: Loaded, now: float) -> None:
         told = viewer.state.adopt(scene, scene.parameters)
         if scene is news.scene:
             viewer.renderer.adopt(viewer.state.live, news.prepared)
+        else:
+            _overlay(viewer)
         start = clock_time.perf_counter()
         viewer.picture.step(viewer.state.shot(), viewer.screen.size, False)
         first = 1e3 * (clock_time.perf_counter() - start)
@@ -78,8 +80,8 @@ def change(viewer: Viewer, edits: Edits) -> None:
     try:
         scene = edits.apply(viewer.base)
         viewer.state.adopt(scene, scene.parameters)
-        if not viewer.renderer.store.knows(viewer.renderer.prepared(viewer.state.live)):
-            viewer.announce(Card("compiling", "busy", "bottom left"))
+        if not edits.empty:
+            _overlay(viewer)
         viewer.picture.step(viewer.state.shot(), viewer.screen.size, False)
     except RaymarchError as fault:
         viewer.state = before
@@ -91,6 +93,15 @@ def change(viewer: Viewer, edits: Edits) -> None:
     if viewer.panel is not None:
         viewer.panel.active = 3
     viewer.present()
+
+
+def _overlay(viewer: Viewer) -> None:
+    """Make a scene with edits laid over it ready to be drawn. It had no trial, so this is where it is compiled."""
+    shown = viewer.state.live
+    ready, _ = viewer.overlaid.fit(viewer.renderer.prepared(shown))
+    viewer.renderer.adopt(shown, ready)
+    if not viewer.renderer.store.knows(ready):
+        viewer.announce(Card("compiling", "busy", "bottom left"))
 
 
 def _fail(viewer: Viewer, fault: Fault) -> None:

@@ -78,7 +78,7 @@ class Viewer:
         self.state: State = opened(file, scene, params or {}, size[0] / size[1])
         if settings is not None:
             self.state.restore(read_settings(settings))
-        self.constants, self.clicks = Constants(), Constants()
+        self.constants, self.clicks, self.overlaid = Constants(), Constants(), Constants()
         ready, _ = self.constants.fit(prepare(self.state.live, size=size))
         self.log = Log(log)
         self.window = Window(size, titled(file))

@@ -148,6 +148,26 @@ def test_materials_time_views_quality_and_figures(view: View) -> None:
     assert session.errors.read_text() == ""
 
 
+def test_edits_stay_over_a_file_that_changes(view: View) -> None:
+    session = view(SCENE, "--size", "640x400", "--panel")
+    session.wait("watching")
+    session.hand.click(*session.item("Lights"))
+    session.settled()
+    session.hand.click(*session.item("edit lights"))
+    session.settled()
+    mark = session.mark()
+    session.hand.click(*session.item("remove 1"))
+    session.wait("edited", lambda e: e["lights"] == [], mark)
+    dark = session.settled()
+    compiled = []
+    for height in ("-1.25", "-1.3", "-1.35"):
+        mark = session.mark()
+        (session.folder / "scene.py").write_text(SCENE.replace("-1.2", height))
+        compiled.append(session.wait("loaded", since=mark)["compiled"] > 0)
+        assert session.settled()[200, RIGHT].mean() < 1.2 * dark[200, RIGHT].mean()  # the light is still away
+    assert compiled == [True, False, False]
+
+
 def test_without_the_extra_the_window_works_and_says_how_to_get_it(view: View, tmp_path: Path) -> None:
     hidden = tmp_path / "hidden" / "imgui_bundle"
     hidden.mkdir(parents=True)
