@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from raymarch.errors import Location, SceneError, user_location
-from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import vector
-from raymarch.expr.vocabulary import clamp, vec3
-from raymarch.expr.walk import find, free_variables, rebuild, rewrite
-from raymarch.scene.parameter import as_number, as_vec3
+from raymarch.expr.vocabulary import vec3
+from raymarch.expr.walk import free_variables, rebuild, rewrite
+from raymarch.scene.look import refuse_sizes, value_of
 from raymarch.scene.relief import FLAT, tilt_of
-from raymarch.scene.texture import Texture, lie_alike
 from raymarch.sdf.lower import POSITION, is_seen
 
 PHONG = ("color", "shininess", "specular", "ambient")
@@ -108,22 +105,22 @@ class Material:
         name = "color" if albedo is None else "albedo"
         base = color if albedo is None else albedo
         maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
-        _refuse_sizes({**maps, "occlusion": occlusion})
+        refuse_sizes({**maps, "occlusion": occlusion})
         self._fields = {
-            "color": _value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
-            "shininess": _value("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
-            "specular": _value("specular", 0.0 if self.physical else _or(specular, 0.25), 1, 0.0, 1.0),
-            "ambient": _value("ambient", 0.0 if self.physical else _or(ambient, 0.1), 1, 0.0, 1.0),
-            "metalness": _value("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
-            "roughness": _value("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
-            "f0": _value("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
+            "color": value_of(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
+            "shininess": value_of("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
+            "specular": value_of("specular", 0.0 if self.physical else _or(specular, 0.25), 1, 0.0, 1.0),
+            "ambient": value_of("ambient", 0.0 if self.physical else _or(ambient, 0.1), 1, 0.0, 1.0),
+            "metalness": value_of("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
+            "roughness": value_of("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
+            "f0": value_of("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
             "physical": expr(1.0 if self.physical else 0.0),
-            "emission": _value("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
-            "transmission": _value("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
-            "ior": _value("ior", _or(ior, 1.5), 1, 1.0, 4.0),
-            "absorption": _value("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
+            "emission": value_of("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
+            "transmission": value_of("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
+            "ior": value_of("ior", _or(ior, 1.5), 1, 1.0, 4.0),
+            "absorption": value_of("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
             "tilt": tilt_of(normal, normal_strength, height, height_scale),
-            "open": _value("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
+            "open": value_of("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
         }
 
     @property
@@ -241,19 +238,6 @@ def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
         )
 
 
-def _refuse_sizes(maps: dict[str, Any]) -> None:
-    """Maps that are laid alike must have as many pixels as the first of them."""
-    given = {name: value for name, value in maps.items() if isinstance(value, Texture)}
-    for i, (name, one) in enumerate(given.items()):
-        for first, other in list(given.items())[:i]:
-            if lie_alike(one, other) and one.size != other.size:
-                sizes = [f"{width} x {height} pixels" for width, height in (one.size, other.size)]
-                raise SceneError(
-                    f"Material: the {name} map '{one.file}' has {sizes[0]}, the {first} map '{other.file}' {sizes[1]}",
-                    legal="as many, where they have the same size, offset and rotation",
-                )
-
-
 def _or(value: Any, otherwise: Any) -> Any:
     return otherwise if value is None else value
 
@@ -265,53 +249,3 @@ def _spread(value: Any) -> Any:
     if isinstance(value, Expr) and value.type is vector(1):
         return vec3(value)
     return value
-
-
-_PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
-"""Points at which patterns are looked at: one that is legal at none of them is a mistake; else it is kept in range."""
-
-
-def _value(name: str, value: Any, size: int, low: float, high: float) -> Expr:
-    """A value of a material, checked; a function of the position becomes its expression, kept in its range."""
-    what = f"Material: {name}"
-    if isinstance(value, Texture):
-        return _picture(what, value, size, low, high)
-    check = as_number if size == 1 else as_vec3
-    if not callable(value) or isinstance(value, Expr):
-        return check(what, value, low, high, cells=True)
-    return _pattern(what, value, size, low, high)
-
-
-def _picture(what: str, value: Texture, size: int, low: float, high: float) -> Expr:
-    """A picture's values, which must all be legal."""
-    try:
-        made = value.number(POSITION) if size == 1 else value.color(POSITION)
-    except SceneError as fault:
-        raise SceneError(f"{what}: {fault.what}", legal=fault.legal) from None
-    for read in find([made], "texture"):
-        least, most = (float(end(read.data.levels[0])) for end in (np.min, np.max))
-        if not low <= least <= most <= high:
-            ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
-            raise SceneError(
-                f"{what}: '{value.file}' has values from {least:.4g} to {most:.4g}", legal=f"values {ends}"
-            )
-    return made
-
-
-def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:
-    ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
-    legal = f"a function of a point that gives {'a number' if size == 1 else '3 numbers'} {ends}"
-    try:
-        made = expr(function(POSITION))
-    except TypeError as fault:
-        raise SceneError(f"{what}: the function fails: {fault}", legal=legal) from fault
-    if size == 3 and made.type is vector(1):
-        made = vec3(made)
-    if made.type is not vector(size):
-        raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
-    if not find([made], "time", "param", "cell") and not is_seen([made]):
-        values = np.broadcast_to(evaluator([made], [POSITION])(_PROBES)[0], (len(_PROBES), *made.type.shape))
-        legal_there = (values >= low) & (values <= high)  # false for NaN
-        if not np.any(legal_there) or np.any(np.isnan(values)):
-            raise SceneError(f"{what}: the function gives {values[~legal_there].flat[0]:.6g}", legal=legal)
-    return clamp(made, low, high) if high < np.inf else made

@@ -148,6 +148,8 @@ def refusals() -> list[tuple[Any, list[str]]]:
         (lambda: rm.Material(height=0.5), ["height"]),
         (lambda: rm.Material(height=lambda p: p), ["height", "vec3"]),
         (lambda: rm.Material(height=lambda p: rm.planar(FOUR).number(p)), ["height", "texture"]),
+        (lambda: rm.Material(albedo="wood.png"), ["albedo", "wood.png", "triplanar"]),
+        (lambda: rm.Material(roughness=FOUR), ["roughness", "(2, 2)", "planar"]),
         (lambda: rm.Material(occlusion=2), ["occlusion", "2"]),
         (lambda: rm.Material(normal_strength=-1), ["normal_strength"]),
     ]

@@ -1,0 +1,90 @@
+"""One value of a material: a number, a function of the point or a picture, checked and made an expression."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import vector
+from raymarch.expr.vocabulary import clamp, vec3
+from raymarch.expr.walk import find
+from raymarch.scene.parameter import as_number, as_vec3
+from raymarch.scene.texture import Texture, lie_alike
+from raymarch.sdf.lower import POSITION, is_seen
+
+_PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
+"""Points at which patterns are looked at: one that is legal at none of them is a mistake; else it is kept in range."""
+
+
+def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
+    """A value of a material, checked; a function of the position becomes its expression, kept in its range."""
+    what = f"Material: {name}"
+    if isinstance(value, Texture):
+        return _picture(what, value, size, low, high)
+    if _is_file(value) or (isinstance(value, np.ndarray) and value.ndim > 1):
+        given = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else f"'{fspath(value)}'"
+        raise SceneError(f"{what}: {given} has no place yet", legal="planar(picture, size) or triplanar(picture, size)")
+    check = as_number if size == 1 else as_vec3
+    if not callable(value) or isinstance(value, Expr):
+        return check(what, value, low, high, cells=True)
+    return _pattern(what, value, size, low, high)
+
+
+def _picture(what: str, value: Texture, size: int, low: float, high: float) -> Expr:
+    """A picture's values, which must all be legal."""
+    try:
+        made = value.number(POSITION) if size == 1 else value.color(POSITION)
+    except SceneError as fault:
+        raise SceneError(f"{what}: {fault.what}", legal=fault.legal) from None
+    for read in find([made], "texture"):
+        least, most = (float(end(read.data.levels[0])) for end in (np.min, np.max))
+        if not low <= least <= most <= high:
+            ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
+            raise SceneError(
+                f"{what}: '{value.file}' has values from {least:.4g} to {most:.4g}", legal=f"values {ends}"
+            )
+    return made
+
+
+def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:
+    ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
+    legal = f"a function of a point that gives {'a number' if size == 1 else '3 numbers'} {ends}"
+    try:
+        made = expr(function(POSITION))
+    except TypeError as fault:
+        raise SceneError(f"{what}: the function fails: {fault}", legal=legal) from fault
+    if size == 3 and made.type is vector(1):
+        made = vec3(made)
+    if made.type is not vector(size):
+        raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
+    if not find([made], "time", "param", "cell") and not is_seen([made]):
+        values = np.broadcast_to(evaluator([made], [POSITION])(_PROBES)[0], (len(_PROBES), *made.type.shape))
+        legal_there = (values >= low) & (values <= high)  # false for NaN
+        if not np.any(legal_there) or np.any(np.isnan(values)):
+            raise SceneError(f"{what}: the function gives {values[~legal_there].flat[0]:.6g}", legal=legal)
+    return clamp(made, low, high) if high < np.inf else made
+
+
+def _is_file(value: Any) -> bool:
+    """True for the name of a file; other texts are mistakes of another kind."""
+    return isinstance(value, PathLike) or (isinstance(value, str) and Path(value).suffix != "")
+
+
+def refuse_sizes(maps: dict[str, Any]) -> None:
+    """Maps that are laid alike must have as many pixels as the first of them."""
+    given = {name: value for name, value in maps.items() if isinstance(value, Texture)}
+    for i, (name, one) in enumerate(given.items()):
+        for first, other in list(given.items())[:i]:
+            if lie_alike(one, other) and one.size != other.size:
+                sizes = [f"{width} x {height} pixels" for width, height in (one.size, other.size)]
+                raise SceneError(
+                    f"Material: the {name} map '{one.file}' has {sizes[0]}, the {first} map '{other.file}' {sizes[1]}",
+                    legal="as many, where they have the same size, offset and rotation",
+                )
