@@ -191,6 +191,8 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
             found.append((name, f"{why}: {type(first).__name__} at {first.where}" if first else why))
         if ambient_sky(scene):
             found += _from_sky(scene, model)
+        if any(light.shadow for light in scene.lights):
+            found += [("light/leaving", "a light casts a shadow"), _outward(scene)]
         if "sampled" in lights.traits(scene):
             found.append(("random/pixel", "a point of a light is chosen at random"))
             found += [("light/shadow", "the shadow of a point")] if "hard" not in lights.traits(scene) else []
@@ -205,6 +207,11 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
         if scene.fog is not None:
             found.append(("sky/fog", "Scene(fog=...)"))
     return found
+
+
+def _outward(scene: Scene) -> tuple[str, str]:
+    """The module that knows the side on which rays leave a surface."""
+    return ("light/unbent" if mapped(scene) else "light/outward", "rays leave along the normal of the solid")
 
 
 def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
@@ -228,8 +235,8 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
 def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which light bounces."""
     why = f"Scene(bounces={scene.bounces})"
-    found = [("path/second", why), ("path/leaving", why), ("path/lobes", why), ("random/pixel", why)]
-    found += [("path/unbent", "rays leave along the normal of the solid")] if mapped(scene) else []
+    found = [("path/second", why), ("light/leaving", why), ("path/lobes", why), ("random/pixel", why)]
+    found += [_outward(scene)] if mapped(scene) else []
     if model != "physical":
         found.append(("path/matte", why))
     if model != "phong":
@@ -243,8 +250,8 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
 def _tree(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which all ways of mirrors and glass are followed."""
     why = "Quality(ways='tree')"
-    found = [("path/second", why), ("path/leaving", why), ("path/faint", why)]
-    found += [("path/unbent", "rays leave along the normal of the solid")] if mapped(scene) else []
+    found = [("path/second", why), ("light/leaving", why), ("path/faint", why)]
+    found += [_outward(scene)] if mapped(scene) else []
     if any(m.mirrors for m in scene.materials):
         found += [("light/fresnel", "a material mirrors"), ("path/mirror", "a material mirrors")]
     if any(m.transmits for m in scene.materials):

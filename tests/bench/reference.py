@@ -1,9 +1,11 @@
 """Light and materials against Mitsuba 3, an independent renderer: the relative error of the mean, and of each pixel.
 
-python -m tests.bench.reference [WIDTH]
+python -m tests.bench.reference [WIDTH [BATCHES [SAMPLES]]]
 
-Needs `pip install 'raymarch[reference]'`. Geometry is a floor and balls; Mitsuba's pictures are means over the pixel,
-ours are of its middle, so single pixels differ at edges. Brightness: our intensities are times pi in physical units.
+Needs `pip install 'raymarch[reference]'` and scipy. Geometry is a floor and balls. The first picture of ours is of the
+pixels' middles, Mitsuba's are means over them, so single pixels differ at edges. Then both are drawn in independent
+batches, as means over the pixel, and each pixel's difference is tested against its noise (`tests.bench.ztest`).
+Brightness: our intensities are times pi in physical units.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.truth.light import microfacets
+from tests.bench.ztest import Verdict, our_batches, verdict
 
 PI = math.pi
 CAMERA = {"position": (0.4, 2.2, 4.5), "target": (0.1, 0.4, 0.0), "fov": 40.0}
@@ -191,8 +194,8 @@ def ours(name: str, width: int) -> rm.Scene:
     return rm.Scene(node, camera=rm.Camera(**CAMERA), **{"sky": (0, 0, 0), **chosen.ours()})
 
 
-def theirs(mi: Any, name: str, width: int, seed: int = 0) -> NDArray[np.float64]:
-    """Mitsuba's picture, (H, W, 3), and its hits, alpha as the fourth value."""
+def theirs(mi: Any, name: str, width: int, seed: int = 0, samples: int | None = None) -> NDArray[np.float64]:
+    """Mitsuba's picture, (H, W, 3), and its hits, alpha as the fourth value. samples : rays a pixel."""
     chosen = SCENES[name]
     if chosen.bsdf["type"] == "raymarch_dielectric":
         _register(mi)
@@ -213,7 +216,7 @@ def theirs(mi: Any, name: str, width: int, seed: int = 0) -> NDArray[np.float64]
                 "rfilter": {"type": "box"},
                 "pixel_format": "rgba",
             },
-            "sampler": {"type": "independent", "sample_count": chosen.samples},
+            "sampler": {"type": "independent", "sample_count": samples or chosen.samples},
         },
         "ball": {"type": "sphere", "center": list(BALL), "radius": RADIUS, "skin": chosen.ball or chosen.bsdf},
         **chosen.emitters(mi),
@@ -277,16 +280,36 @@ def compare(frame: rm.Frame, known: NDArray[Any], factor: float = 1.0) -> Error:
     return Error(float(abs(a.mean() - b.mean()) / b.mean()), float(np.median(off)), float(np.percentile(off, 95)))
 
 
+def judged(mi: Any, renderer: rm.Renderer, name: str, batches: int, samples: int) -> Verdict:
+    """Whether our picture is Mitsuba's, but for noise: all that is nearer than where their floor ends."""
+    width, scene = renderer.size[0], ours(name, renderer.size[0])
+    mine = our_batches(renderer, scene, batches, samples)
+    known = np.stack([theirs(mi, name, width, 1 + k, samples) for k in range(batches)])
+    depth = renderer.render(scene).depth
+    far = ~np.isfinite(depth) | (depth > 20.0) if SCENES[name].floor else np.zeros_like(depth, bool)
+    around = np.pad(far, 1, "edge")
+    rows, columns = far.shape
+    near = ~np.any([around[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
+    return verdict(mine, known[..., :3], near)
+
+
 def main() -> None:
     import mitsuba as mi
 
     mi.set_variant("scalar_rgb")
-    width = int(sys.argv[1]) if len(sys.argv) > 1 else 96
-    print(f"{'scene':<16}{'mean':>10}{'median':>10}{'p95':>10}   relative errors, {width} pixels wide")
+    width, batches, samples = (int(v) for v in (*sys.argv[1:], *("96", "32", "16")[len(sys.argv) - 1 :]))
+    print(f"{'':<16}{f'relative errors, {width} pixels wide':>30}{f'z-test, {batches} times {samples} samples':>40}")
+    heads = ("mean", "median", "p95", "pixels", "different", "worst", "allowed", "whole")
+    print(f"{'scene':<16}" + "".join(f"{head:>10}" for head in heads))
     with rm.Renderer((width, width * 3 // 4)) as renderer:
         for name in SCENES:
             error = compare(renderer.render(ours(name, width)), theirs(mi, name, width))
-            print(f"{name:<16}{error.mean:>10.4%}{error.median:>10.4%}{error.p95:>10.4%}")
+            few = min(samples, SCENES[name].samples)
+            z = judged(mi, renderer, name, batches, few)
+            shares = "".join(f"{v:>10.4%}" for v in (error.mean, error.median, error.p95))
+            print(
+                f"{name:<16}{shares}{z.pixels:>10}{z.different:>10}{z.worst:>10.2f}{z.allowed:>10.2f}{z.whole:>10.2f}"
+            )
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ def test_a_scene_of_a_paper_is_true(name: str, renderer: Renderer) -> None:
     known = truth(scene, HELD[name])
     found = renderer.render(scene).color
     off = (np.abs(found - known.color) / np.maximum(known.color, 1.0)).max(axis=-1)[~silhouettes(known)]
-    assert np.percentile(off, 90) < 1 / 255 and np.mean(off > 0.05) < 0.03
+    assert np.mean(off > 1 / 255) < 0.005 and off.max() < 0.02
 
 
 def test_sixty_four_lights_are_rows_of_a_texture() -> None:

@@ -6,13 +6,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import raymarch as rm
 from raymarch.gpu.context import Context
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from tests.bench.reference import SCENES, compare, ours, theirs
+from tests.bench.reference import SCENES, compare, judged, ours, theirs
+from tests.bench.ztest import verdict
 
 WIDTH = 32
 
@@ -42,3 +44,27 @@ def test_an_error_would_be_seen(mitsuba: Any, egl: Context) -> None:
         wrong = renderer.render(rm.Scene(right.node, right.camera, right.lights, right.sky))
         assert compare(frame, known, 1.02).mean > 0.01
         assert compare(wrong, known).median > 2 * compare(frame, known).median
+
+
+@pytest.mark.parametrize("name", ["point", "one bounce", "glass"])
+def test_our_pixels_differ_from_mitsubas_by_no_more_than_noise(name: str, mitsuba: Any, egl: Context) -> None:
+    """Shadows, light between surfaces, refraction: of pictures that are the same, one in a hundred would fail."""
+    with rm.Renderer((24, 18), context=egl) as renderer:
+        found = judged(mitsuba, renderer, name, batches=24, samples=16)
+    assert found.pixels > 300
+    assert found.different == 0 and found.whole < 4.0, found
+
+
+def test_the_test_of_significance_sees_what_it_should() -> None:
+    """The same light passes; light that is a little brighter, and one pixel that is off, do not."""
+    random = np.random.default_rng(1)
+    noise = [1.0 + 0.05 * random.standard_normal((32, 16, 16, 1)) * np.ones(3) for _ in range(2)]
+    every = np.ones((16, 16), bool)
+    same = verdict(noise[0], noise[1], every)
+    assert same.different == 0 and same.whole < 3.0 and same.worst < same.allowed
+    brighter = verdict(1.004 * noise[0], noise[1], every)
+    assert brighter.whole > 4.0
+    noise[0][:, 3, 3] += 0.08
+    assert verdict(noise[0], noise[1], every).different == 1
+    still = np.ones((4, 16, 16, 3))
+    assert verdict(still, still, every).worst == 0.0 and verdict(1.001 * still, still, every).different == 256

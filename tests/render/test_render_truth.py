@@ -108,8 +108,8 @@ def assert_true(renderer: Renderer, scene: rm.Scene, **moment: Any) -> None:
 def grazes(scene: rm.Scene, values: Values, known: Truth, at: Any, pixel: float) -> bool:
     """Whether a light that is seen from a pixel's surface all but touches something on its way.
 
-    A shadow's ray is blocked half an epsilon (a tenth of a pixel's width) before a surface. What comes that near and
-    goes away again has a shadow thinner than a pixel there, which the picture may show between the true ones.
+    A shadow's ray is blocked a share of an epsilon (a tenth of a pixel's width) before a surface. What comes so near
+    and goes away again has a shadow thinner than a pixel there, which the picture may show between the true ones.
     """
     epsilon = EPSILON * pixel * known.depth[at]
     start = known.position + known.depth[at] * known.direction[at] + 2 * epsilon * known.normal[at]

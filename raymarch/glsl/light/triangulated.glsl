@@ -1,22 +1,22 @@
 // Soft shadow as by a cone, with the clearance where the ray passes nearest between two samples (Aaltonen 2018): the
 // spheres of two steps meet in a circle, and the obstacle is taken to be on it. The first step knows no other.
-// needs: field Ray Surface Light epsilon shadow_steps scene_cone u_side
+// needs: field Ray Surface Light leaving unbent contact shadow_steps scene_cone u_side
 // gives: triangulated_shadow
 float triangulated_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
-    float offset = 2.0 * epsilon(surface.p, surface.t);
-    Ray ray = Ray(surface.p + offset * surface.normal, light.direction);
-    vec2 range = scene_cone(ray, vec2(offset, light.distance), width);
+    float start;
+    Ray ray = leaving(surface.p, unbent(surface), light.direction, surface.t, start);
+    vec2 range = scene_cone(ray, vec2(start, light.distance), width);
     float least = 1.0;
     float last = 0.0;
     float s = range.x;
     for (int i = 0; i < shadow_steps; i++) {
         if (s >= range.y) break;
         float r = u_side * field(ray.origin + s * ray.direction);
-        if (r <= 0.25 * offset) return 0.0;
+        if (r <= 0.5 * contact(surface.p, surface.t)) return 0.0;
         float back = last > 0.0 ? r * r / (2.0 * last) : 0.0;
         if (back > last) back = 0.0;  // the obstacle is not between the samples, but behind both
-        least = min(least, sqrt(max(r * r - back * back, 0.0)) / (width * max(s - back, offset)));
+        least = min(least, sqrt(max(r * r - back * back, 0.0)) / (width * max(s - back, start)));
         last = r;
         s += r;
     }

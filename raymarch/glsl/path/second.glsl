@@ -1,6 +1,6 @@
 // What a ray meets that leaves a surface: plain steps from where it starts, inside of the solid if `side` is -1. `travelled`
 // is the way of the light before it, by which its precision is measured.
-// needs: field Ray Hit missed epsilon max_steps scene_box u_side u_far
+// needs: field Ray Hit missed contact max_steps scene_box u_side u_far
 // gives: second
 Hit second(Ray ray, float start, float travelled, float side) {
     Hit hit = missed(0.0);
@@ -11,7 +11,7 @@ Hit second(Ray ray, float start, float travelled, float side) {
         vec3 p = ray.origin + t * ray.direction;
         float r = side * u_side * field(p);
         hit.evaluations += 1.0;
-        if (r < epsilon(p, travelled + t)) {
+        if (r < contact(p, travelled + t)) {
             hit.found = true;
             hit.t = t + r;
             return hit;

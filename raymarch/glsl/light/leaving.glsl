@@ -1,5 +1,5 @@
-// The ray that goes on from a surface, two epsilons off it as a shadow's is. It begins that far along its own line, lest
-// what is seen through glass be shifted; only where that would be more than four times as far, along the normal too.
+// The ray that leaves a surface, from two epsilons off it. It begins that far along its own line, lest shadows and what
+// is seen through glass be shifted; only where that would be more than four times as far, along the normal too.
 // needs: Ray epsilon
 // gives: leaving
 Ray leaving(vec3 p, vec3 normal, vec3 direction, float travelled, out float start) {
