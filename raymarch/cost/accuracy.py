@@ -98,7 +98,11 @@ def _always(claim: str, made: Suite, pair: Curve, start: int) -> tuple[str, str,
     better = [n for n in steps if found[n].high < 1.0]
     worse = [n for n in steps if found[n].low > 1.0]
     words = ", ".join(f"{n}: {found[n].value:.2f} [{found[n].low:.2f}, {found[n].high:.2f}]" for n in steps)
-    verdict = "yes" if len(better) == len(steps) else f"at {len(better)} of {len(steps)}, the reverse at {len(worse)}"
+    verdict = (
+        "yes"
+        if len(better) == len(steps)
+        else f"at {len(better)} of {len(steps)}, worse at {len(worse)}, else within the intervals"
+    )
     return claim, f"error x time over the other's, by steps: {words}", verdict
 
 

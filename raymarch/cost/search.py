@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from raymarch.cost.drawing import Draws, timed
+from raymarch.cost.errors import picture_doubt
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting, named, settled
 from raymarch.cost.statistics import Median, median
@@ -26,8 +27,13 @@ TRACERS = ("auto", "front", "enhanced", "plain")
 SCHEDULES = ("single", "cone")
 SAMPLES = (1, 4, 16)
 """Rays a pixel that are tried where only they can make the picture better."""
-TRUTH_SAMPLES = 16
+TRUTH_SAMPLES = (16, 64)
+"""Rays a pixel of the true picture: more where fewer leave it open whether an error is kept."""
 REPEATS = 7
+AGAIN = 15
+"""Frames of what is to keep a time, before that is claimed."""
+SURE = 0.33
+"""Share of a picture's error that the noise of the truth may take up."""
 CONTENDERS = 2
 """How many steps of the ladder that keep the error are timed with every tracer."""
 ERROR = {"px": "pixels_p99", "flip": "flip_p99"}
@@ -43,6 +49,7 @@ class Found:
 
     quality : to draw with. name : in what it differs from the scene's own. point : all of its errors.
     time : median milliseconds with its interval. metric : the error that was looked at. tried : how many settings were.
+    doubt : by how much the truth itself may be off, in that error; see `raymarch.cost.errors.picture_doubt`.
     """
 
     quality: Quality
@@ -51,17 +58,20 @@ class Found:
     time: Median
     metric: str
     tried: int
+    doubt: float = 0.0
 
     @property
     def error(self) -> float:
-        """What it reached."""
-        return self.point.error(self.metric)
+        """What it reached: what was measured, and what the truth may be off by."""
+        return self.point.error(self.metric) + self.doubt
 
     @property
     def words(self) -> str:
         """One sentence."""
         errors = self.point.errors
         apart = "" if self.metric == "flip_p99" or errors.apart else " (silhouettes too, for there is little else)"
+        if self.doubt:
+            apart = f" ({self.doubt:.2g} of it for what the truth may be off by)"
         return (
             f"{self.name} ({self.point.tracer}): {WORDS[self.metric].format(self.error)}{apart}, no hit missed, "
             f"{self.time.value:.2f} ms [{self.time.low:.2f}, {self.time.high:.2f}]; the best of {self.tried} settings"
@@ -107,25 +117,35 @@ def for_error(
 
     First the coarsest step of a ladder of epsilons (and of rays a pixel, for a picture's error) is looked for that
     keeps the error with no hit missed or made up. That one and the next finer are then timed with every tracer, and
-    the fastest is taken of those whose own error keeps the target.
+    the fastest is taken of those whose own error keeps the target. A picture's error must keep it together with what
+    the true picture may be off by its own noise; more rays make that less where it is a third of the target.
 
     Raises CostError if none does, with the best that was reached.
     """
     metric, target = parse_error(error)
-    flip = metric == "flip_p99"
-    with _Bench(scene, size, time, params, backend, renderer, progress, TRUTH_SAMPLES if flip else 0) as bench:
-        rungs = _rungs(scene, bench, size, metric, target)
-        contenders = [
-            Setting(_named(scene, quality, size), quality)
-            for rung in rungs
-            for quality in _contenders(scene, rung.setting.quality, size)
-        ]
-        made = bench.sweep(contenders)
-        keeping = [p for p in made if p.error(metric) <= target]
-        if not keeping:
-            raise AssertionError("a setting kept the error and, drawn again, does not")
-        best = min(keeping, key=lambda p: p.time.value)
-        return Found(best.setting.quality, best.name, best, best.time, metric, bench.tried)
+    counts = TRUTH_SAMPLES if metric == "flip_p99" else (0,)
+    for samples in counts:
+        with _Bench(scene, size, time, params, backend, renderer, progress, samples) as bench:
+            if samples == counts[-1] or bench.doubt <= SURE * target:
+                return _fastest(scene, bench, size, metric, target)
+    raise AssertionError("no truth was asked")
+
+
+def _fastest(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, target: float) -> Found:
+    """The fastest of the contenders that keep a target."""
+    doubt = bench.doubt
+    if doubt >= target:
+        raise CostError(f"the true picture itself is known to FLIP {doubt:.2g} only", legal="a larger error")
+    contenders = [
+        Setting(_named(scene, quality, size), quality)
+        for rung in _rungs(scene, bench, size, metric, target)
+        for quality in _contenders(scene, rung.setting.quality, size)
+    ]
+    keeping = [p for p in bench.sweep(contenders) if p.error(metric) + doubt <= target]
+    if not keeping:
+        raise AssertionError("a setting kept the error and, drawn again, does not")
+    best = min(keeping, key=lambda p: p.time.value)
+    return Found(best.setting.quality, best.name, best, best.time, metric, bench.tried, doubt)
 
 
 def for_time(
@@ -146,7 +166,8 @@ def for_time(
     size, moment, params, backend, renderer : as for `for_error`.
 
     All steps of the ladder are timed in turns. Of those whose median keeps the time, and that miss no hit, the one of
-    the smallest error is timed once more by itself, and given up for the next if that does not keep the time.
+    the smallest error is timed once more by itself, as it will be used, in two halves with the fastest in between. It
+    is given up for the next unless the median of each half keeps the time.
 
     Raises CostError if none does, with the fastest.
     """
@@ -159,9 +180,13 @@ def for_time(
         for point in sound:
             if point.time.value > target:
                 continue
-            again = bench.time(point)
-            if again.value <= target:
-                return Found(point.setting.quality, point.name, point, again, metric, bench.tried)
+            halves = [bench.time(point)]
+            if halves[0].value <= target:
+                bench.time(min(sound, key=lambda p: p.time.value))
+                halves.append(bench.time(point))
+            worse = max(halves, key=lambda t: t.value)
+            if worse.value <= target:
+                return Found(point.setting.quality, point.name, point, worse, metric, bench.tried)
     if not sound:
         raise CostError("no setting finds every hit of this scene", legal="a field that is certified; see explain")
     fastest = min(sound, key=lambda p: p.time.value)
@@ -195,6 +220,11 @@ class _Bench:
         self._open: Callable[[], Draws] = lambda: renderer or self._stack.enter_context(Renderer(size, backend))
 
     @property
+    def doubt(self) -> float:
+        """By how much the truth of a picture may be off; 0 where no picture is asked."""
+        return picture_doubt(self._known) if self._known.samples > 1 else 0.0
+
+    @property
     def tried(self) -> int:
         """How many settings were drawn."""
         return len(self._tried)
@@ -216,7 +246,7 @@ class _Bench:
     def time(self, point: Point) -> Median:
         """One setting timed by itself, as it will be used."""
         return median(
-            [timed(self._scene, point.setting, self._renderer, self._time, self._params)[0] for _ in range(REPEATS)]
+            [timed(self._scene, point.setting, self._renderer, self._time, self._params)[0] for _ in range(AGAIN)]
         )
 
     def __enter__(self) -> _Bench:
@@ -236,23 +266,23 @@ def _rungs(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, targ
         settings = [Setting(_named(scene, q, size), q) for q in rungs]
         if metric == "flip_p99":  # more steps cannot mend what takes more rays: ask the finest first
             tried += bench.sweep(settings[-1:], 1)
-            if tried[-1].error(metric) > target:
+            if tried[-1].error(metric) + bench.doubt > target:
                 continue
         found: list[Point] = []
         for setting in settings:
             tried += bench.sweep([setting], 1)
-            if tried[-1].error(metric) <= target:
+            if tried[-1].error(metric) + bench.doubt <= target:
                 found.append(tried[-1])
             if len(found) == CONTENDERS:
                 break
         if found:
             return found
-    raise _nothing_keeps(metric, min(tried, key=lambda p: p.error(metric)))
+    raise _nothing_keeps(metric, min(tried, key=lambda p: p.error(metric)), bench.doubt)
 
 
-def _nothing_keeps(metric: str, best: Point) -> CostError:
+def _nothing_keeps(metric: str, best: Point, doubt: float) -> CostError:
     if best.errors.sound:
-        reached = WORDS[metric].format(best.error(metric))
+        reached = WORDS[metric].format(best.error(metric) + doubt)
         return CostError(f"no setting keeps this error: the best, {best.name}, has {reached}", legal="a larger error")
     wrong = f"misses {best.errors.missed} and makes up {best.errors.false}"
     return CostError(f"no setting finds every hit: {best.name} {wrong}", legal="a certified field; see explain")

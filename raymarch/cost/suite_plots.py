@@ -46,6 +46,9 @@ def _finish(axes: Any, steps: Any, title: str) -> None:
     axes.set(xscale="log", yscale="log", xlabel="steps that a ray may take, all levels together")
     axes.set_xticks(list(steps), [str(s) for s in steps])
     axes.minorticks_off()
+    low, high = axes.get_ylim()
+    ticks = [m * 10.0**n for n in range(-6, 6) for m in (1, 2, 5) if low <= m * 10.0**n <= high]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_title(title, fontsize=9)
     axes.grid(alpha=0.25, lw=0.4)
     axes.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)

@@ -10,6 +10,7 @@ import pytest
 from cost_samples import SIZE, FakeRenderer
 
 import raymarch as rm
+from raymarch.cost import search as room
 from raymarch.cost.errors import measure
 from raymarch.cost.reference import reference
 from raymarch.cost.search import LADDER, REPEATS, for_error, for_time, parse_error, parse_time
@@ -101,6 +102,22 @@ def test_what_nothing_keeps_is_refused_with_the_best(scene, known):
         for_time(scene, "0.4ms", SIZE, renderer=FakeRenderer(known))
 
 
+def test_a_picture_must_keep_the_error_with_what_the_truth_may_be_off_by(scene, known, monkeypatch):
+    """The renderer draws the true picture itself, so that all of the error is the truth's."""
+    renderer = FakeRenderer(known)
+    doubt = {4: 0.2, 16: 0.1}
+    monkeypatch.setattr(room, "TRUTH_SAMPLES", tuple(doubt))
+    monkeypatch.setattr(room, "picture_doubt", lambda found: doubt[found.samples])
+    asked = []
+    monkeypatch.setattr(room, "reference", lambda *args: asked.append(args[4]) or replace(known, samples=args[4]))
+    assert for_error(scene, "flip:0.7", SIZE, renderer=renderer).error == pytest.approx(0.2)
+    assert asked == [4]
+    assert for_error(scene, "flip:0.3", SIZE, renderer=renderer).error == pytest.approx(0.1)
+    assert asked == [4, 4, 16]
+    with pytest.raises(CostError, match=r"is known to FLIP 0\.1 only"):
+        for_error(scene, "flip:0.09", SIZE, renderer=renderer)
+
+
 class Blind(FakeRenderer):
     """Misses hits wherever epsilon is above a tenth."""
 
@@ -162,7 +179,9 @@ def test_by_the_picture():
     loose, tight = for_error(scene, "flip:0.5", size), None
     assert loose.metric == "flip_p99"
     assert loose.error <= 0.5
-    with pytest.raises(CostError, match="FLIP at most"):
+    assert 0.0 < loose.doubt < loose.error
+    assert "truth may be off" in loose.words
+    with pytest.raises(CostError, match="itself is known to FLIP"):
         tight = for_error(scene, "flip:0.00001", size)
     assert tight is None
 

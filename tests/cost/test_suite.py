@@ -105,7 +105,7 @@ def test_claims_can_fail(made):
             if p.setting.quality.schedule == "two":
                 p.times = [2.0 * t for t in p.times]
     said = claims(made)
-    assert "at 0 of 3, the reverse at 3" in said
+    assert "at 0 of 3, worse at 3" in said
     assert "| no |" in said
     assert "relaxed is better" in said
 
