@@ -116,7 +116,7 @@ def _pictures(made: Sweep, metric: str) -> str:
             truth,
             _picture(srgb(known.picture), "true picture"),
             "</div>",
-            *(_shown(made, p) for p in _chosen(made, metric)),
+            *(_shown(made, p, metric) for p in _chosen(made, metric)),
         )
     )
 
@@ -128,13 +128,13 @@ def _chosen(made: Sweep, metric: str) -> list[Point]:
     return list({id(p): p for p in ranked}.values())[:MOST]
 
 
-def _shown(made: Sweep, point: Point) -> str:
+def _shown(made: Sweep, point: Point, metric: str) -> str:
     errors = point.errors
     words = (
         f"{point.time} ms; {errors.pixels_p99:.2g} px (p99); {errors.missed} missed, {errors.false} made up; "
         f"FLIP {errors.flip_p99:.2g} (p99) against {held_against(point, made)}; {point.evaluations:.1f} evaluations"
     )
-    badge = '<span class="badge">front</span>' if point in made.front() else ""
+    badge = '<span class="badge">front</span>' if any(p is point for p in made.front(metric)) else ""
     maps = [_picture(footprint_map(point.known, point.depth), "distance from the true hit")]
     if point.color is not None:
         maps.insert(0, _picture(srgb(point.color), "picture"))
