@@ -1,33 +1,57 @@
-"""A carpet: a plane displaced by a height map, lit from low so that its tufts shade each other.
+"""A carpet: a plane displaced by a height map of folds, of rows of tufts, and of a pattern that is cut into the pile.
 
-After figure 4 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021).
+After figure 4 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021). The light comes from
+low, so that the folds and the pile shade themselves.
 """
 
 import numpy as np
 
 import raymarch as rm
+from raymarch.expr.vocabulary import abs, length, max, min, mix, smoothstep, vec2, vec3
 
-# Tufts on a woven grid, each a little out of place, with a border worked lower.
-n = 320
-y, x = np.mgrid[0:n, 0:n] / n
-drift = 0.35 * np.sin(13 * x + 7 * y) + 0.3 * np.sin(29 * y - 11 * x)
-loops = np.sin(np.pi * 32 * x + drift) ** 2 * np.sin(np.pi * 32 * y + drift) ** 2
-edge = np.minimum(np.minimum(x, 1 - x), np.minimum(y, 1 - y))
-pile = 0.45 + 0.55 * np.clip(np.abs(edge - 0.1) / 0.015 - 1, 0, 1)
-height = loops * pile
+SIDE, ROWS, n = 4.0, 110, 770
 
-wool = rm.Material(albedo=rm.noise((0.35, 0.05, 0.04), (0.6, 0.16, 0.08), 0.25, octaves=2), roughness=0.9)
+
+def ornament(x, z, size=abs, farther=max, nearer=min, far=lambda x, z: length(vec2(x, z))):
+    """Distance to the pattern's lines: a border, a medallion and a lozenge about it; for arrays as for expressions."""
+    edge = farther(size(x), size(z))
+    border = size(size(edge - 1.62) - 0.12)
+    lozenge = size(size(x) + size(z) - 1.25) * 0.7
+    return nearer(nearer(border, lozenge), size(size(far(x, z) - 0.42) - 0.12))
+
+
+# Each tuft stands a little higher or lower than the next, on cloth that lies in low folds.
+random = np.random.default_rng(4)
+z, x = np.mgrid[0:n, 0:n] / (n - 1) * SIDE - SIDE / 2
+tufts = np.abs(np.sin(np.pi * ROWS * x / SIDE) * np.sin(np.pi * ROWS * z / SIDE)) ** 0.7
+uneven = np.kron(random.uniform(0.65, 1.0, (ROWS, ROWS)), np.ones((n // ROWS, n // ROWS)))
+cut = 0.5 + 0.5 * np.clip(ornament(x, z, np.abs, np.maximum, np.minimum, np.hypot) / 0.02 - 0.5, 0, 1)
+folds = 0.5 + 0.3 * np.sin(2.3 * x + 0.9 * z + 0.6) + 0.2 * np.sin(1.1 * x - 2.7 * z)
+height = 0.19 * folds + 0.03 * tufts * uneven * cut
+
+
+def dyed(p):
+    """The wool's colour: lines, field and ground by the same pattern."""
+    line = 1 - smoothstep(0.03, 0.05, ornament(p.x, p.z))
+    inner = 1 - smoothstep(1.23, 1.27, abs(p.x) + abs(p.z))
+    ground = mix(vec3(0.1, 0.04, 0.13), vec3(0.42, 0.05, 0.04), inner)
+    return mix(ground, vec3(0.62, 0.42, 0.16), line)
+
+
+wool = rm.Material(albedo=dyed, roughness=0.95)
 boards = rm.Material(albedo=rm.stripes((0.4, 0.26, 0.15), (0.33, 0.2, 0.11), 0.35, "x"), roughness=0.5)
+clay = rm.Material(albedo=(0.85, 0.8, 0.7), roughness=0.35)
 
-carpet = rm.heightmap(height, size=(4, 4), height=0.07, base=0.03).material(wool)
+carpet = rm.heightmap(height / height.max(), size=(SIDE, SIDE), height=float(height.max()), base=0.03).material(wool)
 floor = rm.plane(offset=-0.03).material(boards)
-ball = rm.sphere(0.35).translate((0.6, 0.4, 0.2)).material(rm.Material(albedo=(0.9, 0.85, 0.7), roughness=0.2))
+ball = rm.sphere(0.3).translate((0.75, 0.4, -0.55)).material(clay)
 
 scene = rm.Scene(
     carpet | floor | ball,
-    camera=rm.Camera(position=(1.6, 1.1, 2.6), target=(0.2, 0, 0.2), fov=42),
-    lights=[rm.Sun(direction=(-1, 0.7, 0.3), color=(1, 0.93, 0.8), intensity=2.2, shadow=True, softness=0.03)],
+    camera=rm.Camera(position=(1.7, 1.5, 2.9), target=(0.05, 0, 0.1), fov=42),
+    lights=[rm.Sun(direction=(-1, 0.6, 0.3), color=(1, 0.93, 0.8), intensity=2.4, shadow=True, softness=0.03)],
     sky=rm.GradientSky(light=True),
-    occlusion=rm.Occlusion(reach=0.12),
-    tone=rm.Tone("agx", exposure=0.4),
+    occlusion=rm.Occlusion(reach=0.08),
+    quality=rm.Quality(samples=4),
+    tone=rm.Tone("agx", exposure=0.3),
 )
