@@ -152,7 +152,8 @@ def test_what_asks_for_none_of_it_has_none_of_it(renderer: Renderer) -> None:
     (draft,) = renderer.drafts(scene())
     assert not {"u_history", "u_carried", "u_jitter"} & set(draft.program.uniforms)
     renderer.render(scene(temporal="reproject"))
-    assert renderer.store.objects["targets"] == 1 + 1 + 2 + 2 * 2
+    cones = 1 + 1  # and what the first level has in place of a coarser one
+    assert renderer.store.objects["targets"] == 1 + cones + 2 + 2 * 2
 
 
 def test_sequences_spread_over_the_pixel() -> None:
