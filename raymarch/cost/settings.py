@@ -182,7 +182,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         omega=omega,
         step_scale=scale,
         beta=beta,
-        shadow_steps=(quality.shadow_steps or quality.max_steps) if shadowed else None,
+        shadow_steps=quality.shadow_steps if shadowed and quality.shadow_steps != quality.max_steps else None,
         light_samples=quality.light_samples if discs else 1,
         masking=quality.masking if any(m.physical for m in scene.materials) else "correlated",
     )
