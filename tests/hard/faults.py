@@ -1,11 +1,13 @@
-"""Seeds faults into the hand-written GLSL, one at a time, and counts how many the hard cases notice.
+"""Seeds faults into the hand-written GLSL, one at a time, and counts how many the suite notices.
 
-python -m tests.hard.faults               # all: some ten minutes; writes docs/figures/glsl_faults.json
-python -m tests.hard.faults march/settle  # of some modules
+python -m tests.hard.faults               # all that docs/figures/glsl_faults.json does not hold yet, some hours in all
+python -m tests.hard.faults march/settle  # of some modules, anew
+python -m tests.hard.faults --rows        # by the hard cases alone, without the tests of the room
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks
-or goes on), an absolute value, an offset (a factor of epsilon), or a reset. Told apart is what changes no bit of any
-frame: a guard that only saves time, or one for what these scenes do not hold.
+or goes on), an absolute value, an offset (a factor of epsilon), or a reset. The hard cases of the room are looked at
+first, then its tests. Told apart is what changes no bit of any frame of the cases and fails no test: a guard that only
+saves time, or one for what no scene here holds.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,7 @@ import raymarch as rm
 from raymarch import glsl
 from raymarch.truth import silhouettes
 from tests.hard.fuzz import faults as unexplained
+from tests.hard.seeded import by_tests, spoil
 from tests.hard.table import cases
 from tests.hard.watertight import solid
 from tests.hard.world import World
@@ -93,23 +96,13 @@ class seeded:
     """While it lasts, a module has the fault."""
 
     def __init__(self, fault: Fault) -> None:
-        self.fault, self.original = fault, glsl.load
+        self.fault = fault
 
     def __enter__(self) -> None:
-        original, fault = self.original, self.fault
-
-        def load(name: str) -> Any:
-            module = original(name)
-            if name != fault.module:
-                return module
-            lines = list(module.lines)
-            lines[fault.line] = fault.text
-            return replace(module, lines=tuple(lines))
-
-        glsl.load = load  # type: ignore[assignment]
+        self.original = spoil(self.fault.module, self.fault.line, self.fault.text)
 
     def __exit__(self, *_: object) -> None:
-        glsl.load = self.original  # type: ignore[assignment]
+        glsl.load = self.original
 
 
 @cache
@@ -167,21 +160,44 @@ def _is_off(world: World, scene: rm.Scene) -> bool:
     return not (np.mean(off > 1 / 255) < 0.05 and np.mean(off > 0.05) < 0.01)
 
 
-def main(arguments: list[str]) -> int:
+def ledger() -> dict[str, str]:
+    """What noticed each fault so far: "missed" for nothing, "none" for nothing because no frame has changed."""
+    return dict(json.loads(LEDGER.read_text(encoding="utf-8"))) if LEDGER.exists() else {}
+
+
+def named(fault: Fault) -> str:
+    code = fault.text.strip() or f"without: {glsl.load(fault.module).lines[fault.line].strip()}"
+    return f"{fault.module} {fault.kind}: {code}"
+
+
+def every(names: list[str]) -> list[Fault]:
+    """The faults of some modules, of all if none is named."""
     folder = Path(glsl.__file__).parent
-    names = arguments or sorted(f"{f.parent.name}/{f.stem}" for room in ROOMS for f in folder.glob(f"{room}/*.glsl"))
-    lines: dict[str, list[str]] = {"noticed": [], "none": [], "missed": []}
-    for name in names:
-        for fault in faults_of(name):
-            found = verdict(fault)
-            line = f"{fault.module}:{fault.line + 1} {fault.kind}: {fault.text.strip() or 'line left out'}"
-            lines[found if found in lines else "noticed"].append(line)
-            print(f"{line} -> {found}", flush=True)
-    noticed, none, missed = (len(some) for some in lines.values())
+    names = names or sorted(f"{f.parent.name}/{f.stem}" for room in ROOMS for f in folder.glob(f"{room}/*.glsl"))
+    return [fault for name in names for fault in faults_of(name)]
+
+
+def counts(known: dict[str, str]) -> tuple[int, int, int]:
+    """How many were noticed, changed nothing, and were missed."""
+    none, missed = (sum(found == what for found in known.values()) for what in ("none", "missed"))
+    return len(known) - none - missed, none, missed
+
+
+def main(arguments: list[str]) -> int:
+    names = [name for name in arguments if not name.startswith("-")]
+    known = {} if "--rows" in arguments else ledger()
+    for fault in every(names):
+        if named(fault) in known and not names:
+            continue
+        found = verdict(fault)
+        if found in ("missed", "none") and "--rows" not in arguments:
+            found = by_tests(fault.module, fault.line, fault.text) or found
+        known[named(fault)] = found
+        print(f"{named(fault)} -> {found}", flush=True)
+        if "--rows" not in arguments:
+            LEDGER.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    noticed, none, missed = counts(known)
     print(f"{noticed} of {noticed + missed} noticed; {none} more change no bit of any frame")
-    if not arguments:
-        known = {"noticed": noticed, "none": lines["none"], "missed": lines["missed"]}
-        LEDGER.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
     return 0 if noticed >= 0.95 * (noticed + missed) else 1
 
 

@@ -1,6 +1,6 @@
 """Random scenes from the whole catalogue, held against the truth and against each other.
 
-python -m tests.hard.fuzz --minutes 10 [--seed 1]
+python -m tests.hard.fuzz --minutes 10 [--seed 1] [--keep]
 
 A failure is shrunk by Hypothesis to the smallest scene that shows it, and printed as Python.
 """
@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
+from tests.hard.long_runs import keep
 from tests.hard.python import as_python
 from tests.hard.referee import Referee
 from tests.hard.relations import RELATIONS, Seen
@@ -73,7 +74,7 @@ def faults(world: World, node: rm.Node, seed: int, only: tuple[str, ...] = (), e
     return found
 
 
-DEEP = 8
+DEEP = 40
 """Every batch of this many is one of trees up to eight deep; the others have up to three operators on each other."""
 
 SHRINK = 60
@@ -132,6 +133,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", action="store_true", help="put the figures into docs/figures/long_runs.json")
     given_ = parser.parse_args(arguments)
     end, seed = time.monotonic() + 60 * given_.minutes, given_.seed
     with World() as world:
@@ -141,9 +143,18 @@ def main(arguments: list[str]) -> int:
             if report:
                 print(f"--- seed {seed}\n{report}", flush=True)
             seed += 1
-            if seed % 20 == 0:
+            if seed % 5 == 0:
                 print(f"{search.scenes} scenes", flush=True)
         print(f"{search.scenes} scenes, {EACH} of {len(RELATIONS)} relations each; failures: {dict(search.failed)}")
+    if given_.keep:
+        keep(
+            "fuzz",
+            **{
+                "random scenes": search.scenes,
+                "relations of each": f"{EACH} of {len(RELATIONS)}",
+                "unexplained differences": search.failed.total(),
+            },
+        )
     return 1 if search.failed else 0
 
 

@@ -1,6 +1,6 @@
 """Many renders of changing scenes and sizes in one process: nothing may grow.
 
-python -m tests.hard.soak --renders 2000
+python -m tests.hard.soak --renders 2000 [--keep]
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 import raymarch as rm
 from raymarch.gpu import Renderer
 from tests.hard.failing import scenes
+from tests.hard.long_runs import keep
 from tests.hard.world import World
 
 SIZES = ((32, 24), (17, 31), (64, 48), (1, 5), (40, 40))
@@ -76,10 +77,22 @@ def soak(world: World, renders: int) -> tuple[State, State]:
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--renders", type=int, default=2000)
-    renders = parser.parse_args(arguments).renders
+    parser.add_argument("--keep", action="store_true", help="put the figures into docs/figures/long_runs.json")
+    given = parser.parse_args(arguments)
+    renders = given.renders
     with World() as world:
         before, after = soak(world, renders)
     print(f"after a quarter of {renders} renders: {before}\nat the end: {after}")
+    if given.keep:
+        keep(
+            "soak",
+            **{
+                "renders": renders,
+                "objects of OpenGL, after a quarter and at the end": f"{before.objects}, {after.objects}",
+                "open files": f"{before.files}, {after.files}",
+                "MB of memory": f"{before.memory // 1000}, {after.memory // 1000}",
+            },
+        )
     return 1 if after.objects > before.objects or after.files > before.files else 0
 
 

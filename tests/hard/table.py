@@ -14,6 +14,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from tests.hard import pictures
+from tests.hard.long_runs import section
 from tests.hard.world import CASES, Case, Figure, World
 
 ROOT = Path(__file__).parents[2]
@@ -69,7 +71,10 @@ def page(rows: Iterable[Case], figures: Mapping[str, Any]) -> str:
             lines.append(f"| {first} | " + " | ".join(value.replace("|", "\\|") for value in values) + " |")
         before = f" Before: {case.before}." if case.before else ""
         notes.append(f"{case.row}. **{case.name}**: {case.wrong}{before}")
-    return "\n".join([*lines, *probed(), "", "## What goes wrong", "", *notes]) + "\n"
+    return (
+        "\n".join([*lines, *probed(), "", *section(), "", *pictures.section(), "", "## What goes wrong", "", *notes])
+        + "\n"
+    )
 
 
 PROBED = """## Every node, looked at

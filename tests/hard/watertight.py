@@ -1,6 +1,6 @@
 """Rays at closed random solids against float64: how many go through a surface.
 
-python -m tests.hard.watertight --rays 1e7 [--seed 1]
+python -m tests.hard.watertight --rays 1e7 [--seed 1] [--keep]
 
 A ray is transverse if it enters the solid by more than an epsilon, a tenth of a pixel; such a ray must not be lost.
 Rays that only dip into it, by less, may be drawn farther on; those that are by more than a contact are counted. Rays
@@ -10,6 +10,7 @@ that graze it by less than that may pass; their share is told, by the angle at w
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.truth.rays import camera_rays
 from tests.hard.fuzz import scene_of
+from tests.hard.long_runs import keep
 from tests.hard.referee import Referee
 from tests.hard.world import EPSILON, World
 
@@ -46,12 +48,12 @@ class Count:
     met: NDArray[Any] = field(default_factory=lambda: np.zeros(len(ANGLES), int))
     passed: NDArray[Any] = field(default_factory=lambda: np.zeros(len(ANGLES), int))
 
-    def table(self) -> str:
+    def table(self) -> list[str]:
         """A line for each bin."""
         lines = []
         for low, high, met, passed in zip((0.0, *ANGLES), ANGLES, self.met, self.passed, strict=False):
-            lines.append(f"{low:g} to {high:g} degrees: {passed} of {met} pass, {passed / max(met, 1):.2g}")
-        return "\n".join(lines)
+            lines.append(f"{low:g} to {high:g} degrees: {passed} of {met:,} pass")
+        return lines
 
 
 def solid(seed: int) -> rm.Node:
@@ -131,6 +133,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rays", type=float, default=1e5)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", action="store_true", help="put the figures into docs/figures/long_runs.json")
     given = parser.parse_args(arguments)
     count, seed = Count(), given.seed
     size = (320, 240) if given.rays > 1e6 else (96, 72)
@@ -145,11 +148,19 @@ def main(arguments: list[str]) -> int:
                 print(
                     f"{seed - given.seed} solids: {count.rays} rays, {count.hits} hits, {count.lost} lost", flush=True
                 )
-    print(
-        f"{count.rays} rays at {seed - given.seed} solids, {count.hits} meet one: {count.lost} lost; "
-        f"{count.dipped} drawn behind a dip of less than an epsilon; {count.grazing} grazed and passed; "
-        f"{count.unknown} not known\n{count.table()}"
-    )
+    figures = {
+        "solids": seed - given.seed,
+        "rays": count.rays,
+        "rays that meet one, by float64": count.hits,
+        "rays lost": count.lost,
+        "rays drawn behind a dip of less than an epsilon": count.dipped,
+        "rays that grazed and passed": count.grazing,
+        "rays that float64 left open": count.unknown,
+        "rays that pass, by the angle between ray and surface": count.table(),
+    }
+    print(json.dumps(figures, indent=1))
+    if given.keep:
+        keep("watertight", **figures)
     return 1 if count.lost else 0
 
 

@@ -293,8 +293,11 @@ def test_a_shadow_falls_from_one_end_of_the_scene_to_the_other(renderer: rm.Rend
 
 # Normals, each way within its own theory.
 
+BEHIND = ((-40.0, 0.0, -0.8), (0.0, -40.0, -0.8), (-0.3, -0.2, -40.0))
+"""Balls at whose front one coordinate alone is large, and below 0: a step must be in proportion to its size."""
 
-@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (3.0, -2.0, 1.0)])
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (3.0, -2.0, 1.0), *BEHIND])
 @pytest.mark.parametrize("normals", ["analytic", "tetrahedron", "central", "forward"])
 def test_normals_are_as_exact_as_their_method(renderer: rm.Renderer, normals: str, centre: Any) -> None:
     """A unit ball, whose distance has the second derivative 1 across the ray and the third of 3 at most.

@@ -1,0 +1,60 @@
+"""A plugin of pytest that seeds a fault into every test, named by FAULT as "module:line:text": see faults.py."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from raymarch import glsl
+
+ROOT = Path(__file__).parents[2]
+LONGEST = 900.0
+"""Seconds for the tests of a fault; a loop that never ends is noticed too."""
+
+TESTS = {
+    "march": ("render/test_render_geometry.py", "render/test_cones.py", "render/test_resumed.py", "gpu/test_slices.py"),
+    "light": ("render/test_render_shading.py", "render/test_render_bounces.py", "shader"),
+    "normal": ("render/test_render_geometry.py",),
+    "view": ("render/test_temporal.py", "gpu/test_views.py", "render/test_resumed.py", "gpu/test_cycles.py"),
+}
+"""The tests of a folder of modules, those most likely to notice first."""
+
+
+def spoil(module: str, line: int, text: str) -> Any:
+    """Put a text in the place of a line of a module, from 0; returns the loader as it was."""
+    original = glsl.load
+
+    def load(name: str) -> glsl.Module:
+        found = original(name)
+        if name != module:
+            return found
+        lines = list(found.lines)
+        lines[line] = text
+        return replace(found, lines=tuple(lines))
+
+    glsl.load = load  # type: ignore[assignment]
+    return original
+
+
+def by_tests(module: str, line: int, text: str) -> str:
+    """The first test that notices a fault; nothing if none does."""
+    paths = [str(ROOT / "tests" / path) for path in TESTS[module.partition("/")[0]] if (ROOT / "tests" / path).exists()]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "tests.hard.seeded", "--no-header", *paths]
+    known = {**os.environ, "FAULT": f"{module}:{line}:{text}"}
+    try:
+        done = subprocess.run(command, cwd=ROOT, env=known, capture_output=True, text=True, timeout=LONGEST)
+    except subprocess.TimeoutExpired:
+        return "tests that do not end"
+    if done.returncode == 0:
+        return ""
+    lines = [found for found in done.stdout.splitlines() if found.startswith(("FAILED", "ERROR"))]
+    return lines[0].split(" - ")[0].partition(" ")[2] if lines else "tests that break off"
+
+
+if "FAULT" in os.environ:
+    _module, _line, _text = os.environ["FAULT"].split(":", 2)
+    spoil(_module, int(_line), _text)
