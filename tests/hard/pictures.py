@@ -49,7 +49,7 @@ def pairs() -> list[Pair]:
             29,
             "secondary rays",
             rm.Scene(rm.torus(0.8, 0.3) | rm.plane(offset=-0.5), above, sun),
-            "light/shadow",
+            "light/leaving",
             "2.0 *",
             "0.0 *",
         ),
