@@ -120,7 +120,7 @@ def render(
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
             frame = renderer.render(found, moment, params, CHOICES[view], tell, cut=cut)
-            seen = shown(renderer, frame, view, found, params)
+            seen = shown(renderer, frame, view, found, params, tell)
             with written(file) as unfinished:
                 if file.suffix.lower() == ".exr":
                     write_exr(unfinished, seen.numbers())

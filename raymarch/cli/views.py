@@ -41,13 +41,20 @@ class Shown:
     lines: Sequence[str] = ()
 
 
-def shown(renderer: Renderer, frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> Shown:
-    """A view of a frame that a renderer has just drawn."""
+def shown(
+    renderer: Renderer,
+    frame: Frame,
+    view: str,
+    scene: Scene,
+    params: Mapping[str, Any],
+    progress: Callable[[float], None] | None = None,
+) -> Shown:
+    """A view of a frame that a renderer has just drawn; `progress` is told of the share of a probe that is done."""
     if view == "nonfinite":
-        faults = find_faults(renderer, scene, frame.time, params)
+        faults = find_faults(renderer, scene, frame.time, params, progress)
         return Shown(partial(fault_picture, faults), partial(fault_numbers, faults), told(faults.reports))
     if view == "lipschitz":
-        slopes = find_slopes(renderer, scene, frame.time, params)
+        slopes = find_slopes(renderer, scene, frame.time, params, progress)
         return Shown(partial(slope_picture, slopes), partial(slope_numbers, slopes), told(slopes.reports))
     return Shown(partial(drawn, frame, view, scene, params), partial(numbers, frame, view, scene, params))
 

@@ -18,7 +18,7 @@ from raymarch.expr.faults import KINDS, decoded
 from raymarch.gpu.prepare import Prepared, assembled
 from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
-from raymarch.gpu.reports import SURFACE, Fault, Pixel, Report, Vector, table
+from raymarch.gpu.reports import LEEWAY, SURFACE, Fault, Pixel, Report, Vector, table
 from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import draw_in_tiles
 from raymarch.plan.probe import Probing, plan_faults, plan_slopes
@@ -30,6 +30,9 @@ Progress = Callable[[float], None]
 
 FOUR = 4
 """Nodes whose slopes one draw yields; see probe/seen.glsl."""
+
+ALL = frozenset(range(4096))
+"""Numbers of nodes that can be heard one by one; the last stands for all beyond."""
 
 CLEARLY = np.float32(1.02)
 """A node is shown in place of one below it where it is steeper by this factor: both are sampled at their own points."""
@@ -117,12 +120,12 @@ def find_faults(
     drawing = _Drawing(renderer, plan_faults(scene), time, params)
     count = len(drawing.probing.nodes)
     reports = [_report(node) for node in drawing.probing.nodes] + [Report(SURFACE, scene.where, np.inf)]
-    whole = drawing.draw({"u_heard": heard(range(4096))}, progress)
+    whole = drawing.draw({"u_heard": heard(ALL)}, progress)
     found = [*_sites(whole)]
-    muted = set(found)
-    while muted and (more := _sites(drawing.draw({"u_heard": heard(set(range(4096)) - muted)}))):
+    more = found
+    while more:  # what was found is not heard, so that the rest shows
+        more = [site for site in _sites(drawing.draw({"u_heard": heard(ALL - set(found))})) if site not in found]
         found += more
-        muted |= set(more)
     for site in found:
         alone = drawing.draw({"u_heard": heard([site])})
         index = site - 1 if site else count
@@ -156,7 +159,8 @@ def find_slopes(
         for index in range(min(first + FOUR, len(nodes)) - 1, first - 1, -1):
             values = slopes[..., index - first]
             share = values / np.float32(nodes[index].facts.lipschitz)
-            steeper = share > held * CLEARLY
+            most = np.float32(1.0 + LEEWAY)
+            steeper = (share > held * CLEARLY) | ((share > most) & (held <= most))
             steepest, held = np.where(steeper, np.int32(index), steepest), np.where(steeper, share, held)
             ratio = np.maximum(ratio, share)
             row, x = np.unravel_index(int(np.argmax(values)), values.shape)

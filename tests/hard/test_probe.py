@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from node_samples import NodeSample, definitions, samples
@@ -10,7 +12,8 @@ import raymarch as rm
 from raymarch.gpu.context import Context
 from raymarch.gpu.probe import probe_with
 from raymarch.scene.file import load
-from tests.hard.probe import ROOT, faults_in_numpy, sheet
+from tests.hard.probe import ROOT, SETS, faults_in_numpy, sheet
+from tests.hard.table import PROBE
 
 
 def points() -> np.ndarray:
@@ -47,3 +50,10 @@ def test_nodes_are_sound_on_the_device(egl: Context) -> None:
     with rm.Renderer((48, 32), context=egl) as renderer:
         found = probe_with(renderer, sheet(chosen))
     assert found.sound and len(found.reports) > 6, str(found)
+
+
+def test_all_scenes_were_sound_when_they_were_last_looked_at() -> None:
+    known = json.loads(PROBE.read_text(encoding="utf-8"))
+    assert set(known) == set(SETS)
+    for row in known.values():
+        assert row["scenes"] > 10 and row["faults"] == 0 and row["broken"] == 0
