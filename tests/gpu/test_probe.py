@@ -66,6 +66,15 @@ def here() -> int:
     return frame.f_back.f_lineno
 
 
+def off_ray(camera: rm.Camera, pixel: tuple[int, int], position: Any) -> float:
+    """Sine of the angle between the ray of a pixel and a position, as seen from the camera."""
+    pose = camera.pose(rm.scene.parameter.Values({}), None, SIZE[0] / SIZE[1])
+    screen = (2 * np.array([pixel[0] + 0.5, SIZE[1] - pixel[1] - 0.5]) - SIZE) / SIZE[1] * pose.slope
+    direction = pose.frame @ np.array([*screen, -1.0])
+    away = np.asarray(position) - pose.position
+    return float(np.linalg.norm(np.cross(away, direction)) / np.linalg.norm(away) / np.linalg.norm(direction))
+
+
 @pytest.fixture
 def renderer(egl: Context) -> Any:
     with rm.Renderer(SIZE, context=egl) as made:
@@ -86,11 +95,7 @@ def test_a_hidden_logarithm_is_named_with_its_line_its_value_and_its_place(rende
     # asked at x + 1.2 <= 0, and on the ray of that pixel
     value, position = wrong.first.value, np.array(wrong.first.position)
     assert value <= 0.0 and abs(position[0] + 1.2 - value) < 1e-5
-    pose = CAMERA.pose(rm.scene.parameter.Values({}), None, SIZE[0] / SIZE[1])
-    screen = (2 * np.array([x + 0.5, SIZE[1] - row - 0.5]) - SIZE) / SIZE[1] * pose.slope
-    direction = pose.frame @ np.array([*screen, -1.0])
-    away = position - pose.position
-    assert np.linalg.norm(np.cross(away, direction)) < 1e-4 * np.linalg.norm(away) * np.linalg.norm(direction)
+    assert off_ray(CAMERA, (x, row), position) < 1e-4
     (sentence,) = sentences(found.reports)
     assert (
         sentence.startswith(f"cracked, {__file__}:{line}: the logarithm of 0 or less, ") and f"{(x, row)}" in sentence
@@ -142,6 +147,16 @@ def test_a_slope_beyond_its_promise_is_named(renderer: rm.Renderer) -> None:
     shown = found.node[found.ratio > 1.001]
     assert shown.size > 20 and all(found.reports[k].broken for k in shown)
     assert np.mean([found.reports[k].name == "steeper" for k in shown]) > 0.9
+
+
+@pytest.mark.parametrize("far", [0.0, 1e6])
+def test_places_are_in_the_scene_and_on_the_ray_of_their_pixel(renderer: rm.Renderer, far: float) -> None:
+    camera = rm.Camera((far, 1, 6), (far, 0, 0))
+    scene = rm.Scene((steeper() | cracked()).translate((far, 0.7, 0)), camera)
+    for report in find_slopes(renderer, scene).reports:
+        assert report.steepest is not None and off_ray(camera, report.steepest[1], report.steepest[0]) < 1e-3
+    firsts = [report.first for report in find_faults(renderer, scene).reports if report.first is not None]
+    assert firsts and all(off_ray(camera, first.pixel, first.position) < 1e-3 for first in firsts)
 
 
 def test_only_nodes_that_are_too_steep_have_a_colour(renderer: rm.Renderer) -> None:
