@@ -293,7 +293,7 @@ def test_a_shadow_falls_from_one_end_of_the_scene_to_the_other(renderer: rm.Rend
 
 # Normals, each way within its own theory.
 
-BEHIND = ((-40.0, 0.0, -0.8), (0.0, -40.0, -0.8), (-0.3, -0.2, -40.0))
+BEHIND = ((-10.0, 0.0, -0.8), (0.0, -10.0, -0.8), (-0.3, -0.2, -10.0))
 """Balls at whose front one coordinate alone is large, and below 0: a step must be in proportion to its size."""
 
 
