@@ -39,7 +39,7 @@ LOOK = (80, 60)
 LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "glsl_faults.json"
 ROOMS = ("march", "light", "normal", "view")
 ROWS = {
-    "march": (1, 3, 27, 58, 54, 55, 2, 46, 56, 23, 47, 5, 35, 57, 29),
+    "march": (1, 3, 27, 58, 54, 55, 2, 46, 56, 23, 47, 5, 35, 57, 29, 61),
     "light": (38, 41, 29, 39, 40, 35, 59),
     "normal": (31, 5, 6),
     "view": (44, 42, 43, 45, 46, 50, 54),
@@ -168,7 +168,7 @@ def ledger() -> dict[str, str]:
 
 def named(fault: Fault) -> str:
     code = fault.text.strip() or f"without: {glsl.load(fault.module).lines[fault.line].strip()}"
-    return f"{fault.module} {fault.kind}: {code}"
+    return f"{fault.module}:{fault.line + 1} {fault.kind}: {code}"
 
 
 def every(names: list[str]) -> list[Fault]:
