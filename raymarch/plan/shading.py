@@ -197,8 +197,7 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
             found.append(("random/pixel", "a point of a light is chosen at random"))
             found += [("light/shadow", "the shadow of a point")] if "hard" not in lights.traits(scene) else []
         if scene.wanders or scene.branches:
-            ways = _ways(scene, model) if scene.wanders else _tree(scene, model)
-            found += [m for m in ways if m[0] not in {name for name, _ in found}]
+            found += _ways(scene, model) if scene.wanders else _tree(scene, model)
         if occluded(scene, model):
             found.append(("light/occlusion", "Scene(occlusion=...)"))
     if colored:
@@ -206,7 +205,10 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
             found.append(("sky/constant", "what is seen where nothing is hit"))
         if scene.fog is not None:
             found.append(("sky/fog", "Scene(fog=...)"))
-    return found
+    reasons: dict[str, str] = {}
+    for name, why in found:
+        reasons.setdefault(name, why)
+    return list(reasons.items())
 
 
 def _outward(scene: Scene) -> tuple[str, str]:
@@ -225,6 +227,8 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
             ("light/fresnel", "a material is physical"),
             ("light/facets", "a material is physical"),
             (f"light/{masking}", f"Quality(masking={masking!r})"),
+            ("light/grazing", "a material is physical"),
+            ("light/entering", "a material is physical"),
             ("light/physical", "a material is physical"),
         ]
     if model == "mixed":
@@ -240,8 +244,8 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
     if model != "physical":
         found.append(("path/matte", why))
     if model != "phong":
-        found += [] if scene.lights else [("light/fresnel", "a material is physical")]
-        found.append(("path/glossy", why))
+        physical = ("light/fresnel", "light/grazing", "light/entering")
+        found += [*((name, "a material is physical") for name in physical), ("path/glossy", why)]
     if any(m.transmits for m in scene.materials):
         found.append(("path/glass", "a material transmits light"))
     return found
@@ -266,8 +270,7 @@ def _from_sky(scene: Scene, model: str) -> list[tuple[str, str]]:
     if model != "physical":
         found.append(("sky/matte", why))
     if model != "phong":
-        found += [] if scene.lights else [("light/fresnel", "a material is physical")]
-        found += [("light/furnace", why), ("sky/glossy", why)]
+        found += [("light/grazing", "a material is physical"), ("light/furnace", why), ("sky/glossy", why)]
     return found
 
 

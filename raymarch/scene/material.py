@@ -65,8 +65,8 @@ class Material:
     `raymarch.checker`, `stripes` and `noise`. Equal materials are one.
 
     The physical model is that of Cook and Torrance (1982): GGX distribution (Walter et al. 2007), height-correlated
-    masking after Smith (Heitz 2014), Fresnel after Schlick (1994), and a diffuse part that gives off no more than
-    what the surface lets in (Ashikhmin and Shirley 2000).
+    masking after Smith (Heitz 2014), Fresnel after Schlick (1994), and a diffuse part of what the facets let
+    in and out again (Kelemen and Szirmay-Kalos 2001), so that a white surface gives back what it gets, also at its rim.
 
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """

@@ -176,8 +176,8 @@ def microfacets(
 
     normal, view, light : unit vectors (N, 3). color, f0 : (N, 3). metalness, roughness : (N, 1). masking : see
     `Quality`. D after GGX (Walter et al. 2007), F after Schlick (1994), masking after Smith, correlated by height
-    (Heitz 2014) or separable; the diffuse part is that of Ashikhmin and Shirley (2000). Below 0 of either cosine it
-    is 0.
+    (Heitz 2014) or separable; the diffuse part is what gets in between the facets, see `entering`. Below 0 of either
+    cosine it is 0.
     """
     facing = np.einsum("ij,ij->i", normal, light)[:, None]
     seen = np.maximum(np.einsum("ij,ij->i", normal, view)[:, None], 1e-4)
@@ -197,16 +197,37 @@ def microfacets(
     base = f0 * (1.0 - metalness) + color * metalness
     tilt = np.clip(1.0 - np.einsum("ij,ij->i", middle, view)[:, None], 0.0, 1.0)
     mirrored = (base + (1.0 - base) * tilt**5) * density * hidden
-    entering = 1.05 * (1.0 - (1.0 - facing) ** 5) * (1.0 - (1.0 - seen) ** 5) * (1.0 - metalness)
-    result: Array = np.where(lit, facing * (mirrored + entering * (1.0 - f0) * color), 0.0)
+    inside = entering(facing, seen, roughness) * (1.0 - metalness)
+    result: Array = np.where(lit, facing * (mirrored + inside * (1.0 - f0) * color), 0.0)
     return result
+
+
+def grazing(v: Array, r: Array) -> Array:
+    """The share of even light from all around that facets of roughness r, seen under the cosine v, give back beyond
+    f0 (1 - this): what Schlick's (1 - v)^5 comes to on a rough surface. A fit to the integral of `microfacets`: at most
+    0.003 below it, 0.03 above, and 0.1 above where v < 0.1."""
+    result: Array = np.maximum(1.0 - v, 0.0) ** _power(r) / (1.0 + r * r * (6.6 + 17.43 * r))
+    return result
+
+
+def _power(r: Array) -> Array:
+    return 5.0 + r * (6.06 * r - 7.04)
+
+
+def entering(to_light: Array, v: Array, r: Array) -> Array:
+    """The light that gets in between the facets under the cosine `to_light` and out under v, over the share (1 - f0).
+
+    After Kelemen and Szirmay-Kalos (2001): what is not given back on either way, over what is not given back on the
+    mean, 2 times the integral of v times `grazing`. At roughness 0 the diffuse part of Ashikhmin and Shirley (2000).
+    """
+    power = _power(r)
+    mean = 2.0 * grazing(np.zeros_like(power), r) / ((power + 1.0) * (power + 2.0))
+    return (1.0 - grazing(to_light, r)) * (1.0 - grazing(v, r)) / (1.0 - mean)
 
 
 def furnace(v: Array, r: Array) -> tuple[Array, Array]:
     """What facets of roughness r, seen under the cosine v, give back of even light from all around: f0 times the first
     value plus the second. A fit to the integral of `microfacets`, off by 0.05 at most."""
     lost = r * (0.445 - v * (0.2619 + 0.396 * v) + r * (1.2682 * v - 0.658 + 0.3441 * r))
-    even = 1.0207 + v * (0.1525 + v * (3.3888 * v - 6.5391))
-    rough = -2.0124 + v * (4.7975 + 7.5886 * v) + r * (0.376 - 6.2715 * v + 0.722 * r)
-    edge = np.clip(np.exp2(-6.0 * v) * (even + r * rough), 0.0, 1.0)
+    edge = grazing(v, r)
     return np.maximum(1.0 - lost - edge, 0.0), edge

@@ -123,8 +123,8 @@ class Surface:
         base = f0 * (1.0 - metal) + color * metal
         share, edge = furnace(seen, rough)
         back = base * share + edge
-        entering = np.minimum((1.0 - (1.0 - seen) ** 5) * (1.0 - f0), 1.0 - back) * (1.0 - metal)
-        glossy = (1.0 - followed) * around * back + even * entering * color
+        inside = (1.0 - edge) * (1.0 - f0) * (1.0 - metal)
+        glossy = (1.0 - followed) * around * back + even * inside * color
         ambient = look["open"] * self._open
         result: Array = ambient * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)
         return result

@@ -12,7 +12,6 @@ from analytic import EPSILON, around
 import raymarch as rm
 from raymarch.expr.arrays import bound
 from raymarch.gpu import Renderer
-from raymarch.gpu.frame import srgb
 from raymarch.scene import load
 from raymarch.scene.parameter import Values, set_values
 from raymarch.truth import Truth, compare, silhouettes, truth
@@ -92,7 +91,7 @@ def assert_true(renderer: Renderer, scene: rm.Scene, **moment: Any) -> None:
         assert found.depth_p99 <= 1e-3 and found.normal_p95 <= 0.5
     inner = ~silhouettes(known)
     assert np.array_equal(frame.material[inner], known.material[inner])
-    shown, wanted = np.asarray(frame.image(), int), srgb(known.color).astype(int)
+    shown, wanted = np.asarray(frame.image(), int), scene.tone.image(known.color).astype(int)
     rows, columns = inner.shape
     near = np.pad(wanted, ((1, 1), (1, 1), (0, 0)), "edge")
     near = np.stack([near[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])

@@ -1,6 +1,6 @@
 // The light of one source that a surface sends to the eye, by microfacets (Cook and Torrance 1982) over a diffuse part
-// that gives off no more than what they let in (Ashikhmin and Shirley 2000). Times pi, as all brightness is counted.
-// needs: Surface Light Material fresnel fifth facets masking
+// that gives off no more than what they let in. Times pi, as all brightness is counted.
+// needs: Surface Light Material fresnel facets masking entering
 // gives: physical
 vec3 physical(Surface surface, Light light, float visibility) {
     float facing = dot(surface.normal, light.direction);
@@ -12,6 +12,6 @@ vec3 physical(Surface surface, Light light, float visibility) {
     vec3 f0 = mix(material.f0, material.color, material.metalness);
     vec3 mirrored = fresnel(f0, dot(middle, surface.view))
         * (3.1415927 * facets(surface.normal, middle, alpha) * masking(facing, seen, alpha));
-    float entering = 1.05 * (1.0 - fifth(1.0 - facing)) * (1.0 - fifth(1.0 - seen)) * (1.0 - material.metalness);
-    return light.radiance * (visibility * facing) * (mirrored + entering * (1.0 - material.f0) * material.color);
+    float inside = entering(facing, seen, material.roughness) * (1.0 - material.metalness);
+    return light.radiance * (visibility * facing) * (mirrored + inside * (1.0 - material.f0) * material.color);
 }

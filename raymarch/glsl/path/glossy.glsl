@@ -1,15 +1,16 @@
 // Where the light that a surface of microfacets sends to the eye came from: one direction, by chance from the mirrored or
 // from the matte part, each with its share of the light. False if no light comes that way.
-// needs: Surface Material fresnel fifth facet_of cosine_lobe random_of_pixel
+// needs: Surface Material fresnel grazing entering facet_of cosine_lobe random_of_pixel
 // gives: from_glossy
 bool from_glossy(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
     Material material = surface.material;
     float seen = max(dot(surface.normal, surface.view), 1.0e-4);
     float alpha = max(material.roughness * material.roughness, 1.0e-4);
     vec3 f0 = mix(material.f0, material.color, material.metalness);
-    vec3 matte = (1.0 - material.metalness) * (1.0 - material.f0) * material.color * (1.0 - fifth(1.0 - seen));
+    vec3 matte = (1.0 - material.metalness) * (1.0 - material.f0) * material.color;
     float mirrored = dot(fresnel(f0, seen), vec3(0.33333333));
-    float chance = clamp(mirrored / (mirrored + dot(matte, vec3(0.33333333))), 0.05, 0.95);
+    float inside = (1.0 - grazing(seen, material.roughness)) * dot(matte, vec3(0.33333333));
+    float chance = clamp(mirrored / (mirrored + inside), 0.05, 0.95);
     if (material.metalness >= 1.0) chance = 1.0;
     vec2 u = vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2));
     if (random_of_pixel(dimension) < chance) {
@@ -25,7 +26,7 @@ bool from_glossy(Surface surface, int dimension, out vec3 direction, inout vec3 
     } else {
         direction = cosine_lobe(surface.normal, u);
         float facing = clamp(dot(surface.normal, direction), 0.0, 1.0);
-        weight *= matte * (1.05 * (1.0 - fifth(1.0 - facing)) / (1.0 - chance));
+        weight *= matte * (entering(facing, seen, material.roughness) / (1.0 - chance));
     }
     return true;
 }

@@ -1,7 +1,7 @@
 // The sky's light on a surface of microfacets. Matte: its mean, less what does not enter. Mirrored: between the sky that
 // the mirror faces and its mean, by roughness, times what the facets give back in a white furnace; but for
 // the share of the reflection whose way is followed.
-// needs: Surface Material fifth furnace sky sky_mean
+// needs: Surface Material furnace sky sky_mean
 // gives: glossy_sky
 vec3 glossy_sky(Surface surface, float followed) {
     Material material = surface.material;
@@ -11,6 +11,6 @@ vec3 glossy_sky(Surface surface, float followed) {
     vec2 fit = furnace(seen, material.roughness);
     vec3 f0 = mix(material.f0, material.color, material.metalness);
     vec3 back = f0 * fit.x + fit.y;
-    vec3 entering = min((1.0 - fifth(1.0 - seen)) * (1.0 - material.f0), 1.0 - back) * (1.0 - material.metalness);
-    return (1.0 - followed) * around * back + sky_mean(surface.normal) * entering * material.color;
+    vec3 inside = (1.0 - fit.y) * (1.0 - material.f0) * (1.0 - material.metalness);
+    return (1.0 - followed) * around * back + sky_mean(surface.normal) * inside * material.color;
 }
