@@ -23,8 +23,10 @@ from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
-from raymarch.shader.chunk import Chunk, Mapped
-from raymarch.shader.shade import Values, box_ends, light_rows, scene_cone, shading
+from raymarch.shader.bounds import box_ends, scene_cone
+from raymarch.shader.chunk import Chunk, Mapped, Values
+from raymarch.shader.lamps import light_rows
+from raymarch.shader.shade import shading
 from raymarch.shader.units import refuse_too_many
 
 HEADERS = {

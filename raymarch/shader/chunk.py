@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from raymarch.errors import Location
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import constant
+from raymarch.expr.node import Expr
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,3 +40,19 @@ class Lines:
     def add(self, line: str, *needs: str, by: str | None = None, where: Location | None = None) -> None:
         self.lines.append(Mapped(line, by or self.made_by, where))
         self.needs |= set(needs)
+
+
+class Values:
+    """Values of the scene that the shader asks for by name: literals where they are constant, else functions."""
+
+    def __init__(self) -> None:
+        self.functions: list[Function] = []
+
+    def add(self, name: str, value: Expr, where: Location | None) -> None:
+        self.functions.append(Function(name, (), value, where=where))
+
+    def text(self, name: str, value: Expr, where: Location | None) -> str:
+        if value.is_constant:
+            return constant(value)
+        self.add(name, value, where)
+        return f"{name}()"

@@ -1,0 +1,40 @@
+"""The scene's box, as marching and shadows see it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raymarch.expr.glsl import literal
+from raymarch.plan import Plan
+from raymarch.sdf.facts import Facts
+from raymarch.shader.chunk import Chunk, Lines
+
+
+def scene_cone(plan: Plan) -> Chunk:
+    """The part of a cone about a ray, of a slope `width`, that meets the scene's box: the box seen by soft shadows.
+
+    A point beside the ray by width * t is below a plane at `upper` where origin + (direction - width) t is.
+    """
+    text = Lines("the scene's bounds")
+    text.add("vec2 scene_cone(Ray ray, vec2 range, float width) {", "Ray")
+    for axis, low, high in box_ends(plan.scene.node.facts):
+        at = f"range, ray.origin.{axis}, ray.direction.{axis}"
+        if high is not None:
+            text.add(f"    range = below({at} - width, {literal(high)});", "below")
+        if low is not None:
+            text.add(f"    range = above({at} + width, {literal(low)});", "above")
+    text.add("    return range;")
+    text.add("}")
+    return Chunk("scene cone", frozenset(text.needs), frozenset({"scene_cone"}), tuple(text.lines))
+
+
+def box_ends(facts: Facts) -> list[tuple[str, float | None, float | None]]:
+    """Each axis with the ends of the scene's box, None for none, padded so that rounding cannot cut the surface off."""
+    found: list[tuple[str, float | None, float | None]] = []
+    for i, axis in enumerate("xyz"):
+        ends = [float(facts.lower[i]), float(facts.upper[i])]
+        largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
+        pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's own coordinates
+        low, high = (e + d if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
+        found.append((axis, low, high))
+    return found
