@@ -11,6 +11,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 import raymarch as rm
 from raymarch.cost.effects import ablations
 from raymarch.gpu.effort import effort
@@ -18,6 +21,7 @@ from raymarch.plan import lights
 from raymarch.scene import load
 from raymarch.scene.parameter import set_values
 
+ROUNDS = 15
 FOLDER = Path(__file__).parents[2] / "examples" / "papers"
 
 
@@ -89,23 +93,33 @@ def pairs() -> Iterator[tuple[str, str, rm.Scene, rm.Scene]]:
     yield "13 maps", "textures", maps, dict(ablations(maps))["maps"]
 
 
-def cost(renderer: rm.Renderer, scene: rm.Scene) -> tuple[float, float]:
-    """Evaluations a pixel after the hit, and the middle of five times, in milliseconds."""
-    renderer.render(scene)
-    times = sorted(renderer.render(scene).milliseconds for _ in range(5))
-    return float(effort(renderer, scene).shading.mean()), times[2]
+def times(renderer: rm.Renderer, one: rm.Scene, other: rm.Scene) -> NDArray[np.float64]:
+    """Milliseconds of frames of both, in turns, (ROUNDS, 2)."""
+    for scene in (one, other, one, other):
+        renderer.render(scene)
+    found = [[renderer.render(scene).milliseconds for scene in (one, other)] for _ in range(ROUNDS)]
+    return np.array(found)
+
+
+def row(renderer: rm.Renderer, one: rm.Scene, other: rm.Scene) -> str:
+    """Evaluations a pixel after the hit, medians of the times, and quartiles of the ratios of neighbours in time."""
+    asked, less = (float(effort(renderer, scene).shading.mean()) for scene in (one, other))
+    taken = times(renderer, one, other)
+    spent, sooner = np.median(taken, axis=0)
+    low, middle, high = np.percentile(taken[:, 0] / taken[:, 1], (25, 50, 75))
+    return f"{asked:>12.1f}{less:>9.1f}{spent:>9.2f}{sooner:>9.2f}{middle:>7.2f} [{low:.2f}, {high:.2f}]"
 
 
 def main() -> None:
     width = int(sys.argv[1]) if len(sys.argv) > 1 else 320
     size = (width, width * 9 // 16)
     print(f"{size[0]} x {size[1]} pixels; evaluations of the field a pixel after the hit; milliseconds a frame")
-    print(f"{'effect':<28}{'example':<14}{'evaluations':>12}{'without':>9}{'ms':>9}{'without':>9}{'ratio':>7}")
+    print(
+        f"{'effect':<28}{'example':<14}{'evaluations':>12}{'without':>9}{'ms':>9}{'without':>9}{'ratio':>7} quartiles"
+    )
     with rm.Renderer(size) as renderer:
         for effect, example, one, other in pairs():
-            (asked, spent), (less, sooner) = cost(renderer, one), cost(renderer, other)
-            numbers = f"{asked:>12.1f}{less:>9.1f}{spent:>9.2f}{sooner:>9.2f}{spent / max(sooner, 1e-9):>7.2f}"
-            print(f"{effect:<28}{example:<14}{numbers}", flush=True)
+            print(f"{effect:<28}{example:<14}{row(renderer, one, other)}", flush=True)
     scene = load(FOLDER / "lights.py")
     rows = lights.rows(scene, set_values(scene.parameters, {}))
     each = rows.nbytes // len(rows)

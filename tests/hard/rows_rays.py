@@ -382,6 +382,25 @@ def beside_a_wall(world: World) -> Iterator[Figure]:
         frame = world.draw(referee.scene, (24, 20), ("depth",))
         through += int(referee.through(frame.depth.astype(np.float64)).sum())
     yield Figure("rays that go through the sponge, of 4 views", through, 0, "more than a contact deep in float64")
+    through = 0
+    for degrees, distance, thickness in ((0.1, 40, 30), (0.3, 15, 9), (0.5, 8, 6)):
+        scene, face = _block_on_a_floor(degrees, distance, thickness)
+        depth = world.draw(scene, (32, 1), ("depth",)).depth
+        through += int((depth > face).sum())
+    yield Figure(
+        "rays that go through a block on a floor, of 96", through, 0, "thicker than the way within epsilon to it"
+    )
+
+
+def _block_on_a_floor(degrees: float, distance: float, thickness: float) -> tuple[rm.Scene, float]:
+    """A floor seen so flat that a ray nears it by an epsilon many pixels before it meets it, with a block in the way
+    so many pixels before; and a depth between the faces of the block."""
+    slope, far = np.radians(degrees), 10.0
+    pixel = 2.0 * np.tan(np.radians(0.15)) * far
+    end, height = far * np.cos(slope), far * np.sin(slope)
+    block = rm.box((thickness * pixel, 1, 8)).translate((end - (distance - 0.5 * thickness) * pixel, 0.5, 0))
+    scene = rm.Scene(rm.plane() | block, camera=rm.Camera((0, height, 0), (end, 0, 0), fov=0.3))
+    return scene, far - (distance - 0.5 * thickness) * pixel
 
 
 @case(62, "a slope where nobody looks", before="no normal of the solid was finite")

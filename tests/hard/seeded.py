@@ -16,7 +16,13 @@ LONGEST = 900.0
 """Seconds for the tests of a fault; a loop that never ends is noticed too."""
 
 TESTS = {
-    "march": ("render/test_render_geometry.py", "render/test_cones.py", "render/test_resumed.py", "gpu/test_slices.py"),
+    "march": (
+        "cost/test_ledger.py",
+        "render/test_render_geometry.py",
+        "render/test_cones.py",
+        "render/test_resumed.py",
+        "gpu/test_slices.py",
+    ),
     "light": ("render/test_render_shading.py", "render/test_render_bounces.py", "shader"),
     "normal": ("render/test_render_geometry.py",),
     "view": ("render/test_temporal.py", "gpu/test_views.py", "render/test_resumed.py", "gpu/test_cycles.py"),
