@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ def spoil(module: str, line: int, text: str) -> Any:
     """Put a text in the place of a line of a module, from 0; returns the loader as it was."""
     original = glsl.load
 
+    @wraps(original)
     def load(name: str) -> glsl.Module:
         found = original(name)
         if name != module:
