@@ -20,6 +20,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import find, topological
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
+from raymarch.plan.looks import looks_of
 from raymarch.plan.marching import Marching
 from raymarch.plan.moments import by_moment
 from raymarch.plan.passes import Pass, joining, passes_of
@@ -157,7 +158,7 @@ def plan(
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
     if shaded or geometry:
-        looks = shading.looks(scene, lowering, shaded, geometry)
+        looks = looks_of(scene, lowering, shaded, geometry)
         made.model, made.material, made.emission = looks.model, looks.record, looks.emission
         made.material_index, made.glass, made.relief = looks.index, looks.glass, looks.relief
     _choose_modules(made, shaded, needs_normal)

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from functools import wraps
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,14 @@ TESTS = {
         "render/test_resumed.py",
         "gpu/test_slices.py",
     ),
-    "light": ("render/test_render_shading.py", "render/test_render_bounces.py", "shader"),
+    "light": (
+        "shader/test_glsl_modules.py",
+        "render/test_render_shading.py",
+        "render/test_render_bounces.py",
+        "render/test_render_tree.py",
+        "render/test_render_geometry.py",
+        "examples/test_papers.py",
+    ),
     "normal": ("render/test_render_geometry.py",),
     "view": ("render/test_temporal.py", "gpu/test_views.py", "render/test_resumed.py", "gpu/test_cycles.py"),
 }
@@ -48,8 +55,22 @@ def spoil(module: str, line: int, text: str) -> Any:
     return original
 
 
+@cache
+def red_anyhow(room: str) -> str:
+    """A test of a folder of modules that is red without a fault, and would seem to notice each."""
+    folder = Path(glsl.__file__).parent / room
+    module = f"{room}/{min(folder.glob('*.glsl')).stem}"
+    return _first_red(module, 0, glsl.load(module).lines[0])
+
+
 def by_tests(module: str, line: int, text: str) -> str:
     """The first test that notices a fault; nothing if none does."""
+    found = red_anyhow(module.partition("/")[0])
+    assert not found, f"{found} is red without a fault"
+    return _first_red(module, line, text)
+
+
+def _first_red(module: str, line: int, text: str) -> str:
     paths = [str(ROOT / "tests" / path) for path in TESTS[module.partition("/")[0]] if (ROOT / "tests" / path).exists()]
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "tests.hard.seeded", "--no-header", *paths]
     known = {**os.environ, "FAULT": f"{module}:{line}:{text}"}
