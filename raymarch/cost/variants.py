@@ -13,7 +13,7 @@ from raymarch.scene.light import PENUMBRAS, Light
 from raymarch.scene.material import Material
 from raymarch.scene.occlusion import Occlusion
 from raymarch.scene.scene import Scene
-from raymarch.sdf.node import Node
+from raymarch.sdf.labels import relabelled
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def with_model(scene: Scene, model: str) -> Scene | None:
     wanted = model == "physical"
     if all(m.physical == wanted for m in scene.materials) or any(m.transmits or m.relief for m in scene.materials):
         return None
-    turned = _relabelled(scene.node, lambda material: _as_model(material, wanted))
+    turned = relabelled(scene.node, lambda material: _as_model(material, wanted))
     return scene.changed(node=turned.material(_as_model(scene.materials[0], wanted)))
 
 
@@ -88,23 +88,6 @@ def _as_model(material: Material, physical: bool) -> Material:
     return Material(
         color=material.color, shininess=(2.0 / (square + 1e-4) - 2.0) / 4.0 + 1e-3, emission=material.emission
     )
-
-
-def _relabelled(root: Node, turned: Callable[[Material], Material]) -> Node:
-    """The same solid with other materials; shared parts stay shared."""
-    made: dict[Node, Node] = {}
-    pending = [root]
-    while pending:
-        node = pending[-1]
-        waiting = [child for child in node.children if child not in made]
-        if waiting:
-            pending += waiting
-            continue
-        pending.pop()
-        label = None if node.label is None else turned(node.label)
-        children = tuple(made[child] for child in node.children)
-        made[node] = node if not node.labelled else Node(node.definition, children, node.params, node.facts, label)
-    return made[root]
 
 
 def _whole(low: int, high: int) -> Callable[[Any], bool]:

@@ -53,7 +53,7 @@ def looks_of(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks
     made = Looks("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
     if look:
         fields = _mixed(values, shares)
-        params = (*marked.params, *SEEN) if mapped(scene) else marked.params
+        params = (*marked.params, *SEEN) if mapped(scene) and surfaced(scene) else marked.params
 
         def record(name: str, kind: str, names: Sequence[str]) -> Record:
             return Record(name, kind, params, tuple((n, fields[n]) for n in names))

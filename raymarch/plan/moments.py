@@ -124,19 +124,32 @@ def _phases(body: Expr) -> dict[Expr, Expr]:
 
 def _turned(phase: Expr, period: float, moving: set[Expr]) -> Expr:
     """A sum whose terms of time are taken to within a period; a factor of the sum shortens it."""
-    if phase in moving:
-        return phase % period
-    match phase.op:
-        case "add" | "sub" | "neg" | "swizzle":
-            return rebuild(phase, tuple(_turned(term, period, moving) for term in phase.args))
-        case "mul":
-            factor = next((arg for arg in phase.args if arg.is_constant and arg.type is FLOAT and arg.data != 0), None)
-            if factor is not None:
-                period /= abs(float(factor.data))
-                return rebuild(
-                    phase, tuple(arg if arg is factor else _turned(arg, period, moving) for arg in phase.args)
-                )
-    return phase
+    done: dict[tuple[Expr, float], Expr] = {}
+    pending = [(phase, period)]
+    while pending:
+        term, turn = key = pending[-1]
+        if key in done:
+            pending.pop()
+            continue
+        factor = _factor(term)
+        if term in moving:
+            done[key] = term % turn
+        elif factor is None and term.op not in ("add", "sub", "neg", "swizzle"):
+            done[key] = term
+        else:
+            inner = turn if factor is None else turn / abs(float(factor.data))
+            waiting = [(arg, inner) for arg in term.args if arg is not factor and (arg, inner) not in done]
+            pending += waiting
+            if not waiting:
+                done[key] = rebuild(term, tuple(a if a is factor else done[a, inner] for a in term.args))
+    return done[phase, period]
+
+
+def _factor(term: Expr) -> Expr | None:
+    """The number that a product is a multiple of; None for all else."""
+    if term.op != "mul":
+        return None
+    return next((arg for arg in term.args if arg.is_constant and arg.type is FLOAT and arg.data != 0), None)
 
 
 def _has_leaf(type: Type) -> bool:

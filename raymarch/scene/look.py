@@ -14,7 +14,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number, as_vec3
 from raymarch.scene.texture import Texture, lie_alike
 from raymarch.sdf.lower import POSITION, is_seen
@@ -32,6 +32,8 @@ def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
         given = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else f"'{fspath(value)}'"
         raise SceneError(f"{what}: {given} has no place yet", legal="planar(picture, size) or triplanar(picture, size)")
     check = as_number if size == 1 else as_vec3
+    if isinstance(value, Expr) and (POSITION in free_variables([value]) or is_seen([value])):  # of another material
+        return _pattern(what, lambda _: value, size, low, high)
     if not callable(value) or isinstance(value, Expr):
         return check(what, value, low, high, cells=True)
     return _pattern(what, value, size, low, high)

@@ -123,6 +123,13 @@ class Material:
             "open": value_of("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
         }
 
+    def replaced(self, **values: Any) -> Material:
+        """The same material with other values for some names, which must be of its own model."""
+        made, new = copy.copy(self), Material(**values)
+        names = ("color" if name == "albedo" else name for name in values)
+        made._fields = {**self._fields, **{name: new._fields[name] for name in names}}
+        return made
+
     @property
     def color(self) -> Expr:
         """Linear RGB; the albedo."""

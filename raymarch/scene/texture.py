@@ -97,7 +97,7 @@ class Texture:
     def tilt(self, p: Expr) -> Expr:
         """The slopes that a normal map means, as a gradient in space of a height over the surface; a vec3."""
         if self.pixels.shape[2] < 3:
-            legal = "three: red right, green up, blue out; or two of slopes"
+            legal = "three: red right, green up, blue out"
             raise SceneError(f"'{self.file}' has {self.pixels.shape[2]} channels, no normals", legal=legal)
         return self._raised(self._texels("normals"), p, False)
 
@@ -146,7 +146,7 @@ class _Place:
     def weights(self, hardness: Expr) -> dict[str, Expr]:
         """Of the three projections, by the components of the normal; their sum is 1."""
         powers = [pow(abs(NORMAL[i]), hardness) for i in range(3)]
-        total = max(powers[0] + powers[1] + powers[2], 1e-12)
+        total = max(powers[0] + powers[1] + powers[2], 1e-30)
         return {axis: power / total for axis, power in zip("xyz", powers, strict=True)}
 
     def read(self, data: Texels, layout: Layout, axis: str, weight: Expr) -> Expr:

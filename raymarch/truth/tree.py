@@ -107,7 +107,7 @@ def _met(surface: Surface, weight: Array, directions: Array, depth: int, crosses
         inside=inside,
         within=within,
         absorption=absorption,
-        dull=DULL,
+        dull=DULL if surface.scene.lights else 0.0,
     )
     left = np.exp(-absorption * met.depth[:, None]) if within else np.ones_like(absorption)
     color[row[hit]] = left * light_of(met, weight[row[hit]] * left, depth + 1)

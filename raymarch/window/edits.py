@@ -18,6 +18,7 @@ from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, Spec, Value
 from raymarch.scene.scene import Scene
+from raymarch.sdf.labels import relabelled
 from raymarch.sdf.node import Node
 
 Range: TypeAlias = tuple[float | None, float | None]
@@ -100,6 +101,8 @@ class LightEdit:
         parts = [f"{name}={_written(params.get(self.name(name), value))}" for name, value in self.values.items()]
         if self.shadow:
             parts.append("shadow=True")
+        if self.penumbra != "two-sided":
+            parts.append(f"penumbra={self.penumbra!r}")
         parts += [f"{name}={_written(value)}" for name, value in self.kept.items()]
         return f"rm.{self.kind}({', '.join(parts)})"
 
@@ -224,30 +227,12 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
             old = scene.materials[index]
             ranges = PHYSICAL if old.physical else PHONG
             new = {
-                name: value if not _number(value) else Param(material_name(index, name), value, *ranges[name])
+                name: Param(material_name(index, name), value, *ranges[name])
                 for name, value in values.items()
-                if name in ranges
+                if name in ranges and _number(value)  # a pattern or a picture is not edited, and stays
             }
-            exchanged[old] = Material(**new)
-    made: dict[Node, Node] = {}
-    pending = [scene.node]
-    while pending:
-        node = pending[-1]
-        missing = [child for child in node.children if child not in made]
-        if missing:
-            pending += missing
-            continue
-        pending.pop()
-        if node in made:
-            continue
-        label = exchanged.get(node.label, node.label) if node.label is not None else None
-        children = tuple(made[child] for child in node.children)
-        if label is node.label and children == node.children:
-            made[node] = node
-        else:
-            made[node] = Node(node.definition, children, node.params, node.facts, label)
-            made[node].where = node.where
-    root = made[scene.node]
+            exchanged[old] = old.replaced(**new)
+    root = relabelled(scene.node, lambda material: exchanged.get(material, material))
     default = scene.materials[0]
     return root.material(exchanged[default]) if default in exchanged else root
 

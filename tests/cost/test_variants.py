@@ -174,3 +174,9 @@ def test_pictures_are_brought_to_another_size():
     assert brought_to(np.ones((5, 7, 3)), (3, 11)) == pytest.approx(1.0)
     depth = np.array([[1.0, np.inf], [3.0, 4.0]])
     assert np.array_equal(nearest(depth, (4, 4))[0], [1, 1, np.inf, np.inf])
+
+
+def test_models_of_materials_with_patterns_are_swept() -> None:
+    checks = rm.Material(color=rm.checker((0.2, 0.2, 0.2), (0.8, 0.8, 0.8), 1.0), shininess=10)
+    settings = grid(rm.Scene(rm.sphere().material(checks)), axes())
+    assert any(dict(setting.variations).get("model") == "physical" for setting in settings)

@@ -70,3 +70,19 @@ def test_a_scene_without_time_has_no_moments() -> None:
     made = plan(rm.Scene(rm.sphere(SIZE).rotate(SIZE)))
     assert not made.moments and set(made.parameters) == {"size"}
     assert set(assemble(made).parameters) == {"size"}
+
+
+def test_waves_of_shared_and_of_many_terms_are_planned() -> None:
+    """Each term is looked at once, and none by recursion."""
+
+    def shared(p: rm.Expr) -> rm.Expr:
+        x = p.x
+        for k in range(40):
+            x = x + 0.3 * (x - p.y * (k + 1))
+        return 0.01 * sin(x + rm.time)
+
+    def many(p: rm.Expr) -> rm.Expr:
+        return 0.01 * sin(sum((p.x * (k + 1) for k in range(1500)), rm.time + 0))
+
+    for wave in (shared, many):
+        assert plan(rm.Scene(rm.sphere().material(rm.Material(color=lambda p, w=wave: 0.5 + w(p))))).moments is not None

@@ -151,3 +151,29 @@ def test_a_mirror_shows_a_floor_as_from_behind_it(renderer: Renderer) -> None:
         far = wall & (truth(behind, SIZE).depth[:, ::-1] < 30)
         assert far.sum() > 300 and np.ptp(direct[far]) > 0.2
         assert np.percentile(np.abs(picture - direct)[far], 98) < near
+
+
+def test_a_picture_seen_squarely_from_far_is_its_mean(egl: Context) -> None:
+    """The footprint in the middle is a circle of many texels, which has no longer axis."""
+    checks = np.indices((64, 64)).sum(axis=0) % 2
+    floor = rm.Material(albedo=rm.planar(0.2 + 0.6 * checks, 0.5, "y"), roughness=1.0)
+    camera = rm.Camera((0, 30, 0), (0, 0, 0), up=(0, 0, 1))
+    scene = rm.Scene(rm.plane().material(floor), camera, lights=[rm.Sun((0, 1, 0))])
+    with Renderer((65, 65), context=egl) as renderer:
+        color = renderer.render(scene).color
+    assert np.isfinite(color).all() and abs(color[32, 32, 0] - color[30, 30, 0]) < 0.01
+
+
+def test_a_hard_projection_is_as_bright_between_the_axes(egl: Context) -> None:
+    white = rm.Material(albedo=rm.triplanar(np.ones((4, 4)), 1.0, hardness=64), roughness=1.0)
+    scene = rm.Scene(rm.sphere().material(white), rm.Camera((3, 3, 3), (0, 0, 0)), lights=[rm.Sun((1, 1, 1))])
+    with Renderer((33, 33), context=egl) as renderer:
+        assert renderer.render(scene).color[16, 16, 0] > 0.9
+
+
+def test_what_glows_beside_a_map_needs_no_light(egl: Context) -> None:
+    lamp = rm.sphere(0.5).material(rm.Material(albedo=(0, 0, 0), emission=(1, 0.5, 0.2)))
+    floor = rm.plane(offset=-1).material(rm.Material(albedo=rm.planar(np.ones((4, 4)), 1.0, "y")))
+    with Renderer((33, 33), context=egl) as renderer:
+        color = renderer.render(rm.Scene(lamp | floor, lights=[], sky=(0, 0, 0))).color
+    assert np.allclose(color[16, 16], (1, 0.5, 0.2), atol=1e-3)

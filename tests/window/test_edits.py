@@ -117,3 +117,25 @@ def test_an_expression_stays_one() -> None:
     edited = Edits(lights=edits.editable_lights(made)).apply(made)
     assert edited.lights[0].intensity is made.lights[0].intensity
     assert "intensity=..." in Edits(lights=edits.editable_lights(made)).python(made, {})
+
+
+def test_an_edited_material_keeps_its_maps_and_glass() -> None:
+    rough = rm.Material(
+        albedo=rm.checker((0.2, 0.2, 0.2), (0.8, 0.8, 0.8), 1.0),
+        roughness=0.4,
+        transmission=0.5,
+        ior=1.3,
+        height=rm.triplanar(np.eye(4), 1.0),
+    )
+    scene = rm.Scene(rm.sphere().material(rough))
+    edited = Edits(materials={1: {**edits.editable_material(rough), "roughness": 0.7}}).apply(scene)
+    (made,) = edited.materials[1:]
+    assert made.transmits and made.relief and made.color is rough.color
+    assert made.roughness is not rough.roughness
+
+
+def test_the_python_of_a_light_names_its_penumbra() -> None:
+    (light,) = edits.editable_lights(
+        rm.Scene(rm.sphere(), lights=[rm.Sun(shadow=True, softness=0.1, penumbra="sampled")])
+    )
+    assert "penumbra='sampled'" in light.python({})
