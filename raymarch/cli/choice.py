@@ -27,7 +27,7 @@ def choose_quality(preset: str | None, error: str | None, within: str | None) ->
     if preset is not None:
         if preset not in PRESETS:
             raise CommandError(f"--quality {preset}", legal=", ".join(PRESETS))
-        return lambda *_: Quality.preset(preset)
+        return lambda scene, *_: scene.quality.to_preset(preset)
     if error is not None:
         parse_error(error)
         return lambda *where: _found(for_error, error, *where)

@@ -90,7 +90,7 @@ def render(
         str | None, typer.Option("--slice", metavar="y=0", help="Plane of --view slice. [faces the camera]")
     ] = None,
     quality: Annotated[
-        str | None, typer.Option(metavar="NAME", help=f"In place of the scene's own: {', '.join(PRESETS)}.")
+        str | None, typer.Option(metavar="NAME", help=f"March as a preset does: {', '.join(PRESETS)}.")
     ] = None,
     error: Annotated[
         str | None, typer.Option(metavar="0.5px|flip:X", help="Take the fastest quality that keeps this error.")

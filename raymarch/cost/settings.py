@@ -123,7 +123,7 @@ def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = No
     base = scene.quality
     found: dict[Any, Setting] = {_meant(scene, Setting("base", base), size): Setting("base", base)}
     for name in PRESETS:
-        made = Setting(name, Quality.preset(name))
+        made = Setting(name, base.to_preset(name))
         meant = _meant(scene, made, size)
         found[meant] = replace(found.get(meant, made), preset=name)
     for change in _changes(list(chosen)):

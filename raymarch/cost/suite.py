@@ -157,7 +157,7 @@ def product_settings(scene: Scene, size: tuple[int, int]) -> list[Setting]:
     """The scene's own quality, the presets, and tracers with and without cones over epsilons."""
     found = {settled(scene, scene.quality, size): Setting("base", scene.quality)}
     for name in PRESETS:
-        quality = Quality.preset(name)
+        quality = scene.quality.to_preset(name)
         meant = settled(scene, quality, size)
         found[meant] = replace(found.get(meant, Setting(name, quality)), preset=name)
     for epsilon in EPSILONS:

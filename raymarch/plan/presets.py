@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from raymarch.scene.parameter import set_values
-from raymarch.scene.quality import PRESETS, PROMISED, Quality
+from raymarch.scene.quality import PRESETS, PROMISED
 from raymarch.scene.scene import Scene
 
 HEIGHT = 360
@@ -46,7 +46,7 @@ def meanings(scene: Scene) -> list[Meaning]:
     footprint = _footprint(scene)
     found = []
     for name in PRESETS:
-        quality = Quality.preset(name)
+        quality = scene.quality.to_preset(name)
         pixels = PROMISED[name] if certified else None
         length = None if pixels is None or footprint is None else pixels * footprint
         found.append(Meaning(name, pixels, length, quality.near(certified), quality == scene.quality))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from raymarch.errors import SceneError
@@ -30,6 +30,19 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "exact": {"epsilon": 0.002, "max_steps": 8192},
 }
 """In what each preset differs from the default."""
+
+NOT_MARCHING = (
+    "trust",
+    "samples",
+    "temporal",
+    "budget",
+    "rays",
+    "masking",
+    "ways",
+    "shadow_steps",
+    "light_samples",
+)
+"""What a preset leaves as a scene has it: it is defined by where hits lie, and these are for what is drawn of them."""
 
 PROMISED: Mapping[str, float] = {"draft": 0.5, "normal": 0.05, "fine": 0.005, "exact": 0.001}
 """What defines each preset: how far, in pixel footprints, 99 % of the hits on a certified field may lie from the true
@@ -156,6 +169,10 @@ class Quality:
         if name not in PRESETS:
             raise SceneError(f"Quality: preset {name!r}", legal=", ".join(map(repr, PRESETS)))
         return cls(**PRESETS[name])
+
+    def to_preset(self, name: str) -> Self:
+        """This quality marched as a preset is; rays a pixel, light and what frames share stay: see `NOT_MARCHING`."""
+        return replace(type(self).preset(name), **{kept: getattr(self, kept) for kept in NOT_MARCHING})
 
     @staticmethod
     def for_error(scene: Any, error: str, **where: Any) -> Quality:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from raymarch.cli import main
+from raymarch.gpu.renderer import Renderer
+from raymarch.scene.quality import Quality
 
 HELLO = """import raymarch as rm
 scene = rm.Scene(rm.sphere(rm.Param("size", 1.0, 0.5, 2.0)) | rm.plane(offset=-1))
@@ -111,6 +114,26 @@ def draw(*args: str) -> int:
 def test_a_preset_is_drawn(folder, name):
     assert draw("--quality", name) == 0
     assert files(folder) == {"hello.py", "a.png"}
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The qualities that anything is drawn with, in turn."""
+    seen, render = [], Renderer.render
+
+    def spy(self, scene, *args, **named):
+        seen.append(scene.quality)
+        return render(self, scene, *args, **named)
+
+    monkeypatch.setattr(Renderer, "render", spy)
+    return seen
+
+
+def test_a_preset_leaves_what_is_not_marching_as_the_scene_has_it(folder, drawn):
+    own = 'scene.quality = rm.Quality(ways="tree", samples=4)\n'
+    (folder / "hello.py").write_text(HELLO + own)
+    assert draw("--quality", "fine") == 0
+    assert drawn == [replace(Quality.preset("fine"), ways="tree", samples=4)]
 
 
 def test_what_was_reached_is_stated(folder, capsys):

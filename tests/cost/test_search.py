@@ -14,8 +14,9 @@ from raymarch.cost import search as room
 from raymarch.cost.errors import measure
 from raymarch.cost.reference import reference
 from raymarch.cost.search import LADDER, REPEATS, for_error, for_time, parse_error, parse_time
-from raymarch.cost.settings import with_quality
+from raymarch.cost.settings import grid, with_quality
 from raymarch.errors import CostError, SceneError
+from raymarch.plan.presets import meanings
 from raymarch.scene.quality import PRESETS, PROMISED
 
 # Presets
@@ -32,6 +33,19 @@ def test_each_preset_promises_less_error_than_the_one_before():
 def test_an_unknown_preset_is_refused():
     with pytest.raises(SceneError, match="'draft', 'normal', 'fine', 'exact'"):
         rm.Quality.preset("best")
+
+
+def test_a_preset_changes_the_marching_alone():
+    own = rm.Quality(ways="tree", samples=4, temporal="accumulate", masking="separable", tracer="plain", epsilon=2)
+    own = replace(own, rays="interpolated", shadow_steps=9, light_samples=3, trust=True)
+    fine = rm.Quality.preset("fine")
+    kept = {"ways": "tree", "samples": 4, "temporal": "accumulate", "masking": "separable", "rays": "interpolated"}
+    assert own.to_preset("fine") == replace(fine, **kept, shadow_steps=9, light_samples=3, trust=True)
+    assert replace(rm.Quality(), budget=64).to_preset("fine") == replace(fine, budget=64)
+    assert rm.Quality(tracer="plain").to_preset("normal") == rm.Quality()
+    scene = rm.Scene(rm.sphere(), quality=own.to_preset("fine"))
+    assert [m.name for m in meanings(scene) if m.own] == ["fine"]
+    assert {s.quality for s in grid(scene, [], SIZE) if s.preset} == {own.to_preset(name) for name in PRESETS}
 
 
 def test_presets_keep_their_promise_where_every_pixel_has_an_edge():
