@@ -19,6 +19,8 @@ from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
 
 KEPT = 32
 """Programs, at first, and textures of data, that are kept; the one used longest ago is freed first."""
+HELD, UNITS = 512 * 2**20, 16
+"""Bytes of data from which the oldest is freed, and how many textures stay in any case: what one frame may read."""
 
 
 _REST = """#version 330 core
@@ -48,6 +50,7 @@ class Store:
         self._targets: dict[str, Target] = {}
         self._pairs: dict[str, PingPong] = {}
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
+        self._bytes: dict[str, int] = {}
         self._rest: Program | None = None
         self._lights: moderngl.Texture | None = None
 
@@ -115,8 +118,11 @@ class Store:
         if data.key not in self._textures:
             made = upload_pyramid(self.context, data) if isinstance(data, Texels) else upload(self.context, data)
             self._textures[data.key] = made
-            while len(self._textures) > KEPT:
-                self._textures.popitem(last=False)[1].release()
+            self._bytes[data.key] = data.nbytes
+            while len(self._textures) > KEPT or (len(self._textures) > UNITS and sum(self._bytes.values()) > HELD):
+                key, oldest = self._textures.popitem(last=False)
+                del self._bytes[key]
+                oldest.release()
         self._textures.move_to_end(data.key)
         return self._textures[data.key]
 
@@ -162,6 +168,7 @@ class Store:
                 self._lights.release()
         self._lights = None
         self._textures.clear()
+        self._bytes.clear()
         if self._rest is not None:
             self._rest.release()
         self._rest = None

@@ -69,7 +69,10 @@ def _read(path: Path) -> tuple[NDArray[Any], bool]:
         if image.mode == "F":
             return np.asarray(image, np.float64)[..., None], False
         if image.mode.startswith("I"):  # 16 bits
-            return np.asarray(image, np.float64)[..., None] / 65535.0, True
+            pixels = np.asarray(image, np.float64)
+            if not 0.0 <= pixels.min() <= pixels.max() <= 65535.0:
+                raise ValueError("its values take more than 16 bits")
+            return pixels[..., None] / 65535.0, True
         kept = image if image.mode in ("L", "RGB", "RGBA") else image.convert("L" if image.mode == "1" else "RGBA")
         pixels = np.asarray(kept, np.float64) / 255.0
         return (pixels[..., None] if pixels.ndim == 2 else pixels), True

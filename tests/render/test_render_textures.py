@@ -177,3 +177,13 @@ def test_what_glows_beside_a_map_needs_no_light(egl: Context) -> None:
     with Renderer((33, 33), context=egl) as renderer:
         color = renderer.render(rm.Scene(lamp | floor, lights=[], sky=(0, 0, 0))).color
     assert np.allclose(color[16, 16], (1, 0.5, 0.2), atol=1e-3)
+
+
+def test_pictures_of_scenes_gone_by_are_freed_by_their_size(egl: Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raymarch.gpu.store.HELD", 20_000)
+    monkeypatch.setattr("raymarch.gpu.store.UNITS", 2)
+    with Renderer((8, 8), context=egl) as renderer:
+        for k in range(6):
+            map_ = rm.planar(np.full((32, 32, 3), 0.1 * k), 1.0)  # some 8 kB with its smaller ones
+            renderer.render(rm.Scene(rm.plane().material(rm.Material(albedo=map_))))
+        assert renderer.store.objects["data"] == 2

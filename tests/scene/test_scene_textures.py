@@ -190,3 +190,9 @@ def _assembled(scene: rm.Scene) -> None:
     from raymarch.shader import assemble
 
     assemble(plan(scene))
+
+
+def test_a_picture_of_more_than_16_bits_is_refused(tmp_path: Path) -> None:
+    Image.fromarray(np.full((2, 2), 200_000, np.int32)).save(tmp_path / "deep.tif")
+    with pytest.raises(rm.SceneError, match="16 bits"):
+        rm.Material(roughness=rm.planar(tmp_path / "deep.tif", 1.0))
