@@ -109,13 +109,13 @@ def render(
     width, height = parse_size(size)
     chooser = choose_quality(quality, error, within)
     found = load(scene)
+    if samples is not None:  # before anything is measured with them
+        found.quality = replace(found.quality, samples=samples)
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     moments = _moments(target, time, frames, fps)
     with Renderer((width, height), backend, device) as renderer, _progress(len(moments)) as progress:
         found.quality = chooser(found, renderer, moments[0][0], params)
-        if samples is not None:
-            found.quality = replace(found.quality, samples=samples)
         for i, (moment, file) in enumerate(moments):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)

@@ -26,7 +26,7 @@ STEPS = {0.02: 2048, 0.002: 8192}
 TRACERS = ("auto", "front", "enhanced", "plain")
 SCHEDULES = ("single", "cone")
 SAMPLES = (1, 4, 16)
-"""Rays a pixel that are tried where only they can make the picture better."""
+"""Rays a pixel that are tried where only they can make the picture better, from the scene's own on."""
 TRUTH_SAMPLES = (16, 64)
 """Rays a pixel of the true picture: more where fewer leave it open whether an error is kept."""
 REPEATS = 7
@@ -115,9 +115,10 @@ def for_error(
     size, time, params : of the picture that is to keep it.
     backend : for a renderer of its own; or `renderer` : an open one of that size.
 
-    First the coarsest step of a ladder of epsilons (and of rays a pixel, for a picture's error) is looked for that
-    keeps the error with no hit missed or made up. That one and the next finer are then timed with every tracer, and
-    the fastest is taken of those whose own error keeps the target. A picture's error must keep it together with what
+    The scene's own `samples` are kept; only for a picture's error more are tried, where fewer will not do. First the
+    coarsest step of a ladder of epsilons is looked for that keeps the error with no hit missed or made up. That one
+    and the next finer are then timed with every tracer, and the fastest is taken of those whose own error keeps the
+    target. A picture's error must keep it together with what
     the true picture may be off by its own noise; more rays make that less where it is a third of the target.
 
     Raises CostError if none does, with the best that was reached.
@@ -165,16 +166,16 @@ def for_time(
     within : "16ms", or milliseconds.
     size, moment, params, backend, renderer : as for `for_error`.
 
-    All steps of the ladder are timed in turns. Of those whose median keeps the time, and that miss no hit, the one of
-    the smallest error is timed once more by itself, as it will be used, in two halves with the fastest in between. It
-    is given up for the next unless the median of each half keeps the time.
+    All steps of the ladder are timed in turns, with the scene's own `samples`. Of those whose median keeps the time,
+    and that miss no hit, the one of the smallest error is timed once more by itself, as it will be used, in two halves
+    with the fastest in between. It is given up for the next unless the median of each half keeps the time.
 
     Raises CostError if none does, with the fastest.
     """
     target = parse_time(within)
     metric = "pixels_p99"
     with _Bench(scene, size, moment, params, backend, renderer, progress, 0) as bench:
-        qualities = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, 1)))
+        qualities = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, scene.quality.samples)))
         made = bench.sweep([Setting(_named(scene, q, size), q) for q in qualities])
         sound = sorted((p for p in made if p.errors.sound), key=lambda p: (p.error(metric), p.time.value))
         for point in sound:
@@ -261,7 +262,7 @@ class _Bench:
 def _rungs(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, target: float) -> list[Point]:
     """The coarsest settings that keep an error, and the next finer ones; with as few rays a pixel as will do."""
     tried: list[Point] = []
-    for samples in _sample_counts(metric):
+    for samples in _sample_counts(scene.quality, metric):
         rungs = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, samples)))
         settings = [Setting(_named(scene, q, size), q) for q in rungs]
         if metric == "flip_p99":  # more steps cannot mend what takes more rays: ask the finest first
@@ -288,16 +289,19 @@ def _nothing_keeps(metric: str, best: Point, doubt: float) -> CostError:
     return CostError(f"no setting finds every hit: {best.name} {wrong}", legal="a certified field; see explain")
 
 
-def _sample_counts(metric: str) -> tuple[int, ...]:
-    return SAMPLES if metric == "flip_p99" and _has("samples") else (1,)
+def _sample_counts(base: Quality, metric: str) -> tuple[int, ...]:
+    """Rays a pixel to try: the base's own, and for a picture's error more; with a budget there is but one."""
+    more = SAMPLES if metric == "flip_p99" and base.budget is None else ()
+    return (base.samples, *(n for n in more if n > base.samples))
 
 
 def _ladder(base: Quality, samples: int) -> Iterator[Quality]:
     """The base with each epsilon, coarsest first, at a number of rays a pixel."""
-    more: dict[str, Any] = {"samples": samples} if _has("samples") else {}
     for epsilon in LADDER:
         steps = max([base.max_steps, *(n for e, n in STEPS.items() if epsilon <= e)])
-        yield replace(base, tracer="auto", schedule="auto", omega=None, epsilon=epsilon, max_steps=steps, **more)
+        yield replace(
+            base, tracer="auto", schedule="auto", omega=None, epsilon=epsilon, max_steps=steps, samples=samples
+        )
 
 
 def _contenders(scene: Scene, quality: Quality, size: tuple[int, int]) -> list[Quality]:
@@ -310,10 +314,6 @@ def _named(scene: Scene, quality: Quality, size: tuple[int, int]) -> str:
     base = settled(scene, scene.quality, size)
     change = {f.name: getattr(quality, f.name) for f in fields(Quality)}
     return named({n: v for n, v in change.items() if v != getattr(base, n)} or {"epsilon": quality.epsilon})
-
-
-def _has(name: str) -> bool:
-    return name in {f.name for f in fields(Quality)}
 
 
 def _quality_for_error(scene: Scene, error: str, **where: Any) -> Quality:

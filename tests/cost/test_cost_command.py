@@ -136,6 +136,12 @@ def test_a_preset_leaves_what_is_not_marching_as_the_scene_has_it(folder, drawn)
     assert drawn == [replace(Quality.preset("fine"), ways="tree", samples=4)]
 
 
+@pytest.mark.parametrize("asked", [("--error", "0.5px"), ("--within", "60s")])
+def test_samples_are_measured_and_kept(folder, drawn, asked):
+    assert draw("--samples", "2", *asked) == 0
+    assert {q.samples for q in drawn} == {2}
+
+
 def test_what_was_reached_is_stated(folder, capsys):
     assert draw("--error", "0.5px") == 0
     said = capsys.readouterr().err

@@ -132,6 +132,23 @@ def test_a_picture_must_keep_the_error_with_what_the_truth_may_be_off_by(scene, 
         for_error(scene, "flip:0.09", SIZE, renderer=renderer)
 
 
+@pytest.mark.parametrize(("search", "target"), [(for_error, "0.3px"), (for_time, "12ms")])
+def test_the_rays_a_pixel_of_the_scene_are_measured_and_kept(scene, known, search, target):
+    renderer = FakeRenderer(known)
+    found = search(with_quality(scene, rm.Quality(samples=3)), target, SIZE, renderer=renderer)
+    assert found.quality.samples == 3
+    assert {q.samples for q in renderer.calls} == {3}
+    assert "samples" not in found.name
+
+
+def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known):
+    renderer = FakeRenderer(known)
+    found = for_error(with_quality(scene, rm.Quality(samples=5)), "flip:0.5", SIZE, renderer=renderer)
+    assert found.quality.samples == 5
+    with pytest.raises(CostError):
+        for_error(with_quality(scene, rm.Quality(budget=64)), "flip:1e-9", SIZE, renderer=renderer)
+
+
 class Blind(FakeRenderer):
     """Misses hits wherever epsilon is above a tenth."""
 
