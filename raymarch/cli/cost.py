@@ -18,6 +18,7 @@ from raymarch.cost.checks import check
 from raymarch.cost.effects import ablate, evaluations_of
 from raymarch.cost.effects import table as effects_table
 from raymarch.cost.environment import environment
+from raymarch.cost.errors import check_followed
 from raymarch.cost.html import as_html
 from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
@@ -99,6 +100,8 @@ def cost_command(
                 raise CommandError(f"--effects together with {option}", legal="--json")
         _effects(found, scene.stem, pixels, time, params, repeats, seed, json, backend, device)
         return
+    if by.startswith("flip_"):
+        check_followed(found)
     settings = grid(found, asked, pixels)
     with watched() as tell, Renderer(pixels, backend, device) as renderer:
 

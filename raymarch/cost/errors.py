@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from raymarch.cost.flip import BAD, flip, largest_region
 from raymarch.cost.reference import Reference
+from raymarch.errors import CostError
+from raymarch.scene.scene import Scene
 
 Array = NDArray[np.float64]
 NAN = float("nan")
@@ -135,6 +137,16 @@ def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]
         **_ranks("flip", values.ravel(), 99, 100),
         "flip_region": largest_region(values > BAD),
     }
+
+
+def check_followed(scene: Scene) -> None:
+    """CostError for a scene whose true picture the truth does not know: it follows no random ways of light."""
+    if scene.wanders:
+        raise CostError(
+            "FLIP against the truth, which follows no light that goes random ways: there is no true picture",
+            legal="Quality(ways='tree'), or a distance in pixels such as 0.5px or pixels_p99",
+            where=scene.where,
+        )
 
 
 def picture_doubt(known: Reference) -> float:

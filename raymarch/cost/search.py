@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from raymarch.cost.drawing import Draws, timed
-from raymarch.cost.errors import picture_doubt
+from raymarch.cost.errors import check_followed, picture_doubt
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting, named, settled
 from raymarch.cost.statistics import Median, median
@@ -121,9 +121,12 @@ def for_error(
     target. A picture's error must keep it together with what
     the true picture may be off by its own noise; more rays make that less where it is a third of the target.
 
-    Raises CostError if none does, with the best that was reached.
+    Raises CostError if none does, with the best that was reached; and for a picture's error where light bounces along
+    random ways, which the truth does not follow.
     """
     metric, target = parse_error(error)
+    if metric == "flip_p99":
+        check_followed(scene)
     counts = TRUTH_SAMPLES if metric == "flip_p99" else (0,)
     for samples in counts:
         with _Bench(scene, size, time, params, backend, renderer, progress, samples) as bench:

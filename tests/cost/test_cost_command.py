@@ -101,6 +101,13 @@ def test_wrong_input_says_so_and_leaves_nothing(folder, capsys, args, says):
     assert files(folder) == {"hello.py"}
 
 
+def test_flip_is_refused_where_light_goes_random_ways(folder, capsys):
+    own = "scene = rm.Scene(scene.node, bounces=2)\n"
+    (folder / "hello.py").write_text(HELLO + own)
+    assert run("hello.py", *QUICK, "--by", "flip_mean") == 2
+    assert "Quality(ways='tree')" in " ".join(capsys.readouterr().err.split())
+
+
 # raymarch render --quality, --error, --within
 
 

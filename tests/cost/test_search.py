@@ -11,7 +11,7 @@ from cost_samples import SIZE, FakeRenderer
 
 import raymarch as rm
 from raymarch.cost import search as room
-from raymarch.cost.errors import measure
+from raymarch.cost.errors import check_followed, measure
 from raymarch.cost.reference import reference
 from raymarch.cost.search import LADDER, REPEATS, for_error, for_time, parse_error, parse_time
 from raymarch.cost.settings import grid, with_quality
@@ -147,6 +147,16 @@ def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known):
     assert found.quality.samples == 5
     with pytest.raises(CostError):
         for_error(with_quality(scene, rm.Quality(budget=64)), "flip:1e-9", SIZE, renderer=renderer)
+
+
+def test_there_is_no_true_picture_of_light_that_goes_random_ways(known):
+    def glass(ways):
+        return rm.Scene(rm.sphere().material(rm.Material(transmission=1.0)), quality=rm.Quality(ways=ways))
+
+    with pytest.raises(CostError, match=r"random ways.*ways='tree'.*in pixels"):
+        for_error(glass("random"), "flip:0.5", SIZE, renderer=FakeRenderer(known))
+    for_error(glass("random"), "0.3px", SIZE, renderer=FakeRenderer(reference(glass("random"), SIZE, samples=0)))
+    check_followed(glass("tree"))
 
 
 class Blind(FakeRenderer):
