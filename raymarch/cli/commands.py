@@ -102,7 +102,7 @@ def render(
         int | None, typer.Option(metavar="N", help="Rays a pixel, against jagged edges and noise.")
     ] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
-    device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
+    device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
     """Draw a scene into a picture file, without a screen."""
     cut = check_view(view, slice_)

@@ -80,7 +80,7 @@ def cost_command(
         Path, typer.Option("-o", "--output", help="With --suite: the page; its figures go into pictures/ beside it.")
     ] = Path("docs/accuracy.md"),
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
-    device: Annotated[int | None, typer.Option(help="Index of the EGL device. [0]")] = None,
+    device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
     """Measure how much error each setting leaves, how much time it takes, and which are worth having."""
     if suite or scene is None:

@@ -139,7 +139,8 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     ----------
     backend : "egl" (no screen, any GPU), "osmesa" (no screen, drawn by the CPU), "window" (a hidden window,
         needs a display), or "auto": the first of these that works.
-    device : which EGL device, 0 or more; where None, the environment variable RAYMARCH_EGL_DEVICE, else 0.
+    device : which EGL device, 0 or more; with "auto", one that is given means egl and nothing else. Where None, the
+        environment variable RAYMARCH_EGL_DEVICE, else 0.
 
     Raises
     ------
@@ -151,6 +152,8 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     if device is not None and backend not in ("auto", "egl"):
         raise DeviceError(f"device={device!r} given for the backend {backend}", legal="only egl has devices to choose")
     number = _egl_device(device)
+    if device is not None:  # who names a device wants no other, and only egl has them
+        backend = "egl"
     previous = _current
     _unbind_current()
     try:
@@ -214,7 +217,7 @@ def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str
     except Exception as error:  # moderngl and glcontext raise bare Exception and ValueError
         if window is not None:
             _GLFW.close(window)
-        other = f"choose another EGL device by {EGL_DEVICE_VARIABLE}, 0 is the first; or " if device else ""
+        other = f"choose another EGL device, also by {EGL_DEVICE_VARIABLE}, 0 is the first; or " if device else ""
         raise DeviceError(_one_line(error), legal=other + CURES[backend]) from error
     return _current
 
