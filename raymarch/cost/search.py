@@ -17,7 +17,7 @@ from raymarch.cost.sweep import Point, Progress, sweep
 from raymarch.errors import CostError
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality, provide_searches
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, check_scene
 
 LADDER = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.002)
 """The epsilons that are tried, coarsest first."""
@@ -124,6 +124,7 @@ def for_error(
     Raises CostError if none does, with the best that was reached; and for a picture's error where light bounces along
     random ways, which the truth does not follow.
     """
+    check_scene("for_error", scene)
     metric, target = parse_error(error)
     if metric == "flip_p99":
         check_followed(scene)
@@ -175,6 +176,7 @@ def for_time(
 
     Raises CostError if none does, with the fastest.
     """
+    check_scene("for_time", scene)
     target = parse_time(within)
     metric = "pixels_p99"
     with _Bench(scene, size, moment, params, backend, renderer, progress, 0) as bench:

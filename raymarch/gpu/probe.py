@@ -23,7 +23,7 @@ from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import draw_in_tiles
 from raymarch.plan.probe import Probing, plan_faults, plan_slopes
 from raymarch.scene.parameter import set_values
-from raymarch.scene.scene import Scene, all_nodes
+from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.node import Node
 
 Progress = Callable[[float], None]
@@ -94,6 +94,7 @@ def probe(
     size : (width, height) in pixels, as for `render`. The errors are those of `Renderer.render`.
     Returns reports, one for each node: values that are not finite or out of their domain, and the steepest slope.
     """
+    check_scene("probe", scene)
     with Renderer(size, backend) as renderer:
         return probe_with(renderer, scene, time, params)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import DeviceError, SceneError
+from raymarch.errors import DeviceError
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
@@ -25,7 +25,7 @@ from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.plan import lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, check_scene
 
 Progress = Callable[[float], None]
 
@@ -129,8 +129,7 @@ class Renderer:
         PlanError : the scene cannot be planned. ShaderError : the driver refuses its shader.
         DeviceError : the renderer is closed, or the driver lacks what an output needs.
         """
-        if not isinstance(scene, Scene):
-            raise SceneError(f"render of {scene!r} ({type(scene).__name__})", legal="a Scene")
+        check_scene("render", scene)
         values = self._values(scene, params, time, outputs)
         size = self.size
         pose = pose or scene.pose(values, size[0] / size[1])

@@ -176,6 +176,12 @@ class Scene:
         return HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
 
 
+def check_scene(what: str, given: object) -> None:
+    """SceneError where a Scene is wanted and something else is given; `what` is wanted of it, such as "truth"."""
+    if not isinstance(given, Scene):
+        raise SceneError(f"{what} of {given!r} ({type(given).__name__})", legal="a Scene")
+
+
 def _instance(name: str, value: Any, kind: Any, legal: str, where: Location | None = None) -> Any:
     if not isinstance(value, kind):
         raise SceneError(f"Scene: {name} = {value!r} ({type(value).__name__})", legal=legal, where=where)

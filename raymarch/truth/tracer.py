@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth.field import Field
 from raymarch.truth.rays import Rays, camera_rays
 from raymarch.truth.shading import Surface
@@ -111,6 +111,7 @@ def truth(
     Raises SceneError for an unknown parameter or output, a value out of range, a size below 1, and a
     field that is NaN somewhere on a ray.
     """
+    check_scene("truth", scene)
     width, height = _checked_size(size)
     for name in outputs:
         if name not in OUTPUTS:

@@ -91,6 +91,20 @@ def test_a_time_is_read():
             parse_time(text)
 
 
+@pytest.mark.parametrize(
+    ("use", "what"),
+    [
+        (rm.probe, "probe"),
+        (rm.truth, "truth"),
+        (lambda given: for_error(given, "1px"), "for_error"),
+        (lambda given: rm.Quality.for_time(given, "1ms"), "for_time"),
+    ],
+)
+def test_a_node_is_no_scene(use, what):
+    with pytest.raises(SceneError, match=rf"{what} of <sphere.*\(\w*\) \(a Scene\)"):
+        use(rm.sphere())
+
+
 # With errors and times that are known
 
 
