@@ -75,17 +75,25 @@ def cost_command(
     effects: Annotated[bool, typer.Option("--effects", help="Measure each effect of the scene in its place.")] = False,
     suite: Annotated[bool, typer.Option("--suite", help="The comparison over three scenes, as a page.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="With --suite: small pictures, few frames.")] = False,
-    scenes: Annotated[Path, typer.Option(help="With --suite: the folder of its scenes.")] = Path("examples"),
+    scenes: Annotated[Path | None, typer.Option(help="With --suite: the folder of its scenes. [examples]")] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="With --suite: the page; its figures go into pictures/ beside it.")
-    ] = Path("docs/accuracy.md"),
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="With --suite: the page; its figures go into pictures/ beside it. [docs/accuracy.md]",
+        ),
+    ] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
     """Measure how much error each setting leaves, how much time it takes, and which are worth having."""
     if suite or scene is None:
-        _suite(scene, suite, scenes, output, quick, seed, backend)
+        _suite(scene, suite, scenes or Path("examples"), output or Path("docs/accuracy.md"), quick, seed, backend)
         return
+    for option, given in (("--quick", quick), ("--scenes", scenes), ("--output", output)):
+        if given:
+            raise CommandError(f"{option} without --suite", legal="--size, --repeats, --json, --csv, --plot, --html")
     _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html})
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
