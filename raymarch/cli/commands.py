@@ -25,7 +25,7 @@ from raymarch.gpu.doctor import examine
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import explain, plan
 from raymarch.scene.file import load
-from raymarch.scene.images import write_exr
+from raymarch.scene.images import exr_package, write_exr
 from raymarch.scene.quality import PRESETS
 from raymarch.shader import assemble
 
@@ -144,6 +144,8 @@ def _moments(target: Path, time: float | None, frames: str | None, fps: float) -
     """When to draw, and into which file."""
     if target.suffix.lower() not in (*FORMATS, ".exr"):
         raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {', '.join((*FORMATS, '.exr'))}")
+    if target.suffix.lower() == ".exr":
+        exr_package(target)
     if frames is None:
         return [(0.0 if time is None else time, target)]
     if time is not None:

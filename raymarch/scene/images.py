@@ -104,12 +104,18 @@ def _read_exr(path: Path) -> NDArray[Any]:
     return np.stack(one, axis=-1)
 
 
-def write_exr(file: str | PathLike[str], color: NDArray[Any]) -> None:
-    """Linear RGB, (H, W, 3), as a float32 OpenEXR file. SceneError without the package OpenEXR."""
+def exr_package(file: str | PathLike[str]) -> Any:
+    """What writes an OpenEXR file. SceneError, naming the file, where it is not installed."""
     try:
         import OpenEXR
     except ImportError:
         raise SceneError(f"'{file}' needs the package OpenEXR", legal="pip install 'raymarch[exr]'") from None
+    return OpenEXR
+
+
+def write_exr(file: str | PathLike[str], color: NDArray[Any]) -> None:
+    """Linear RGB, (H, W, 3), as a float32 OpenEXR file. SceneError without the package OpenEXR."""
+    OpenEXR = exr_package(file)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with OpenEXR.File(header, {"RGB": np.ascontiguousarray(color, np.float32)}) as made:
         made.write(fspath(file))

@@ -281,6 +281,14 @@ def test_wrong_usage_is_code_2(folder, capsys, call):
     assert "Error" in capsys.readouterr().err
 
 
+def test_without_the_package_of_exr_nothing_is_drawn_and_the_file_is_named(folder, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    monkeypatch.setattr("raymarch.cli.commands.Renderer", lambda *_: pytest.fail("it was drawn"))
+    assert run("render", "hello.py", "-o", "a.exr", "--size", "16x9") == 2
+    assert "'a.exr' needs the package OpenEXR (pip install 'raymarch[exr]')" in capsys.readouterr().err
+    assert files(folder) == {"hello.py"}
+
+
 def test_an_output_that_cannot_be_replaced(folder, capsys):
     (folder / "a.png").mkdir()
     assert run("render", "hello.py", "-o", "a.png", "--size", "16x9") == 2
