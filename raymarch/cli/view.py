@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from raymarch.cli.commands import app
-from raymarch.cli.common import CommandError, SceneFile, parse_settings, parse_size
+from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size
 
 
 @app.command()
@@ -40,4 +40,7 @@ def view(
     from raymarch.window.viewer import Viewer  # not before a window is asked for
 
     viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples, panel)
-    sys.exit(viewer.run(demo_seconds))
+    code = viewer.run(demo_seconds)
+    if code == 2 and viewer.fault is not None:  # what was laid over the picture went with the window
+        errors.print(f"raymarch: {viewer.fault.text()}", markup=False)
+    sys.exit(code)

@@ -126,6 +126,18 @@ def test_a_demo_of_a_scene_that_is_broken_meanwhile_ends_with_code_2(view: View)
     (session.folder / "scene.py").write_text("scene = 1 / 0\n")
     session.wait("failed", since=mark)
     assert session.end() == 2
+    words = session.errors.read_text()
+    assert words.startswith("raymarch: scene.py:1\n1 | scene = 1 / 0\n") and "ZeroDivisionError" in words
+
+
+def test_a_demo_of_a_scene_that_is_gone_says_so(view: View) -> None:
+    session = view(SCENE, "--size", "160x90", "--demo-seconds", "3")
+    session.wait("watching")
+    mark = session.mark()
+    (session.folder / "scene.py").unlink()
+    session.wait("failed", since=mark)
+    assert session.end() == 2
+    assert session.errors.read_text().startswith("raymarch: ") and "scene.py" in session.errors.read_text()
 
 
 @pytest.mark.parametrize(
