@@ -25,8 +25,9 @@ OWN: dict[str, Callable[[Node, np.random.Generator], Node]] = {
         node, node.facts.size * random.uniform(1.0, 1.6, 3) + 1e-3, tuple(int(n) for n in random.integers(1, 5, 3))
     ),
     "labelled": lambda node, random: node.material("red"),
+    "sheared": lambda node, random: node.shear(random.uniform(-1.0, 1.0), *random.permutation(list("xyz"))[:2]),
 }
-"""How operators with a line in SPECIAL are applied to any node."""
+"""How operators with a line in SPECIAL, or whose vectors must fit each other, are applied to any node."""
 
 
 def _affine(random: np.random.Generator) -> np.ndarray:
