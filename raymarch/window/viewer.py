@@ -20,6 +20,7 @@ from raymarch.window.constants import Constants
 from raymarch.window.control import fly
 from raymarch.window.edits import Edits
 from raymarch.window.hands import Hands
+from raymarch.window.interrupt import Interrupt
 from raymarch.window.keys import Keys
 from raymarch.window.log import Log
 from raymarch.window.overlay import Card, Overlay
@@ -145,10 +146,11 @@ class Viewer:
         end = None if seconds is None else clock_time.perf_counter() + seconds
         self.reloader.start()
         try:
-            while not self.window.closing and (end is None or clock_time.perf_counter() < end):
-                self.turn()
-            code = 2 if self.fault is not None else 0
-        except KeyboardInterrupt:  # Ctrl+C in the shell
+            with Interrupt() as interrupt:
+                while not (self.window.closing or interrupt.asked or (end and clock_time.perf_counter() >= end)):
+                    self.turn()
+            code = 130 if interrupt.asked else 2 if self.fault is not None else 0
+        except KeyboardInterrupt:
             code = 130
         finally:
             self.log.say("closed", code=code, frames=self.frames, compiled=self.renderer.compiled)
