@@ -1,6 +1,6 @@
 """Random scenes from the whole catalogue, held against the truth and against each other.
 
-python -m tests.hard.fuzz --minutes 10 [--seed 1] [--keep]
+python -m tests.hard.fuzz --minutes 10 [--seed 1] [--keep]   (or --scenes 5000)
 
 A failure is shrunk by Hypothesis to the smallest scene that shows it, and printed as Python.
 """
@@ -27,7 +27,7 @@ from tests.hard.referee import Referee
 from tests.hard.relations import RELATIONS, Seen
 from tests.hard.world import World
 
-SIZE = (24, 20)
+SIZE = (64, 64)
 test_random_trees.OWN["labelled"] = lambda node, random: node.material(rm.Material(tuple(random.uniform(size=3))))
 
 small = test_random_trees.shapes
@@ -131,14 +131,16 @@ class Search:
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=1.0)
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--minutes", type=float, default=1.0)
+    length.add_argument("--scenes", type=int, help="go on until so many were drawn, however long it takes")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", action="store_true", help="put the figures into docs/figures/long_runs.json")
     given_ = parser.parse_args(arguments)
     end, seed = time.monotonic() + 60 * given_.minutes, given_.seed
     with World() as world:
         search = Search(world)
-        while time.monotonic() < end:
+        while search.scenes < given_.scenes if given_.scenes else time.monotonic() < end:
             report = search.batch(seed)
             if report:
                 print(f"--- seed {seed}\n{report}", flush=True)
@@ -151,6 +153,7 @@ def main(arguments: list[str]) -> int:
             "fuzz",
             **{
                 "random scenes": search.scenes,
+                "size of each picture": f"{SIZE[0]}x{SIZE[1]}",
                 "relations of each": f"{EACH} of {len(RELATIONS)}",
                 "unexplained differences": search.failed.total(),
             },
