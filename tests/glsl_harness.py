@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from raymarch import glsl
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Text, print_functions
 from raymarch.expr.samples import Samples
@@ -40,6 +41,12 @@ def text_of(printed: Text) -> str:
         uniforms.append("uniform float u_time;\n")
     uniforms += [f"uniform sampler{data.dimension}D {name};\n" for name, data in printed.samples.items()]
     return "".join(uniforms) + "\n".join(line.text for line in printed.lines()) + "\n"
+
+
+def modules(*names: str, before: str = "", after: str = "") -> str:
+    """Hand-written modules, each after what it needs; `before` stands in for what they need of a scene."""
+    parts = ["\n".join(glsl.load(name).lines) for name in names]
+    return "\n".join([before, *parts, after]) + "\n"
 
 
 def shader(text: str, call: str, types: Sequence[Type], size: int, version: str = DESKTOP) -> str:

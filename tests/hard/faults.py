@@ -2,12 +2,12 @@
 
 python -m tests.hard.faults               # all that docs/figures/glsl_faults.json does not hold yet, some hours in all
 python -m tests.hard.faults march/settle  # of some modules, anew
-python -m tests.hard.faults --rows        # by the hard cases alone, without the tests of the room
+python -m tests.hard.faults --functions   # by the functions alone, some minutes; leaves the ledger as it is
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks
-or goes on), an absolute value, an offset (a factor of epsilon), or a reset. The hard cases of the room are looked at
-first, then its tests. Told apart is what changes no bit of any frame of the cases and fails no test: a guard that only
-saves time, or one for what no scene here holds.
+or goes on), a choice (one branch of `? :` for both), an absolute value, an offset (a factor of epsilon), or a reset.
+Functions alone are asked first, at the ends of their ranges (tests/functions); then the hard cases of the room are
+looked at, then its tests. Told apart is what changes no bit of any frame of the cases and fails no test.
 """
 
 from __future__ import annotations
@@ -30,19 +30,23 @@ from raymarch import glsl
 from raymarch.truth import silhouettes
 from tests.hard.fuzz import faults as unexplained
 from tests.hard.long_runs import keep
-from tests.hard.seeded import by_tests, spoil
+from tests.hard.seeded import by_functions, by_tests, spoil
 from tests.hard.table import cases
 from tests.hard.watertight import solid
 from tests.hard.world import World
 
 LOOK = (80, 60)
 LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "glsl_faults.json"
-ROOMS = ("march", "light", "normal", "view")
+ROOMS = ("march", "light", "normal", "view", "path", "sky", "temporal", "probe")
 ROWS = {
     "march": (1, 3, 27, 58, 54, 55, 2, 46, 56, 23, 47, 5, 35, 57, 29, 61),
     "light": (38, 41, 29, 39, 40, 35, 59),
     "normal": (31, 5, 6),
     "view": (44, 42, 43, 45, 46, 50, 54),
+    "path": (30,),
+    "sky": (39,),
+    "temporal": (44, 42, 43, 45),
+    "probe": (),
 }
 """The rows that look at a folder of modules, those most likely to notice first."""
 
@@ -70,6 +74,8 @@ def faults_of(name: str) -> Iterator[Fault]:
             yield Fault(name, i, "abs", code[: match.start()] + code[match.end() - 1 :])
         if re.match(r"\s+if \(.*\) (return|break|continue|\w+ = ).*;$", code.rstrip()):
             yield Fault(name, i, "guard", "")
+        for spoiled in _chosen(code):
+            yield Fault(name, i, "choice", spoiled)
         if "epsilon(" in code and "2.0 *" in code:
             yield Fault(name, i, "offset", code.replace("2.0 *", "0.0 *"))
         if re.match(r"\s+(slope = at\.slope = -1\.0|at\.passing = true|slope = 0\.0|\w+ = vec4\(0\.0\));", code):
@@ -91,6 +97,32 @@ def _without(code: str, call: str) -> Iterator[str]:
                 depth -= 1
             elif code[k] == "," and depth == 0 and first is None:
                 first = code[start:k]
+
+
+def _chosen(code: str) -> Iterator[str]:
+    """The line with the one and with the other branch in place of a choice `? :`, for each choice."""
+    for match in re.finditer(r" \? ", code):
+        starts = re.compile(r"(?:.*(?<![=<>!])=(?!=)|\s*return)? *")
+        before = code[_end(code, match.start() - 1, -1) + 1 : match.start()]
+        begin = match.start() - len(before) + starts.match(before).end()  # type: ignore[union-attr]  # matches all
+        end = _end(code, match.end(), 1)
+        depth, colon = 0, match.end()
+        while depth or code[colon : colon + 3] != " : ":
+            depth += (code[colon] in "(") - (code[colon] in ")")
+            colon += 1
+        for branch in (code[match.end() : colon], code[colon + 3 : end]):
+            yield f"{code[:begin]}({branch}){code[end:]}"
+
+
+def _end(code: str, at: int, step: int) -> int:
+    """Where the expression around a place ends, to the right or to the left."""
+    depth = 0
+    while 0 <= at < len(code):
+        if depth == 0 and (code[at] in ",;" or code[at] == ("(" if step < 0 else ")")):
+            return at
+        depth += step * ((code[at] == "(") - (code[at] == ")"))
+        at += step
+    return at
 
 
 class seeded:
@@ -180,26 +212,30 @@ def every(names: list[str]) -> list[Fault]:
 
 def counts(known: dict[str, str]) -> tuple[int, int, int]:
     """How many were noticed, changed nothing, and were missed."""
-    none, missed = (sum(found == what for found in known.values()) for what in ("none", "missed"))
+    none = sum(found == "none" for found in known.values())
+    missed = sum(found in ("missed", "not by functions") for found in known.values())
     return len(known) - none - missed, none, missed
 
 
 def main(arguments: list[str]) -> int:
     names = [name for name in arguments if not name.startswith("-")]
-    known = {} if "--rows" in arguments else ledger()
+    known = {} if "--functions" in arguments else ledger()
     for fault in every(names):
         if named(fault) in known and not names:
             continue
-        found = verdict(fault)
-        if found in ("missed", "none") and "--rows" not in arguments:
+        found = by_functions(fault.module, fault.line, fault.text)
+        if not found and "--functions" not in arguments:
+            found = verdict(fault)
+        if found in ("missed", "none"):
             found = by_tests(fault.module, fault.line, fault.text) or found
+        found = found or "not by functions"
         known[named(fault)] = found
         print(f"{named(fault)} -> {found}", flush=True)
-        if "--rows" not in arguments:
+        if "--functions" not in arguments:
             known = {name: known[name] for name in map(named, every([])) if name in known}  # those of older texts go
             LEDGER.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
     noticed, none, missed = counts(known)
-    if "--rows" not in arguments:
+    if "--functions" not in arguments:
         figures = {"of the faults that can be seeded": len(every([])), "tried": len(known), "noticed": noticed}
         keep("faults", **figures, **{"change no bit of any frame": none, "missed": missed})
     print(f"{noticed} of {noticed + missed} noticed; {none} more change no bit of any frame")

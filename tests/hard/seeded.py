@@ -25,7 +25,6 @@ TESTS = {
         "gpu/test_slices.py",
     ),
     "light": (
-        "shader/test_glsl_modules.py",
         "render/test_render_shading.py",
         "render/test_render_bounces.py",
         "render/test_render_tree.py",
@@ -33,6 +32,10 @@ TESTS = {
         "examples/test_papers.py",
     ),
     "normal": ("render/test_render_geometry.py",),
+    "path": ("render/test_render_bounces.py", "render/test_render_tree.py"),
+    "sky": ("render/test_render_shading.py", "render/test_render_bounces.py"),
+    "temporal": ("render/test_temporal.py", "gpu/test_views.py"),
+    "probe": ("gpu/test_probe.py", "hard/test_probe.py"),
     "view": ("render/test_temporal.py", "gpu/test_views.py", "render/test_resumed.py", "gpu/test_cycles.py"),
 }
 """The tests of a folder of modules, those most likely to notice first."""
@@ -70,8 +73,14 @@ def by_tests(module: str, line: int, text: str) -> str:
     return _first_red(module, line, text)
 
 
-def _first_red(module: str, line: int, text: str) -> str:
-    paths = [str(ROOT / "tests" / path) for path in TESTS[module.partition("/")[0]] if (ROOT / "tests" / path).exists()]
+def by_functions(module: str, line: int, text: str) -> str:
+    """The first test of single functions that notices a fault; nothing if none does."""
+    return _first_red(module, line, text, ("functions",))
+
+
+def _first_red(module: str, line: int, text: str, tests: tuple[str, ...] = ()) -> str:
+    tests = tests or TESTS[module.partition("/")[0]]
+    paths = [str(ROOT / "tests" / path) for path in tests if (ROOT / "tests" / path).exists()]
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "tests.hard.seeded", "--no-header", *paths]
     known = {**os.environ, "FAULT": f"{module}:{line}:{text}"}
     try:
