@@ -139,8 +139,8 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     ----------
     backend : "egl" (no screen, any GPU), "osmesa" (no screen, drawn by the CPU), "window" (a hidden window,
         needs a display), or "auto": the first of these that works.
-    device : which EGL device, 0 or more; with "auto", one that is given means egl and nothing else. Where None, the
-        environment variable RAYMARCH_EGL_DEVICE, else 0.
+    device : which EGL device, 0 or more. Where None, the environment variable RAYMARCH_EGL_DEVICE, else 0. With "auto",
+        one that is given, here or there, means egl and nothing else.
 
     Raises
     ------
@@ -152,8 +152,8 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     if device is not None and backend not in ("auto", "egl"):
         raise DeviceError(f"device={device!r} given for the backend {backend}", legal="only egl has devices to choose")
     number = _egl_device(device)
-    if device is not None:  # who names a device wants no other, and only egl has them
-        backend = "egl"
+    if backend == "auto" and (device is not None or os.environ.get(EGL_DEVICE_VARIABLE, "").strip()):
+        backend = "egl"  # who names a device wants no other, and only egl has them
     previous = _current
     _unbind_current()
     try:

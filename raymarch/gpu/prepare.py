@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
-from raymarch.gpu.program import FULL_SCREEN, RAYS
+from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, plan
 from raymarch.plan.moments import at_moment
@@ -100,7 +100,7 @@ def frame_uniforms(
         "u_side": side_of(ready, values, pose.position),
     }
     if ready.plan.sky_light:
-        uniforms["u_sky_light"] = scene.sky.harmonics(values)
+        uniforms["u_sky_light"] = Elements(scene.sky.harmonics(values))
     if any(chosen.name == "slice" for chosen in ready.plan.passes):
         plane = cut or Slice.facing(ready.plan.given, given)
         uniforms["u_slice"] = (*plane.normal, plane.offset - float(origin @ plane.normal))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr.faults import KINDS, decoded
 from raymarch.gpu.prepare import Prepared, assembled
-from raymarch.gpu.program import Program
+from raymarch.gpu.program import Elements, Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.reports import LEEWAY, SURFACE, Fault, Pixel, Report, Vector, table
 from raymarch.gpu.targets import Target
@@ -121,14 +121,16 @@ def find_faults(
     drawing = _Drawing(renderer, plan_faults(scene), time, params)
     count = len(drawing.probing.nodes)
     reports = [_report(node) for node in drawing.probing.nodes] + [Report(SURFACE, scene.where, np.inf)]
-    whole = drawing.draw({"u_heard": heard(ALL)}, progress)
+    whole = drawing.draw({"u_heard": Elements(heard(ALL))}, progress)
     found = [*_sites(whole)]
     more = found
     while more:  # what was found is not heard, so that the rest shows
-        more = [site for site in _sites(drawing.draw({"u_heard": heard(ALL - set(found))})) if site not in found]
+        more = [
+            site for site in _sites(drawing.draw({"u_heard": Elements(heard(ALL - set(found)))})) if site not in found
+        ]
         found += more
     for site in found:
-        alone = drawing.draw({"u_heard": heard([site])})
+        alone = drawing.draw({"u_heard": Elements(heard([site]))})
         index = site - 1 if site else count
         reports[index] = replace(
             reports[index], faults=int(np.count_nonzero(alone[0][..., 0])), first=drawing.first(alone)
@@ -165,7 +167,7 @@ def find_slopes(
             steepest, held = np.where(steeper, np.int32(index), steepest), np.where(steeper, share, held)
             ratio = np.maximum(ratio, share)
             row, x = np.unravel_index(int(np.argmax(values)), values.shape)
-            reports[index] = replace(reports[index], slope=float(values[row, x]))
+            reports[index] = replace(reports[index], slope=float(values[row, x]) * nodes[index].facts.divisor)
             if values[row, x] > 0.0:
                 reports[index] = drawing.placed(reports[index], index + 1, (int(x), int(row)))
     return Slopes(_inheriting(reports, nodes), ratio, steepest, color)
@@ -178,7 +180,8 @@ def _part(progress: Progress | None, first: int, count: int) -> Progress | None:
 
 
 def _report(node: Node) -> Report:
-    return Report(node.name, node.where, node.lipschitz, node.facts.lipschitz)
+    divisor = node.facts.divisor
+    return Report(node.name, node.where, node.lipschitz * divisor, node.facts.lipschitz * divisor)
 
 
 def _inheriting(reports: Sequence[Report], nodes: Sequence[Node]) -> tuple[Report, ...]:

@@ -6,10 +6,11 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Literal, Self, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, Self, TypeAlias, cast
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import DeviceError, Location, ShaderError
 from raymarch.gpu.context import Context
@@ -86,6 +87,12 @@ def parse_messages(text: str) -> list[Message]:
                 Message(int(groups["line"]), int(column) if column else None, groups["text"].strip(), severity)
             )
     return messages
+
+
+class Elements(NamedTuple):
+    """The value of a uniform that is an array; of a compiler that drops the last elements, unread, the first count."""
+
+    values: NDArray[Any]
 
 
 class Program:
@@ -234,7 +241,7 @@ def _uniform_bytes(program: str, uniform: Any, value: Any) -> bytes:
     """`value` in the layout of the uniform. OpenGL stores matrices by column, numpy by row."""
     kinds: dict[str, type[np.generic]] = {"f": np.float32, "i": np.int32, "I": np.uint32, "d": np.float64}
     kind = kinds[uniform.fmt[-1]]
-    values = np.asarray(value)
+    values = value.values[: uniform.array_length] if isinstance(value, Elements) else np.asarray(value)
     if values.dtype.kind not in "fiub" or (values.dtype.kind == "f" and kind in (np.int32, np.uint32)):
         raise ValueError(f"{program}: {uniform.name} holds {kind.__name__}, not {value!r}")
     if values.size != uniform.dimension * uniform.array_length:

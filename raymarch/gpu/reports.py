@@ -39,7 +39,8 @@ class Report:
     ----------
     name, where : of the node, and the user's line that made it.
     faults : pixels in which a value of it is the first of an evaluation to be at fault. first : the first such.
-    promise : what its slope is at most; infinite for an estimate, which promises nothing.
+    promise : what its slope is at most, of the definition's own value, before that is divided to make it safe; infinite
+        for an estimate, which promises nothing.
     taken : what the march takes for it, also of an estimate.
     slope : the steepest seen; None where it was not looked for, 0 where the node was asked less than twice a ray.
     steepest : where that was in the scene, and its pixel; None without a slope.

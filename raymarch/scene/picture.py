@@ -78,4 +78,4 @@ def pixels_of(what: str, picture: Picture) -> tuple[Array, bool, str]:
         raise SceneError(given, legal=legal)
     if not np.all(np.abs(values) <= np.finfo(np.float16).max):
         raise SceneError(f"{what}: the array holds numbers beyond 65504, or that are not finite", legal=legal)
-    return np.ascontiguousarray(values, np.float32), encoded, "array"
+    return np.ascontiguousarray(values, np.float32), encoded, f"array of {' x '.join(map(str, array.shape))}"

@@ -76,7 +76,7 @@ class Scene:
         self.camera = Camera() if camera is None else _instance("camera", camera, Camera, "Camera(...)")
         given = [Sun()] if lights is None else lights
         if isinstance(given, Light) or not isinstance(given, Iterable):
-            raise SceneError(f"Scene: lights = {lights!r}", legal="a list of Sun and PointLight")
+            raise SceneError(f"Scene: lights = {type(lights).__name__}(...)", legal="a list of them, such as [Sun()]")
         self.lights = tuple(
             _instance("lights", light, Light, "Sun(...) or PointLight(...), SpotLight(...), SphereLight(...)")
             for light in given

@@ -42,7 +42,7 @@ class Texture:
     Give it to a `Material` as any of its values. Called with a point, inside of a function of the point, it is a
     colour; `number` and `color` say which is meant.
 
-    file : name of the file, or "array". pixels : (H, W, channels) as stored, row 0 at the top.
+    file : name of the file, or "array of" its shape. pixels : (H, W, channels) as stored, row 0 at the top.
     """
 
     __slots__ = ("_made", "channel", "downwards", "encoded", "file", "layout", "pixels", "wrap")
@@ -98,7 +98,10 @@ class Texture:
         """The slopes that a normal map means, as a gradient in space of a height over the surface; a vec3."""
         if self.pixels.shape[2] < 3:
             legal = "three: red right, green up, blue out"
-            raise SceneError(f"'{self.file}' has {self.pixels.shape[2]} channels, no normals", legal=legal)
+            raise SceneError(
+                f"'{self.file}' has {self.pixels.shape[2]} channel{'s' * (self.pixels.shape[2] > 1)}, no normals",
+                legal=legal,
+            )
         return self._raised(self._texels("normals"), p, False)
 
     def rise(self, p: Expr) -> Expr:

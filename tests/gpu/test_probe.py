@@ -55,7 +55,12 @@ def slightly(p: Any, radius: float = 1.0) -> Any:
     return 1.01 * (length(p) - radius)
 
 
-for _own in ("cracked", "divided", "steeper", "slightly", "early", "late"):
+@rm.shape(exactness="bound", bounds=lambda: cube(1.0))
+def by_nothing(p: Any) -> Any:
+    return length(p) / vec3(0.0, 0.0, 0.0).x - 1.0
+
+
+for _own in ("by_nothing", "cracked", "divided", "steeper", "slightly", "early", "late"):
     REGISTRY.pop(_own)
 
 
@@ -110,6 +115,13 @@ def test_a_division_by_zero_is_found_only_where_it_is_taken(renderer: rm.Rendere
     assert not rows[: SIZE[1] // 2 - 1].any() and rows[SIZE[1] // 2 + 1 :].all()
 
 
+def test_a_division_by_a_constant_zero_is_found_too(renderer: rm.Renderer) -> None:
+    """It could be worked out when the scene is built; then no value would be left that the probe could name."""
+    found = find_faults(renderer, rm.Scene(by_nothing() | rm.plane(offset=-1.5), CAMERA))
+    (wrong,) = [report for report in found.reports if report.faults]
+    assert wrong.name == "by_nothing" and wrong.first is not None and wrong.first.what == "a division by 0"
+
+
 def test_every_node_at_fault_is_counted_by_itself(renderer: rm.Renderer) -> None:
     """Also one whose pixels have all seen another fault before."""
     both = early() | late() | rm.plane(offset=-1.5)
@@ -147,6 +159,14 @@ def test_a_slope_beyond_its_promise_is_named(renderer: rm.Renderer) -> None:
     shown = found.node[found.ratio > 1.001]
     assert shown.size > 20 and all(found.reports[k].broken for k in shown)
     assert np.mean([found.reports[k].name == "steeper" for k in shown]) > 0.9
+
+
+def test_a_slope_is_that_of_the_definition_before_it_is_divided(renderer: rm.Renderer) -> None:
+    code = "float thrice(vec3 p) { return 3.0 * (length(p) - 1.0); }"
+    node = rm.glsl_node(code, "thrice", "bound", lipschitz=2.0, bounds=((-1, -1, -1), (1, 1, 1)))
+    found = find_slopes(renderer, rm.Scene(node | rm.plane(offset=-1.1), CAMERA)).reports
+    (wrong,) = [report for report in found if report.name == "raw_field"]
+    assert wrong.broken and wrong.promise == 2.0 and wrong.slope == pytest.approx(3.0, abs=4e-3)
 
 
 @pytest.mark.parametrize("far", [0.0, 1e6])
