@@ -76,7 +76,8 @@ class Scene:
         self.camera = Camera() if camera is None else _instance("camera", camera, Camera, "Camera(...)")
         given = [Sun()] if lights is None else lights
         if isinstance(given, Light) or not isinstance(given, Iterable):
-            raise SceneError(f"Scene: lights = {type(lights).__name__}(...)", legal="a list of them, such as [Sun()]")
+            one = f"{type(given).__name__}(...)" if isinstance(given, Light) else repr(given)
+            raise SceneError(f"Scene: lights = {one}", legal="a list of them, such as [Sun()]")
         self.lights = tuple(
             _instance("lights", light, Light, "Sun(...) or PointLight(...), SpotLight(...), SphereLight(...)")
             for light in given

@@ -63,7 +63,7 @@ BAD = [
     (lambda: rm.Scene(rm.sphere), "Scene: node = <function sphere", "a node"),  # type: ignore[arg-type]
     (lambda: rm.Scene(FLAT()), "Scene: <lambda> is flat", "a solid"),
     (lambda: rm.Scene(rm.sphere(), camera=(0, 0, 5)), "Scene: camera = (0, 0, 5)", "Camera(...)"),  # type: ignore[arg-type]
-    (lambda: rm.Scene(rm.sphere(), lights=rm.Sun()), "Scene: lights = <", "a list of"),  # type: ignore[arg-type]
+    (lambda: rm.Scene(rm.sphere(), lights=rm.Sun()), "Scene: lights = Sun(...)", "a list of"),  # type: ignore[arg-type]
     (lambda: rm.Scene(rm.sphere(), lights=7), "Scene: lights = 7", "a list of"),  # type: ignore[arg-type]
     (lambda: rm.Scene(rm.sphere(), lights=[rm.Sun(), 7]), "lights = 7 (int)", "Sun(...) or"),  # type: ignore[list-item]
     (lambda: rm.Scene(rm.sphere(), lights="sun"), "lights = 's' (str)", "Sun(...) or"),  # type: ignore[arg-type]
