@@ -140,6 +140,8 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
         found += [*((name, "a material is physical") for name in physical), ("path/glossy", why)]
     if any(m.transmits for m in scene.materials):
         found.append(("path/glass", "a material transmits light"))
+    if any(m.frosted for m in scene.materials):
+        found.append(("path/frosted", "glass is rough"))
     return found
 
 
@@ -202,6 +204,10 @@ def features(scene: Scene) -> list[Feature]:
     feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")
     bent = next((m for m in others if m.transmits), None)
     feature("glass", bent is not None, "a material transmits light", "no material transmits light", _place(bent))
+    rough = next((m for m in others if m.frosted), None)
+    why = "Quality(ways='tree') shows rough glass as clear" if rough is not None else "no glass is rough"
+    used = rough is not None and scene.wanders
+    feature("frosted glass", used, "a material is rough, and transmits", why, _place(rough))
     several = f"one way of up to {scene.bounces} more surfaces for each sample"
     if scene.branches:
         several = f"all ways of mirrors and glass to up to {scene.bounces} more surfaces"

@@ -43,13 +43,14 @@ class Material:
     ambient : Phong: share of each light's colour that arrives from everywhere, shadow or not, in [0, 1]; 0.1.
     albedo : another name for `color`, which makes the material physical.
     metalness : physical: 0 for dielectrics, 1 for metals, whose albedo is the colour of their reflection; 0.
-    roughness : physical: from 0, a mirror, to 1; its square is the width of the microfacets' slopes; 0.5. Lights shine
-        on anything below 0.032 as on that, because a mirror shows no point.
+    roughness : physical: from 0, a mirror, to 1; its square is the width of the microfacets' slopes; 0.5, but 0 of what
+        transmits. Lights shine on anything below 0.032 as on that, because a mirror shows no point.
     f0 : physical: reflectance of a dielectric at right angles, a number or linear RGB in [0, 1]; 0.04.
     emission : linear RGB >= 0 of light that the surface gives off by itself; either kind has it; black.
 
-    transmission : physical: share of the light that goes through, in [0, 1]; 0. What goes through is smooth glass,
-        whatever the roughness; it needs the scene's `bounces`. Shadows of lights are those of a solid.
+    transmission : physical: share of the light that goes through, in [0, 1]; 0. Rough glass is frosted along random
+        ways (Walter et al. 2007), and clear in a tree of them; it needs the scene's `bounces`. Shadows of lights are
+        those of a solid.
     ior : physical: index of refraction of what transmits, in [1, 4]; 1.5.
     absorption : physical: what a unit of length inside takes away, exp(-absorption) is left; a number or linear RGB,
         >= 0.
@@ -112,7 +113,7 @@ class Material:
             "specular": value_of("specular", 0.0 if self.physical else _or(specular, 0.25), 1, 0.0, 1.0),
             "ambient": value_of("ambient", 0.0 if self.physical else _or(ambient, 0.1), 1, 0.0, 1.0),
             "metalness": value_of("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
-            "roughness": value_of("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
+            "roughness": value_of("roughness", _or(roughness, 0.5 if _none(transmission) else 0.0), 1, 0.0, 1.0),
             "f0": value_of("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
             "physical": expr(1.0 if self.physical else 0.0),
             "emission": value_of("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
@@ -186,6 +187,12 @@ class Material:
         share = self._fields["transmission"]
         return not share.is_constant or bool(np.any(share.data))
 
+    @property
+    def frosted(self) -> bool:
+        """True if light goes through it, and it is rough somewhere."""
+        rough = self._fields["roughness"]
+        return self.transmits and (not rough.is_constant or float(rough.data) > 0.0)
+
     def without_maps(self) -> Material:
         """The same material with the mean of each picture in its place, and nothing that bends normals."""
         made = copy.copy(self)
@@ -243,6 +250,11 @@ def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
             f"Material: {one} together with {other}",
             legal="Phong's shininess, specular, ambient; or the physical albedo, metalness, roughness, f0",
         )
+
+
+def _none(transmission: Any) -> bool:
+    """True if nothing goes through: none is given, or 0."""
+    return transmission is None or (isinstance(transmission, int | float) and transmission == 0)
 
 
 def _or(value: Any, otherwise: Any) -> Any:

@@ -51,12 +51,13 @@ def shading(plan: Plan, values: Values) -> Chunk:
 
 
 def _lit(text: Lines, plan: Plan, values: Values) -> None:
-    """The light that a surface gives off and gets from the sources; `followed` is the share of its reflection that
-    ways of light bring."""
+    """The light that a surface gets from the sources. In a tree of ways also what it gives off; `followed` is the share
+    of its reflection that other ways bring."""
+    glows = plan.emission is not None and plan.scene.branches
     followed = ", float followed" if plan.scene.branches else ""
     text.add(f"vec3 lit(Surface surface{followed}) {{", "Surface")
-    text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if plan.emission is not None else 'vec3(0.0)'};")
-    text.needs |= {"emission_at"} if plan.emission is not None else set()
+    text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if glows else 'vec3(0.0)'};")
+    text.needs |= {"emission_at"} if glows else set()
     _ambient(text, plan, values)
     if plan.scene.lights:
         all_lights(text, plan, values)

@@ -10,12 +10,13 @@ from raymarch.shader.looks import normal_of, place_of, surface_of
 def ways(text: Lines, plan: Plan) -> None:
     """The colour of a hit where light bounces: a way from surface to surface, and the light that joins it at each."""
     scene, add, glass = plan.scene, text.add, plan.glass is not None
+    shines = bool(scene.lights) and plan.model != "phong"
     add("vec3 shade(Ray ray, Hit hit) {")
     add("    vec3 color = vec3(0.0);")
     add("    vec3 weight = vec3(1.0);")
     add("    float first = hit.t;")
     add("    float travelled = 0.0;")
-    if scene.lights and plan.model != "phong":
+    if shines:
         # Seen from a matte surface, a light in a mirror is a speck that chance finds too seldom (Kaplanyan 2013).
         add("    float dull = 0.0;  // roughness below which surfaces no longer mirror lights")
     if glass:
@@ -36,9 +37,10 @@ def ways(text: Lines, plan: Plan) -> None:
     add("        vec3 direction;")
     indent = "        "
     if glass:
-        _glass(text, plan)
+        _glass(text, plan, shines)
         indent += "    "
-    shines = bool(scene.lights) and plan.model != "phong"
+    if plan.emission is not None:
+        add(f"{indent}color += weight * emission_at({place_of(plan)});", "emission_at")
     if shines:
         add(f"{indent}Surface shown = surface;")
         add(f"{indent}shown.material.roughness = max(surface.material.roughness, dull);")
@@ -73,24 +75,53 @@ def ways(text: Lines, plan: Plan) -> None:
     add("}")
 
 
-def _glass(text: Lines, plan: Plan) -> None:
+def _glass(text: Lines, plan: Plan, shines: bool) -> None:
     """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
+    frosted = any(material.frosted for material in plan.scene.materials)
     for line in (
         f"Glass glass = glass_at({place_of(plan)});",
         "if (side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission) {",
+        *(f"    {line}" for line in (_highlight(plan) if frosted and shines else ())),
         f"    if (bounce == {plan.scene.bounces}) {{",  # what would still come is the sky's, lest glass end in black
         "        color += weight * sky(ray.direction);",
         "        break;",
         "    }",
-        "    float ratio = side > 0.0 ? 1.0 / glass.ior : glass.ior;",
-        "    float cosine = clamp(dot(surface.normal, surface.view), 0.0, 1.0);",
-        "    if (random_of_pixel(dimension + 4) < reflectance(cosine, ratio)) {",
-        "        direction = reflect(ray.direction, surface.normal);",
-        "    } else {",
-        "        direction = refract(ray.direction, surface.normal, ratio);",
-        "        side = -side;",
-        "        absorption = glass.absorption;",
-        "    }",
+        *(f"    {line}" for line in (FROSTED if frosted else CLEAR)),
         "} else {",
     ):
-        text.add(f"        {line}", "Glass", "glass_at", "reflectance")
+        text.add(f"        {line}", "Glass", "glass_at", "from_frosted" if frosted else "reflectance")
+
+
+CLEAR = (
+    "float ratio = side > 0.0 ? 1.0 / glass.ior : glass.ior;",
+    "float cosine = clamp(dot(surface.normal, surface.view), 0.0, 1.0);",
+    "if (random_of_pixel(dimension + 4) < reflectance(cosine, ratio)) {",
+    "    direction = reflect(ray.direction, surface.normal);",
+    "} else {",
+    "    direction = refract(ray.direction, surface.normal, ratio);",
+    "    side = -side;",
+    "    absorption = glass.absorption;",
+    "}",
+)
+FROSTED = (
+    "float inside = side;",
+    "if (!from_frosted(surface, glass, dimension, side, direction, weight)) break;",
+    "if (side != inside) absorption = glass.absorption;",
+)
+"""How a way goes on, where all glass is smooth, and where some is not."""
+
+
+def _highlight(plan: Plan) -> list[str]:
+    """Lights shine on rough glass from outside as on any rough surface; through it, ways find the sky alone."""
+    return [
+        "if (side > 0.0 && surface.material.roughness > 0.0) {",
+        "    Surface coat = surface;",
+        "    coat.material.color = vec3(0.0);",
+        "    coat.material.metalness = 0.0;",
+        "    coat.material.f0 = vec3(reflectance(1.0, 1.0 / glass.ior));",
+        "    coat.material.roughness = max(surface.material.roughness, dull);",
+        *(["    coat.material.physical = 1.0;"] if plan.model == "mixed" else []),
+        "    color += weight * lit(coat);",
+        "}",
+        "dull = max(dull, surface.material.roughness);",
+    ]

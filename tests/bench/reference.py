@@ -181,6 +181,16 @@ SCENES |= {
         ball={"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0},
         ball_skin=lambda: rm.Material(transmission=1.0, ior=1.5),
     ),
+    "frosted glass": Compared(
+        lambda: {"lights": [], "sky": rm.Sky((0.4, 0.6, 0.9)), "bounces": 16, "quality": MANY},
+        _matte,
+        _sky,
+        MATTE,
+        256,
+        depth=64,
+        ball={"type": "roughdielectric", "distribution": "ggx", "alpha": 0.6**2, "int_ior": 1.5, "ext_ior": 1.0},
+        ball_skin=lambda: rm.Material(transmission=1.0, ior=1.5, roughness=0.6),
+    ),
 }
 
 

@@ -46,7 +46,7 @@ def test_an_error_would_be_seen(mitsuba: Any, egl: Context) -> None:
         assert compare(wrong, known).median > 2 * compare(frame, known).median
 
 
-@pytest.mark.parametrize("name", ["point", "one bounce", "glass"])
+@pytest.mark.parametrize("name", ["point", "one bounce", "glass", "frosted glass"])
 def test_our_pixels_differ_from_mitsubas_by_no_more_than_noise(name: str, mitsuba: Any, egl: Context) -> None:
     """Shadows, light between surfaces, refraction: of pictures that are the same, one in a hundred would fail."""
     with rm.Renderer((24, 18), context=egl) as renderer:

@@ -55,6 +55,46 @@ def test_clear_glass_in_a_white_sky_is_not_seen(renderer: Renderer) -> None:
     assert abs(found.mean() - 1.0) < 0.005
 
 
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 0.7])
+def test_frosted_glass_in_a_white_sky_gives_back_what_its_facets_do_not_hide(
+    renderer: Renderer, roughness: float
+) -> None:
+    """A pane at right angles: of what comes in, only the light that other facets hide is lost."""
+    glass = rm.Material(transmission=1.0, ior=1.5, roughness=roughness)
+    camera = rm.Camera((0, 0, 6), (0, 0, 0), fov=10)
+    found = mean(renderer, rm.box((4, 4, 0.4)).material(glass), camera=camera, bounces=16, samples=64).mean()
+    lost = 1.0 - hidden(roughness**2)
+    assert found <= 1.002
+    assert found >= lost**4  # two faces, and what is mirrored between them meets them again
+
+
+def hidden(alpha: float) -> float:
+    """Mean share that facets hide of light that leaves a surface of GGX evenly, by Smith's term, in float64."""
+    cosine = (np.arange(1000) + 0.5) / 1000
+    g1 = 2 * cosine / (cosine + np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2))
+    return float(1.0 - np.mean(2 * cosine * g1))
+
+
+def test_smooth_glass_is_the_limit_of_frosted(renderer: Renderer) -> None:
+    """By the same random numbers: a roughness of a thousandth moves what is seen by less than the noise of a pixel."""
+    sky = rm.GradientSky()
+    clear, rough = (
+        mean(renderer, rm.sphere().material(rm.Material(transmission=1.0, roughness=r)), bounces=8, sky=sky)
+        for r in (0.0, 1e-3)
+    )
+    np.testing.assert_allclose(rough.mean(axis=0), clear.mean(axis=0), rtol=2e-3)
+
+
+def test_a_lamp_shines_on_frosted_glass(renderer: Renderer) -> None:
+    """As on a dielectric of the same index that is black inside."""
+    lamp = {"lights": [rm.Sun((0.2, 0.4, 1.0))], "sky": (0, 0, 0), "samples": 1}
+    glass = rm.Material(transmission=1.0, ior=1.5, roughness=0.4)
+    coat = rm.Material(albedo=(0, 0, 0), f0=0.04, roughness=0.4)
+    seen, known = (mean(renderer, rm.sphere().material(skin), **lamp) for skin in (glass, coat))  # type: ignore[arg-type]
+    np.testing.assert_allclose(seen, known, atol=1e-5)
+    assert known.max() > 0.1
+
+
 def test_glass_absorbs_by_the_way_through_it(renderer: Renderer) -> None:
     """At an index of 1 the way is straight: exp(-absorption d) is left of what is behind."""
     ink = rm.Material(transmission=1.0, ior=1.0, absorption=(0.5, 1.0, 2.0))
