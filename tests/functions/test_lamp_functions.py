@@ -31,3 +31,45 @@ def test_a_fading_lamp_is_dark_beyond_its_radius(egl: Context) -> None:
     for name, known in (("fade", 1 - far / 1.0), ("window", np.maximum(1 - far**4, 0) ** 2)):
         found = run(egl, modules(f"light/{name}"), f"{name}({{0}}, 1.0)", [(FLOAT, far)])
         np.testing.assert_allclose(found, np.maximum(known, 0), rtol=8 * ULP, atol=ULP)
+
+
+def test_a_lamp_at_the_surface_itself_is_finite(egl: Context) -> None:
+    ways = np.array([[0.0, 0.0, 0.0], [0.0, 3.0, 4.0], [-1e-3, 0.0, 0.0]])
+    far = np.linalg.norm(ways, axis=1)
+    call = "point_light({0}, vec3(0.0), vec3(1.0))"
+    lit = run(egl, modules("light/point", before=LIGHT), f"{call}.radiance", [(VEC3, ways)], 3)
+    facing = run(
+        egl, modules("light/point", before=LIGHT), f"vec4({call}.direction, {call}.distance)", [(VEC3, ways)], 4
+    )
+    assert np.all(np.isfinite(lit)) and np.all(np.isfinite(facing))
+    np.testing.assert_allclose(lit[1:], np.broadcast_to(1 / far[1:, None] ** 2, (2, 3)), rtol=8 * ULP)
+    np.testing.assert_allclose(facing[1:, 3], far[1:], rtol=8 * ULP)
+    np.testing.assert_allclose(facing[1:, :3], -ways[1:] / far[1:, None], rtol=8 * ULP)
+    assert not facing[0, :3].any()
+
+
+def test_a_spot_without_a_soft_edge_rises_within_a_millionth_of_the_cosine(egl: Context) -> None:
+    """Dark up to the edge, half of the way squared in the middle, and never more than the whole light."""
+    cosine = np.array([-1.0, 0.0, 0.5, 0.5 + 2.0**-21, 0.5 + 2.0**-19, 0.75, 1.0])
+    for inner, width in ((0.5, 1e-6), (0.75, 0.25)):
+        found = run(
+            egl, modules("light/spot"), f"spot(vec3(0, 0, -{{0}}), vec3(0, 0, 1), 0.5, {inner})", [(FLOAT, cosine)]
+        )
+        np.testing.assert_allclose(found, np.clip((cosine - 0.5) / width, 0.0, 1.0) ** 2, rtol=8 * ULP)
+
+
+def test_a_part_of_a_lamp_lies_on_its_disc(egl: Context) -> None:
+    """About each axis, where one of the two bases has no digits left, and for a ball that holds the surface."""
+    ways = np.concatenate([np.eye(3), -np.eye(3), [[0.6, 0.0, 0.8], [0.48, 0.64, -0.6]]])
+    before = LIGHT + "float random_of_pixel(int dimension) { return dimension == 0 ? 0.9999 : 0.3; }"
+    text = modules("light/sampled", before=before)
+    for width in (0.0, 0.25, 5.0):
+        part = f"part_of(Light({{0}}, 1.0, vec3(1.0)), {width}, 0)"
+        found = run(egl, text, f"{part}.direction", [(VEC3, ways)], 3)
+        lit = run(egl, text, f"{part}.radiance", [(VEC3, ways)], 3)
+        sine = min(width, 0.999) * np.sqrt(0.9999)
+        cosine = np.sqrt(1 - sine**2)
+        np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
+        # the cosine of a disc as wide as this is known to the ulps of its sine, times their ratio
+        np.testing.assert_allclose(np.sum(found * ways, axis=1), cosine, rtol=8 * ULP / cosine**2)
+        np.testing.assert_allclose(lit, 1 / cosine, rtol=8 * ULP / cosine**2)

@@ -62,6 +62,18 @@ def test_a_tree_is_true_in_each_pixel(name: str, renderer: Renderer) -> None:
     assert np.percentile(np.abs(found - known), 90) < 1e-3
 
 
+@pytest.mark.parametrize("lit", [False, True])
+def test_mirrors_in_mirrors_are_dulled_for_the_sake_of_lights(lit: bool, renderer: Renderer) -> None:
+    """Where no light shines, the last mirror shows the sky as sharp as it is; where one does, a little blurred."""
+    renderer.resize(SIZE)
+    lights = [rm.Sun((-0.5, 1, 0.6), intensity=0.8)] if lit else []
+    mirrors = rm.sphere(0.7).translate((-0.8, 0, 0)) | rm.sphere(0.6).translate((0.7, 0, 0.2)) | rm.plane(offset=-0.9)
+    camera, sky = rm.Camera((0.3, 2.6, 4.2), (0, -0.2, 0)), rm.GradientSky(light=True)
+    made = rm.Scene(mirrors.material(SILVER), camera, lights, sky, bounces=1, quality=TREE)
+    known, found = truth(made, SIZE).color, renderer.render(made).color
+    assert np.percentile(np.abs(found - known).max(axis=-1), 90) < 1e-3
+
+
 @pytest.mark.parametrize("name", ["glass", "mirrors"])
 def test_a_tree_is_the_mean_of_random_ways(name: str, renderer: Renderer) -> None:
     """Where all is perfectly smooth or gives off light by itself, both are the same: within three standard errors."""

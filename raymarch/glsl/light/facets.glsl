@@ -5,6 +5,6 @@
 float facets(vec3 normal, vec3 middle, float alpha) {
     vec3 side = cross(normal, middle);
     float cosine = dot(normal, middle) * alpha;
-    float spread = alpha / max(dot(side, side) + cosine * cosine, 1.1754944e-38);
+    float spread = alpha / (dot(side, side) + cosine * cosine);
     return 0.31830989 * spread * spread;
 }

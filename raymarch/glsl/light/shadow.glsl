@@ -15,7 +15,7 @@ float hard_shadow(Surface surface, Light light) {
         if (s >= range.y) return 1.0;
         float r = u_side * field(ray.origin + s * ray.direction);
         if (i == 0) near = min(near, 0.5 * r);
-        if (r <= max(near, 0.0)) return 0.0;
+        if (r <= near) return 0.0;
         s += r;
     }
     return 1.0;

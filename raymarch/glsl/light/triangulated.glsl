@@ -14,9 +14,9 @@ float triangulated_shadow(Surface surface, Light light, float width) {
         if (s >= range.y) break;
         float r = u_side * field(ray.origin + s * ray.direction);
         if (r <= 0.5 * contact(surface.p, surface.t)) return 0.0;
-        float back = last > 0.0 ? r * r / (2.0 * last) : 0.0;
-        if (back > last) back = 0.0;  // the obstacle is not between the samples, but behind both
-        least = min(least, sqrt(max(r * r - back * back, 0.0)) / (width * max(s - back, start)));
+        // Where it would be farther back than the last sample, the obstacle is not between the two, but behind both.
+        float back = r * r < 2.0 * last * last ? r * r / (2.0 * last) : 0.0;
+        least = min(least, sqrt(r * r - back * back) / (width * (s - back)));
         last = r;
         s += r;
     }

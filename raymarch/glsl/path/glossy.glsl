@@ -10,7 +10,8 @@ bool from_glossy(Surface surface, int dimension, out vec3 direction, inout vec3 
     vec3 matte = (1.0 - material.metalness) * (1.0 - material.f0) * material.color;
     float mirrored = dot(fresnel(f0, seen), vec3(0.33333333));
     float inside = (1.0 - grazing(seen, material.roughness)) * dot(matte, vec3(0.33333333));
-    float chance = clamp(mirrored / (mirrored + inside), 0.05, 0.95);
+    // A little of both, lest black divide by nothing.
+    float chance = clamp((mirrored + 1.0e-6) / (mirrored + inside + 2.0e-6), 0.05, 0.95);
     if (material.metalness >= 1.0) chance = 1.0;
     vec2 u = vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2));
     if (random_of_pixel(dimension) < chance) {
@@ -25,7 +26,7 @@ bool from_glossy(Surface surface, int dimension, out vec3 direction, inout vec3 
         weight *= fresnel(f0, dot(surface.view, h)) * (unhidden / chance);
     } else {
         direction = cosine_lobe(surface.normal, u);
-        float facing = clamp(dot(surface.normal, direction), 0.0, 1.0);
+        float facing = dot(surface.normal, direction);
         weight *= matte * (entering(facing, seen, material.roughness) / (1.0 - chance));
     }
     return true;

@@ -11,11 +11,11 @@ vec3 aligned(vec3 normal, vec3 local) {
     return local.x * across + local.y * along + local.z * normal;
 }
 
-// cosine / pi
+// cosine / pi; u in [0, 1)
 vec3 cosine_lobe(vec3 normal, vec2 u) {
     float r = sqrt(u.x);
     float turn = 6.2831853 * u.y;
-    return aligned(normal, vec3(r * cos(turn), r * sin(turn), sqrt(max(1.0 - u.x, 0.0))));
+    return aligned(normal, vec3(r * cos(turn), r * sin(turn), sqrt(1.0 - u.x)));
 }
 
 // A microfacet's normal among those that are seen from `view`: GGX, by spherical caps (Dupuy and Benyoub 2023).

@@ -8,5 +8,5 @@ float followed_of(Material material) {
 
 vec3 mirrored_by(Surface surface) {
     vec3 f0 = mix(surface.material.f0, surface.material.color, surface.material.metalness);
-    return fresnel(f0, clamp(dot(surface.normal, surface.view), 0.0, 1.0));
+    return fresnel(f0, dot(surface.normal, surface.view));
 }

@@ -1,0 +1,88 @@
+"""Surfaces with maps, as single functions: seen from above, from the side, and bent away from the eye."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from glsl_harness import modules, run
+from numpy.typing import NDArray
+
+from raymarch.expr.types import VEC3
+from raymarch.gpu.context import Context
+
+ULP = 2.0**-24
+BEFORE = """
+struct Ray { vec3 origin; vec3 direction; };
+struct Hit { float t; };
+struct Material { vec3 color; };
+const float u_side = 1.0;
+const float u_pixel = 0.125;
+const float footprint_pixels = 2.0;
+vec3 solid, tilt;
+vec3 surface_normal(vec3 p, vec3 direction) { return solid; }
+Material material_at(vec3 p, vec3 n, vec3 across, vec3 along) { return Material(vec3(1.0)); }
+Relief relief_at(vec3 p, vec3 n, vec3 across, vec3 along) { return Relief(tilt, 1.0); }
+"""
+AFTER = """
+Surface seen(vec3 n, vec3 view, vec3 off) {
+    solid = n;
+    tilt = off;
+    return surface_seen(Ray(vec3(0.0), -view), Hit(0.0), 2.0);
+}
+"""
+WIDTH = 0.125 * 2.0 * 2.0
+AXES = np.concatenate([np.eye(3), -np.eye(3)])
+SLANTED = np.array([[0.36, 0.48, 0.8], [0.6, 0.0, -0.8], [0.0, 0.96, 0.28], [0.0, -0.96, 0.28]])
+
+
+def seen(egl: Context, part: str, normals: object, views: object, tilts: object) -> NDArray[np.float32]:
+    """A vector of the surface, for each normal, direction to the eye and tilt of the map."""
+    text = modules("material/relief", "light/mapped", before="", after="").replace(
+        "struct Surface {", f"{BEFORE}struct Surface {{", 1
+    )
+    return run(egl, text + AFTER, f"seen({{0}}, {{1}}, {{2}}).{part}", [(VEC3, v) for v in (normals, views, tilts)], 3)
+
+
+@pytest.mark.parametrize("facing", [1.0, 0.5, 1e-6, 0.0, -0.5, -1.0])
+def test_a_footprint_lies_in_the_surface(egl: Context, facing: float) -> None:
+    """It is as wide as a pixel, and longer by one over the cosine; seen edge on as long as one of 1e-4 at most."""
+    normals = np.concatenate([AXES, SLANTED])
+    helper = np.roll(normals, 1, axis=1) + np.array([0.25, 0.5, 0.0])
+    beside = np.cross(normals, helper)
+    beside /= np.linalg.norm(beside, axis=1, keepdims=True)
+    views = facing * normals + np.sqrt(1 - facing**2) * beside
+    across, along = (seen(egl, part, normals, views, 0 * views) for part in ("across", "along"))
+    np.testing.assert_allclose(np.linalg.norm(across, axis=1), WIDTH, rtol=8 * ULP)
+    np.testing.assert_allclose(np.sum(across * normals, axis=1), 0.0, atol=WIDTH * 8 * ULP)
+    long = WIDTH / max(abs(facing), 1e-4)
+    # the cosine is a sum of products of which each is rounded
+    np.testing.assert_allclose(np.linalg.norm(along, axis=1), long, rtol=8 * ULP / max(abs(facing), 1e-1))
+    for axis in (normals, across / WIDTH):
+        np.testing.assert_allclose(np.sum(along * axis, axis=1), 0.0, atol=long * 8 * ULP)
+
+
+def test_a_flat_map_bends_nothing(egl: Context) -> None:
+    """Nor for those that are seen from behind."""
+    normals = np.concatenate([AXES, -AXES])
+    views = np.concatenate([AXES, AXES]) * 0.8 + 0.6 * np.roll(np.concatenate([AXES, AXES]), 1, axis=1)
+    found = seen(egl, "normal", normals, views, 0 * views)
+    np.testing.assert_allclose(found, normals, atol=8 * ULP)
+
+
+def test_a_normal_is_bent_no_farther_than_it_is_seen(egl: Context) -> None:
+    """On the side of the eye on which the solid's is: lifted to a cosine of some 0.01, of unit length."""
+    normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    views = np.array([[0.6, 0.0, 0.8]] * 2)
+    tilts = np.array([[4.0, 0.0, 0.0], [-4.0, 0.0, 0.0]])
+    found = seen(egl, "normal", normals, views, tilts)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
+    cosine = np.sum(found * views, axis=1) * [1.0, -1.0]
+    assert np.all((cosine > 0.005) & (cosine < 0.02))
+
+
+def test_the_normal_of_the_solid_is_on_the_side_of_the_bent_one(egl: Context) -> None:
+    before = "struct Surface { vec3 normal; vec3 outward; };"
+    bent = np.array([[0.6, 0.0, 0.8], [0.6, 0.0, -0.8]])
+    call = "unbent(Surface({0}, vec3(0.0, 0.0, 1.0)))"
+    found = run(egl, modules("light/unbent", before=before), call, [(VEC3, bent)], 3)
+    np.testing.assert_array_equal(found, [[0, 0, 1], [0, 0, -1]])

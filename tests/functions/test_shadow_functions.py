@@ -1,0 +1,185 @@
+"""Shadows of bodies that are known, as single functions: what comes through, and how often the field is asked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from glsl_harness import modules, run
+from numpy.typing import NDArray
+
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.gpu.context import Context
+
+ULP = 2.0**-24
+PIXEL = 0.01
+"""The epsilon of a point at distance 1; contact is half of it."""
+
+BEFORE = """
+struct Ray { vec3 origin; vec3 direction; };
+struct Surface { vec3 p; vec3 normal; float t; };
+struct Light { vec3 direction; float distance; vec3 radiance; };
+const float epsilon_pixels = 1.0;
+const float contact_share = 0.5;
+const int shadow_steps = 512;
+const float u_side = 1.0;
+int asked = 0;
+vec2 scene_box(Ray ray, vec2 range) { return range; }
+vec2 scene_cone(Ray ray, vec2 range, float width) { return range; }
+vec3 unbent(Surface surface) { return surface.normal; }
+float body(vec3 p);
+float field(vec3 p) { asked++; return body(p); }
+"""
+KINDS = {
+    "light/shadow": "hard_shadow(surface, light)",
+    "light/cone": "cone_shadow(surface, light, width)",
+    "light/triangulated": "triangulated_shadow(surface, light, width)",
+    "light/two_sided": "two_sided_shadow(surface, light, width)",
+}
+SOFT = [kind for kind in KINDS if kind != "light/shadow"]
+
+
+def shadows(
+    egl: Context, kind: str, body: str, ways: object, far: float = 4.0, width: float = 0.1, radiance: float = 1.0
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """What is seen of lights from the origin, whose normal is z, and how often the field is asked, for each way."""
+    after = f"""
+        float body(vec3 p) {{ return {body}; }}
+        vec2 seen(vec3 way) {{
+            Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), 1.0);
+            Light light = Light(way, {far}, vec3({radiance}));
+            float width = {width};
+            float share = {KINDS[kind]};
+            return vec2(share, float(asked));
+        }}"""
+    text = modules("march/epsilon", "light/leaving", kind, before=BEFORE, after=after)
+    found = run(egl, text, "seen({0})", [(VEC3, ways)], 2, {"u_pixel": PIXEL})
+    return found[:, 0], found[:, 1]
+
+
+UP = [[0.0, 0.0, 1.0]]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_faces_away_or_gets_nothing_asks_for_no_field(egl: Context, kind: str) -> None:
+    """Also where the light just grazes."""
+    seen, asked = shadows(egl, kind, "p.z", [[0, 0, -1], [0.8, 0, -0.6], [1, 0, -1e-6], [0, 1, 0]])
+    assert not seen.any() and not asked.any()
+    seen, asked = shadows(egl, kind, "p.z", UP, radiance=0.0)
+    assert not seen.any() and not asked.any()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_plane_casts_no_shadow_on_itself(egl: Context, kind: str) -> None:
+    """Steps grow at least by half, so that few are asked for."""
+    seen, asked = shadows(egl, kind, "p.z", [*UP, [0.6, 0, 0.8], [0, 0.8, 0.6]])
+    np.testing.assert_allclose(seen, 1.0, rtol=8 * ULP)
+    most = np.log(4.0 / (2 * PIXEL)) / np.log(1.5) + 1
+    assert asked.min() >= 1 and asked.max() <= most
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_behind_the_light_casts_no_shadow(egl: Context, kind: str) -> None:
+    wall = "min(p.z, 5.0 - p.z)"
+    assert shadows(egl, kind, wall, UP, far=4.0)[0] == 1.0
+    assert shadows(egl, kind, wall, UP, far=6.0)[0] == 0.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_stands_in_the_way_leaves_nothing(egl: Context, kind: str) -> None:
+    """Not a little more or less, and without steps after it is known."""
+    seen, asked = shadows(egl, kind, "length(p - vec3(0.3, 0.0, 2.0)) - 1.0", [*UP, [0.28, 0, 0.96]])
+    assert np.all(seen == 0.0) and asked.max() <= 64
+
+
+def test_a_bound_that_is_flat_where_the_ray_starts_is_no_obstacle(egl: Context) -> None:
+    """A twentieth of the distance is less than contact there, and a ray that stopped at that would see no light."""
+    assert shadows(egl, "light/shadow", "0.05 * p.z", UP)[0] == 1.0
+
+
+@pytest.mark.parametrize("kind", SOFT)
+def test_a_wall_along_the_ray_takes_what_it_covers(egl: Context, kind: str) -> None:
+    """A wall at h from the ray: its clearance over the disc's radius falls to h / (width far) at the light, which
+    the last sample knows to a step. Between two samples h apart, the spheres meet at h sqrt(3/4)."""
+    h, far, width = 0.0625, 8.0, 0.02
+    seen, _ = shadows(egl, kind, f"{h} - p.x", UP, far, width)
+    share = np.sqrt(0.75) if kind == "light/triangulated" else 1.0
+    low, high = share * h / (width * far), share * h / (width * (far - 2 * h))
+    if kind == "light/two_sided":
+        low, high = (0.5 + (r * np.sqrt(1 - r * r) + np.arcsin(r)) / np.pi for r in (low, high))
+    assert low * (1 - 8 * ULP) <= seen[0] <= high * (1 + 8 * ULP)
+
+
+def test_the_disc_is_lit_on_both_sides_of_an_edge(egl: Context) -> None:
+    """A wall whose edge keeps the same share of the disc along the whole way leaves the segment of a circle."""
+    for r in (-0.5, 0.0, 0.5):
+        seen, asked = shadows(egl, "light/two_sided", f"p.x + {r * 0.8} * p.z", UP, width=0.8)
+        np.testing.assert_allclose(
+            seen, 0.5 + (r * np.sqrt(1 - r * r) + np.arcsin(r)) / np.pi, atol=1 / 2550
+        )  # asin is the driver's own
+        growth = 1 + max(0.5 * 0.8 * abs(r), 0.05 * 0.8)
+        assert asked[0] <= np.log(4.0 / (2 * PIXEL)) / np.log(growth) + 1
+
+
+def test_a_ray_along_an_edge_comes_to_what_is_beyond(egl: Context) -> None:
+    """The field is 0 all along the edge; steps of its value would stay there."""
+    seen, _ = shadows(egl, "light/two_sided", "min(p.x, 1.0 - p.z)", UP, far=16.0, width=0.8)
+    assert seen[0] == 0.0
+
+
+def test_wide_steps_pass_what_is_free(egl: Context) -> None:
+    """Nothing within r is nearer to the disc's cone than r - width (s + r); over a plane that is nearly all of r."""
+    _, asked = shadows(egl, "light/two_sided", "p.z", UP, far=1e6, width=1e-3)
+    assert asked[0] <= np.log(1e6 / (2 * PIXEL)) / np.log(2 - 2e-3) + 1
+
+
+def test_a_leaving_ray_clears_the_surface_and_stays_on_its_line(egl: Context) -> None:
+    """Two epsilons off where it may, at most four times as far along, and its line shifted by two epsilons at most."""
+    rise = np.array([1.0, 0.8, 0.25, 0.1, 1e-6, 0.0, -1e-6, -0.5, -1.0])
+    ways = np.stack([np.sqrt(1 - rise**2), 0 * rise, rise], axis=1)
+    before = """
+        struct Ray { vec3 origin; vec3 direction; };
+        const float epsilon_pixels = 1.0;
+        const float contact_share = 0.5;"""
+    after = """
+        vec4 left(vec3 way) {
+            float start;
+            Ray ray = leaving(vec3(0.0), vec3(0.0, 0.0, 1.0), way, 1.0, start);
+            return vec4(ray.origin, start);
+        }"""
+    text = modules("march/epsilon", "light/leaving", before=before, after=after)
+    found = run(egl, text, "left({0})", [(VEC3, ways)], 4, {"u_pixel": PIXEL}).astype(np.float64)
+    origin, start = found[:, :3], found[:, 3]
+    off = 2 * PIXEL
+    assert np.all(np.linalg.norm(origin, axis=1) <= off * (1 + 8 * ULP))
+    assert np.all(start <= 4 * off * (1 + 8 * ULP))
+    np.testing.assert_allclose((origin + start[:, None] * ways)[rise >= 0, 2], off, rtol=8 * ULP)
+    np.testing.assert_allclose(origin[:3], 0.0, atol=off * 8 * ULP)
+
+
+OPEN = """
+struct Surface { vec3 p; vec3 normal; };
+const int occlusion_steps = 4;
+const float u_side = 1.0;
+uniform float u_strength;
+float occlusion_reach() { return 1.0; }
+float occlusion_strength() { return u_strength; }
+float occlusion_decay() { return 0.5; }
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "strength", "known"),
+    [
+        ("p.z", 1.0, 1.0),
+        ("3.0 * p.z", 1.0, 1.0),  # a field that is too steep makes nothing lighter
+        ("0.5 * p.z", 1.0, 0.5),
+        ("-5.0", 0.5, 0.5),  # deep inside of another body no more is missing than all
+        ("p.z < 0.4 ? -5.0 : 9.0 * p.z", 1.0, 1 - 1 / 1.875),  # nor is more than all there elsewhere
+        ("0.5 * p.z", 8.0, 0.0),
+    ],
+)
+def test_openness_is_a_share(egl: Context, body: str, strength: float, known: float) -> None:
+    text = modules("light/occlusion", before=f"{OPEN}float field(vec3 p) {{ return {body}; }}")
+    call = "openness(Surface(vec3({0}), vec3(0.0, 0.0, 1.0)))"
+    found = run(egl, text, call, [(FLOAT, [0.0])], 1, {"u_strength": strength})
+    np.testing.assert_allclose(found, known, rtol=8 * ULP)
