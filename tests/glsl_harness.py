@@ -112,6 +112,35 @@ def run(
     return result[:, 0] if size == 1 else result
 
 
+def draw(
+    context: Context, text: str, size: tuple[int, int], values: Mapping[str, Any] | None = None, attachments: int = 1
+) -> list[NDArray[np.float32]]:
+    """What a whole pass, with its own main, draws into each attachment; row 0 is the BOTTOM, as gl_FragCoord counts.
+
+    `values` are those of the uniforms by name; an array (height, width, 4) becomes the texture of a sampler, and its
+    row 0 is the bottom too. `text` lacks the version line alone.
+    """
+    made: list[Target] = []
+    try:
+        given: dict[str, Any] = {}
+        for name, value in (values or {}).items():
+            given[name] = value
+            if np.ndim(value) == 3:
+                given[name] = Target(context, np.shape(value)[1::-1])
+                made.append(given[name])
+                made[-1].write(np.asarray(value, np.float32)[::-1])
+        made.append(Target(context, size, attachments))
+        source = DESKTOP + text
+        with Program(
+            context, FULL_SCREEN, source, lambda line: (source.splitlines()[line - 1], None), "pass"
+        ) as program:
+            program.draw(made[-1], given)
+            return [made[-1].read(i)[::-1] for i in range(attachments)]
+    finally:
+        for target in made:
+            target.release()
+
+
 def evaluate(
     context: Context, function: Function, inputs: Sequence[ArrayLike], uniforms: Mapping[str, Any] | None = None
 ) -> NDArray[np.float32]:

@@ -46,9 +46,9 @@ void compare(vec3 p) {
     vec4 a = max(max(abs(now_x), abs(now_y)), max(abs(now_z), abs(now_value)));
     vec4 b = max(max(abs(before_x), abs(before_y)), max(abs(before_z), abs(before_value)));
     vec4 scale = max(a, b);
-    bvec4 far = greaterThanEqual(apart, 9.765625e-4 * scale);
+    bvec4 far = greaterThan(apart, 9.765625e-4 * scale);  // so never 0: what is divided by it below is left out
     bvec4 alike = equal(now_cell, before_cell);
-    vec4 slope = (abs(now_value - before_value) - 9.5367432e-7 * scale) / max(apart, vec4(1.0e-30));
+    vec4 slope = (abs(now_value - before_value) - 9.5367432e-7 * scale) / apart;
     slope = mix(vec4(0.0), mix(vec4(0.0), slope, alike), far);
     if (slope.x > slopes.x) slope_place = vec4(p, apart.x);
     slopes = mix(slopes, slope, greaterThan(slope, slopes));

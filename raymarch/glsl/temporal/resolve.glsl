@@ -39,7 +39,7 @@ void main() {
         if (seen_before(nearest_around(surface), ray.origin, ray.direction, pixel)) {
             // the sample lies beside the pixel's middle, and so does where it was
             before = history_at(pixel - u_jitter);
-            before = vec4(clipped(before.rgb), min(before.a, MEMORY));
+            if (finite(before)) before = vec4(clipped(before.rgb), min(before.a, MEMORY));
         }
     }
     if (!finite(before)) before = vec4(0.0);

@@ -8,7 +8,9 @@ uniform vec4 u_slice;  // normal of the plane, of length 1, and its offset along
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy);
     float across = dot(u_slice.xyz, ray.direction);
-    float t = (u_slice.w - dot(u_slice.xyz, ray.origin)) / (across == 0.0 ? 1.0e-30 : across);
+    float beyond = u_slice.w - dot(u_slice.xyz, ray.origin);
+    // along the plane: in it, or never met
+    float t = across == 0.0 ? (beyond == 0.0 ? 0.0 : -1.0) : beyond / across;
     out_slice = vec4(0.0, 0.0, -1.0, 0.0);
     if (t >= 0.0 && t < 1.0e30) {
         vec4 g = field_gradient(ray.origin + t * ray.direction);

@@ -1,0 +1,405 @@
+"""The functions that join frames, at the edges of the picture and the ends of their ranges, against float64."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from glsl_harness import draw, modules, run
+
+from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
+from raymarch.gpu.context import Context
+
+ULP = 2.0**-24
+OUT = "out vec4 c;\n"
+SKY = (-1.0, 0.0, 0.0, -1.0)
+TO_YCOCG = np.array([[0.25, 0.5, 0.25], [0.5, 0, -0.5], [-0.25, 0.5, -0.25]])
+FACING = {"x": (1.0, 0.0), "-x": (-1.0, 0.0), "y": (0.0, 1.0), "z": (0.0, 0.0), "-z": (1.0, 1.0)}
+"""Normals, folded as a surface's texel holds them."""
+
+
+def around(picture: np.ndarray) -> np.ndarray:
+    """The nine texels around each, (height, width, 9, n); beyond the edge those of the edge go on."""
+    h, w = picture.shape[:2]
+    wide = np.pad(picture, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    return np.stack([wide[y : y + h, x : x + w] for y in range(3) for x in range(3)], axis=2)
+
+
+def vectors(count: int = 2000) -> np.ndarray:
+    """Unit vectors: the axes, those whose z is 0, and others of both hemispheres."""
+    v = np.random.default_rng(5).normal(size=(count, 3))
+    v[: count // 8, 2] = 0
+    v[count // 8 : count // 4, 0] = 0
+    v[:6] = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+# The colours around a sample.
+
+
+def clipped(egl: Context, picture: np.ndarray, history: np.ndarray) -> np.ndarray:
+    h, w = picture.shape[:2]
+    text = OUT + modules(
+        "temporal/clip",
+        after="uniform sampler2D u_old;\n"
+        "void main() { c = vec4(clipped(texelFetch(u_old, ivec2(gl_FragCoord.xy), 0).rgb), 1.0); }",
+    )
+    given = {"u_color": rgba(picture), "u_old": rgba(history)}
+    return draw(egl, text, (w, h), given)[0][..., :3]
+
+
+def rgba(picture: np.ndarray) -> np.ndarray:
+    return np.concatenate([picture, np.ones((*picture.shape[:2], 1))], axis=2)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 1), (1, 7), (24, 16)])
+def test_a_history_is_drawn_into_the_box_of_the_colours_around(egl: Context, size: tuple[int, int]) -> None:
+    """It moves straight towards the mean, comes to lie in the box, on its side if it lay outside, and not at all if it
+    lay inside. The axes of the space stand alone: brightness, orange, green."""
+    random = np.random.default_rng(1)
+    shape = (size[1], size[0], 3)
+    picture = random.random(shape).astype(np.float32)
+    nine = around(picture.astype(float) @ TO_YCOCG.T)
+    mean, deviation = nine.mean(axis=2), nine.std(axis=2)
+    way = random.normal(size=(4, *shape))
+    way[0] *= 0.2
+    for axis in range(3):
+        way[1 + axis] *= np.where(np.arange(3) == axis, 30.0, 0.02)
+    for offset in way:
+        offset = offset * np.maximum(deviation, 0.01)
+        history = ((mean + offset) @ np.linalg.inv(TO_YCOCG).T).astype(np.float32)
+        offset = history @ TO_YCOCG.T - mean
+        found = clipped(egl, picture, history) @ TO_YCOCG.T.astype(float) - mean
+        outside = np.maximum((np.abs(offset) / np.maximum(deviation, 1e-6)).max(axis=2, keepdims=True), 1)
+        limit = 2e-6 * (1 + 1 / deviation.min()) if max(size) > 1 else 1e-3  # the root of what rounding leaves of 0
+        np.testing.assert_allclose(found, offset / outside, atol=limit)
+        assert np.all(np.abs(found) <= deviation + limit)
+
+
+@pytest.mark.parametrize("color", [(0.0, 0.0, 0.0), (0.1, 0.2, 0.3), (0.9, 0.7, 0.3), (1000.1, 7.3, 0.7)])
+def test_among_equal_colours_all_histories_become_that_colour(egl: Context, color: tuple[float, ...]) -> None:
+    """The deviation is 0 but for rounding, of which a root is taken."""
+    picture = np.broadcast_to(np.float32(color), (5, 6, 3))
+    for history in (np.zeros((5, 6, 3)), np.full((5, 6, 3), 1e6), picture + np.array((0, 0, 1e-3))):
+        found = clipped(egl, picture, history)
+        assert np.all(np.isfinite(found))
+        np.testing.assert_allclose(found, picture, atol=2e-6 + 4 * np.sqrt(9 * ULP) * max(color))
+
+
+def test_deviations_that_only_rounding_makes_negative_are_none(egl: Context) -> None:
+    """Pictures of one colour, thousands of colours: some have a mean of squares below the square of the mean."""
+    for value in np.random.default_rng(2).random((200, 3)):
+        assert np.all(np.isfinite(clipped(egl, np.broadcast_to(value, (3, 3, 3)), np.zeros((3, 3, 3)))))
+
+
+def test_a_history_within_a_millionth_of_equal_colours_stays(egl: Context) -> None:
+    history = np.full((3, 3, 3), 4e-7)
+    np.testing.assert_allclose(clipped(egl, np.zeros((3, 3, 3)), history), history, rtol=16 * ULP)
+
+
+# The history between its pixels.
+
+
+def test_cubic_weights_are_one_in_all_and_reproduce_parabolas(egl: Context) -> None:
+    x = np.linspace(0, 1, 257)
+    weights = run(egl, modules("temporal/finite", "temporal/history"), "cubic({0})", [(FLOAT, x)], 4).astype(float)
+    at = np.arange(-1, 3)
+    for power, known in ((0, 1 + 0 * x), (1, x), (2, x * x)):
+        np.testing.assert_allclose(weights @ at.astype(float) ** power, known, atol=16 * ULP)
+    assert weights[0].tolist() == [0, 1, 0, 0] and weights[-1].tolist() == [0, 0, 1, 0]
+    assert weights.min() < -0.06, "it sharpens what fetching blurs"
+
+
+def fetched(egl: Context, history: np.ndarray, offset: tuple[float, float]) -> np.ndarray:
+    """The history at each pixel's middle, and an offset from it."""
+    h, w = history.shape[:2]
+    after = "uniform vec2 u_offset;\nvoid main() { c = history_at(gl_FragCoord.xy + u_offset); }"
+    text = OUT + modules("temporal/finite", "temporal/history", after=after)
+    return draw(egl, text, (w, h), {"u_history": history, "u_offset": offset})[0]
+
+
+OFFSETS = [(0.0, 0.0), (0.5, 0.5), (-0.5, -0.5), (0.99, -0.99), (-0.99, 0.99)]
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_a_history_of_one_colour_has_it_everywhere(egl: Context, offset: tuple[float, float]) -> None:
+    """In corners too, and up to a pixel beyond them."""
+    history = np.broadcast_to(np.float32((0.2, 0.5, 3.0, 7.0)), (5, 6, 4))
+    np.testing.assert_allclose(fetched(egl, history, offset), history, rtol=64 * ULP)
+    np.testing.assert_allclose(fetched(egl, history[:1, :1], offset), history[:1, :1], rtol=64 * ULP)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_a_linear_history_stays_linear_and_counts_are_those_of_the_nearest(
+    egl: Context, offset: tuple[float, float]
+) -> None:
+    y, x = np.mgrid[:12, :16].astype(float)
+    history = np.stack([x, y, 2 * x + 3 * y + 1, 1 + x + 16 * y], axis=-1)
+    found = fetched(egl, history, offset)
+    moved = np.stack([x + offset[0], y + offset[1]], axis=-1)
+    inside = np.s_[3:-3, 3:-3]
+    np.testing.assert_allclose(found[..., :2][inside], moved[inside], atol=1e-5)
+    np.testing.assert_allclose(found[..., 2][inside], (2 * moved[..., 0] + 3 * moved[..., 1] + 1)[inside], atol=1e-4)
+    near = np.floor(moved + 0.5)
+    count = 1 + np.clip(near[..., 0], 0, 15) + 16 * np.clip(near[..., 1], 0, 11)
+    assert np.array_equal(found[..., 3], count)
+
+
+def test_beside_a_bright_edge_nothing_is_darker_than_black(egl: Context) -> None:
+    history = np.zeros((6, 8, 4))
+    history[:, 4:] = 100
+    found = fetched(egl, history, (0.4, 0.0))
+    assert found[..., :3].min() == 0 and found[..., :3].max() > 105
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("component", range(4))
+def test_a_poisoned_texel_is_seen_in_all_that_is_made_of_it(egl: Context, component: int, poison: float) -> None:
+    """It must not pass for black: the larger of NaN and 0 is 0 on many devices."""
+    history = np.ones((9, 9, 4))
+    history[4, 4, component] = poison
+    found = fetched(egl, history, (0.3, 0.3))
+    touched = ~np.isfinite(found).all(axis=2)
+    assert touched[2:6, 2:6].all() and touched.sum() == 16
+
+
+# Where a point was, and whether it was seen there.
+
+
+def seen_text(after: str, outside: str = "") -> str:
+    """The module; texels outside of a texture, which may be anything, are `outside`."""
+    checked = (
+        "vec4 checked(sampler2D s, ivec2 at, int level) {\n"
+        "    bool beyond = any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, textureSize(s, level)));\n"
+        f"    return beyond ? vec4({outside}) : texelFetch(s, at, level);\n"
+        "}\n#define texelFetch checked\n"
+    )
+    before = OUT + "uniform sampler2D u_history;\n" + (checked if outside else "")
+    return modules("temporal/finite", "temporal/seen", before=before, after=after)
+
+
+def test_unfolded_is_the_vector_that_was_folded(egl: Context) -> None:
+    n = vectors()
+    p = n / np.abs(n).sum(axis=1, keepdims=True)
+    low = p[:, 2] < 0
+    folded = np.where(low[:, None], (1 - np.abs(p[:, 1::-1])) * np.where(n[:, :2] < 0, -1, 1), p[:, :2])
+    text = seen_text("").replace(OUT, "")
+    found = run(egl, text, "unfolded({0})", [(VEC2, folded)], 3)
+    np.testing.assert_allclose(found, n, atol=16 * ULP)
+
+
+def same(egl: Context, cases: list[tuple[Any, Any, float, Any]], edge: bool = False) -> list[bool]:
+    before, now, depth, way = zip(*cases, strict=True)
+    text = seen_text("").replace(OUT, "")
+    call = f"is_same({{0}}, {{1}}, {{2}}, {{3}}, {str(edge).lower()}) ? 1.0 : 0.0"
+    given = [(VEC4, before), (VEC4, now), (FLOAT, depth), (VEC3, way)]
+    return [bool(found) for found in run(egl, text, call, given)]
+
+
+def facing(name: str, depth: float, material: float = 3.0) -> tuple[float, ...]:
+    return (depth, *FACING[name], material)
+
+
+def test_a_surface_is_known_by_its_distance_its_normal_and_its_material(egl: Context) -> None:
+    ahead, grazing = (0, 0, -1), (1, 0, 0)
+    cases = {
+        "the same": ((facing("z", 5), facing("z", 5), 5, ahead), True),
+        "its other side": ((facing("-z", 5), facing("-z", 5), 5, ahead), True),
+        "a hundredth nearer": ((facing("z", 4.95), facing("z", 5), 5, ahead), True),
+        "a twentieth nearer": ((facing("z", 4.75), facing("z", 5), 5, ahead), False),
+        "a twentieth farther": ((facing("z", 5.25), facing("z", 5), 5, ahead), False),
+        "a twentieth farther, its other side": ((facing("-z", 5.25), facing("-z", 5), 5, ahead), False),
+        "a third nearer, grazing": ((facing("z", 3.4), facing("z", 5), 5, grazing), True),
+        "half as far, grazing": ((facing("z", 2.5), facing("z", 5), 5, grazing), False),
+        "another material": ((facing("z", 5, 2), facing("z", 5), 5, ahead), False),
+        "another normal": ((facing("x", 5), facing("z", 5), 5, ahead), False),
+        "the sky both times": ((SKY, SKY, 1, ahead), True),
+        "before it was the sky": ((SKY, facing("z", 1), 1, ahead), False),
+        "now it is the sky": ((facing("z", 1), SKY, 1, ahead), False),
+    }
+    found = same(egl, [case for case, _ in cases.values()])
+    assert dict(zip(cases, found, strict=True)) == {name: known for name, (_, known) in cases.items()}
+    assert same(egl, [cases["another normal"][0], cases["another material"][0]], edge=True) == [True, False]
+
+
+@pytest.mark.parametrize("face", ["x", "-x", "y", "-z"])
+def test_a_flat_picture_has_no_edge_and_a_fold_has_one(egl: Context, face: str) -> None:
+    """Not at the ends of the picture either, where there is nothing around."""
+    after = "void main() { c = vec4(is_edge(unfolded(texelFetch(u_surface, ivec2(gl_FragCoord.xy), 0).yz))); }"
+    flat = np.broadcast_to(np.float32(facing(face, 5.0)), (6, 8, 4)).copy()
+    assert not draw(egl, seen_text(after), (8, 6), {"u_surface": flat})[0].any()
+    for other in (facing("z", 5.0), SKY):
+        fold = flat.copy()
+        fold[:, 4:] = other
+        found = draw(egl, seen_text(after), (8, 6), {"u_surface": fold})[0][..., 0]
+        assert not found[:, :3].any() and found[:, 3].all()
+        if other != SKY:
+            assert not found[:, 5:].any() and found[:, 4].all()
+
+
+SEEN = """
+uniform sampler2D u_point;
+uniform sampler2D u_way;
+uniform vec3 u_position;
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    vec2 pixel = vec2(-7.0);
+    bool found = seen_before(texelFetch(u_point, at, 0), u_position, texelFetch(u_way, at, 0).xyz, pixel);
+    c = vec4(found ? 1.0 : 0.0, pixel, 0.0);
+}
+"""
+FRAME = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
+
+
+def seen(egl: Context, points: np.ndarray, sky: bool = False, outside: str = "", history: Any = None) -> np.ndarray:
+    """Whether points, (n, 3) in the space of the earlier camera, which looks along -z, were in its 8 x 6 pixels of half
+    slope 0.75, where all is at the distance 10 and faces x; and where. The later camera is somewhere else."""
+    before, position = np.array([3.0, -2, 7]), np.array([40.0, 30, -20])
+    world = points @ FRAME.T + (0 if sky else before - position)
+    depth = np.linalg.norm(world, axis=1, keepdims=True)
+    surface = np.concatenate([depth, np.broadcast_to((1.0, 0, 3), (len(points), 3))], axis=1)
+    if sky:
+        surface[:] = SKY
+    if history is None:
+        history = np.broadcast_to(np.float32(SKY if sky else facing("x", 10.0)), (6, 8, 4))
+    given = {
+        "u_point": surface[None],
+        "u_way": rgba((world / depth)[None]),
+        "u_position": position,
+        "u_surface": np.broadcast_to(np.float32(SKY if sky else facing("x", 10.0)), (1, 1, 4)),
+        "u_history": np.zeros((6, 8, 4)),
+        "u_history_surface": history,
+        "u_before_position": before,
+        "u_before_frame": FRAME,
+        "u_before_slope": 0.75,
+    }
+    return draw(egl, seen_text(SEEN, outside), (len(points), 1), given)[0][0, :, :3]
+
+
+def through(pixels: Any, distance: float = 10.0) -> np.ndarray:
+    """The points that the earlier camera saw at a distance through places of its picture."""
+    p = (2 * np.asarray(pixels, float) - (8, 6)) / 6 * 0.75
+    way = np.concatenate([p, -np.ones((len(p), 1))], axis=1)
+    return distance * way / np.linalg.norm(way, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("sky", [False, True])
+def test_a_point_is_found_where_the_earlier_camera_saw_it(egl: Context, sky: bool) -> None:
+    """The sky by its direction alone: wherever the cameras stand, it is infinitely far."""
+    pixels = np.array([(4, 3), (0.5, 0.5), (7.5, 5.5), (0.01, 5.99), (7.99, 0.01), (2.3, 4.6)])
+    found = seen(egl, through(pixels), sky)
+    assert found[:, 0].all()
+    np.testing.assert_allclose(found[:, 1:], pixels, atol=2e-4)
+
+
+@pytest.mark.parametrize("sky", [False, True])
+def test_beside_the_picture_and_behind_the_camera_nothing_was_seen(egl: Context, sky: bool) -> None:
+    pixels = [(-0.5, 3), (8.5, 3), (4, -0.5), (4, 6.5), (-0.01, 5), (8.01, 5), (4, -0.01), (4, 6.01), (900, 3)]
+    assert not seen(egl, through(pixels), sky)[:, 0].any()
+    behind = -through([(4, 3), (2, 2), (7, 5)])
+    assert not seen(egl, behind, sky)[:, 0].any()
+
+
+def test_a_point_at_another_distance_was_not_seen(egl: Context) -> None:
+    pixels = [(4.2, 3.1), (0.5, 0.5), (7.5, 5.5)]
+    assert not seen(egl, through(pixels, 12.0))[:, 0].any()
+    assert not seen(egl, through(pixels, 8.0))[:, 0].any()
+
+
+def test_any_texel_around_will_do_but_none_beyond_the_edge(egl: Context) -> None:
+    """What lies outside of a texture may be anything, on some device even what would be taken for the point."""
+    one = np.broadcast_to(np.float32(SKY), (6, 8, 4)).copy()
+    corners = [(0.5, 0.5), (7.5, 0.5), (0.5, 5.5), (7.5, 5.5)]
+    assert not seen(egl, through(corners), outside="10.0, 1.0, 0.0, 3.0", history=one)[:, 0].any()
+    one[2, 3] = facing("x", 10.0)
+    pixels = [(3.5, 2.5), (2.5, 1.5), (4.9, 3.9), (5.1, 2.5), (3.5, 4.1), (1.9, 2.5)]
+    assert seen(egl, through(pixels), history=one)[:, 0].tolist() == [1, 1, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("component", range(4))
+def test_a_poisoned_surface_is_not_known_again(egl: Context, component: int, poison: float) -> None:
+    for sky in (False, True):
+        history = np.broadcast_to(np.float32(SKY if sky else facing("x", 10.0)), (6, 8, 4)).copy()
+        history[..., component] = poison
+        assert not seen(egl, through([(4, 3), (0.5, 5.5)]), sky, history=history)[:, 0].any()
+
+
+# The pass that joins them.
+
+STAND_INS = """
+struct Ray { vec3 origin; vec3 direction; };
+uniform sampler2D u_color;
+uniform sampler2D u_surface;
+uniform sampler2D u_history;
+uniform bool u_known;
+vec4 asked_for;
+Ray camera_ray(vec2 pixel) { return Ray(vec3(0.0), vec3(pixel, 1.0)); }
+bool seen_before(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
+    asked_for = surface;
+    pixel = direction.xy;
+    return u_known;
+}
+vec4 history_at(vec2 pixel) { return texelFetch(u_history, ivec2(pixel), 0); }
+vec3 clipped(vec3 color) { return u_nearest ? asked_for.xyw : color; }
+"""
+
+
+def resolved(egl: Context, color: np.ndarray, history: np.ndarray, **given: Any) -> list[np.ndarray]:
+    """Colour with its count, and surface."""
+    before = "uniform bool u_nearest;\n" + STAND_INS
+    text = modules("temporal/finite", "temporal/resolve", before=before)
+    values = {"u_color": color, "u_history": history, "u_keep": True, "u_still": False, "u_known": True, **given}
+    values.setdefault("u_surface", np.broadcast_to(np.float32(SKY), color.shape))
+    return draw(egl, text, color.shape[1::-1], values, 2)
+
+
+def test_surfaces_around_that_are_nearer_tell_where_an_edge_was(egl: Context) -> None:
+    """The nearest of nine, at the ends of the picture of those that there are; the sky is behind everything."""
+    random = np.random.default_rng(6)
+    surface = random.uniform(1, 9, (12, 16, 4)).astype(np.float32)
+    surface[random.random((12, 16)) < 0.8] = SKY
+    nine = around(surface)
+    distance = np.where(nine[..., 0] < 0, np.inf, nine[..., 0])
+    nearest = np.take_along_axis(nine, distance.argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
+    nothing = np.zeros((12, 16, 4))
+    found, kept = resolved(egl, nothing, nothing + 1, u_surface=surface, u_nearest=True)
+    assert np.array_equal(found[..., :3], nearest[..., [0, 1, 3]])
+    assert np.array_equal(kept, surface), "what is kept of the pixel is its own surface"
+
+
+def test_samples_that_are_joined_are_their_mean(egl: Context) -> None:
+    """A moving picture forgets all but ten, a still one nothing; what was not seen, or is not to be kept, is new."""
+    counts = np.array([[0.0, 1, 9, 10, 11, 1000]])
+    history = np.stack([counts * 0 + 8, counts * 0, counts * 0 + 2, counts], axis=-1)
+    color = np.broadcast_to(np.float32((0, 4, 2, 1)), history.shape)
+    moving = np.minimum(counts, 10)
+    for given, kept in (
+        ({}, moving),
+        ({"u_still": True}, counts),
+        ({"u_known": False}, 0 * counts),
+        ({"u_keep": False}, 0 * counts),
+        ({"u_keep": False, "u_still": True}, 0 * counts),
+    ):
+        found = resolved(egl, color, history, **given)[0]
+        known = np.stack([8 * kept, 4 + 0 * kept, 2 * kept + 2, (kept + 1) ** 2], axis=-1) / (kept + 1)[..., None]
+        np.testing.assert_allclose(found, known, rtol=4 * ULP, atol=4 * ULP)
+
+
+@pytest.mark.parametrize("still", [False, True])
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+def test_neither_a_poisoned_sample_nor_a_poisoned_history_leaves_a_trace(
+    egl: Context, poison: float, still: bool
+) -> None:
+    clean = np.broadcast_to(np.float32((1, 2, 3, 4)), (1, 9, 4))
+    spoilt = clean.copy()
+    for k in range(4):
+        spoilt[0, k, k] = poison
+        spoilt[0, 4 + k, :] = poison
+    sound = resolved(egl, clean, spoilt, u_still=still)[0]
+    np.testing.assert_allclose(sound, [[(1, 2, 3, 4)] * 8 + [(1, 2, 3, 8)]], rtol=4 * ULP)
+    sound = resolved(egl, spoilt, clean, u_still=still)[0]
+    np.testing.assert_allclose(sound, [[(1, 2, 3, 4)] * 8 + [(1, 2, 3, 8)]], rtol=4 * ULP)
+    nothing = resolved(egl, spoilt, spoilt, u_still=still)[0]
+    assert not nothing[0, :8].any(), "no sample at all is black, and counts none"

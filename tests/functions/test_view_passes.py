@@ -1,0 +1,229 @@
+"""The passes of a picture, each whole, with stand-ins for the rays and for what they meet."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from glsl_harness import draw, modules, run
+
+from raymarch.expr.types import VEC2
+from raymarch.gpu.context import Context
+
+ULP = 2.0**-24
+CLOCK = "GL_ARB_shader_clock"
+RAY = """
+struct Ray { vec3 origin; vec3 direction; };
+Ray camera_ray(vec2 pixel) { return Ray(vec3(0.0, 0.0, 10.0), vec3(pixel, -1.0)); }
+"""
+MET = """
+uniform sampler2D u_met;  // found, done, distance, residual
+uniform sampler2D u_lit;
+Hit trace(Ray ray) {
+    vec4 met = texelFetch(u_met, ivec2(gl_FragCoord.xy), 0);
+    return Hit(met.y > 0.0, met.x > 0.0, met.z, met.w, 20.0, 30.0, 2.0);
+}
+vec3 shade(Ray ray, Hit hit) { return texelFetch(u_lit, ivec2(gl_FragCoord.xy), 0).rgb; }
+vec3 sky(vec3 direction) { return vec3(4.0, 5.0, 6.0); }
+vec3 surface_normal(vec3 p, vec3 direction) { return texelFetch(u_lit, ivec2(gl_FragCoord.xy), 0).rgb; }
+float material_index(vec3 p) { return p.z; }
+"""
+SHAPE = (4, 6, 4)
+
+
+def passed(
+    egl: Context, name: str, *others: str, count: int = 1, start: str = "", extra: str = "", **given: Any
+) -> list[np.ndarray]:
+    """What a pass draws; the left half of the picture meets something at 2, the right half nothing up to 7."""
+    given = {"u_met": halves((1, 1, 2, 0.5), (0, 1, 7, 0.25)), "u_lit": halves((1, 2, 3, 0)), **given}
+    with_hits = modules("march/hit", before=start + RAY, after=MET + extra)
+    return draw(egl, with_hits + modules(*others, name), given["u_met"].shape[1::-1], given, count)
+
+
+def halves(left: tuple[float, ...], right: tuple[float, ...] | None = None) -> np.ndarray:
+    picture = np.empty(SHAPE, np.float32)
+    picture[:, :3], picture[:, 3:] = left, left if right is None else right
+    return picture
+
+
+ACCUMULATED = ("temporal/finite", "view/accumulate")
+PROBED = """
+const float color_fault = 12.0;
+vec2 surface_faults(vec3 p) { return vec2(u_broken ? 35.0 : 0.0, p.z); }
+"""
+
+
+@pytest.mark.parametrize("name", ["color", "accumulate", "sample", "lipschitz", "nonfinite", "cycles"])
+def test_a_pixel_has_the_colour_of_what_it_meets_or_of_the_sky(egl: Context, name: str) -> None:
+    others, count, at, start, extra = ("temporal/finite",), 1, 0, "", ""
+    if name == "cycles":
+        needs_clock(egl)
+        start = f"#extension {CLOCK} : require\n"
+    if name == "lipschitz":
+        others, count, at = (*others, "probe/seen"), 3, 2
+    if name == "nonfinite":
+        others, count, at, start, extra = (*others, "probe/note"), 3, 2, "uniform bool u_broken;\n", PROBED
+    if name == "sample":
+        count = 2
+    color = passed(egl, f"view/{name}", *others, count=count, start=start, extra=extra)[at]
+    known = halves((1, 2, 3, 1), (4, 5, 6, 1))
+    if name == "cycles":
+        color, known = color[..., 1:], known[..., :3]
+    assert np.array_equal(color, known)
+
+
+def needs_clock(context: Context) -> None:
+    if CLOCK not in context.gl.extensions:
+        pytest.skip(f"{context} has no {CLOCK}")
+
+
+def test_cycles_are_counted_for_each_pixel(egl: Context) -> None:
+    """The second reading is not before the colour is known."""
+    needs_clock(egl)
+    assert np.all(passed(egl, "view/cycles", start=f"#extension {CLOCK} : require\n")[0][..., 0] > 0)
+
+
+def test_samples_are_averaged(egl: Context) -> None:
+    history = halves((8, 0, 2, 1), (8, 0, 2, 3))
+    color = passed(egl, "view/accumulate", "temporal/finite", u_history=history, u_keep=True)[0]
+    np.testing.assert_allclose(color, halves((4.5, 1, 2.5, 2), (7, 1.25, 3, 4)), rtol=4 * ULP)
+    assert np.array_equal(
+        passed(egl, "view/accumulate", "temporal/finite", u_history=history, u_keep=False)[0],
+        halves((1, 2, 3, 1), (4, 5, 6, 1)),
+    )
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+def test_neither_a_poisoned_sample_nor_a_poisoned_history_leaves_a_trace(egl: Context, poison: float) -> None:
+    def drawn(lit: np.ndarray, history: np.ndarray, keep: bool = True) -> np.ndarray:
+        return passed(egl, "view/accumulate", "temporal/finite", u_lit=lit, u_history=history, u_keep=keep)[0][:, :3]
+
+    clean, history = halves((1, 2, 3, 0)), halves((1, 2, 3, 4))
+    spoilt, before = clean.copy(), history.copy()
+    for k in range(3):
+        spoilt[0, k, k] = poison
+        before[0, k, k] = before[1, k, 3] = poison
+    spoilt[1:] = before[2:] = poison
+    assert np.array_equal(drawn(clean, before), np.broadcast_to(np.float32((1, 2, 3, 1)), (4, 3, 4)))
+    assert np.array_equal(drawn(spoilt, history), history[:, :3])
+    assert not drawn(spoilt, before).any() and not drawn(spoilt, history, keep=False).any(), "black, of no sample"
+
+
+def test_what_was_hit_and_what_it_took(egl: Context) -> None:
+    met = halves((1, 1, 2, 0.5), (0, 1, 7, 0.25))
+    met[0, :, 1] = 0  # the march came to no end
+    march, surface, more = passed(egl, "view/geometry", count=3, u_met=met)
+    assert np.array_equal(march, halves((2, 0.5, 20, 30), (-1, 0.25, 20, 30)))
+    assert np.array_equal(surface, halves((1, 2, 3, 8), (0, 0, 0, -1)))
+    ended = halves((2, 1, 2, 0), (2, 1, 7, 0))
+    ended[0, :, 1] = 0
+    assert np.array_equal(more, ended)
+
+
+def test_the_sample_of_a_pixel_holds_what_it_saw(egl: Context) -> None:
+    """A depth, a normal that can be unfolded again in both hemispheres, on the axes too, and the material."""
+    n = np.random.default_rng(7).normal(size=(40, 60, 3))
+    n[:10, :, 2] = 0
+    n[10:20, :, 0] = 0
+    n[20:30, :, 1] = 0
+    n[0, :6] = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+    n /= np.linalg.norm(n, axis=2, keepdims=True)
+    lit = np.concatenate([n, np.zeros((40, 60, 1))], axis=2)
+    met = np.broadcast_to(np.float32((1, 1, 2, 0)), lit.shape)
+    surface = passed(egl, "view/sample", count=2, u_met=met, u_lit=lit)[1]
+    assert np.all(surface[..., 0] == 2) and np.all(surface[..., 3] == 8)
+    e = surface[..., 1:3].reshape(-1, 2).astype(float)
+    assert np.abs(e).max() <= 1 + 4 * ULP
+    upper = np.abs(e).sum(axis=1) <= 1 + 4 * ULP
+    assert np.array_equal(upper, n[..., 2].ravel() >= 0), "the upper half is the inner square"
+    text = modules("temporal/finite", "temporal/seen", before="uniform sampler2D u_history;")
+    np.testing.assert_allclose(run(egl, text, "unfolded({0})", [(VEC2, e)], 3), n.reshape(-1, 3), atol=16 * ULP)
+    missed = passed(egl, "view/sample", count=2, u_met=0 * met)[1]
+    assert np.all(missed == (-1, 0, 0, -1))
+
+
+# The cones.
+
+CONED = """
+uniform sampler2D u_range;  // where the range of the cone begins and ends, the cone's slope, where a coarser cone ends
+uniform sampler2D u_march;  // what the march finds: distance, field, slope, 1 if a surface
+const vec2 u_cell = vec2(2.0, 3.0);
+float u_cone = texelFetch(u_range, ivec2(gl_FragCoord.xy), 0).z;
+vec2 range_of(Ray ray) { return texelFetch(u_range, ivec2(gl_FragCoord.xy), 0).xy; }
+bool carry_on(inout March at, inout vec2 spent) {
+    float carried = texelFetch(u_range, ivec2(gl_FragCoord.xy), 0).w;
+    spent = vec2(5.0, 6.0);
+    at.t = max(at.t, carried);
+    return carried >= 0.0;
+}
+Hit march(Ray ray, inout March at, float far) {
+    vec4 known = texelFetch(u_march, ivec2(gl_FragCoord.xy), 0);
+    at = March(known.x, known.y, known.z, true, false);
+    Hit hit = missed(known.x);
+    hit.found = known.w > 0.0;
+    hit.iterations = 7.0;
+    hit.evaluations = 12.0;
+    return hit;
+}
+"""
+
+
+def cones(egl: Context, cases: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> np.ndarray:
+    ranges, marches = (np.array([list(side)]) for side in zip(*cases, strict=True))
+    text = modules("march/hit", before=RAY, after=CONED) + modules("view/cone")
+    return draw(egl, text, (len(cases), 1), {"u_range": ranges, "u_march": marches})[0][0]
+
+
+def test_how_far_a_cone_is_free(egl: Context) -> None:
+    """Never a negative distance where something may be met: that would say that nothing can be."""
+    cases = {
+        "stops at a surface": (((1, 9, 0.5, 0), (4, 0.25, 0.5, 1)), (4.25, 1.25, 12, 8)),
+        "stops within a solid": (((0, 9, 0.5, 0), (0.125, -0.5, 0.5, 1)), (0, 1.25, 12, 8)),
+        "runs out of steps": (((1, 9, 0.5, 0), (4, 0.25, -0.5, 0)), (4.25, -0.25, 12, 8)),
+        "is free to its end": (((1, 9, 0.5, 0), (8, 2, 0.25, 0)), (-1, 0.875, 12, 8)),
+        "finds at its very end": (((1, 9, 0.5, 0), (8, 2, 0.25, 1)), (10, 0.875, 12, 8)),
+        "has no range": (((2, 1, 0.5, 0), (4, 0.25, 0.5, 1)), (-1, -1, 0, 0)),
+        "lies in free cones": (((1, 9, 0.5, -1), (4, 0.25, 0.5, 1)), (-1, -1, 5, 6)),
+        "starts behind its range": (((1, 9, 0.5, 9.5), (4, 0.25, 0.5, 1)), (-1, -1, 5, 6)),
+        "knows no slope": (((1, 9, 0.5, 0), (4, 0.25, -1, 1)), (4.25, -1, 12, 8)),
+    }
+    found = cones(egl, [case for case, _ in cases.values()])
+    assert dict(zip(cases, found.tolist(), strict=True)) == {name: list(known) for name, (_, known) in cases.items()}
+
+
+def test_an_unknown_slope_stays_unknown_however_wide_the_cone(egl: Context) -> None:
+    """To the bit: a slope of -1 + 2^-24 would be taken for known."""
+    widths = np.random.default_rng(8).uniform(0, 0.5, 2000)
+    found = cones(egl, [((1, 9, width, 0), (4, 0.25, -1, 1)) for width in widths])
+    assert np.all(found[:, 1] == -1)
+
+
+# The slice.
+
+
+def sliced(egl: Context, plane: tuple[float, ...], origin: tuple[float, ...]) -> np.ndarray:
+    """Where the rays through 4 x 3 pixels, (x, y, -1) from the origin, meet a plane: the field is z, slope 3."""
+    before = f"""
+    struct Ray {{ vec3 origin; vec3 direction; }};
+    Ray camera_ray(vec2 pixel) {{ return Ray(vec3{origin}, vec3(pixel - vec2(2.0, 1.5), -1.0)); }}
+    vec4 field_gradient(vec3 p) {{ return vec4(0.0, 0.0, 3.0, p.z); }}
+    """
+    return draw(egl, modules("view/slice", before=before), (4, 3), {"u_slice": plane})[0]
+
+
+def test_a_slice_shows_the_field_where_rays_meet_it(egl: Context) -> None:
+    assert np.all(sliced(egl, (0, 0, 1, -2), (0.0, 0.0, 3.0)) == (-2, 3, 5, 1)), "z = -2 before the camera"
+    assert np.all(sliced(egl, (0, 0, 1, 5), (0.0, 0.0, 3.0)) == (0, 0, -1, 0)), "z = 5 behind it"
+    floor = sliced(egl, (0, 1, 0, -1), (0.0, 0.0, 3.0))
+    assert np.all(floor[0] == (2, 3, 1, 1)), "down: y falls by 1 while z falls by 1"
+    assert np.all(floor[1:] == (0, 0, -1, 0)), "along y = -1, or away from it"
+
+
+def test_rays_in_the_plane_of_a_slice_meet_it_at_the_camera(egl: Context) -> None:
+    """The middle row looks along y = 0, from it: it is not to be undefined, and not to be beside the plane."""
+    found = sliced(egl, (0, 1, 0, 0), (0.0, 0.0, 3.0))
+    assert np.all(found == (3, 3, 0, 1))
+    for beside in (1e-30, 1e-3, 0.5, 2.0, 1e30):
+        for side in (beside, -beside):
+            assert np.all(sliced(egl, (0, 1, 0, side), (0.0, 0.0, 3.0))[1] == (0, 0, -1, 0)), "near it, yet never met"
