@@ -14,7 +14,7 @@ bool carry_on(inout March at, inout vec2 spent) {
     vec2 middle = gl_FragCoord.xy * u_cell;
     ivec2 last = textureSize(u_carried, 0) - 1;
     // a thousandth of a pixel inwards, so that rounding does not take in the neighbours of a cell that just fits
-    ivec2 low = clamp(ivec2((middle - u_footprint + 0.001) / u_carried_cell), ivec2(0), last);
+    ivec2 low = ivec2((middle - u_footprint + 0.001) / u_carried_cell);
     ivec2 high = clamp(ivec2((middle + u_footprint - 0.001) / u_carried_cell), low, last);
     float free = 1.0e30;
     for (int y = low.y; y <= high.y; y++) {

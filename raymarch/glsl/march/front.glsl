@@ -36,14 +36,14 @@ Hit march(Ray ray, inout March at, float far) {
             float low = kept_t - abs(kept_r);
             if (kept && c >= low) c = 0.5 * (front + low);
             c = max(c, front);
+            bool gap = c > front && !(kept && c >= low);  // no number lies between a front and a sphere that nearly touch
             float next = along(ray, c);
-            if (c - next > front && c > front) {
+            if (gap && c - next > front) {
                 hit.fallbacks += 1.0;
                 kept = true;
                 kept_t = c;
                 kept_r = next;
-                // up to the kept sphere; less than before, because its step was too long
-                at.slope = clamp((next - at.r) / (c - at.t), -1.0, at.slope);
+                at.slope = (next - at.r) / (c - at.t);  // up to the kept sphere
                 continue;
             }
             slope = (next - at.r) / (c - at.t);
@@ -57,7 +57,7 @@ Hit march(Ray ray, inout March at, float far) {
                 front = max(front, at.t + at.r);
                 nearer(hit, at.t, at.r);
             }
-            if (kept && at.t >= kept_t - abs(kept_r)) kept = false;
+            if (kept && at.t >= kept_t - kept_r) kept = false;
         }
         if (!near) break;
         if (settle(hit, ray, at.t, at.r, slope)) return hit;

@@ -32,7 +32,8 @@ Hit missed(float near) {
 
 // Keeps the sample with the smallest residual as seen from the camera: what a ray that runs out of steps falls back on.
 void nearer(inout Hit hit, float t, float r) {
-    if (hit.evaluations > 1.0 && r * hit.t >= hit.residual * t) return;
+    float residual = abs(r);  // a sample deep inside a solid is not near its surface
+    if (hit.evaluations > 1.0 && residual * hit.t >= hit.residual * t) return;
     hit.t = t;
-    hit.residual = r;
+    hit.residual = residual;
 }

@@ -30,7 +30,7 @@ Hit march(Ray ray, inout March at, float far) {
             hit.iterations += 1.0;
             hit.evaluations += 1.0;
             float next = along(ray, at.t + z);
-            if (aiming && abs(next) < reach) {
+            if (aiming && next < reach) {  // in front of it, or behind it: then it lies between
                 near = true;
                 to = vec2(at.t + z, next);
                 slope = (next - at.r) / z;

@@ -1,0 +1,223 @@
+"""Fields along a ray whose surfaces are known: piecewise linear with eight knots, 1-Lipschitz, and marched by a tracer.
+
+The ray runs along +z from the origin, so that a point's z is the distance on the ray, without rounding. The field
+counts for itself how often, how far and where it is asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from glsl_harness import modules, run
+from numpy.typing import NDArray
+
+from raymarch.expr.types import VEC4
+from raymarch.gpu.context import Context
+
+KNOTS = 8
+PIXEL = 0.002
+NEAR, CONTACT = 0.1 * PIXEL, 0.0625 * 0.1 * PIXEL
+"""Width of a pixel at distance 1, and the shares of it within which a ray looks for a surface, and has met it."""
+ROUNDING = 2.0**-22
+"""2 ulp: below this share of the distance nothing is told apart."""
+
+FIELD = """
+struct Ray { vec3 origin; vec3 direction; };
+float place[8];
+float value[8];
+float asked = 0.0;  // how often
+float furthest = 0.0;
+float twice = 0.0;  // how often at the same place as just before
+float wasted = 0.0;  // how often where the spheres before had proven all free
+float free = 0.0;
+float last = -1.0;
+vec2 spheres[4];  // the last that were found, from end to end
+float known = 0.0;  // how often within one of them
+
+float field(vec3 p) {
+    float t = p.z;
+    int k = 0;
+    for (int i = 1; i < 7; i++) k = t >= place[i] ? i : k;
+    float f = value[k] + (value[k + 1] - value[k]) / (place[k + 1] - place[k]) * (t - place[k]);
+    asked += 1.0;
+    twice += t == last ? 1.0 : 0.0;
+    wasted += t < free * (1.0 - 4.0e-7) ? 1.0 : 0.0;
+    furthest = max(furthest, t);
+    bool within = false;
+    for (int i = 0; i < 4; i++) {
+        within = within || (float(i) < asked - 1.0 && t > spheres[i].x + 4.0e-7 * t && t < spheres[i].y - 4.0e-7 * t);
+    }
+    known += within ? 1.0 : 0.0;
+    spheres[int(mod(asked - 1.0, 4.0))] = vec2(t - abs(f), t + abs(f));
+    if (t - abs(f) <= free || asked == 1.0) free = max(free, t + abs(f));
+    last = t;
+    return f;
+}
+void given(vec4 a, vec4 b, vec4 c, vec4 d) {
+    for (int i = 0; i < 4; i++) {
+        place[i] = a[i];
+        place[i + 4] = b[i];
+        value[i] = c[i];
+        value[i + 4] = d[i];
+    }
+}
+"""
+CONSTANTS = """
+const float epsilon_pixels = 0.1;
+const float contact_share = 0.0625;
+const float smoothing = 0.3;
+const float step_scale = {scale};
+const float relaxation = {relaxation};
+const bool relax_again = {again};
+const float step_variation = {variation};
+float random_of_pixel(int i) {{ return 1.0; }}
+uniform int march_steps;
+vec2 marched;
+vec2 range_of(Ray ray) {{ return marched; }}
+"""
+AFTER = """
+vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
+    given(a, b, c, d);
+    marched = e.xy;
+    Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0));
+    March at = begun(e.x);
+    at.slope = e.w;
+    Hit hit = march(ray, at, e.y);
+    if (e.z == 0.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
+    if (e.z == 1.0) return vec4(hit.done, hit.found, hit.fallbacks, asked);
+    return vec4(furthest, twice, wasted, known);
+}
+"""
+TRACED = AFTER.replace("march(ray, at, e.y)", "trace(ray)")
+TRACERS: Mapping[str, tuple[str, ...]] = {
+    "plain": ("march/aim_never", "march/plain", "march/loop"),
+    "varied": ("march/aim_never", "march/plain_varied", "march/loop"),
+    "relaxed": ("march/aim_never", "march/relaxed", "march/loop"),
+    "relaxed_again": ("march/aim_never", "march/relaxed", "march/loop"),
+    "enhanced": ("march/aim_never", "march/enhanced", "march/loop"),
+    "auto_relaxed": ("march/aim", "march/auto_relaxed", "march/loop"),
+    "front": ("march/front",),
+}
+
+
+def text_of(
+    tracer: str, settle: str = "settle", after: str = AFTER, scale: float = 1.0, trace: tuple[str, ...] = ("trace",)
+) -> str:
+    """The functions of a tracer, on the field of a profile."""
+    constants = CONSTANTS.format(
+        relaxation=0.88 if tracer == "enhanced" else 1.6,
+        again="true" if tracer == "relaxed_again" else "false",
+        scale=scale,
+        variation=0.5,
+    )
+    names = ("epsilon", "hit", "along", settle, "exhausted")
+    whole = (*(f"march/{name}" for name in names), *TRACERS[tracer], *(f"march/{name}" for name in trace))
+    return modules(*whole, before=FIELD + constants, after=after)
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Many fields along a ray: `places` and `values` of the knots, float32 (N, 8); linear beyond the first and last."""
+
+    places: NDArray[np.float32]
+    values: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, lengths: NDArray[np.float64], slopes: NDArray[np.float64], first: NDArray[np.float64]) -> Profiles:
+        """From the lengths and slopes of the seven parts, (N, 7), and the first value."""
+        steps = np.cumsum(lengths, axis=1)
+        places = np.column_stack([np.zeros(len(lengths)), steps])
+        values = np.column_stack([first, first[:, None] + np.cumsum(lengths * slopes, axis=1)])
+        return cls(places.astype(np.float32), values.astype(np.float32))
+
+    def halves(self) -> list[NDArray[np.float32]]:
+        """The knots as four inputs of vec4."""
+        return [part[:, half] for part in (self.places, self.values) for half in (slice(4), slice(4, 8))]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __add__(self, other: Profiles) -> Profiles:
+        return Profiles(np.vstack([self.places, other.places]), np.vstack([self.values, other.values]))
+
+    def __getitem__(self, of: Any) -> Profiles:
+        return Profiles(self.places[of], self.values[of])
+
+    def at(self, t: NDArray[Any]) -> NDArray[np.float64]:
+        """The field at a distance each, in float64."""
+        p, v, t = self.places.astype(float), self.values.astype(float), np.asarray(t, float)
+        k = np.clip(np.sum(t[:, None] >= p, axis=1) - 1, 0, KNOTS - 2)
+        i = np.arange(len(p))
+        return np.asarray(v[i, k] + (v[i, k + 1] - v[i, k]) / (p[i, k + 1] - p[i, k]) * (t - p[i, k]))
+
+    def least(self, t: NDArray[Any]) -> NDArray[np.float64]:
+        """The least value up to a distance each; (N,)."""
+        v = np.where(self.places <= np.asarray(t)[:, None], self.values.astype(float), np.inf)
+        return np.asarray(np.minimum(v.min(axis=1), self.at(t)))
+
+    def root(self, level: float | NDArray[Any] = 0.0) -> NDArray[np.float64]:
+        """The first distance at which the field is at a level or below; infinite if none."""
+        p, v = self.places.astype(float), self.values.astype(float) - np.reshape(level, (-1, 1))
+        found = np.full(len(p), np.inf)
+        for k in reversed(range(KNOTS - 1)):
+            falls = (v[:, k] > 0) & ((v[:, k + 1] <= 0) | ((k == KNOTS - 2) & (v[:, k + 1] < v[:, k])))
+            drop = np.where(falls, v[:, k] - v[:, k + 1], 1.0)
+            found = np.where(falls, p[:, k] + v[:, k] * (p[:, k + 1] - p[:, k]) / drop, found)
+        return np.where(v[:, 0] <= 0, 0.0, found)
+
+
+def plane(slope: NDArray[np.float64], first: NDArray[np.float64]) -> Profiles:
+    """Fields of one slope each, (N,), from a first value each."""
+    return Profiles.of(np.full((len(slope), 7), 3.0), np.repeat(slope[:, None], 7, axis=1), first)
+
+
+def contact(t: NDArray[Any]) -> NDArray[np.float64]:
+    """Within this of a surface a ray has met it, with what the field itself is rounded by."""
+    return np.asarray(max(CONTACT, ROUNDING) * np.asarray(t, float) * (1 + 1e-3) + 4e-7)
+
+
+@dataclass(frozen=True)
+class Marched:
+    """What a tracer found on each profile, and how the field was asked; see the module march/hit."""
+
+    t: NDArray[np.float32]
+    residual: NDArray[np.float32]
+    iterations: NDArray[np.float32]
+    evaluations: NDArray[np.float32]
+    done: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+    fallbacks: NDArray[np.float32]
+    asked: NDArray[np.float32]
+    furthest: NDArray[np.float32]
+    twice: NDArray[np.float32]
+    wasted: NDArray[np.float32]
+    known: NDArray[np.float32]
+
+
+def march(
+    egl: Context,
+    text: str,
+    profiles: Profiles,
+    begin: float = 0.0,
+    far: float = 20.0,
+    steps: int = 512,
+    side: int = 1,
+    slope: float = -1.0,
+) -> Marched:
+    """March all profiles from `begin` to `far`, with a slope that cones have handed on, or -1 for none."""
+    count = len(profiles)
+    part = np.repeat([0, 1, 2], count)
+    about = np.column_stack([np.full(3 * count, begin), np.full(3 * count, far), part, np.full(3 * count, slope)])
+    knots = [np.tile(half, (3, 1)) for half in profiles.halves()]
+    uniforms = {"u_pixel": PIXEL, "u_side": float(side), "march_steps": steps}
+    inputs = [(VEC4, given) for given in (*knots, about)]
+    found = run(egl, text, "traced({0}, {1}, {2}, {3}, {4})", inputs, 4, uniforms).reshape(3, count, 4)
+    t, residual, iterations, evaluations = found[0].T
+    done, hit, fallbacks, asked = found[1].T
+    furthest, twice, wasted, known = found[2].T
+    return Marched(
+        t, residual, iterations, evaluations, done == 1, hit == 1, fallbacks, asked, furthest, twice, wasted, known
+    )

@@ -1,0 +1,88 @@
+"""Where a ray's range begins and ends, and how near is near enough, at the ends of their ranges."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from glsl_harness import modules, run
+from numpy.typing import NDArray
+
+from raymarch.expr.types import FLOAT, VEC2, VEC3
+from raymarch.gpu.context import Context
+
+ULP = 2.0**-24
+FAR = 100.0
+CLIP = modules("march/below", "march/above", "march/slab")
+DIRECTIONS = np.array([0.0, -0.0, 1e-30, -1e-30, 1e-12, -1e-12, 0.25, -0.25, 1.0, -1.0])
+PLACES = np.array([-3.0, -1.0, -0.25, 0.5, 0.75, 2.0, 1e6, -1e6])
+RANGES = np.array([(0.0, FAR), (2.0, 5.0), (50.0, FAR)])
+_ALL = list(itertools.product(RANGES, PLACES, DIRECTIONS))
+RANGE, ORIGIN, DIRECTION = (np.array([case[i] for case in _ALL]) for i in range(3))
+
+
+def _clipped(upper: float | None, lower: float | None) -> NDArray[np.float64]:
+    """The part of each range in which a ray is between planes; (1, 0) where there is none."""
+    found = RANGE.copy()
+    for end, sign in ((upper, 1.0), (lower, -1.0)):
+        if end is None:
+            continue
+        way, room = sign * DIRECTION, sign * (end - ORIGIN)  # it is between while t way <= room
+        parallel = np.abs(way) < 1e-20
+        t = room / np.where(parallel, 1.0, way)
+        found[:, 1] = np.where(~parallel & (way > 0), np.minimum(found[:, 1], t), found[:, 1])
+        found[:, 0] = np.where(~parallel & (way < 0), np.maximum(found[:, 0], t), found[:, 0])
+        found[parallel & (room < 0)] = (1.0, 0.0)
+    found[found[:, 0] > found[:, 1]] = (1.0, 0.0)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("call", "upper", "lower"),
+    [
+        ("below({0}, {1}, {2}, 1.0)", 1.0, None),
+        ("above({0}, {1}, {2}, -0.5)", None, -0.5),
+        ("slab({0}, {1}, {2}, -0.5, 1.0)", 1.0, -0.5),
+    ],
+)
+def test_a_range_is_cut_to_where_the_ray_is_inside(
+    egl: Context, call: str, upper: float | None, lower: float | None
+) -> None:
+    """Rays along the planes, towards them, away from them; from inside, from far outside and beyond."""
+    inputs = [(VEC2, RANGE), (FLOAT, ORIGIN), (FLOAT, DIRECTION)]
+    found, known = run(egl, CLIP, call, inputs, 2), _clipped(upper, lower)
+    empty = known[:, 0] > known[:, 1]
+    np.testing.assert_array_equal(found[:, 0] > found[:, 1], empty)
+    np.testing.assert_allclose(found[~empty], known[~empty], rtol=8 * ULP)
+    assert np.sum(empty) > 50 and np.sum(~empty) > 50
+
+
+PIXEL, NEAR, SHARE, CONE, CONE_SHARE = 0.002, 0.1, 0.0625, 0.01, 0.25
+CONSTANTS = f"""
+const float epsilon_pixels = {NEAR};
+const float contact_share = {SHARE};
+const float cone_share = {CONE_SHARE};
+"""
+WIDTHS = {
+    "march/epsilon": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
+    "march/epsilon_cone": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
+    "march/epsilon_cone of a cone": ("#define CONE\n", CONE_SHARE * CONE, CONE_SHARE * CONE),
+}
+
+
+@pytest.mark.parametrize("name", list(WIDTHS))
+def test_near_is_a_share_of_a_pixel_but_no_less_than_rounding(egl: Context, name: str) -> None:
+    """2 ulp of the largest of the coordinates and the distance, whichever that is and whatever its sign."""
+    define, near, contact = WIDTHS[name]
+    needed = "uniform float u_cone;\n" if "cone" in name else ""
+    text = modules(name.partition(" ")[0], before=define + needed + CONSTANTS)
+    places = [sign * size * np.eye(3)[i] for sign in (1, -1) for size in (1e-3, 7.0, 1e6) for i in range(3)]
+    p = np.array([*places, *places, (0, 0, 0), (0, 0, 0)])
+    t = np.array([0.0] * len(places) + [3.0] * len(places) + [0.0, 5.0])
+    for call, width in (("epsilon({0}, {1})", near), ("contact({0}, {1})", contact)):
+        for pixel in (1.0, 0.0):  # and a picture whose pixels have no width: rounding alone
+            uniforms = {"u_pixel": PIXEL * pixel} | ({"u_cone": CONE * pixel} if needed else {})
+            found = run(egl, text, call, [(VEC3, p), (FLOAT, t)], uniforms=uniforms)
+            rounding = 4 * ULP * np.maximum(np.abs(p).max(axis=1), t)
+            np.testing.assert_allclose(found, np.maximum(width * pixel * t, rounding), rtol=8 * ULP)

@@ -1,0 +1,172 @@
+"""Tracers on fields along a ray whose surfaces are known, against float64.
+
+What holds them: a sphere proves what lies in it free, so that no surface is passed; a ray looks for its surface within
+a tenth of a pixel and has met it within a sixteenth of that; no value is asked for again and again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fields import FAR, MANY, assert_true, everything
+from profiles import NEAR, PIXEL, TRACED, TRACERS, Profiles, contact, march, plane, text_of
+
+from raymarch.gpu.context import Context
+
+LONG = ("enhanced", "auto_relaxed", "front")
+"""The tracers whose steps go to where the spheres touch."""
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_a_tracer_meets_the_first_surface(egl: Context, tracer: str) -> None:
+    of = everything()
+    got = march(egl, text_of(tracer), of, far=FAR)
+    assert_true(of, got, FAR, 512)
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_on_a_plane_the_evaluations_are_known(egl: Context, tracer: str) -> None:
+    """A plain step leaves 1 - s of the distance to a plane of slope -s, one that touches (1 - s) / (1 + s). From a
+    tenth of a pixel on the slope leads onto the plane at once. Long steps begin with plain ones, to learn the slope."""
+    slope = np.linspace(0.02, 0.98, 400)
+    of = plane(-slope, np.tile([1e-2, 0.1, 0.3, 1], 100))
+    got = march(egl, text_of(tracer), of, far=60.0)
+    assert_true(of, got, 60.0, 512)
+    assert np.all(got.found & got.done)
+    shares = np.log(NEAR * of.root() / of.values[:, 0])
+    plain = 1 + np.ceil(shares / np.log1p(-slope))
+    touching = 1 + np.ceil(shares / (np.log1p(-slope) - np.log1p(slope)))
+    if tracer == "varied":
+        plain = 1 + np.ceil(shares / np.log1p(-0.5 * slope))
+    if tracer in ("plain", "varied"):
+        assert np.all(np.abs(got.evaluations - plain - 1) <= 3)
+        assert np.mean(got.evaluations - plain) < 2
+    elif tracer == "relaxed":
+        assert np.all(got.evaluations <= plain + 3)
+    if tracer in LONG:
+        assert np.all(got.evaluations <= plain + 2)
+        assert np.mean(got.evaluations - touching) < 5
+    if tracer == "auto_relaxed":  # the last long step leads onto the plane itself, where that is steep enough to tell
+        assert np.all((got.evaluations <= touching + 2)[slope > 0.3])
+    assert np.all(got.fallbacks <= {"plain": 0, "varied": 0, "enhanced": 0, "relaxed": 1}.get(tracer, 30))
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_a_ray_that_recedes_ends_soon(egl: Context, tracer: str) -> None:
+    """No long step may be taken for one that was too long, and none leads far beyond the end."""
+    slope = np.linspace(0.05, 1, 400)
+    of = plane(slope, np.tile([1e-2, 0.1, 0.3, 1], 100))
+    got = march(egl, text_of(tracer), of, far=FAR)
+    assert_true(of, got, FAR, 512)
+    assert np.all(got.done & ~got.found)
+    part = 0.5 if tracer == "varied" else 1.0
+    plain = 1 + np.ceil(np.log1p(slope * FAR / of.values[:, 0]) / np.log1p(part * slope))
+    assert np.all(got.evaluations <= plain + (tracer == "front"))
+    if tracer in ("relaxed", "relaxed_again"):
+        assert np.all(got.evaluations <= 2 + np.ceil(np.log1p(slope * FAR / of.values[:, 0]) / np.log1p(1.6 * slope)))
+    if tracer in LONG:
+        assert got.evaluations[slope > 0.9].max() <= (7 if tracer == "enhanced" else 9)
+    late = march(egl, text_of(tracer), of, begin=FAR - 1e-3, far=FAR)
+    assert np.all(late.asked == 1) and np.all(late.done & ~late.found)
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_a_ray_that_runs_out_of_steps_shows_where_it_came_nearest(egl: Context, tracer: str) -> None:
+    """As seen from the camera; it counts as a hit within a pixel. A ray far from all looks for nothing."""
+    of = everything()[: 2 * MANY]
+    got = march(egl, text_of(tracer), of, far=FAR, steps=3)
+    assert_true(of, got, FAR, 3)
+    out = ~got.done
+    assert np.mean(out) > 0.5
+    assert np.all(got.found[out] == (got.residual < PIXEL * got.t)[out])
+    alone = out & (got.residual > 2 * NEAR * FAR)
+    assert np.all(got.evaluations[alone] == 4)
+    if tracer == "plain":
+        t = np.zeros((5, len(of)))
+        for k in range(4):
+            t[k + 1] = t[k] + of.at(t[k])
+        shares = np.array([of.at(t[k]) / t[k] for k in range(1, 4)])
+        np.testing.assert_allclose((got.residual / got.t)[alone], shares.min(axis=0)[alone], rtol=1e-3)
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_a_ray_beside_a_wall_looks_for_it_once(egl: Context, tracer: str) -> None:
+    """It runs along it where it looks for a surface, and never comes to where it meets one."""
+    rng = np.random.default_rng(3)
+    lengths, slopes = np.full((MANY, 7), 0.005), np.zeros((MANY, 7))
+    height = 0.9 * NEAR * rng.uniform(0.4, 1, MANY)
+    lengths[:, 0], slopes[:, 0] = 1 - height, -1
+    lengths[:, 2], slopes[:, 2:] = 9 * height, 1
+    of = Profiles.of(lengths, slopes, np.ones(MANY))
+    got = march(egl, text_of(tracer), of, far=FAR)
+    assert_true(of, got, FAR, 512)
+    assert np.all(got.done & ~got.found)
+    assert np.all(got.evaluations - got.iterations <= 1 + 8)
+    assert np.mean(got.evaluations - got.iterations) <= 4
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_from_inside_the_inner_wall_is_met(egl: Context, tracer: str) -> None:
+    of = everything()[:MANY]
+    outside = march(egl, text_of(tracer), of, far=FAR)
+    inside = march(egl, text_of(tracer), Profiles(of.places, -of.values), far=FAR, side=-1)
+    for name in ("t", "residual", "iterations", "evaluations", "done", "found", "fallbacks"):
+        np.testing.assert_array_equal(getattr(inside, name), getattr(outside, name))
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.7])
+def test_plain_steps_on_an_estimate_are_never_taken_back(egl: Context, scale: float) -> None:
+    """An estimate may fall by more than the distance: a step may end inside, from where its surface is looked for."""
+    rng = np.random.default_rng(4)
+    slope = rng.uniform(0.5, 1.4, MANY)
+    of = plane(-slope, rng.uniform(0.1, 3, MANY))
+    got = march(egl, text_of("plain", scale=scale), of, far=FAR)
+    assert np.all(got.done & got.found) and np.all(got.fallbacks == 0)
+    assert np.all(np.abs(of.at(got.t)) <= contact(got.t)) and np.all(got.residual >= 0)
+
+
+PASSES = """
+vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
+    given(a, b, c, d);
+    Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0));
+    March at = begun(e.x);
+    Hit hit = missed(0.0);
+    hit.done = false;
+    vec3 spent = vec3(0.0);
+    for (int k = 0; k < 100 && !hit.done; k++) {
+        hit = march(ray, at, e.y);
+        spent += vec3(hit.iterations, hit.evaluations, hit.fallbacks);
+    }
+    if (e.z == 0.0) return vec4(hit.t, hit.residual, spent.xy);
+    if (e.z == 1.0) return vec4(hit.done, hit.found, spent.z, asked);
+    return vec4(furthest, twice, wasted, known);
+}
+"""
+
+
+@pytest.mark.parametrize("tracer", TRACERS)
+def test_a_march_goes_on_where_it_stood(egl: Context, tracer: str) -> None:
+    """Six steps at a time: tracers that remember no slope come to the same bits, the others to the same surface."""
+    of = everything()[: 6 * MANY]
+    whole = march(egl, text_of(tracer), of, far=FAR)
+    parts = march(egl, text_of(tracer, after=PASSES), of, far=FAR, steps=6)
+    kept = whole.done & parts.done
+    assert np.mean(kept) > 0.999
+    parts_met = parts.found & kept
+    assert np.all(np.abs(of.at(parts.t))[parts_met] <= contact(parts.t)[parts_met])
+    assert np.all(of.least(parts.t)[parts_met] >= -contact(parts.t)[parts_met])
+    assert np.all(of.root()[kept & ~parts.found] > FAR * (1 - 1e-6))
+    if tracer in ("plain", "varied"):
+        same = kept & (whole.evaluations - whole.iterations <= 2) & whole.found
+        assert np.mean(same) > 0.4
+        np.testing.assert_array_equal(parts.t[same], whole.t[same])
+        np.testing.assert_array_equal(parts.evaluations[same], whole.evaluations[same])
+
+
+@pytest.mark.parametrize("trace", [("trace",), ("begin", "trace_on")])
+def test_an_empty_range_is_not_looked_at(egl: Context, trace: tuple[str, ...]) -> None:
+    of, text = everything()[:MANY], text_of("plain", after=TRACED, trace=trace)
+    got = march(egl, text, of, begin=3.0, far=2.0)
+    assert np.all(got.asked == 0) and np.all(got.evaluations == 0) and np.all(got.done & ~got.found)
+    other = march(egl, text, of, far=FAR)
+    np.testing.assert_array_equal(other.t, march(egl, text_of("plain"), of, far=FAR).t)
