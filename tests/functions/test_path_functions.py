@@ -7,7 +7,7 @@ import pytest
 from glsl_harness import modules, run
 from numpy.typing import ArrayLike, NDArray
 
-from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.gpu.context import Context
 from raymarch.truth.light import microfacets
 from raymarch.truth.tree import FAINT, reflectance
@@ -40,7 +40,7 @@ def test_all_is_mirrored_beyond_the_critical_angle(egl: Context) -> None:
 
 
 SURFACE = "struct Surface { vec3 p; vec3 normal; vec3 view; float t; Material material; };\n"
-DRAWN = "vec3 u_now;\nfloat random_of_pixel(int dimension) { return u_now[dimension]; }\n"
+DRAWN = "uniform float u_roughness;\nvec3 u_now;\nfloat random_of_pixel(int dimension) { return u_now[dimension]; }\n"
 
 
 def test_a_tree_follows_what_is_smooth(egl: Context) -> None:
@@ -76,12 +76,13 @@ def test_a_matte_way_leaves_the_surface(egl: Context) -> None:
 @pytest.mark.parametrize("alpha", [1e-4, 0.25, 1.0])
 def test_a_facet_is_on_the_side_of_the_surface(egl: Context, alpha: float) -> None:
     """Of unit length for all random numbers, also for an eye along the surface or behind it."""
-    cosines = np.concatenate([np.linspace(-1, 1, 65), [1e-4, -1e-4, 1e-7]])
+    cosines = np.concatenate([np.linspace(-1, 1, 999), [1e-4, -1e-4, 1e-7, 0.0]])
     views = slanted(cosines)
     for u in (0.0, 2 * ULP, 0.25, 0.5, LAST):
         for turn in (0.0, 0.3, 0.5):
-            call = f"facet_of(vec3(0, 0, 1), {{0}}, {alpha}, vec2({turn}, {u!r}))"
-            found = run(egl, modules("path/lobes"), call, [(VEC3, views)], 3)
+            drawn = np.broadcast_to([turn, u], (len(views), 2))  # as inputs, lest the compiler know them
+            call = f"facet_of(vec3(0, 0, 1), {{0}}, {alpha}, {{1}})"
+            found = run(egl, modules("path/lobes"), call, [(VEC3, views), (VEC2, drawn)], 3)
             np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
             assert np.all(found[:, 2] > 0.0)
 
@@ -111,7 +112,8 @@ def glossy(
             return vec4(direction, goes ? weight.r : -1.0);
         }}"""
     text = modules("material/physical") + modules(*GLOSSY, before=SURFACE + DRAWN, after=after)
-    found = run(egl, text, "gone({0}, {1})", [(VEC3, views), (VEC3, drawn)], 4).astype(np.float64)
+    inputs = [(VEC3, views), (VEC3, drawn)]
+    found = run(egl, text, "gone({0}, {1})", inputs, 4, {"u_roughness": 0.0}).astype(np.float64)
     return found[:, :3], found[:, 3], found[:, 3] != -1.0
 
 
@@ -142,7 +144,7 @@ def test_a_metal_gives_back_no_more_than_it_gets(egl: Context, roughness: float)
 
 def test_a_mirror_seen_along_itself_is_one(egl: Context) -> None:
     views = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.8, 0.0]])
-    direction, weight, _ = glossy(egl, "Material(vec3(1), 1.0, 0.0, vec3(0.04))", views, np.full((3, 3), 0.5))
+    direction, weight, _ = glossy(egl, "Material(vec3(1), 1.0, u_roughness, vec3(0.04))", views, np.full((3, 3), 0.5))
     assert np.all(np.isfinite(direction)) and np.all(np.isfinite(weight))
     np.testing.assert_allclose(direction, -views, atol=1e-3)
 

@@ -109,6 +109,12 @@ def test_a_wall_along_the_ray_takes_what_it_covers(egl: Context, kind: str) -> N
     assert low * (1 - 8 * ULP) <= seen[0] <= high * (1 + 8 * ULP)
 
 
+def test_what_is_behind_two_samples_is_not_between_them(egl: Context) -> None:
+    """The field falls once to less than the way, but more than the disc's 0.4 of it, and then grows nearly as it."""
+    field = "p.z < 1.0 ? p.z : 0.3 + 0.99 * (p.z - 1.0)"
+    assert shadows(egl, "light/triangulated", field, UP, width=0.4)[0] == 1.0
+
+
 def test_the_disc_is_lit_on_both_sides_of_an_edge(egl: Context) -> None:
     """A wall whose edge keeps the same share of the disc along the whole way leaves the segment of a circle."""
     for r in (-0.5, 0.0, 0.5):
