@@ -27,8 +27,8 @@ vec3 clipped(vec3 color) {
         }
     }
     vec3 mean = sum / 9.0;
-    vec3 deviation = SPREAD * sqrt(max(squares / 9.0 - mean * mean, 0.0));
+    vec3 deviation = SPREAD * sqrt(max(squares / 9.0 - mean * mean, 1.0e-12));  // rounding may leave less than 0
     vec3 away = to_ycocg(color) - mean;
-    vec3 outside = abs(away) / max(deviation, 1.0e-6);
+    vec3 outside = abs(away) / deviation;
     return from_ycocg(mean + away / max(1.0, max(outside.x, max(outside.y, outside.z))));
 }
