@@ -124,7 +124,9 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
             ("light/physical", "a material is physical"),
         ]
     if model == "mixed":
-        found.append(("light/mixed", "some materials are physical and some after Phong"))
+        glass = (scene.wanders or scene.branches) and any(m.transmits for m in scene.materials)
+        name = "light/mixed_glazed" if glass else "light/mixed"
+        found.append((name, "some materials are physical and some after Phong"))
     return found
 
 
@@ -139,10 +141,16 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
         physical = ("light/fresnel", "light/grazing", "light/entering")
         found += [*((name, "a material is physical") for name in physical), ("path/glossy", why)]
     if any(m.transmits for m in scene.materials):
-        found.append(("path/glass", "a material transmits light"))
+        found += _glass(scene)
     if any(m.frosted for m in scene.materials):
         found.append(("path/frosted", "glass is rough"))
     return found
+
+
+def _glass(scene: Scene) -> list[tuple[str, str]]:
+    """The modules of what transmits."""
+    lights = [("path/glazed", "lights shine on glass")] if scene.lights else []
+    return [("path/glass", "a material transmits light"), *lights]
 
 
 def _tree(scene: Scene, model: str) -> list[tuple[str, str]]:
@@ -153,7 +161,7 @@ def _tree(scene: Scene, model: str) -> list[tuple[str, str]]:
     if any(m.mirrors for m in scene.materials):
         found += [("light/fresnel", "a material mirrors"), ("path/mirror", "a material mirrors")]
     if any(m.transmits for m in scene.materials):
-        found += [("path/glass", "a material transmits light"), ("path/branch", "glass parts the light's way in two")]
+        found += [*_glass(scene), ("path/branch", "glass parts the light's way in two")]
     return found
 
 

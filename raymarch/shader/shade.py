@@ -51,14 +51,22 @@ def shading(plan: Plan, values: Values) -> Chunk:
 
 
 def _lit(text: Lines, plan: Plan, values: Values) -> None:
-    """The light that a surface gets from the sources. In a tree of ways also what it gives off; `followed` is the share
-    of its reflection that other ways bring."""
-    glows = plan.emission is not None and plan.scene.branches
+    """The light that a surface gets from the sources, and gives off. `followed` is the share of its reflection that
+    other ways bring, `through` that of the light that goes through glass, which still mirrors lights."""
     followed = ", float followed" if plan.scene.branches else ""
-    text.add(f"vec3 lit(Surface surface{followed}) {{", "Surface")
-    text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if glows else 'vec3(0.0)'};")
-    text.needs |= {"emission_at"} if glows else set()
+    glazed = plan.glass is not None and bool(plan.scene.lights)
+    glass = ", Glass glass, float through" if glazed else ""
+    text.add(f"vec3 lit(Surface surface{followed}{glass}) {{", "Surface")
+    text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if plan.emission is not None else 'vec3(0.0)'};")
+    text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
+    if glazed:
+        text.add("    color *= 1.0 - through;", "Glass")
+        if plan.model == "mixed":  # Phong's share keeps its colour
+            text.add("    surface.material.physical = mix(surface.material.physical, 1.0, through);")
+            text.add("    glaze(glass, through / max(surface.material.physical, 1.0e-6));", "glaze")
+        else:
+            text.add("    surface.material = glazed(surface.material, glass, through);", "glazed")
     if plan.scene.lights:
         all_lights(text, plan, values)
     for line in ("    return color;", "}", ""):

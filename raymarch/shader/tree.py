@@ -92,7 +92,10 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         text.add(f"        vec3 onwards = {_share(plan)} * mirrored_by(surface);", "mirrored_by")
     for line in _dulled(plan, "        ", "at.bounce"):
         text.add(line)
-    text.add("        if (through < 1.0) color += (1.0 - through) * at.weight * lit(surface, followed);")
+    if plan.scene.lights:
+        text.add("        if (at.side > 0.0) color += at.weight * lit(surface, followed, glass, through);")
+    else:
+        text.add("        if (through < 1.0) color += (1.0 - through) * at.weight * lit(surface, followed);")
     # What would still come is taken for the sky, lest the ways that glass keeps within end in black.
     text.add(f"        if (at.bounce == {deepest}) {{")
     text.add("            color += through * at.weight * sky(at.ray.direction);")

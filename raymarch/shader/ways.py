@@ -37,14 +37,18 @@ def ways(text: Lines, plan: Plan) -> None:
     add("        vec3 direction;")
     indent = "        "
     if glass:
-        _glass(text, plan, shines)
-        indent += "    "
-    if plan.emission is not None:
-        add(f"{indent}color += weight * emission_at({place_of(plan)});", "emission_at")
+        _into_glass(text, plan)
     if shines:
         add(f"{indent}Surface shown = surface;")
         add(f"{indent}shown.material.roughness = max(surface.material.roughness, dull);")
-    add(f"{indent}color += weight * lit({'shown' if shines else 'surface'});")
+    seen = "shown" if shines else "surface"
+    if glass and shines:
+        add(f"{indent}if (side > 0.0) color += weight * lit({seen}, glass, enters ? 1.0 : 0.0);")
+    else:
+        add(f"{indent}{'if (!enters) ' if glass else ''}color += weight * lit({seen});")
+    if glass:
+        _glass(text, plan, shines)
+        indent += "    "
     last = f"bounce == {scene.bounces}"
     need = {"phong": {"from_matte"}, "physical": {"from_glossy"}, "mixed": {"from_matte", "from_glossy"}}[plan.model]
     given = "(surface, dimension, direction, weight)"
@@ -75,21 +79,26 @@ def ways(text: Lines, plan: Plan) -> None:
     add("}")
 
 
+def _into_glass(text: Lines, plan: Plan) -> None:
+    """Whether a way goes on through glass, by its share."""
+    text.add(f"        Glass glass = glass_at({place_of(plan)});", "Glass", "glass_at")
+    text.add("        bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;")
+
+
 def _glass(text: Lines, plan: Plan, shines: bool) -> None:
     """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
     frosted = any(material.frosted for material in plan.scene.materials)
     for line in (
-        f"Glass glass = glass_at({place_of(plan)});",
-        "if (side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission) {",
-        *(f"    {line}" for line in (_highlight(plan) if frosted and shines else ())),
+        "if (enters) {",
         f"    if (bounce == {plan.scene.bounces}) {{",  # what would still come is the sky's, lest glass end in black
         "        color += weight * sky(ray.direction);",
         "        break;",
         "    }",
         *(f"    {line}" for line in (FROSTED if frosted else CLEAR)),
+        *(["    dull = max(dull, surface.material.roughness);"] if frosted and shines else []),
         "} else {",
     ):
-        text.add(f"        {line}", "Glass", "glass_at", "from_frosted" if frosted else "reflectance")
+        text.add(f"        {line}", "from_frosted" if frosted else "reflectance")
 
 
 CLEAR = (
@@ -109,19 +118,3 @@ FROSTED = (
     "if (side != inside) absorption = glass.absorption;",
 )
 """How a way goes on, where all glass is smooth, and where some is not."""
-
-
-def _highlight(plan: Plan) -> list[str]:
-    """Lights shine on rough glass from outside as on any rough surface; through it, ways find the sky alone."""
-    return [
-        "if (side > 0.0 && surface.material.roughness > 0.0) {",
-        "    Surface coat = surface;",
-        "    coat.material.color = vec3(0.0);",
-        "    coat.material.metalness = 0.0;",
-        "    coat.material.f0 = vec3(reflectance(1.0, 1.0 / glass.ior));",
-        "    coat.material.roughness = max(surface.material.roughness, dull);",
-        *(["    coat.material.physical = 1.0;"] if plan.model == "mixed" else []),
-        "    color += weight * lit(coat);",
-        "}",
-        "dull = max(dull, surface.material.roughness);",
-    ]

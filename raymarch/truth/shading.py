@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -82,6 +82,14 @@ class Surface:
         for light in self.scene.lights:
             color = color + self._from(light)
         return color
+
+    def glint(self) -> Array:
+        """What it mirrors of lights where it is the outside of glass, (N, 3)."""
+        f0 = ((self.look["ior"] - 1.0) / (self.look["ior"] + 1.0)) ** 2
+        coat = {"color": np.zeros(3), "metalness": np.zeros(1), "f0": f0, "physical": np.ones(1)}
+        outside = replace(self)
+        outside.look = {name: np.broadcast_to(coat.get(name, value), value.shape) for name, value in self.look.items()}
+        return sum((outside._from(light) for light in self.scene.lights), np.zeros_like(self.points))
 
     def through_fog(self, color: Array) -> Array:
         """What fog leaves of a colour at the surface, (N, 3) -> (N, 3)."""

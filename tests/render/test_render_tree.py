@@ -13,7 +13,7 @@ from raymarch.expr.vocabulary import sin, vec3
 from raymarch.gpu import Renderer
 from raymarch.plan import plan
 from raymarch.shader import assemble
-from raymarch.truth import truth
+from raymarch.truth import silhouettes, truth
 
 SIZE = (64, 48)
 TREE = rm.Quality(ways="tree")
@@ -23,12 +23,18 @@ SILVER = rm.Material(albedo=(0.95, 0.93, 0.9), metalness=1, roughness=0)
 SATIN = rm.Material(albedo=(0.9, 0.6, 0.3), metalness=1, roughness=0.14)
 FILM = rm.Material(albedo=(0.2, 0.5, 0.2), roughness=0.05, transmission=0.5, ior=1.3)
 TILES = rm.Material(albedo=lambda p: 0.5 + 0.3 * sin(2 * p.x) * vec3(sin(2 * p.z)), roughness=0.02)
+FROST = rm.Material(transmission=1, roughness=0.4)
+COATED = rm.Material(albedo=(0.8, 0.2, 0.2), roughness=0.35, metalness=0.4, transmission=0.5, ior=1.7)
 CLAY = rm.Material((0.7, 0.3, 0.2))
 SOLIDS = {
     "glass": rm.sphere(0.8).material(CLEAR) | rm.sphere(0.5).translate((-1.2, -0.2, -1.2)).material(CLAY),
     "absorbing": rm.box((1.2, 1.2, 1.2)).rotate(0.6, "y").material(GREEN),
     "mirrors": rm.sphere(0.7).translate((-0.8, 0, 0)).material(SILVER)
     | rm.sphere(0.6).translate((0.7, 0, 0.2)).material(SATIN),
+    "lit glass": rm.sphere(0.7).translate((-0.9, 0, 0)).material(FROST)
+    | rm.union(
+        rm.sphere(0.6).material(COATED), rm.sphere(0.5).translate((0.6, 0.3, 0)).material(CLAY), k=0.2
+    ).translate((0.6, 0, 0)),
     "both": rm.sphere(0.7).translate((-0.8, 0, 0)).material(CLEAR)
     | rm.sphere(0.6).translate((0.7, 0, -0.4)).material(SILVER)
     | rm.sphere(0.4).translate((0.3, -0.2, 0.9)).material(FILM),
@@ -72,6 +78,18 @@ def test_mirrors_in_mirrors_are_dulled_for_the_sake_of_lights(lit: bool, rendere
     made = rm.Scene(mirrors.material(SILVER), camera, lights, sky, bounces=1, quality=TREE)
     known, found = truth(made, SIZE).color, renderer.render(made).color
     assert np.percentile(np.abs(found - known).max(axis=-1), 90) < 1e-3
+
+
+def test_lights_shine_on_glass(renderer: Renderer) -> None:
+    """In the dark nothing else comes from it, but what its other share scatters."""
+    renderer.resize(SIZE)
+    lights = [rm.Sun((-0.5, 1, 0.6)), rm.Sun((0.4, 0.5, 1.0), color=(1, 0.5, 0.2))]
+    made = rm.Scene(
+        SOLIDS["lit glass"], rm.Camera((0.3, 1.0, 4.0), (0, 0, 0)), lights, (0, 0, 0), bounces=1, quality=TREE
+    )
+    known, found = truth(made, SIZE), renderer.render(made).color
+    off = np.abs(found - known.color).max(axis=-1)[~silhouettes(known)]
+    assert np.mean(off > 1 / 255) < 0.002 and known.color.max() > 0.3
 
 
 @pytest.mark.parametrize("name", ["glass", "mirrors"])

@@ -44,11 +44,11 @@ def outermost(code: str) -> str:
 
 
 def declared(code: str) -> set[str]:
-    """Functions, structs, uniforms, outputs and constants of the file."""
+    """Functions, structs, uniforms, outputs, constants and variables of the file."""
     top = outermost(code)
     functions = re.findall(rf"\b{TYPE}\s+(\w+)\s*\(", top)
     structs = re.findall(r"\bstruct\s+(\w+)", top)
-    variables = re.findall(rf"(?m)^(?:layout\(.*?\) )?(?:uniform|const|out|in)\s+{TYPE}\s+(\w+)", top)
+    variables = re.findall(rf"(?m)^(?:layout\(.*?\) )?(?:(?:uniform|const|out|in)\s+)?{TYPE}\s+(\w+) *[;=\[]", top)
     return {*functions, *structs, *variables}
 
 

@@ -1,7 +1,7 @@
 // The first fault of a pixel: its code, the value, how many evaluations had one, and where. Faults of nodes whose bit in
 // u_heard is 0 are passed over.
 // needs:
-// gives: note noted noted_place u_heard
+// gives: note noted noted_place u_heard first_fault first_place
 uniform uint u_heard[128];
 
 vec3 first_fault = vec3(0.0);

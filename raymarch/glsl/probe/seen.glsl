@@ -3,7 +3,7 @@
 // where a node is asked several times for one value of the field, its last answer counts. Two that are so near that
 // rounding would show, 2^-10 of their coordinates, are not compared; 16 half units in the last place are let through.
 // needs: finite
-// gives: seen compare watch steepest steepest_place u_first
+// gives: seen compare watch steepest steepest_place u_first now_x now_y now_z now_value now_cell before_x before_y before_z before_value before_cell slopes slope_place
 uniform int u_first;  // number of the first of the four nodes
 
 vec4 now_x;  // where each was last asked
