@@ -41,6 +41,19 @@ TESTS = {
 """The tests of a folder of modules, those most likely to notice first."""
 
 
+FUNCTIONS = {
+    "march": ("settle", "step", "range", "state", "tracer"),
+    "light": ("lamp", "facet", "map", "shadow"),
+    "normal": ("normal",),
+    "view": ("view_passes",),
+    "path": ("path",),
+    "sky": ("facet",),
+    "temporal": ("temporal",),
+    "probe": ("probe",),
+}
+"""The files of tests/functions on a folder of modules."""
+
+
 def spoil(module: str, line: int, text: str) -> Any:
     """Put a text in the place of a line of a module, from 0; returns the loader as it was."""
     original = glsl.load
@@ -75,7 +88,9 @@ def by_tests(module: str, line: int, text: str) -> str:
 
 def by_functions(module: str, line: int, text: str) -> str:
     """The first test of single functions that notices a fault; nothing if none does."""
-    return _first_red(module, line, text, ("functions",))
+    names = FUNCTIONS[module.partition("/")[0]]
+    files = [path.name for name in names for path in (ROOT / "tests" / "functions").glob(f"test_{name}*.py")]
+    return _first_red(module, line, text, tuple(f"functions/{name}" for name in files))
 
 
 def _first_red(module: str, line: int, text: str, tests: tuple[str, ...] = ()) -> str:
