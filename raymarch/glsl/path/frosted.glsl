@@ -8,9 +8,8 @@ bool from_frosted(Surface surface, Glass glass, int dimension, inout float side,
     float square = alpha * alpha;
     vec2 u = vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2));
     vec3 h = facet_of(surface.normal, surface.view, alpha, u);
-    float cosine = clamp(dot(h, surface.view), 0.0, 1.0);
     float ratio = side > 0.0 ? 1.0 / glass.ior : glass.ior;
-    if (random_of_pixel(dimension + 4) < reflectance(cosine, ratio)) {
+    if (random_of_pixel(dimension + 4) < reflectance(dot(h, surface.view), ratio)) {
         direction = reflect(-surface.view, h);
         float facing = dot(surface.normal, direction);
         if (facing <= 0.0) return false;
