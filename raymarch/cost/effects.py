@@ -78,7 +78,8 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """The scene with each of its effects left out in turn.
 
     An effect is an optional part of the scene that is given (fog, occlusion, ...), a switch of a light or of the sky
-    that is on, a softness that is not 0, one of several lights, textures and relief, or more than one ray a pixel.
+    that is on, a softness that is not 0, one of several lights, textures and relief, bounces of light, all and the last
+    alone, or more than one ray a pixel.
     """
     for name in _optional_parts(scene):
         yield name, _changed(scene, **{name: None})
@@ -98,6 +99,10 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
             yield f"light {i + 1}, {type(light).__name__}", _changed(scene, lights=rest)
     if any(m.textured or m.relief for m in scene.materials):
         yield "maps", _changed(scene, node=relabelled(scene.node, Material.without_maps))
+    if scene.wanders or scene.branches:
+        yield "bounces of light", _changed(scene, bounces=0)
+    if scene.bounces > 1 and (scene.wanders or scene.branches):
+        yield f"bounce {scene.bounces}", _changed(scene, bounces=scene.bounces - 1)
     if scene.quality.samples > 1:
         yield "anti-aliasing", with_quality(scene, replace(scene.quality, samples=1))
 

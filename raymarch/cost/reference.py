@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from raymarch.cost.content import content_key
 from raymarch.scene.parameter import set_values
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth import Truth, silhouettes, truth
 from raymarch.truth.floor import floor_evaluations
 from raymarch.truth.near_edges import silhouettes_within
@@ -98,6 +98,7 @@ def reference(
     or written there costs time, never the result.
     Raises ValueError for another number of samples, SceneError as `raymarch.truth` does.
     """
+    check_scene("reference", scene)
     edge = round(max(samples, 0) ** 0.5)
     if edge * edge != samples or not 0 <= samples <= 256:
         raise ValueError(f"reference: samples = {samples} (a square number up to 256)")

@@ -18,7 +18,7 @@ from raymarch.cost.reference import Reference
 from raymarch.cost.settings import Setting
 from raymarch.cost.statistics import Median, median
 from raymarch.plan import plan
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, check_scene
 from raymarch.shader import assemble
 
 METRICS = (
@@ -171,6 +171,7 @@ def sweep(
     count : counts all evaluations, `raymarch.cost.effects.evaluations_of`; asked for the first setting and for those
         that change the light.
     """
+    check_scene("sweep", scene)
     if not settings or repeats < 1:
         raise ValueError(f"sweep: {len(settings)} settings, {repeats} repeats (at least one of each)")
     tell = progress or (lambda _what, _share: None)

@@ -101,6 +101,7 @@ def probe(
 
 def probe_with(renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None) -> Probe:
     """As `probe`, on a renderer that is there."""
+    check_scene("probe", scene)
     values = find_faults(renderer, scene, time, params).reports
     slopes = find_slopes(renderer, scene, time, params).reports
     joined = [

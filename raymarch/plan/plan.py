@@ -27,7 +27,7 @@ from raymarch.plan.passes import Pass, joining, passes_of
 from raymarch.plan.textures import Data, textures_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
-from raymarch.scene.scene import Scene, all_nodes
+from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
 
 LARGEST = 1024
@@ -113,6 +113,7 @@ def plan(
     size : (width, height) of the picture, by which the plan weighs what a further pass would save.
     lowering : the pass over the nodes; None is a plain one.
     """
+    check_scene("plan", scene)
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
     lowering = lowering or Lowering()

@@ -53,6 +53,18 @@ def test_each_effect_is_left_out_alone():
     assert scene.fog is not None
 
 
+@pytest.mark.parametrize("ways", ["random", "tree"])
+def test_bounces_are_left_out_all_and_the_last(renderer, ways):
+    glass = rm.Material(transmission=1, ior=1.5)
+    scene = rm.Scene(rm.sphere().material(glass), lights=[], bounces=3, quality=rm.Quality(ways=ways))
+    names = dict(ablations(scene))
+    assert {name: made.bounces for name, made in names.items()} == {"bounces of light": 0, "bounce 3": 2}
+    found = {e.name: e.evaluations for e in ablate(scene, renderer, repeats=2)}
+    assert found["bounces of light"] > found["bounce 3"] > 0
+    matte = rm.Scene(rm.sphere(), bounces=2, quality=rm.Quality(ways="tree"))
+    assert not list(ablations(matte)), "nothing mirrors"
+
+
 def test_without_maps_each_picture_is_its_mean(renderer):
     picture = np.random.default_rng(2).uniform(0, 1, (8, 8, 3))
 

@@ -23,11 +23,11 @@ What they found:
 - **Rounding.** The 64 ulp that the fuzz allowed a field were chosen. What float32 may lose is now worked out for each
   point, as a running bound of the rounding errors (`tests/hard/rounding.py`): 3 ulp of its size for a box, 7,000 for
   the deepest of 25 random trees, 20 for half of them; the driver is within it everywhere.
-- **Single functions.** Asked alone at the ends of their ranges (`tests/functions`), they showed what no picture had: the
-  front's tracer stood still before a wall met head on (2 of 1,000 profiles); a ray that ran out of steps took a sample
-  deep inside a solid for its nearest; a slice held values from nowhere where rays run along it; a history with a value
-  that is not finite turned black, or counted as ten samples; a black surface divided 0 by 0. Fourteen guards that no
-  input reaches are gone.
+- **Single functions.** Asked alone at the ends of their ranges (`tests/functions`), they showed what no picture had:
+  the front's tracer stood still before a wall met head on (2 of 1,000 profiles); a ray that ran out of steps took a
+  sample deep inside a solid for its nearest; a slice held values from nowhere where rays run along it; a history with
+  a value that is not finite turned black, or counted as ten samples; a black surface divided 0 by 0. Fourteen guards
+  that no input reaches are gone.
 - **Memory.** Values at many points held every step between, for all points at once; they are taken in blocks.
 - **Waves of time.** sin(x + time) in a user's own function moved in steps of 2 s after a year; row 36.
 - **cProfile.** A program that was profiled while it built a scene broke; a scene may be profiled now.

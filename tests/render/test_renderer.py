@@ -11,15 +11,17 @@ import pytest
 from analytic import ULP, View, edges, hit_sphere
 
 import raymarch as rm
+from raymarch.cost.reference import reference
 from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu import store as module
 from raymarch.gpu import tiles
 from raymarch.gpu.context import Context
 from raymarch.gpu.frame import srgb
+from raymarch.gpu.probe import probe_with
 from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.targets import Target
-from raymarch.plan import OUTPUTS
+from raymarch.plan import OUTPUTS, plan
 
 DTYPES = {
     "color": np.float32,
@@ -394,8 +396,11 @@ def test_times_are_told_by_pass(renderer: Renderer) -> None:
         (lambda r: r.render(scene()).array("deep"), ("'deep'", "color, depth, normal")),
         (lambda r: r.render(scene(camera=rm.Camera((0, 0, 0)))), ("position = target", "two points")),
         (lambda r: rm.render(rm.sphere(), (8, 8)), ("render of <sphere", "a Scene")),
+        (lambda r: plan(rm.sphere()), ("plan of <sphere", "a Scene")),
+        (lambda r: probe_with(r, rm.sphere()), ("probe of <sphere", "a Scene")),
+        (lambda r: reference(rm.sphere(), (8, 8)), ("reference of <sphere", "a Scene")),
     ],
-    ids=range(10),
+    ids=range(13),
 )
 def test_bad_input_is_refused(renderer: Renderer, use: Any, words: tuple[str, ...]) -> None:
     with pytest.raises(SceneError) as caught:
