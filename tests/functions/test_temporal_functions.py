@@ -41,6 +41,7 @@ def vectors(count: int = 2000) -> np.ndarray:
 def clipped(egl: Context, picture: np.ndarray, history: np.ndarray) -> np.ndarray:
     h, w = picture.shape[:2]
     text = OUT + modules(
+        "temporal/finite",
         "temporal/clip",
         after="uniform sampler2D u_old;\n"
         "void main() { c = vec4(clipped(texelFetch(u_old, ivec2(gl_FragCoord.xy), 0).rgb), 1.0); }",
@@ -96,6 +97,20 @@ def test_deviations_that_only_rounding_makes_negative_are_none(egl: Context) -> 
 def test_a_history_within_a_millionth_of_equal_colours_stays(egl: Context) -> None:
     history = np.full((3, 3, 3), 4e-7)
     np.testing.assert_allclose(clipped(egl, np.zeros((3, 3, 3)), history), history, rtol=16 * ULP)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_samples_that_are_not_finite_are_not_among_the_colours_around(egl: Context, bad: float) -> None:
+    """The history near them is clipped to the others; where there are none, it stays."""
+    random = np.random.default_rng(4)
+    picture, history = random.random((6, 8, 3)), 5 * random.random((6, 8, 3))
+    picture[2, 3, 1] = bad
+    found = clipped(egl, picture, history)
+    assert np.all(np.isfinite(found))
+    sure = around(np.where(np.isfinite(picture).all(axis=2, keepdims=True), picture, np.nan) @ TO_YCOCG.T.astype(float))
+    mean, deviation = np.nanmean(sure, axis=2), np.nanstd(sure, axis=2)
+    assert np.all(np.abs(found @ TO_YCOCG.T - mean) <= deviation + 1e-5)
+    np.testing.assert_allclose(clipped(egl, np.full((4, 5, 3), bad), history[:4, :5]), history[:4, :5], rtol=1e-6)
 
 
 # The history between its pixels.

@@ -1,6 +1,6 @@
 // The history's colour, drawn towards the middle of the colours around the new sample until it lies among them
 // (Karis 2014, Salvi 2016), in a space where brightness stands alone.
-// needs:
+// needs: finite
 // gives: u_color SPREAD to_ycocg from_ycocg clipped
 uniform sampler2D u_color;
 
@@ -19,15 +19,20 @@ vec3 clipped(vec3 color) {
     ivec2 last = textureSize(u_color, 0) - 1;
     vec3 sum = vec3(0.0);
     vec3 squares = vec3(0.0);
+    float count = 0.0;
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
-            vec3 c = to_ycocg(texelFetch(u_color, clamp(at + ivec2(x, y), ivec2(0), last), 0).rgb);
+            vec4 texel = texelFetch(u_color, clamp(at + ivec2(x, y), ivec2(0), last), 0);
+            if (!finite(texel)) continue;
+            vec3 c = to_ycocg(texel.rgb);
             sum += c;
             squares += c * c;
+            count += 1.0;
         }
     }
-    vec3 mean = sum / 9.0;
-    vec3 deviation = SPREAD * sqrt(max(squares / 9.0 - mean * mean, 1.0e-12));  // rounding may leave less than 0
+    if (count == 0.0) return color;
+    vec3 mean = sum / count;
+    vec3 deviation = SPREAD * sqrt(max(squares / count - mean * mean, 1.0e-12));  // rounding may leave less than 0
     vec3 away = to_ycocg(color) - mean;
     vec3 outside = abs(away) / deviation;
     return from_ycocg(mean + away / max(1.0, max(outside.x, max(outside.y, outside.z))));
