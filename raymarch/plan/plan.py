@@ -234,6 +234,10 @@ def _warnings(scene: Scene) -> list[str]:
         found.append("the solid is empty: its operands' boxes do not meet")
     if scene.node.exactness == "estimate":
         found.append("the field is an estimate: nothing guarantees that no surface is missed")
+    for node in all_nodes(scene.node)[1:]:
+        if node.facts.empty and not any(child.facts.empty for child in node.children):
+            place = f" at {node.where}" if node.where else ""
+            found.append(f"{node.name}{place} is empty: its operands' boxes do not meet")
     for node in all_nodes(scene.node):
         if node.name in ("round", "shell") and node.children[0].exactness != "exact":
             place = f" at {node.where}" if node.where else ""

@@ -127,6 +127,12 @@ class Referee:
         outside = float(self.scene.node.distance(self.pose.position[None])[0]) >= 0
         return np.asarray(np.max(-values if outside else values, axis=1))
 
+    def _risen(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Of some hits, those where the field has a slope, and so a normal. In a whole volume of zeros, as where a wave
+        through the origin is elongated, it has none."""
+        slope: NDArray[np.float64] = self.scene.node.gradient(self.at(self.known.depth)[rows])
+        return np.asarray(np.linalg.norm(slope, axis=-1) > 0.01 * self.scene.node.lipschitz)
+
     def turned(self, frame: rm.Frame) -> list[str]:
         """Normals that point elsewhere, of hits away from edges."""
         if not np.all(np.isfinite(frame.normal)):
@@ -137,6 +143,7 @@ class Referee:
         both &= np.abs(
             np.where(both, frame.depth, 0) - np.where(both, self.known.depth, 0)
         ) < 2 * self.pixel * self.known.depth.clip(0, 1e9)
+        both[both] = self._risen(both)
         apart = np.linalg.norm(frame.normal[both] - self.known.normal[both], axis=-1)
         bad = int(np.sum(apart > 0.05))
         if bad <= max(3, 0.02 * apart.size):

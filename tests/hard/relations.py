@@ -142,7 +142,7 @@ def turned_and_back(seen: Seen) -> Verdict:
 @relation
 def in_a_box_that_holds_it(seen: Seen) -> Verdict:
     low, high = seen.scene.node.bounds
-    room = rm.box(tuple(1.5 * (high - low) + 0.1)).translate(tuple(0.5 * (low + high)))
+    room = rm.box(tuple(1.5 * np.maximum(high - low, 0.0) + 0.1)).translate(tuple(0.5 * (low + high)))
     return _judged(seen.marched(seen.other(seen.scene.node & room)))
 
 
@@ -159,14 +159,14 @@ def with_a_ball_out_of_sight(seen: Seen) -> Verdict:
 
 @relation
 def one_cell_of_a_repetition(seen: Seen) -> Verdict:
-    spacing = 2.0 * float(np.max(seen.scene.node.facts.size)) + 1.0
+    spacing = 2.0 * max(float(np.max(seen.scene.node.facts.size)), 0.0) + 1.0
     return _judged(seen.marched(seen.other(seen.scene.node.repeat(spacing, 1))))
 
 
 @relation
 def two_cells_and_a_union(seen: Seen) -> Verdict:
     node = seen.scene.node
-    step = 1.2 * float(node.facts.size[0]) + 0.1
+    step = 1.2 * max(float(node.facts.size[0]), 0.0) + 0.1
     pair = node.repeat((step, None, None), (2, 1, 1))
     union = node.translate((-0.5 * step, 0, 0)) | node.translate((0.5 * step, 0, 0))
     from tests.hard.referee import Referee

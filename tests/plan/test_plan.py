@@ -269,3 +269,13 @@ def test_explain_in_words_says_all_that_the_data_says() -> None:
     assert "4321" in said and "inf" in said and "a number >= 0.5 and <= 2" in said
     for warning in made.warnings:
         assert warning in said
+
+
+def test_an_empty_part_is_warned_of_with_its_line() -> None:
+    """Its boxes show it: two balls that do not meet, in a scene that has more."""
+    apart = rm.sphere() & rm.sphere().translate((5, 0, 0))
+    assert apart.where is not None
+    (warning,) = plan(rm.Scene(apart.rotate(0.3, "x") | rm.box())).warnings
+    assert warning.startswith(f"hard_intersection at {apart.where}") and "empty" in warning
+    assert any("the solid is empty" in found for found in plan(rm.Scene(apart)).warnings)
+    assert not plan(rm.Scene(rm.sphere() & rm.sphere().translate((1, 0, 0)))).warnings
