@@ -12,6 +12,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from gl_objects import alive
+
 import raymarch as rm
 from raymarch.gpu import Renderer
 from tests.hard.failing import scenes
@@ -31,7 +33,7 @@ QUALITIES = (
 
 @dataclass(frozen=True)
 class State:
-    """What a process holds: objects of OpenGL, open files, kilobytes of memory."""
+    """What a process holds: objects of OpenGL, as that says itself, open files, kilobytes of memory."""
 
     objects: int
     files: int
@@ -41,7 +43,7 @@ class State:
 def state(renderer: Renderer) -> State:
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return State(
-        sum(renderer.store.objects.values()), len(os.listdir("/proc/self/fd")), pages * resource.getpagesize() // 1024
+        sum(alive(renderer.context).values()), len(os.listdir("/proc/self/fd")), pages * resource.getpagesize() // 1024
     )
 
 

@@ -1,0 +1,100 @@
+"""What is dropped is freed on the device, and not only forgotten."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from gl_objects import alive
+
+import raymarch as rm
+from raymarch.gpu import Renderer
+from raymarch.gpu.context import Context
+from raymarch.gpu.probe import probe_with
+
+LAMPS = [rm.PointLight((0.1 * i, 2, 1), intensity=0.3) for i in range(40)]
+SIZES = [(8 + i, 9) for i in range(12)]
+
+
+def resized(renderer: Renderer, i: int) -> None:
+    renderer.resize(SIZES[i])
+    renderer.render(rm.Scene(rm.sphere()))
+
+
+def resized_with_a_history(renderer: Renderer, i: int) -> None:
+    renderer.resize(SIZES[i])
+    renderer.render(rm.Scene(rm.sphere(), quality=rm.Quality(temporal="reproject")))
+
+
+def resized_while_it_marches_in_passes(renderer: Renderer, i: int) -> None:
+    renderer.resize(SIZES[i])
+    renderer.render(rm.Scene(rm.sphere(), quality=rm.Quality(budget=8)))
+
+
+def with_another_schedule(renderer: Renderer, i: int) -> None:
+    schedules = ("single", "cone", "cones", "two")
+    renderer.render(rm.Scene(rm.sphere(), quality=rm.Quality(schedule=schedules[i % 4])))
+
+
+def with_another_history(renderer: Renderer, i: int) -> None:
+    renderer.render(rm.Scene(rm.sphere(), quality=rm.Quality(temporal=("accumulate", "reproject")[i % 2])))
+
+
+def with_other_data(renderer: Renderer, i: int) -> None:
+    renderer.render(rm.Scene(rm.heightmap(np.full((4, 4), 0.01 * (i + 1))) | rm.plane(offset=-1)))
+
+
+def with_another_picture(renderer: Renderer, i: int) -> None:
+    skin = rm.Material(albedo=rm.triplanar(np.full((4, 4, 3), 0.01 * (i + 1))))
+    renderer.render(rm.Scene(rm.sphere().material(skin)))
+
+
+def with_more_lamps(renderer: Renderer, i: int) -> None:
+    renderer.render(rm.Scene(rm.sphere(), lights=LAMPS[: 20 + i]))
+
+
+def of_another_text(renderer: Renderer, i: int) -> None:
+    renderer.render(rm.Scene(rm.sphere(1.0 + 0.01 * i)))
+
+
+def closed(renderer: Renderer, i: int) -> None:
+    with Renderer((9 + i, 8), context=renderer.context) as other:
+        other.render(rm.Scene(rm.sphere(), lights=LAMPS[:20], quality=rm.Quality(temporal="accumulate")))
+        other.render(rm.Scene(rm.sphere(), quality=rm.Quality(budget=8)))
+        other.render(rm.Scene(rm.heightmap(np.eye(4))), outputs=("color", "depth"))
+
+
+def looked_at(renderer: Renderer, i: int) -> None:
+    probe_with(renderer, rm.Scene(rm.sphere() | rm.box(), rm.Camera((0, 0, 4 + i), (0, 0, 0))))
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        resized,
+        resized_with_a_history,
+        resized_while_it_marches_in_passes,
+        with_another_schedule,
+        with_another_history,
+        with_other_data,
+        with_another_picture,
+        with_more_lamps,
+        of_another_text,
+        closed,
+        looked_at,
+    ],
+    ids=lambda act: act.__name__,
+)
+def test_what_is_dropped_is_freed(
+    act: Callable[[Renderer, int], None], egl: Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("raymarch.gpu.store.KEPT", 4)
+    with Renderer((8, 9), context=egl) as renderer:
+        renderer.store.kept = 4
+        for i in range(6):
+            act(renderer, i)
+        before = alive(egl)
+        for i in range(6, 12):
+            act(renderer, i)
+        assert alive(egl) == before
