@@ -26,8 +26,6 @@ def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Ex
         value = _RULES[op](node, *[arg.data for arg in args])
     if type is BOOL:
         return const(bool(value))
-    if not np.all(np.isfinite(value)) and all(arg.type is BOOL or np.all(np.isfinite(arg.data)) for arg in args):
-        return None  # a division by 0, say: left as it is, so that the probe can name the node
     if np.shape(value) != type.shape:
         value = np.broadcast_to(value, type.shape)
     return const(value, type)

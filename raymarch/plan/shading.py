@@ -213,7 +213,8 @@ def features(scene: Scene) -> list[Feature]:
     bent = next((m for m in others if m.transmits), None)
     feature("glass", bent is not None, "a material transmits light", "no material transmits light", _place(bent))
     rough = next((m for m in others if m.frosted), None)
-    why = "Quality(ways='tree') shows rough glass as clear" if rough is not None else "no glass is rough"
+    why = "Quality(ways='tree') shows rough glass as clear" if scene.branches else "Scene has no bounces"
+    why = "no glass is rough" if rough is None else why
     used = rough is not None and scene.wanders
     feature("frosted glass", used, "a material is rough, and transmits", why, _place(rough))
     several = f"one way of up to {scene.bounces} more surfaces for each sample"

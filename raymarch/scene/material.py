@@ -72,7 +72,7 @@ class Material:
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """
 
-    __slots__ = ("_fields", "physical", "where")
+    __slots__ = ("_fields", "_given", "physical", "where")
 
     def __init__(
         self,
@@ -113,7 +113,7 @@ class Material:
             "specular": value_of("specular", 0.0 if self.physical else _or(specular, 0.25), 1, 0.0, 1.0),
             "ambient": value_of("ambient", 0.0 if self.physical else _or(ambient, 0.1), 1, 0.0, 1.0),
             "metalness": value_of("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
-            "roughness": value_of("roughness", _or(roughness, 0.5 if _none(transmission) else 0.0), 1, 0.0, 1.0),
+            "roughness": value_of("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
             "f0": value_of("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
             "physical": expr(1.0 if self.physical else 0.0),
             "emission": value_of("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
@@ -123,12 +123,21 @@ class Material:
             "tilt": tilt_of(normal, normal_strength, height, height_scale),
             "open": value_of("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
         }
+        self._given = roughness is not None
+        self._smooth_glass()
+
+    def _smooth_glass(self) -> None:
+        """What transmits is smooth, and the rest is not, unless a roughness was given."""
+        if self.physical and not self._given:
+            self._fields["roughness"] = expr(0.0 if self.transmits else 0.5)
 
     def replaced(self, **values: Any) -> Material:
         """The same material with other values for some names, which must be of its own model."""
         made, new = copy.copy(self), Material(**values)
         names = ("color" if name == "albedo" else name for name in values)
         made._fields = {**self._fields, **{name: new._fields[name] for name in names}}
+        made._given = self._given or new._given
+        made._smooth_glass()
         return made
 
     @property
@@ -186,6 +195,21 @@ class Material:
         """True if light goes through it."""
         share = self._fields["transmission"]
         return not share.is_constant or bool(np.any(share.data))
+
+    @property
+    def transmission(self) -> Expr:
+        """Share of the light that goes through."""
+        return self._fields["transmission"]
+
+    @property
+    def ior(self) -> Expr:
+        """Index of refraction of what transmits."""
+        return self._fields["ior"]
+
+    @property
+    def absorption(self) -> Expr:
+        """What a unit of length inside takes away, linear RGB."""
+        return self._fields["absorption"]
 
     @property
     def frosted(self) -> bool:
@@ -250,11 +274,6 @@ def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
             f"Material: {one} together with {other}",
             legal="Phong's shininess, specular, ambient; or the physical albedo, metalness, roughness, f0",
         )
-
-
-def _none(transmission: Any) -> bool:
-    """True if nothing goes through: none is given, or 0."""
-    return transmission is None or (isinstance(transmission, int | float) and transmission == 0)
 
 
 def _or(value: Any, otherwise: Any) -> Any:

@@ -18,6 +18,7 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
 from raymarch.scene.tone import Tone
 from raymarch.sdf.facts import Facts
+from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.node import Node
 
 HORIZON = 1e4
@@ -96,7 +97,7 @@ class Scene:
         for part in all_nodes(node):
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)
-        glass = any(part.label is not None and part.label.transmits for part in all_nodes(node))
+        glass = any(material.transmits for material in self._labels())
         deepest = DEEPEST[self.quality.ways]
         if bounces is not None and bounces > deepest:
             raise SceneError(
@@ -112,11 +113,12 @@ class Scene:
         return made
 
     def _labels(self) -> list[Any]:
-        return list(dict.fromkeys(n.label for n in all_nodes(self.node) if n.label is not None))
+        seen = set(seen_labels(self.node))
+        return [label for label in dict.fromkeys(n.label for n in all_nodes(self.node)) if label in seen]
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """Every material of the scene; index 0 is the default, for parts that have none of their own."""
+        """Every material that is seen; index 0 is the default, for parts that have none of their own."""
         given = self._labels()
         default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
         return (default, *(m for m in given if m != default))

@@ -20,7 +20,7 @@ from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, make, var
-from raymarch.expr.types import FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
+from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
 from raymarch.expr.walk import find
 from raymarch.sdf.domain import Domain, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
@@ -144,8 +144,23 @@ class Definition:
                     legal="a loop of Python, or the child asked after the loop",
                     where=self.where,
                 )
+            self._refuse_infinite(traced)
             self._templates[key] = traced
         return self._templates[key]
+
+    def _refuse_infinite(self, traced: Function) -> None:
+        """SceneError where what is constant has no value: no driver need agree on it, and GLSL cannot say it."""
+        for node in find([traced.body], "const", "div", "mod"):
+            number = node if node.op == "const" else node.args[1]
+            if number.op != "const" or number.type is BOOL:
+                continue
+            if not np.all(np.isfinite(number.data)):
+                what = f"{self.name} holds {np.asarray(number.data).tolist()}: a constant is divided by 0, or too large"
+            elif node is not number and not np.all(number.data):
+                what = f"{self.name} divides by {np.asarray(number.data).tolist()}"
+            else:
+                continue
+            raise SceneError(what, legal="finite numbers, and divisors that are not 0", where=self.where)
 
     def _symbols(self) -> list[tuple[str, Type]]:
         return [(n, d.type) for n, d in self.domains.items() if d.type is not None]

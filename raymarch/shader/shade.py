@@ -61,7 +61,8 @@ def _lit(text: Lines, plan: Plan, values: Values) -> None:
     text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
     if glazed:
-        text.add("    color *= 1.0 - through;", "Glass")
+        kept = f" + through * emission_at({place_of(plan)})" if plan.emission is not None else ""
+        text.add(f"    color = (1.0 - through) * color{kept};", "Glass")
         if plan.model == "mixed":  # Phong's share keeps its colour
             text.add("    surface.material.physical = mix(surface.material.physical, 1.0, through);")
             text.add("    glaze(glass, through / max(surface.material.physical, 1.0e-6));", "glaze")

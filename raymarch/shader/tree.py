@@ -96,6 +96,9 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         text.add("        if (at.side > 0.0) color += at.weight * lit(surface, followed, glass, through);")
     else:
         text.add("        if (through < 1.0) color += (1.0 - through) * at.weight * lit(surface, followed);")
+        if plan.emission is not None:
+            own = f"emission_at({place_of(plan)})"
+            text.add(f"        if (at.side > 0.0) color += through * at.weight * {own};", "emission_at")
     # What would still come is taken for the sky, lest the ways that glass keeps within end in black.
     text.add(f"        if (at.bounce == {deepest}) {{")
     text.add("            color += through * at.weight * sky(at.ray.direction);")

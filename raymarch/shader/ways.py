@@ -46,6 +46,8 @@ def ways(text: Lines, plan: Plan) -> None:
         add(f"{indent}if (side > 0.0) color += weight * lit({seen}, glass, enters ? 1.0 : 0.0);")
     else:
         add(f"{indent}{'if (!enters) ' if glass else ''}color += weight * lit({seen});")
+        if glass and plan.emission is not None:
+            add(f"{indent}else if (side > 0.0) color += weight * emission_at({place_of(plan)});", "emission_at")
     if glass:
         _glass(text, plan, shines)
         indent += "    "

@@ -50,7 +50,7 @@ def light_of(surface: Surface, weight: Array | None = None, depth: int = 0) -> A
     if np.any(through < 1.0):
         color += (1.0 - through)[:, None] * surface.light(followed[:, None])
     if np.any(through > 0.0) and not surface.within:
-        color += through[:, None] * surface.glint()
+        color += through[:, None] * (look["emission"] + surface.glint())
     if last:
         return color + through[:, None] * surface.scene.sky.seen(surface.directions, surface.values)
     cosine = np.clip(-np.einsum("ij,ij->i", surface.shading_normals, surface.directions), 0.0, 1.0)

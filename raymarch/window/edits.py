@@ -143,12 +143,21 @@ class Edits:
         for index, values in self.materials.items():
             parts = [f"{n}={_written(params.get(material_name(index, n), v))}" for n, v in values.items()]
             old = scene.materials[index] if index < len(scene.materials) else None
+            parts += _kept_glass(old) if old is not None else []
             where = f"  # {old.where}" if old is not None and old.where else ""
             lines.append(f"material_{index} = rm.Material({', '.join(parts)}){where}")
         if self.quality:
             parts = [f"{name}={value!r}" for name, value in self.quality.items()]
             lines.append(f"quality = rm.Quality({', '.join(parts)})")
         return "\n".join(lines)
+
+
+def _kept_glass(material: Material) -> list[str]:
+    """What is not edited of a material through which light goes; for what is no constant, an ellipsis."""
+    if not material.transmits:
+        return []
+    kept = {"transmission": material.transmission, "ior": material.ior, "absorption": material.absorption}
+    return [f"{name}={_written(value)}" for name, value in kept.items()]
 
 
 def params_as_python(specs: Mapping[str, Spec], params: Mapping[str, Value]) -> str:

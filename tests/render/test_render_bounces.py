@@ -95,9 +95,24 @@ def test_a_lamp_shines_on_frosted_glass(renderer: Renderer) -> None:
     assert known.max() > 0.1
 
 
-def test_glass_absorbs_by_the_way_through_it(renderer: Renderer) -> None:
+def test_a_lamp_in_a_mirror_behind_frosted_glass_is_no_speck(renderer: Renderer) -> None:
+    """A mirror gives back a point of light as a speck that chance finds too seldom; seen through what blurs, it is
+    blurred. Facets of that width, alpha, seen at right angles send back 1 / (4 alpha^2) of a light."""
+    renderer.resize((48, 36))
+    pane = rm.box((6, 6, 0.1)).translate((0, 0, 2)).material(rm.Material(transmission=1.0, ior=1.2, roughness=0.5))
+    mirror = rm.sphere().material(rm.Material(albedo=(1, 1, 1), metalness=1, roughness=0))
+    scene = rm.Scene(
+        pane | mirror, rm.Camera((0, 0, 5), (0, 0, 0)), [rm.Sun((0.2, 0.4, 1))], (0, 0, 0), bounces=6,
+        quality=rm.Quality(samples=64),
+    )  # fmt: skip
+    found = renderer.render(scene).color
+    assert found.mean() > 0.0 and found.max() < 1 / (4 * 0.5**4)
+
+
+@pytest.mark.parametrize("roughness", [0.0, 1e-3])
+def test_glass_absorbs_by_the_way_through_it(renderer: Renderer, roughness: float) -> None:
     """At an index of 1 the way is straight: exp(-absorption d) is left of what is behind."""
-    ink = rm.Material(transmission=1.0, ior=1.0, absorption=(0.5, 1.0, 2.0))
+    ink = rm.Material(transmission=1.0, ior=1.0, absorption=(0.5, 1.0, 2.0), roughness=roughness)
     renderer.resize((201, 151))
     camera = rm.Camera((0, 0, 5), (0, 0, 0))
     scene = rm.Scene(rm.box((2, 2, 1.5)).material(ink), camera=camera, lights=[], sky=(1, 1, 1))

@@ -92,6 +92,22 @@ def test_lights_shine_on_glass(renderer: Renderer) -> None:
     assert np.mean(off > 1 / 255) < 0.002 and known.color.max() > 0.3
 
 
+@pytest.mark.parametrize("ways", ["tree", "random"])
+@pytest.mark.parametrize("share", [1.0, 0.5])
+@pytest.mark.parametrize("lamp", [None, rm.Sun(intensity=1e-9)])
+def test_glass_glows(ways: str, share: float, lamp: rm.Sun | None, renderer: Renderer) -> None:
+    """What it gives off comes from its outside, however much light goes through."""
+    renderer.resize((24, 18))
+    glow = rm.Material(albedo=(0, 0, 0), f0=0, transmission=share, ior=1.0, emission=(0.5, 0.25, 0.0))
+    camera, lights = rm.Camera((0, 0, 9), (0, 0, 0), fov=6), [lamp] if lamp else []
+    quality = rm.Quality(ways=ways, samples=4)
+    made = rm.Scene(rm.sphere().material(glow), camera, lights, (0, 0, 0), bounces=2, quality=quality)
+    found = renderer.render(made).color
+    np.testing.assert_allclose(found, np.broadcast_to((0.5, 0.25, 0.0), found.shape), atol=1e-5)
+    if ways == "tree":
+        np.testing.assert_allclose(truth(made, (24, 18)).color, found, atol=1e-5)
+
+
 @pytest.mark.parametrize("name", ["glass", "mirrors"])
 def test_a_tree_is_the_mean_of_random_ways(name: str, renderer: Renderer) -> None:
     """Where all is perfectly smooth or gives off light by itself, both are the same: within three standard errors."""

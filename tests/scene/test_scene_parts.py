@@ -272,3 +272,18 @@ def test_a_changed_scene_keeps_all_other_parts():
         assert getattr(other, name) is getattr(made, name), name
     with pytest.raises(rm.SceneError, match="node"):
         made.changed(node=3)
+
+
+def test_what_transmits_is_smooth_unless_a_roughness_is_given() -> None:
+    def roughness(material: rm.Material) -> float:
+        return float(material.roughness.data)
+
+    for none in (None, 0, 0.0, np.float32(0)):
+        assert roughness(rm.Material(albedo=(1, 0, 0), transmission=none)) == 0.5
+    assert (
+        roughness(rm.Material(transmission=0.3)) == roughness(rm.Material(transmission=rm.Param("t", 0.0, 0, 1))) == 0.0
+    )
+    assert roughness(rm.Material(transmission=1, roughness=0.5)) == 0.5
+    assert roughness(rm.Material(albedo=(1, 0, 0)).replaced(transmission=1)) == 0.0
+    assert roughness(rm.Material(transmission=1).replaced(transmission=0)) == 0.5
+    assert roughness(rm.Material(roughness=0.7).replaced(transmission=1)) == 0.7

@@ -294,6 +294,18 @@ def test_a_child_is_asked_at_points() -> None:
         flat(sphere()).distance((0, 0, 0))
 
 
+@pytest.mark.parametrize("infinite", [False, True])
+def test_constants_without_a_value_are_refused_with_the_line(infinite: bool) -> None:
+    @shape(exactness="bound", bounds=lambda: cube(1.0))
+    def cracked(p: Any) -> Any:
+        zero = v.vec3(0.0, 0.0, 0.0).x
+        return v.length(p) - 1.0 / zero if infinite else v.length(p) / zero - 1.0
+
+    with pytest.raises(SceneError, match="cracked holds inf" if infinite else "cracked divides by 0.0") as caught:
+        cracked().distance((0, 0, 0))
+    assert caught.value.where is not None and caught.value.where.file == __file__
+
+
 def test_a_child_inside_a_loop_is_refused_in_words() -> None:
     @operator(bounds=lambda child: child.box)
     def looping(p: Any, child: Any) -> Any:

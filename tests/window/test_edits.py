@@ -134,6 +134,14 @@ def test_an_edited_material_keeps_its_maps_and_glass() -> None:
     assert made.roughness is not rough.roughness
 
 
+def test_the_python_of_an_edited_glass_is_glass() -> None:
+    glass = rm.Material(transmission=0.8, ior=1.4, absorption=(0.1, 0.2, 0.3), roughness=0.2)
+    scene = rm.Scene(rm.sphere().material(glass))
+    text = Edits(materials={1: {**edits.editable_material(glass), "roughness": 0.3}}).python(scene, {})
+    made = eval(text.partition("=")[2].partition("  #")[0], {"rm": rm})
+    assert made == glass.replaced(roughness=0.3)
+
+
 def test_the_python_of_a_light_names_its_penumbra() -> None:
     (light,) = edits.editable_lights(
         rm.Scene(rm.sphere(), lights=[rm.Sun(shadow=True, softness=0.1, penumbra="sampled")])

@@ -2,7 +2,7 @@
 // the outside of glass.
 // needs: Surface Light Glass phong physical glazed
 // gives: answer glaze over_it glazed_share
-Glass over_it;
+Glass over_it = Glass(0.0, 1.5, vec3(0.0));
 float glazed_share = 0.0;
 
 // How much of the microfacets is the outside of a glass.
