@@ -1,0 +1,118 @@
+"""Objects of one context are used while another is current, whose objects have the same names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.expr.samples import Samples
+from raymarch.expr.walk import find
+from raymarch.gpu import Renderer
+from raymarch.gpu.context import Context, open_context
+from raymarch.gpu.program import FULL_SCREEN, Program
+from raymarch.gpu.targets import Target, upload, upload_pyramid
+
+SIZE = (4, 3)
+FILL = "#version 330 core\nuniform float u_value;\nout vec4 c;\nvoid main() { c = vec4(u_value); }\n"
+
+
+@pytest.fixture
+def other(egl: Context) -> Iterator[Context]:
+    """A second context; it is current when a test begins."""
+    with open_context("egl") as made:
+        yield made
+    egl.make_current()
+
+
+def filled(context: Context, value: float) -> Target:
+    target = Target(context, SIZE)
+    target.write(np.full((3, 4, 4), value, np.float32))
+    return target
+
+
+def test_a_target_is_read_and_written_where_it_lives(egl: Context, other: Context) -> None:
+    here, there = filled(egl, 1.0), filled(other, 2.0)
+    assert np.all(here.read() == 1.0)  # the other is current
+    egl.make_current()
+    assert np.all(there.read() == 2.0)
+    other.make_current()
+    here.write(np.full((3, 4, 4), 3.0, np.float32))
+    assert np.all(there.read() == 2.0) and np.all(here.read_texel(1, 1) == 3.0)
+    there.clear((5.0, 5.0, 5.0, 5.0))
+    egl.make_current()
+    assert np.all(there.read_texel(1, 1) == 5.0)
+    other.make_current()
+    here.clear((6.0, 6.0, 6.0, 6.0))
+    assert np.all(there.read() == 5.0) and np.all(here.read() == 6.0)
+    here.write(np.full((3, 4, 4), 3.0, np.float32))
+    egl.make_current()
+    there.release()
+    assert np.all(here.read() == 3.0), "what was freed was the other's"
+    here.release()
+
+
+def test_a_target_is_made_where_it_is_to_live(egl: Context, other: Context) -> None:
+    other.make_current()
+    here = filled(egl, 1.0)
+    other.make_current()
+    again = filled(egl, 4.0)
+    assert np.all(here.read() == 1.0) and np.all(again.read() == 4.0)
+    for target in (here, again):
+        target.release()
+
+
+def test_a_program_draws_where_it_lives(egl: Context, other: Context) -> None:
+    def made(context: Context) -> Program:
+        return Program(context, FULL_SCREEN, FILL, lambda line: (FILL, None), "fill")
+
+    with made(egl) as here, made(other) as there:
+        mine, theirs = Target(egl, SIZE), Target(other, SIZE)
+        here.draw(mine, {"u_value": 1.0})
+        there.draw(theirs, {"u_value": 2.0})
+        here.draw(mine, {"u_value": 3.0})
+        assert np.all(theirs.read() == 2.0) and np.all(mine.read() == 3.0)
+        mine.release()
+        theirs.release()
+
+
+def test_data_goes_where_it_is_to_be_read(egl: Context, other: Context) -> None:
+    data = Samples(np.arange(24, dtype=np.float32).reshape(2, 3, 4))
+    other.make_current()
+    here = upload(egl, data)
+    egl.make_current()
+    assert here.glo > 0 and np.frombuffer(here.read(), np.float32).sum() == data.values.sum()
+    here.release()
+    other.make_current()
+    picture = rm.planar(np.full((4, 4), 0.5))
+    (texels,) = {node.data for node in find([rm.Material(albedo=picture).expressions[0]], "texture")}
+    pyramid = upload_pyramid(egl, texels)
+    egl.make_current()
+    assert np.all(np.frombuffer(pyramid.read(), np.float16) == 0.5)
+    pyramid.release()
+
+
+def test_two_renderers_take_turns(egl: Context, other: Context) -> None:
+    """With histories, many lamps and data, each draws what it would draw alone, and closing one leaves the other."""
+    lamps = [rm.PointLight((0.3 * i - 2, 2, 2), intensity=0.5) for i in range(12)]
+    scenes = [
+        rm.Scene(rm.heightmap(np.eye(6)) | rm.box(0.5), rm.Camera((1, 2, 3), (0, 0, 0)), lamps[: 10 + k],
+                 quality=rm.Quality(temporal="accumulate"))
+        for k in range(2)
+    ]  # fmt: skip
+    alone = []
+    for context, scene in zip((egl, other), scenes, strict=True):
+        with Renderer((24, 18), context=context) as renderer:
+            alone.append([renderer.render(scene).color for _ in range(3)])
+    with Renderer((24, 18), context=egl) as one:
+        two = Renderer((24, 18), context=other)
+        for i in range(3):
+            for k, renderer in enumerate((one, two)):
+                assert np.array_equal(renderer.render(scenes[k]).color, alone[k][i])
+        egl.make_current()
+        two.close()
+        assert np.array_equal(one.render(scenes[0]).color.shape, alone[0][0].shape)
+        one.forget()
+        assert np.array_equal(one.render(scenes[0]).color, alone[0][0])
