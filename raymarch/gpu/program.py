@@ -90,7 +90,7 @@ def parse_messages(text: str) -> list[Message]:
 
 
 class Elements(NamedTuple):
-    """The value of a uniform that is an array; of a compiler that drops the last elements, unread, the first count."""
+    """The value of a uniform that is an array. Compilers drop last elements that no path reads; the rest is set."""
 
     values: NDArray[Any]
 

@@ -113,7 +113,7 @@ class Scene:
         return made
 
     def _labels(self) -> list[Any]:
-        seen = set(seen_labels(self.node))
+        seen = seen_labels(self.node)
         return [label for label in dict.fromkeys(n.label for n in all_nodes(self.node)) if label in seen]
 
     @property

@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from raymarch.sdf.node import Node
 
 
-def seen_labels(root: Node) -> list[Any]:
-    """The labels that some part of the solid has: of labels on each other, a part has the innermost."""
-    found: dict[Any, None] = {}
+def flattened(node: Node) -> list[Node]:
+    """The children of a node, those of nested nodes of the same kind and parameters in their place."""
+    flat: list[Node] = []
+    pending = [node]
+    while pending:
+        each = pending.pop()
+        if each.label is None and each.definition is node.definition and each.params == node.params:
+            pending.extend(reversed(each.children))
+        else:
+            flat.append(each)
+    return flat
+
+
+def cutting(children: Sequence[Node]) -> Sequence[Node]:
+    """Of operands that cut each other, those that decide the material: a tool without one shows what it cuts."""
+    return [child for child in children if child.labelled] if children[0].labelled else children
+
+
+def seen_labels(root: Node) -> set[Any]:
+    """The labels that some part of the solid shows: of labels on each other, a part has the innermost."""
+    found: set[Any] = set()
     visited: set[tuple[Node, Any]] = set()
     pending: list[tuple[Node, Any]] = [(root, None)]
     while pending:
-        node, label = pending.pop()
-        label = label if node.label is None else node.label
-        if (node, label) in visited:
+        node, label = each = pending.pop()
+        if each in visited:
             continue
-        visited.add((node, label))
-        if not node.children and label is not None:
-            found[label] = None
-        pending += [(child, label) for child in reversed(node.children)]
-    return list(found)
+        visited.add(each)
+        if node.label is not None:
+            pending.append((node.children[0], node.label))
+        elif not node.labelled:
+            found.add(label)
+        else:
+            children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
+            pending += [(child, label) for child in (cutting(children) if node.definition.cuts else children)]
+    return found - {None}
 
 
 def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:

@@ -25,6 +25,7 @@ from raymarch.expr.types import FLOAT, VEC3, vector
 from raymarch.expr.vocabulary import cross, dot, normalize, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
 from raymarch.sdf.definition import FLOOR
+from raymarch.sdf.labels import cutting, flattened
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
@@ -178,9 +179,9 @@ class Lowering:
             return make("mark", FLOAT, (distance, at, *cells_of(material)), material)
         if node.label is not None:
             return (yield from self._ask(node.children[0], point, (node.label, point) if marking else UNMARKED))
-        children: Sequence[Node] = _flattened(node) if node.definition.associative else node.children
+        children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
         if marking and node.definition.cuts:
-            children = _cutting(children)
+            children = cutting(children)
             if len(children) == 1:
                 return (yield from self._ask(children[0], point, label))
         return (yield from self._body(node, children, point, label))
@@ -273,24 +274,6 @@ def _asked(node: Node) -> list[int]:
         if part.op == "apply":
             times[part.data] += 1
     return times
-
-
-def _flattened(node: Node) -> list[Node]:
-    """The children of a node, those of nested nodes of the same kind and parameters in their place."""
-    flat: list[Node] = []
-    pending = [node]
-    while pending:
-        each = pending.pop()
-        if each.label is None and each.definition is node.definition and each.params == node.params:
-            pending.extend(reversed(each.children))
-        else:
-            flat.append(each)
-    return flat
-
-
-def _cutting(children: Sequence[Node]) -> Sequence[Node]:
-    """Of operands that cut each other, those that decide the material: a tool without one shows what it cuts."""
-    return [child for child in children if child.labelled] if children[0].labelled else children
 
 
 def lower(node: Node) -> Function:

@@ -114,9 +114,11 @@ CLEAR = (
     "    absorption = glass.absorption;",
     "}",
 )
+"""How a way goes on where all glass is smooth."""
+
 FROSTED = (
     "float inside = side;",
     "if (!from_frosted(surface, glass, dimension, side, direction, weight)) break;",
     "if (side != inside) absorption = glass.absorption;",
 )
-"""How a way goes on, where all glass is smooth, and where some is not."""
+"""How it goes on where some is not."""

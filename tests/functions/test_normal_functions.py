@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from glsl_harness import modules, run
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from raymarch.expr.types import VEC3, VEC4
 from raymarch.gpu.context import Context
@@ -18,11 +18,11 @@ WAYS = np.array([WAY, -WAY[[1, 2, 0]], WAY[[2, 0, 1]]])
 """Directions of length 1, each with another largest part."""
 
 
-def _normals(egl: Context, method: str, field: str, p: NDArray[np.float64], also: object) -> NDArray[np.float32]:
+def _normals(egl: Context, method: str, field: str, p: NDArray[np.float64], also: ArrayLike) -> NDArray[np.float32]:
     text = modules(f"normal/{method}", before=f"vec4 given;\nfloat field(vec3 p) {{ return {field}; }}\n")
     text += "vec3 of(vec3 p, vec4 also, vec3 direction) { given = also; return surface_normal(p, direction); }\n"
     ways = np.broadcast_to(WAY, p.shape)
-    return run(egl, text, "of({0}, {1}, {2})", [(VEC3, p), (VEC4, also), (VEC3, ways)], 3)  # type: ignore[list-item]
+    return run(egl, text, "of({0}, {1}, {2})", [(VEC3, p), (VEC4, also), (VEC3, ways)], 3)
 
 
 @pytest.mark.parametrize("method", STEPS)

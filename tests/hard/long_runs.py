@@ -26,8 +26,9 @@ What they found:
 - **Single functions.** Asked alone at the ends of their ranges (`tests/functions`), they showed what no picture had:
   the front's tracer stood still before a wall met head on (2 of 1,000 profiles); a ray that ran out of steps took a
   sample deep inside a solid for its nearest; a slice held values from nowhere where rays run along it; a history with
-  a value that is not finite turned black, or counted as ten samples; a black surface divided 0 by 0. Fourteen guards
-  that no input reaches are gone.
+  a value that is not finite turned black, or counted as ten samples; a black surface divided 0 by 0, which this
+  driver hides. Eleven guards that no input reaches are gone; of three more, in the march, one changed no bit of
+  108,000 rays, and two change fewer than one ray in 600, none of them wrongly.
 - **Random scenes.** Of 5,007, four were reported, and are explained: three solids that are provably empty, whose box
   lies inside out, which a relation took for a size (a part that is empty is now warned of with its line); and a whole
   volume of zeros, a wave through the origin that is elongated, where the field has no slope and so no normal. 1,200

@@ -128,10 +128,9 @@ class Referee:
         return np.asarray(np.max(-values if outside else values, axis=1))
 
     def _risen(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Of some hits, those where the field has a slope, and so a normal. In a whole volume of zeros, as where a wave
-        through the origin is elongated, it has none."""
-        slope: NDArray[np.float64] = self.scene.node.gradient(self.at(self.known.depth)[rows])
-        return np.asarray(np.linalg.norm(slope, axis=-1) > 0.01 * self.scene.node.lipschitz)
+        """Of some hits, those where the field has a slope at all, and so a normal. In a whole volume of zeros, as where
+        a wave through the origin is elongated, it is 0 to the bit, and the truth's normal faces the eye."""
+        return np.asarray(self.scene.node.gradient(self.at(self.known.depth)[rows]).any(axis=-1))
 
     def turned(self, frame: rm.Frame) -> list[str]:
         """Normals that point elsewhere, of hits away from edges."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -63,9 +65,9 @@ def test_frosted_glass_in_a_white_sky_gives_back_what_its_facets_do_not_hide(
     glass = rm.Material(transmission=1.0, ior=1.5, roughness=roughness)
     camera = rm.Camera((0, 0, 6), (0, 0, 0), fov=10)
     found = mean(renderer, rm.box((4, 4, 0.4)).material(glass), camera=camera, bounces=16, samples=64).mean()
-    lost = 1.0 - hidden(roughness**2)
+    kept = 1.0 - hidden(roughness**2)
     assert found <= 1.002
-    assert found >= lost**4  # two faces, and what is mirrored between them meets them again
+    assert found >= kept**4  # two faces, and what is mirrored between them meets them again
 
 
 def hidden(alpha: float) -> float:
@@ -87,10 +89,10 @@ def test_smooth_glass_is_the_limit_of_frosted(renderer: Renderer) -> None:
 
 def test_a_lamp_shines_on_frosted_glass(renderer: Renderer) -> None:
     """As on a dielectric of the same index that is black inside."""
-    lamp = {"lights": [rm.Sun((0.2, 0.4, 1.0))], "sky": (0, 0, 0), "samples": 1}
+    lamp: dict[str, Any] = {"lights": [rm.Sun((0.2, 0.4, 1.0))], "sky": (0, 0, 0), "samples": 1}
     glass = rm.Material(transmission=1.0, ior=1.5, roughness=0.4)
     coat = rm.Material(albedo=(0, 0, 0), f0=0.04, roughness=0.4)
-    seen, known = (mean(renderer, rm.sphere().material(skin), **lamp) for skin in (glass, coat))  # type: ignore[arg-type]
+    seen, known = (mean(renderer, rm.sphere().material(skin), **lamp) for skin in (glass, coat))
     np.testing.assert_allclose(seen, known, atol=1e-5)
     assert known.max() > 0.1
 
