@@ -111,8 +111,8 @@ def fields() -> Iterator[Pair]:
     yield promised(
         23,
         "displacement",
-        rm.sphere(0.9).displace(0.15, 14.0),
-        "return length(p) - 0.9 - 0.15 * sin(14.0 * p.x) * sin(14.0 * p.y) * sin(14.0 * p.z);",
+        rm.sphere(0.9).displace(0.3, 20.0),
+        "return length(p) - 0.9 + 0.3 * sin(20.0 * p.x) * sin(20.0 * p.y) * sin(20.0 * p.z);",
     )
     yield promised(
         28,
