@@ -37,7 +37,9 @@ def load(path: str | os.PathLike[str]) -> Scene:
     try:
         with _module_beside(namespace, str(file.resolve().parent)):
             exec(_compiled(source, name), namespace.__dict__)
-            return _find(namespace, name)
+            scene = _find(namespace, name)
+            scene.expressions()  # runs the file's own definitions on symbols: their errors are the file's
+            return scene
     except RaymarchError:
         raise
     except SyntaxError as fault:

@@ -186,6 +186,15 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         assert str(path) in str(caught.value) and "a Python file" in str(caught.value)
 
 
+OWN = """import raymarch as rm
+from raymarch.expr.vocabulary import length
+from raymarch.sdf.definition import cube
+@rm.shape(exactness="bound", bounds=lambda: cube(1.0))
+def crooked(p):
+"""
+"""The head of a definition, which is not run before it is asked for."""
+
+
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
@@ -195,6 +204,8 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         ("eval('1 +')\n", 1, ("SyntaxError",)),
         ("import raymarch as rm\n\nscene = rm.sphere(1 / 0)\n", 3, ("ZeroDivisionError", "division by zero")),
         ("def f():\n    raise ValueError('[bold]')\n\nf()\n", 2, ("ValueError: [bold]",)),
+        (OWN + "    return p.length()\nscene = crooked()\n", 6, ("length",)),
+        (OWN + "    return length(p) / 0.0\nscene = crooked()\n", 4, ("crooked divides by 0.0",)),
         ("import nothing_of_this_name\n", 1, ("ModuleNotFoundError", "nothing_of_this_name")),
         ("def f():\n    f()\nf()\n", 2, ("RecursionError",)),
         ("x = 1\nimport sys\nsys.exit(3)\n", 3, ("ended Python", "SystemExit: 3")),
