@@ -22,7 +22,6 @@ ROOT = Path(__file__).parents[2]
 LEDGER = ROOT / "docs" / "figures" / "stability.json"
 PROBE = ROOT / "docs" / "figures" / "probe.json"
 PAGE = ROOT / "docs" / "stability.md"
-ROWS = ("rows_scene", "rows_rays", "rows_light", "rows_frames", "rows_device", "rows_far")
 
 HEAD = """# Hard cases
 
@@ -36,8 +35,8 @@ page. An epsilon is a tenth of a pixel's width at the hit: see [how it is built]
 
 def cases() -> list[Case]:
     """All cases, by row."""
-    for name in ROWS:
-        importlib.import_module(f"tests.hard.{name}")
+    for file in sorted(Path(__file__).parent.glob("rows_*.py")):
+        importlib.import_module(f"tests.hard.{file.stem}")
     return sorted(CASES, key=lambda c: c.row)
 
 
