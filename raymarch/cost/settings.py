@@ -172,7 +172,6 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
     shadowed = any(light.shadow for light in scene.lights)
     discs = any(light.soft and light.penumbra == "sampled" for light in scene.lights)
     omega = quality.omega if tracer == quality.tracer else None
-    scale = quality.step_scale if tracer == "plain" else 1.0
     beta = quality.beta if tracer in ("auto_relaxed", "front") else 0.3
     return replace(
         quality,
@@ -180,9 +179,8 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         tracer=tracer,
         epsilon=quality.near(certified),
         omega=omega,
-        step_scale=scale,
         beta=beta,
-        shadow_steps=quality.shadow_steps if shadowed and quality.shadow_steps != quality.max_steps else None,
+        shadow_steps=quality.shadow_steps if shadowed and quality.shadow_steps != quality.secondary_steps else None,
         light_samples=quality.light_samples if discs else 1,
         masking=quality.masking if any(m.physical for m in scene.materials) else "correlated",
     )

@@ -119,22 +119,29 @@ def _marched(
     enough: Callable[[], bool] | None,
 ) -> Iterator[Draft]:
     """Some steps of all rays a draw, in turn into one pair of textures and the other, until all have arrived."""
-    quality = ready.plan.scene.quality
-    assert quality.budget is not None
+    plan = ready.plan
+    budget = plan.scene.quality.budget
+    assert budget is not None
+    passes = plan.marching.passes
     pair = store.pair("march", size, chosen.textures)
-    while history.marched < quality.passes:
-        begin = history.marched == 0
-        own = {**uniforms, "march_steps": quality.budget, "u_begin": begin}
-        own |= {"u_march": (pair.front, 0), "u_found": (pair.front, 1)}
+    while history.marched < passes:
+        steps = min(budget, plan.marching.steps - history.marched * budget)
+        own = {
+            **uniforms,
+            "march_steps": steps,
+            "u_begin": history.marched == 0,
+            "u_end": history.marched == passes - 1,
+        }
+        own |= {"u_march": (pair.front, 0), "u_found": (pair.front, 1), "u_more": (pair.front, 2)}
         yield _draft(store, ready, chosen, pair.back, own)
         pair.swap()
         history.marched += 1
-        if enough is not None and history.marched < quality.passes:
+        if enough is not None and history.marched < passes:
             if not store.on_their_way(pair):
-                history.marched = quality.passes
+                history.marched = passes
             elif enough():
                 break
-    history.arrived = history.marched >= quality.passes
+    history.arrived = history.marched >= passes
 
 
 def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
@@ -255,7 +262,7 @@ def _cones(
         "u_cell": (1.0, 1.0),
         "u_footprint": (0.5, 0.5) if jittered else (0.0, 0.0),
         "u_cone": 0.0,
-        "march_steps": max(1, round(plan.marching.schedule.share * steps)),
+        "march_steps": plan.marching.steps,
     }
     return drafts, {**carried, **rays}
 
@@ -292,7 +299,7 @@ def count_draws(ready: Prepared) -> int:
     quality = plan.scene.quality
     several = {
         "cone": len(plan.marching.schedule.levels),
-        "march": quality.passes,
+        "march": plan.marching.passes,
         "sample": quality.samples,
     }
     joined = {"view/accumulate", "temporal/resolve"}

@@ -29,7 +29,7 @@ uniform sampler2D u_march;
 out vec4 color;
 void main() {
     float flags = texelFetch(u_march, ivec2(gl_FragCoord.xy), 0).w;
-    if (mod(floor(flags / 4.0), 2.0) == 1.0) discard;
+    if (mod(floor(flags / 32.0), 2.0) == 0.0) discard;
     color = vec4(0.0);
 }
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,9 @@ from raymarch.scene.scene import Scene
 MODULES = {"relaxed_again": "relaxed"}
 """Tracers whose module has another name."""
 
+SECONDARY = ("light/shadow", "light/cone", "light/triangulated", "light/two_sided", "path/second")
+"""Modules that march rays from one surface to the next, or to a light."""
+
 WORTH = 3e7
 """Operations of the field times pixels from which "auto" marches cones first. Below, a second program and pass cost
 more than the evaluations that they save."""
@@ -20,13 +24,27 @@ more than the evaluations that they save."""
 
 @dataclass(frozen=True, slots=True)
 class Marching:
-    """The tracer and the schedule of a scene, each with its reason; `resumed` if rays are marched over many passes."""
+    """The tracer and the schedule of a scene, each with its reason.
+
+    steps : that a ray may take after its cones. budget : steps of one pass, None if all are taken in one.
+    """
 
     tracer: str
     tracer_reason: str
     schedule: Schedule
     schedule_reason: str
-    resumed: bool = False
+    steps: int
+    budget: int | None
+
+    @property
+    def resumed(self) -> bool:
+        """True if rays are marched over many passes."""
+        return self.budget is not None
+
+    @property
+    def passes(self) -> int:
+        """In how many passes a ray is marched at most."""
+        return 1 if self.budget is None else -(-self.steps // self.budget)
 
     @property
     def jittered(self) -> bool:
@@ -48,10 +66,16 @@ def choose(scene: Scene, operations: int, size: tuple[int, int] | None) -> March
     certified = trusted(scene)
     tracer, tracer_reason = _choose_tracer(quality, certified)
     schedule, schedule_reason = _choose_schedule(quality, certified, operations, size)
-    if certified and quality.budget is None and (quality.samples > 1 or quality.temporal != "off"):
+    if (
+        certified
+        and not quality.shortened
+        and quality.budget is None
+        and (quality.samples > 1 or quality.temporal != "off")
+    ):
         schedule = Schedule((*schedule.levels, PIXEL), schedule.share)
         schedule_reason += "; the samples of a pixel start where the cone around it ended"
-    return Marching(tracer, tracer_reason, schedule, schedule_reason, quality.budget is not None)
+    steps = max(1, round(schedule.share * quality.max_steps))
+    return Marching(tracer, tracer_reason, schedule, schedule_reason, steps, quality.budget)
 
 
 def trusted(scene: Scene) -> bool:
@@ -65,6 +89,8 @@ def _choose_tracer(quality: Quality, certified: bool) -> tuple[str, str]:
         if asked not in ("auto", "plain"):
             return "plain", f"the field is an estimate, on which Quality(tracer={asked!r}) would be fooled"
         return "plain", "the field is an estimate, which proves no longer step"
+    if quality.shortened:
+        return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
     if asked == "auto":
         return "auto_relaxed", "the field is certified, so a step is as long as its spheres prove"
     return asked, f"Quality(tracer={asked!r})"
@@ -78,6 +104,8 @@ def _choose_schedule(
         if asked in ("auto", "single"):
             return SINGLE, "the field is an estimate, which does not prove a cone free"
         return SINGLE, f"the field is an estimate, which does not prove the cones of Quality(schedule={asked!r}) free"
+    if quality.shortened:
+        return SINGLE, "no cone is proven free of a field that needs shorter steps"
     if asked != "auto":
         return SCHEDULES[asked], f"Quality(schedule={asked!r})"
     if size is None:
@@ -86,6 +114,26 @@ def _choose_schedule(
     if work < WORTH:
         return SINGLE, f"{work:.2g} operations for one evaluation a pixel, too few for cones to pay"
     return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation a pixel, of which cones save the larger part"
+
+
+def safe_step(quality: Quality) -> list[tuple[str, str]]:
+    """The module that says how far a plain step goes, with its reason."""
+    if quality.step_variation > 0:
+        why = f"Quality(step_variation={quality.step_variation:g})"
+        return [("march/safe_step_varied", why), ("random/pixel", "steps differ from pixel to pixel")]
+    if quality.step_scale < 1:
+        return [("march/safe_step_scaled", f"Quality(step_scale={quality.step_scale:g})")]
+    return [("march/safe_step", "a plain step is as long as the distance")]
+
+
+def secondary(quality: Quality, names: Iterable[str]) -> list[tuple[str, str]]:
+    """What the modules that march from a surface onwards need besides, if any of `names` is one of them."""
+    if not any(name in SECONDARY for name in names):
+        return []
+    found = safe_step(quality)
+    if any(name in SECONDARY and name != "light/two_sided" for name in names):
+        found.append(("march/extrapolate", "what becomes of rays that run out of steps on their way from a surface"))
+    return found
 
 
 def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str, str]]:
@@ -107,11 +155,9 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
         add((f"march/aim{cone if aims else '_never'}", "where a step of a ray may lead" + " onto the surface" * aims))
     add(("march/exhausted", f"a ray may take {quality.max_steps} steps"))
     tracer = MODULES.get(marching.tracer, marching.tracer)
-    if tracer == "plain" and quality.step_variation > 0:
-        add(("march/plain_varied", f"Quality(step_variation={quality.step_variation:g})"))
-        add(("random/pixel", "steps differ from pixel to pixel"))
-    else:
-        add((f"march/{tracer}", marching.tracer_reason))
+    add((f"march/{tracer}", marching.tracer_reason))
+    if tracer == "plain":
+        found += safe_step(quality)
     below, above = np.isfinite(facts.upper), np.isfinite(facts.lower)
     if np.any(below) or np.any(above):
         add(("march/below", "the scene's box ends on some side"))

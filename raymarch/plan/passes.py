@@ -40,7 +40,7 @@ class Pass:
 
 CONE: Final = Pass("cone", "view/cone", 1, "rays start where the cones around them ended", ("CONE",))
 
-MARCH: Final = Pass("march", "view/march", 2, "rays take some steps in each pass, and go on in the next")
+MARCH: Final = Pass("march", "view/march", 3, "rays take some steps in each pass, and go on in the next")
 
 SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample of each pixel, and what it saw", shades=True)
 

@@ -196,7 +196,10 @@ def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
     shaders = shading.modules(scene, made.model if shaded else None, any(p.shades for p in made.passes))
-    made.modules += [module for module in shaders if module[0] not in {name for name, _ in made.modules}]
+    shaders += marching.secondary(quality, [name for name, _ in shaders])
+    for module in shaders:
+        if module[0] not in {name for name, _ in made.modules}:
+            add(module)
     made.modules += joining(made.passes)
     for drawn in made.passes:
         add((drawn.module, drawn.reason))

@@ -174,7 +174,8 @@ def _constants(plan: Plan) -> Chunk:
     steps = str(quality.max_steps)
     values = {
         "max_steps": ("int", steps),
-        "shadow_steps": ("int", str(quality.shadow_steps or quality.max_steps)),
+        "shadow_steps": ("int", str(quality.shadow_steps or quality.secondary_steps)),
+        "secondary_steps": ("int", str(quality.secondary_steps)),
         "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else steps),
         "epsilon_pixels": ("float", literal(plan.epsilon)),
         "contact_share": ("float", literal(CONTACT if plan.certified else 1.0)),

@@ -141,16 +141,17 @@ class Picture:
             renderer.forget()  # where only the file's text changed, its samples would go on being gathered
         spent, compiled = [0.0], 0.0
         drawn: list[Draft] = []
+        passes = renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.passes
         for draft in renderer.draft_by_draft(
             shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > room
         ):
             compiled += draft.compile
-            spent.append(self._clocked(draft.draw, wait=quality.passes > 1))
+            spent.append(self._clocked(draft.draw, wait=passes > 1))
             drawn.append(draft)
         spent.append(self._clocked(lambda: None, wait=True))
         marched = sum(draft.chosen.name == "march" for draft in drawn)
         whole = renderer.history.arrived or marched == 0
-        return sum(spent), compiled, drawn, 1.0 if whole else marched / quality.passes
+        return sum(spent), compiled, drawn, 1.0 if whole else marched / passes
 
     def _clocked(self, draw: Callable[[], None], *, wait: bool) -> float:
         """Milliseconds of a draw, with those of the device if it is waited for."""

@@ -84,17 +84,18 @@ vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
     marched = e.xy;
     Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0));
     March at = begun(e.x);
-    at.slope = e.w;
-    Hit hit = march(ray, at, e.y);
+    at.slope = at.last = e.w;
+    Hit hit = missed(e.x);
+    march(ray, at, hit, e.y);
     if (e.z == 0.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
     if (e.z == 1.0) return vec4(hit.done, hit.found, hit.fallbacks, asked);
     return vec4(furthest, twice, wasted, known);
 }
 """
-TRACED = AFTER.replace("march(ray, at, e.y)", "trace(ray)")
+TRACED = AFTER.replace("march(ray, at, hit, e.y)", "hit = trace(ray)")
 TRACERS: Mapping[str, tuple[str, ...]] = {
-    "plain": ("march/aim_never", "march/plain", "march/loop"),
-    "varied": ("march/aim_never", "march/plain_varied", "march/loop"),
+    "plain": ("march/aim_never", "march/safe_step_scaled", "march/plain", "march/loop"),
+    "varied": ("march/aim_never", "march/safe_step_varied", "march/plain", "march/loop"),
     "relaxed": ("march/aim_never", "march/relaxed", "march/loop"),
     "relaxed_again": ("march/aim_never", "march/relaxed", "march/loop"),
     "enhanced": ("march/aim_never", "march/enhanced", "march/loop"),

@@ -206,7 +206,7 @@ SECOND = """
 struct Ray { vec3 origin; vec3 direction; };
 const float epsilon_pixels = 1.0;
 const float contact_share = 0.5;
-const int max_steps = 64;
+const int secondary_steps = 64;
 const float u_far = 50.0;
 uniform vec2 u_ends;
 vec2 scene_box(Ray ray, vec2 range) { return vec2(max(range.x, u_ends.x), min(range.y, u_ends.y)); }
@@ -222,7 +222,15 @@ def met(egl: Context, body: str, start: float, ends: tuple[float, float], side: 
             return vec3(hit.found ? 1.0 : 0.0, hit.t, hit.evaluations);
         }}"""
     declared = "float field(vec3 p);\n"
-    text = modules("march/epsilon", "march/hit", "path/second", before=SECOND + declared, after=after)
+    text = modules(
+        "march/epsilon",
+        "march/hit",
+        "march/safe_step",
+        "march/extrapolate",
+        "path/second",
+        before=SECOND + declared,
+        after=after,
+    )
     uniforms = {"u_pixel": 1e-4, "u_ends": ends, "u_side": 1.0}
     return [float(x) for x in run(egl, text, "met({0})", [(FLOAT, [start])], 3, uniforms)[0]]
 

@@ -51,7 +51,9 @@ def shadows(
             float share = {KINDS[kind]};
             return vec2(share, float(asked));
         }}"""
-    text = modules("march/epsilon", "light/leaving", kind, before=BEFORE, after=after)
+    text = modules(
+        "march/epsilon", "march/safe_step", "march/extrapolate", "light/leaving", kind, before=BEFORE, after=after
+    )
     found = run(egl, text, "seen({0})", [(VEC3, ways)], 2, {"u_pixel": PIXEL})
     return found[:, 0], found[:, 1]
 

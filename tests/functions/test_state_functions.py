@@ -17,25 +17,29 @@ RAY = "struct Ray { vec3 origin; vec3 direction; };\n"
 
 def test_a_state_comes_back_from_its_texels_as_it_was(egl: Context) -> None:
     """All flags, and as many fallbacks as a ray can have."""
-    flags = np.array(list(itertools.product((0, 1), repeat=4)) * 4)
+    flags = np.array(list(itertools.product((0, 1), repeat=6)))
     rng = np.random.default_rng(5)
-    a = np.column_stack([rng.normal(size=(64, 3)) * 1e3, np.repeat([0, 1, 511, 60000], 16)]).astype(np.float32)
+    a = np.column_stack([rng.normal(size=(64, 3)) * 1e3, np.tile([0, 1, 511, 60000], 16)]).astype(np.float32)
     b = np.column_stack([rng.normal(size=(64, 2)), rng.integers(0, 65536, (64, 2))]).astype(np.float32)
+    c = rng.normal(size=(64, 4)).astype(np.float32)
     after = """
-    vec4 way(vec4 a, vec4 b, vec4 flags, float part) {
-        March at = March(a.x, a.y, a.z, flags.x > 0.5, flags.y > 0.5);
+    vec4 way(vec4 a, vec4 b, vec4 c, vec4 flags, vec2 more, float part) {
+        March at = March(a.x, a.y, a.z, c.x, c.yzw, flags.x > 0.5, flags.y > 0.5, more.x > 0.5);
         Hit hit = Hit(flags.z > 0.5, flags.w > 0.5, b.x, b.y, b.z, b.w, a.w);
-        vec4 march = packed_march(at, hit), found = packed_hit(hit);
-        at = unpack_march(march);
+        vec4 march = packed_march(at, hit, more.y > 0.5), found = packed_hit(hit), rest = packed_more(at);
+        at = unpack_march(march, rest);
         hit = unpack_hit(march, found);
         if (part == 0.0) return vec4(at.t, at.r, at.slope, hit.fallbacks);
         if (part == 1.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
-        return vec4(at.asked, at.passing, hit.done, hit.found);
+        if (part == 2.0) return vec4(at.last, at.front);
+        if (part == 3.0) return vec4(at.asked, at.passing, hit.done, hit.found);
+        return vec4(at.leaving, flag(march, 32.0), 0.0, 0.0);
     }"""
     text = modules("march/hit", "march/state", before=RAY, after=after)
-    inputs = [(VEC4, a), (VEC4, b), (VEC4, flags)]
-    for part, known in enumerate((a, b, flags)):
-        found = run(egl, text, f"way({{0}}, {{1}}, {{2}}, {part}.0)", inputs, 4)
+    more = flags[:, 4:]
+    inputs = [(VEC4, a), (VEC4, b), (VEC4, c), (VEC4, flags[:, :4]), (VEC2, more)]
+    for part, known in enumerate((a, b, c, flags[:, :4], np.column_stack([more, 0 * more]))):
+        found = run(egl, text, f"way({{0}}, {{1}}, {{2}}, {{3}}, {{4}}, {part}.0)", inputs, 4)
         np.testing.assert_array_equal(found, known)
 
 

@@ -64,12 +64,12 @@ def test_a_step_is_never_shorter_than_the_distance(egl: Context, tracer: str) ->
     """Whatever the slope: cones hand on slopes above 1. From inside the ray steps back by no more than it is deep."""
     slope, r = (a.ravel() for a in np.meshgrid([-1, -0.5, 0, 0.5, 0.999, 1.0, 1.02, 1.5], [1e-4, 0.1, 3.0]))
     inputs = [(FLOAT, r), (FLOAT, slope)]
-    found = run(egl, text_of(tracer), "stride(March(5.0, {0}, {1}, true, false), 20.0)", inputs)
+    found = run(egl, text_of(tracer), "stride(March(5.0, {0}, {1}, {1}, vec3(0.0), true, false, false), 20.0)", inputs)
     assert np.all(found >= r.astype(np.float32)) and np.all(found <= np.float32(15 + r))
     if tracer == "enhanced":  # where the ray recedes the plane is never met
         assert np.all(found[(slope >= 1) & (r > 1e-3)] >= 15)
     inputs = [(FLOAT, -r), (FLOAT, np.minimum(slope, 0.999))]
-    back = run(egl, text_of(tracer), "stride(March(5.0, {0}, {1}, true, true), 20.0)", inputs)
+    back = run(egl, text_of(tracer), "stride(March(5.0, {0}, {1}, {1}, vec3(0.0), true, true, false), 20.0)", inputs)
     assert np.all(back >= -1.6 * r.astype(np.float32) - 1e-6) and np.all(back < 0)
 
 

@@ -130,37 +130,26 @@ vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
     given(a, b, c, d);
     Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0));
     March at = begun(e.x);
-    Hit hit = missed(0.0);
+    Hit hit = missed(e.x);
     hit.done = false;
-    vec3 spent = vec3(0.0);
-    for (int k = 0; k < 100 && !hit.done; k++) {
-        hit = march(ray, at, e.y);
-        spent += vec3(hit.iterations, hit.evaluations, hit.fallbacks);
-    }
-    if (e.z == 0.0) return vec4(hit.t, hit.residual, spent.xy);
-    if (e.z == 1.0) return vec4(hit.done, hit.found, spent.z, asked);
+    for (int k = 0; k < 100 && !hit.done; k++) march(ray, at, hit, e.y);
+    if (e.z == 0.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
+    if (e.z == 1.0) return vec4(hit.done, hit.found, hit.fallbacks, asked);
     return vec4(furthest, twice, wasted, known);
 }
 """
 
 
 @pytest.mark.parametrize("tracer", TRACERS)
-def test_a_march_goes_on_where_it_stood(egl: Context, tracer: str) -> None:
-    """Six steps at a time: tracers that remember no slope come to the same bits, the others to the same surface."""
+@pytest.mark.parametrize("steps", [1, 6])
+def test_a_march_in_pieces_is_the_whole_march(egl: Context, tracer: str, steps: int) -> None:
+    """Its state holds all that it needs: the same points are asked, and the same bits come out."""
     of = everything()[: 6 * MANY]
-    whole = march(egl, text_of(tracer), of, far=FAR)
-    parts = march(egl, text_of(tracer, after=PASSES), of, far=FAR, steps=6)
-    kept = whole.done & parts.done
-    assert np.mean(kept) > 0.999
-    parts_met = parts.found & kept
-    assert np.all(np.abs(of.at(parts.t))[parts_met] <= contact(parts.t)[parts_met])
-    assert np.all(of.least(parts.t)[parts_met] >= -contact(parts.t)[parts_met])
-    assert np.all(of.root()[kept & ~parts.found] > FAR * (1 - 1e-6))
-    if tracer in ("plain", "varied"):
-        same = kept & (whole.evaluations - whole.iterations <= 2) & whole.found
-        assert np.mean(same) > 0.4
-        np.testing.assert_array_equal(parts.t[same], whole.t[same])
-        np.testing.assert_array_equal(parts.evaluations[same], whole.evaluations[same])
+    whole = march(egl, text_of(tracer), of, far=FAR, steps=100 * steps)
+    parts = march(egl, text_of(tracer, after=PASSES), of, far=FAR, steps=steps)
+    assert np.mean(parts.done) > 0.7
+    for name in ("t", "residual", "iterations", "evaluations", "done", "found", "fallbacks", "asked", "furthest"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), name)
 
 
 @pytest.mark.parametrize("trace", [("trace",), ("begin", "trace_on")])

@@ -157,14 +157,14 @@ bool carry_on(inout March at, inout vec2 spent) {
     at.t = max(at.t, carried);
     return carried >= 0.0;
 }
-Hit march(Ray ray, inout March at, float far) {
+void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec4 known = texelFetch(u_march, ivec2(gl_FragCoord.xy), 0);
-    at = March(known.x, known.y, known.z, true, false);
-    Hit hit = missed(known.x);
+    at.t = known.x;
+    at.r = known.y;
+    at.slope = known.z;
     hit.found = known.w > 0.0;
     hit.iterations = 7.0;
     hit.evaluations = 12.0;
-    return hit;
 }
 """
 

@@ -39,17 +39,16 @@ def renderer(egl: Context) -> Iterator[Renderer]:
 @pytest.mark.parametrize("tracer", [t for t in TRACERS if t != "auto"])
 @pytest.mark.parametrize("schedule", ["single", "cones"])
 @pytest.mark.parametrize("budget", [4, 7])
-def test_many_passes_come_to_what_one_comes_to(renderer: Renderer, tracer: str, schedule: str, budget: int) -> None:
-    """A pass ends between two steps, so that tracers which remember more than the state ask some points again."""
-    whole = renderer.render(scene(tracer=tracer, schedule=schedule), outputs=EVERYTHING)
-    parts = renderer.render(scene(tracer=tracer, schedule=schedule, budget=budget), outputs=EVERYTHING)
+def test_many_passes_draw_the_picture_of_one(renderer: Renderer, tracer: str, schedule: str, budget: int) -> None:
+    """Bit for bit: the state that is carried from pass to pass is all that a march knows. Counts take in the shares of
+    cones, which are summed in another order."""
+    everything = (*EVERYTHING, "iterations", "evaluations", "residual", "fallbacks", "done", "reach")
+    whole = renderer.render(scene(tracer=tracer, schedule=schedule), outputs=everything)
+    parts = renderer.render(scene(tracer=tracer, schedule=schedule, budget=budget), outputs=everything)
     assert parts.complete and sum(t.name == "march" for t in parts.timings) > 1
-    assert np.mean(np.isfinite(whole.depth) != np.isfinite(parts.depth)) < 0.002
-    both = np.isfinite(whole.depth) & np.isfinite(parts.depth)
-    assert np.quantile(np.abs(parts.depth[both] / whole.depth[both] - 1), 0.99) < 1e-3
-    assert np.quantile(np.abs(parts.color - whole.color), 0.98) < 2 / 255
-    if tracer == "auto_relaxed":
-        assert parts.evaluations.mean() < 1.35 * whole.evaluations.mean()
+    for name in everything:
+        ulps = 2 if schedule == "cones" and name in ("iterations", "evaluations") else 0
+        np.testing.assert_allclose(parts.array(name), whole.array(name), rtol=ulps * 2.0**-23, err_msg=name)
 
 
 def test_the_passes_end_when_all_rays_have_arrived(renderer: Renderer) -> None:

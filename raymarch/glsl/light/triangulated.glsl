@@ -1,24 +1,27 @@
 // Soft shadow as by a cone, with the clearance where the ray passes nearest between two samples (Aaltonen 2018): the
 // spheres of two steps meet in a circle, and the obstacle is taken to be on it. The first step knows no other.
-// needs: field Ray Surface Light leaving unbent contact shadow_steps scene_cone u_side
+// needs: field Ray Surface Light leaving unbent contact GROWTH safe_step meets_ahead shadow_steps scene_cone u_side
 // gives: triangulated_shadow
 float triangulated_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;
     Ray ray = leaving(surface.p, unbent(surface), light.direction, surface.t, start);
     vec2 range = scene_cone(ray, vec2(start, light.distance), width);
+    float near = 0.5 * contact(surface.p, surface.t);
     float least = 1.0;
-    float last = 0.0;
     float s = range.x;
+    float r = 0.0;
+    float last = 0.0;
     for (int i = 0; i < shadow_steps; i++) {
-        if (s >= range.y) break;
-        float r = u_side * field(ray.origin + s * ray.direction);
-        if (r <= 0.5 * contact(surface.p, surface.t)) return 0.0;
+        if (s >= range.y) return least;
+        last = r;
+        r = u_side * field(ray.origin + s * ray.direction);
+        if (r <= near + GROWTH * s) return 0.0;
         // Where it would be farther back than the last sample, the obstacle is not between the two, but behind both.
         float back = r * r < 2.0 * last * last ? r * r / (2.0 * last) : 0.0;
         least = min(least, sqrt(r * r - back * back) / (width * (s - back)));
-        last = r;
-        s += r;
+        s += safe_step(r);
     }
-    return least;
+    float slope = (r - last) / safe_step(last);
+    return meets_ahead(r, slope, range.y - s + safe_step(r)) ? 0.0 : least;
 }

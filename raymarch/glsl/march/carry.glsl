@@ -22,7 +22,7 @@ bool carry_on(inout March at, inout vec2 spent) {
             vec4 cone = texelFetch(u_carried, ivec2(x, y), 0);
             if (cone.x >= 0.0 && cone.x < free) {
                 free = cone.x;
-                at.slope = cone.y;
+                at.slope = at.last = cone.y;
             }
             spent += cone.zw;
         }

@@ -2,8 +2,9 @@
 // A point at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
 // A cone ends where it can go on by no more than a share of its own width, for good: it has no surface to meet.
 // needs: epsilon_pixels contact_share cone_share u_cone
-// gives: u_pixel nearness epsilon contact
+// gives: u_pixel GROWTH nearness epsilon contact
 uniform float u_pixel;  // width of a pixel at distance 1
+const float GROWTH = 1.1920929e-7;  // of an ulp of a point's coordinates along a ray
 
 float nearness(vec3 p, float t, float width) {
     vec3 size = abs(p);

@@ -3,36 +3,37 @@
 // only the gap before it is not known yet. The gap is halved until it closes, and then the front jumps to the kept
 // sphere's far end, so that a step that was too long is not wasted. A kept sphere inside the solid holds no surface
 // either, and ends the gap for good: the first surface lies before it.
-// needs: along Ray Hit March missed nearer settle exhausted epsilon contact march_steps smoothing
+// needs: along Ray Hit March nearer settle exhausted epsilon contact march_steps smoothing
 // gives: march
-Hit march(Ray ray, inout March at, float far) {
-    Hit hit = missed(at.t);
+void march(Ray ray, inout March at, inout Hit hit, float far) {
+    hit.done = true;
+    hit.found = false;
     if (!at.asked) {
         at.r = along(ray, at.t);
         at.asked = true;
-        hit.evaluations = 1.0;
+        hit.evaluations += 1.0;
+        hit.t = at.t;
+        hit.residual = abs(at.r);
+        at.front = vec3(at.t + at.r, 0.0, 0.0);
     }
-    nearer(hit, at.t, at.r);
-    float front = at.t + at.r;
-    float slope = at.slope;  // of the last step alone
-    bool kept = false;  // whether a sphere beyond the gap is kept: its centre and radius
-    float kept_t = 0.0;
-    float kept_r = 0.0;
-    bool leaving = false;  // its last steps met nothing: it takes one step before it looks again
-    for (int i = 0; i < march_steps; i++) {
+    float front = at.front.x;
+    float kept_t = at.front.y;  // a sphere beyond the gap: its centre and radius; a centre of 0 is none
+    float kept_r = at.front.z;
+    for (int i = 0; i < march_steps;) {
         // all rays march on until they are near a surface, and only then take their last steps, all together
         bool near = false;
         for (; i < march_steps; i++) {
             vec3 p = ray.origin + at.t * ray.direction;
-            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t)) && !leaving) {
+            if (at.r < (at.passing ? contact(p, at.t) : epsilon(p, at.t)) && !at.leaving) {
                 near = true;
                 break;
             }
-            if (front > far) return hit;
-            leaving = false;
+            if (front > far) return;
+            at.leaving = false;
             hit.iterations += 1.0;
             hit.evaluations += 1.0;
             float c = min(at.t + 2.0 * at.r / (1.0 - at.slope), far + at.r);
+            bool kept = kept_t > 0.0;
             float low = kept_t - abs(kept_r);
             if (kept && c >= low) c = 0.5 * (front + low);
             c = max(c, front);
@@ -40,30 +41,31 @@ Hit march(Ray ray, inout March at, float far) {
             float next = along(ray, c);
             if (gap && c - next > front) {
                 hit.fallbacks += 1.0;
-                kept = true;
                 kept_t = c;
                 kept_r = next;
                 at.slope = (next - at.r) / (c - at.t);  // up to the kept sphere
                 continue;
             }
-            slope = (next - at.r) / (c - at.t);
-            at = March(c, next, clamp(mix(at.slope, slope, smoothing), -1.0, 0.999), true, at.passing);
+            at.last = (next - at.r) / (c - at.t);
+            at.slope = clamp(mix(at.slope, at.last, smoothing), -1.0, 0.999);
+            at.t = c;
+            at.r = next;
             front = max(front, c + next);
             nearer(hit, at.t, at.r);
             if (kept && kept_r > 0.0 && front >= kept_t - kept_r && kept_t > at.t) {
-                slope = (kept_r - at.r) / (kept_t - at.t);
+                at.last = (kept_r - at.r) / (kept_t - at.t);
                 at.t = kept_t;
                 at.r = kept_r;
                 front = max(front, at.t + at.r);
                 nearer(hit, at.t, at.r);
             }
-            if (kept && at.t >= kept_t - kept_r) kept = false;
+            if (kept && at.t >= kept_t - kept_r) kept_t = 0.0;
         }
         if (!near) break;
-        if (settle(hit, ray, at.t, at.r, slope)) return hit;
+        if (settle(hit, ray, at.t, at.r, at.last)) return;
         at.passing = true;
-        leaving = true;
+        at.leaving = true;
     }
+    at.front = vec3(front, kept_t, kept_r);
     exhausted(hit);
-    return hit;
 }

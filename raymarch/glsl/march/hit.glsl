@@ -8,8 +8,11 @@ struct March {
     float t;
     float r;  // the field there; meaningless before it is asked
     float slope;  // of the field along the ray, averaged over the last steps; -1, the steepest, where it is not known
+    float last;  // slope of the last step alone
+    vec3 front;  // of the bracketing tracer alone: up to where all is free; a kept sphere's middle (0: none) and radius
     bool asked;
     bool passing;  // near a surface, but not to meet it: from then on only contact counts
+    bool leaving;  // its last steps met nothing: it takes one step before it looks again
 };
 
 struct Hit {
@@ -23,7 +26,7 @@ struct Hit {
 };
 
 March begun(float t) {
-    return March(t, 0.0, -1.0, false, false);
+    return March(t, 0.0, -1.0, -1.0, vec3(0.0), false, false, false);
 }
 
 Hit missed(float near) {
@@ -33,7 +36,7 @@ Hit missed(float near) {
 // Keeps the sample with the smallest residual as seen from the camera: what a ray that runs out of steps falls back on.
 void nearer(inout Hit hit, float t, float r) {
     float residual = abs(r);  // a sample deep inside a solid is not near its surface
-    if (hit.evaluations > 1.0 && residual * hit.t >= hit.residual * t) return;
+    if (residual * hit.t >= hit.residual * t) return;
     hit.t = t;
     hit.residual = residual;
 }

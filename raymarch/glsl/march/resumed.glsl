@@ -1,5 +1,5 @@
 // What the ray of a pixel hit in the passes before. A ray that is still on its way is shown where it stands.
-// needs: Ray Hit unpack_march unpack_hit
+// needs: Ray Hit unpack_hit flag
 // gives: trace u_march u_found
 uniform sampler2D u_march;
 uniform sampler2D u_found;
@@ -8,9 +8,10 @@ Hit trace(Ray ray) {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 march = texelFetch(u_march, pixel, 0);
     Hit hit = unpack_hit(march, texelFetch(u_found, pixel, 0));
-    if (!hit.done) {
+    if (flag(march, 32.0)) {
+        hit.done = false;
         hit.found = true;
-        hit.t = unpack_march(march).t;
+        hit.t = march.x;
     }
     return hit;
 }

@@ -5,5 +5,7 @@ Hit trace(Ray ray) {
     vec2 range = range_of(ray);
     if (range.x > range.y) return missed(0.0);
     March at = begun(range.x);
-    return march(ray, at, range.y);
+    Hit hit = missed(at.t);
+    march(ray, at, hit, range.y);
+    return hit;
 }

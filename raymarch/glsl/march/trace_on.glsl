@@ -6,7 +6,10 @@ Hit trace(Ray ray) {
     float far;
     vec2 spent;
     Hit hit = missed(0.0);
-    if (begins(ray, at, far, spent)) hit = march(ray, at, far);
+    if (begins(ray, at, far, spent)) {
+        hit = missed(at.t);
+        march(ray, at, hit, far);
+    }
     hit.iterations += spent.x;
     hit.evaluations += spent.y;
     return hit;

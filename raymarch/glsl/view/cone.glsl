@@ -1,5 +1,5 @@
 // Pass: how far the cones around the rays of a cell of pixels are free. See march/carry for what a texel holds.
-// needs: Ray Hit March begun camera_ray range_of carry_on march u_cone u_cell
+// needs: Ray Hit March begun missed camera_ray range_of carry_on march u_cone u_cell
 // gives: main out_state
 layout(location = 0) out vec4 out_state;
 
@@ -10,7 +10,8 @@ void main() {
     vec2 spent = vec2(0.0);
     bool open = range.x <= range.y && carry_on(at, spent) && at.t <= range.y;
     if (open) {
-        Hit hit = march(ray, at, range.y);
+        Hit hit = missed(at.t);
+        march(ray, at, hit, range.y);
         spent += vec2(hit.iterations, hit.evaluations / (u_cell.x * u_cell.y));
         open = hit.found || at.t + at.r <= range.y;
     }
