@@ -23,7 +23,7 @@ WHITE = rm.Material((1.0, 1.0, 1.0), ambient=0.0, specular=0.0)
     "a threshold that does not grow along the ray; a ray out of steps counts as lit",
 )
 def far_occluder(world: World) -> Iterator[Figure]:
-    """Float32 cannot come as near to a far occluder as to the point that is lit: 19 % of the pixels were lit at 500 units."""
+    """Float32 cannot come as near to a far occluder as to the lit point: 19 % of the pixels were lit at 500 units."""
     lit, dark, too_dark, too_light = 0, 0, 0, 0
     ball = Pair("floor", 20.0, 500.0, "ball", 100.0, "hard", 0.0, "sun", 2.0)
     grazing = Pair("floor", 88.5, 3e4, "ball", 30.0, "hard", 0.0, "sun", 0.7)
@@ -62,7 +62,7 @@ def _false(p):  # type: ignore[no-untyped-def]
 
 @case(65, "steps shortened for all rays", "only the tracer of the camera's rays knew the factor")
 def shortened(world: World) -> Iterator[Figure]:
-    """A field that is too steep needs short steps also towards lights and in mirrors; certified fields take them too."""
+    """A field that is too steep needs short steps also towards lights and in mirrors, whatever it promises."""
     mirror = rm.Material((1.0, 1.0, 1.0), metalness=1.0, roughness=0.0)
 
     def scene(node: rm.Node, quality: rm.Quality, bounces: int) -> rm.Scene:

@@ -2,9 +2,9 @@
 
 python -m tests.hard.shadows --pairs 200      # some million pixels; prints what is wrong, and where
 
-A receiver (a floor, a ball or a wall) stands near the camera, an occluder (a ball or a slab) at a distance of 10^-2 to 10^5
-between it and the light. In the reference, rays meet both in closed form, in float64. A pixel counts if its point is off
-the border of the shadow by more than its own footprint, and by more than what float32 can tell apart at the occluder.
+A receiver (a floor, a ball or a wall) stands near the camera. An occluder (a ball or a slab) stands between it and the
+light, at a distance of 10^-2 to 10^5. The reference intersects rays with both in closed form, in float64. A pixel counts
+if its point is off the border of the shadow by more than its own footprint and more than float32 resolves there.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ VIEW = (0.7, 0.6, 0.5)
 class Pair:
     """A receiver and an occluder.
 
-    receiver : "floor" at y = 0, "ball" of radius 1 below the origin, or "wall" that leans. tilt : of the light's direction
-    from the receiver's normal, degrees. distance : of the occluder from the lit point, the origin. body : "ball" or "slab".
-    size : radius of the ball, or half width of the slab. penumbra : of the light. softness : tangent of its angular radius.
+    receiver : "floor" at y = 0, "ball" of radius 1 below the origin, or "wall" that leans.
+    tilt : of the light's direction from y, degrees. distance : of the occluder from the lit point, the origin.
+    body : "ball" or "slab". size : radius of the ball, or half width of the slab.
+    penumbra : of the light. softness : tangent of its angular radius.
     place : "sun", or "point" for a light ten times as far as the occluder. camera : distance of the camera.
     """
 
@@ -184,7 +185,7 @@ def judged(pair: Pair) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np
     else:
         t = _ball(np.array((0.0, -1.0, 0.0)), 1.0, origins, rays)
         p = eye + np.where(np.isfinite(t), t, 0.0)[..., None] * rays
-        normals = p + (0.0, 1.0, 0.0)
+        normals = p + np.array((0.0, 1.0, 0.0))
         slant = np.abs(np.einsum("...i,...i->...", normals, rays))
     # the occluder is not to be seen, nor to touch what is judged
     seen = np.isfinite(t) & (t < _ball(pair.distance * pair.light, 1.2 * pair.size, origins, rays)) & (slant > 0.02)
