@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.expr.vocabulary import mod, where
-from tests.hard.world import Figure, World, camera_of, case, view_of
+from tests.hard.world import Figure, World, camera_of, case, refusals, view_of
 
 Array = NDArray[Any]
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -187,3 +188,19 @@ def _indirect() -> Iterator[tuple[str, rm.Scene, Array, Array]]:
         quality = rm.Quality(ways=ways)
         scene = rm.Scene(mirrored, camera_of(view), [], sky=(0, 0, 0), bounces=2, quality=quality)
         yield f"in a mirror, {ways}", scene, red, seen
+
+
+@case(68, "letters that the font lacks", before="a crossed box for each, exit code 0, no warning")
+def letters(world: World) -> Iterator[Figure]:
+    """A font shows a sign of its own, a box, for a letter that it lacks. Such a text is refused by name."""
+    missing = ["ä", "ß", "é", "ñ", "\u2013", "€", "\u6f22", "\u200b", "\t", "\ud800"]
+    calls = [(partial(rm.text, f"a{letter}b"), ("lacks", repr(letter), "Aileron", "font=")) for letter in missing]
+    yield refusals(*calls)
+    known = [chr(i) for i in range(33, 127)]
+    refused = 0
+    for letter in known:
+        try:
+            rm.text(letter, resolution=8)
+        except rm.SceneError as error:
+            refused += "lacks" in str(error)
+    yield Figure(f"letters of ASCII refused, of {len(known)}", refused, 0, "the font that comes with Pillow has them")
