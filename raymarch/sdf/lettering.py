@@ -25,6 +25,7 @@ from raymarch.expr.vocabulary import clamp, length, max, min, vec2
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Data, Domain, Positive, Scalar
 from raymarch.sdf.node import Node
+from raymarch.sdf.sampled import opened
 
 __all__ = ["image", "text"]
 
@@ -364,14 +365,11 @@ def image(
 def _coverage(source: str | os.PathLike[str] | ArrayLike) -> Array:
     """How far each pixel is covered, from 0 to 1."""
     if isinstance(source, str | os.PathLike):
-        try:
-            with Image.open(source) as picture:
-                if "A" in picture.getbands() or "transparency" in picture.info:
-                    return np.asarray(picture.convert("RGBA").getchannel("A"), np.float64) / 255.0
-                deep = 65535.0 if "16" in picture.mode else 255.0
-                return np.asarray(picture.convert("F"), np.float64) / deep
-        except OSError as fault:
-            raise SceneError(f"image: cannot read '{source}': {fault}", legal="an image file") from None
+        with opened(source, "image") as picture:
+            if "A" in picture.getbands() or "transparency" in picture.info:
+                return np.asarray(picture.convert("RGBA").getchannel("A"), np.float64) / 255.0
+            deep = 65535.0 if "16" in picture.mode else 255.0
+            return np.asarray(picture.convert("F"), np.float64) / deep
     array = np.asarray(source)
     if array.ndim != 2 or array.size == 0 or array.dtype.kind not in "biuf":
         raise SceneError(f"image: an array of shape {array.shape}, {array.dtype}", legal="(rows, columns) of numbers")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import trimesh
 from analytic import View, edges, hit_plane, points, unit
 from numpy.typing import NDArray
 
@@ -204,3 +208,45 @@ def letters(world: World) -> Iterator[Figure]:
         except rm.SceneError as error:
             refused += "lacks" in str(error)
     yield Figure(f"letters of ASCII refused, of {len(known)}", refused, 0, "the font that comes with Pillow has them")
+
+
+@case(69, "a mesh turned inside out", before="a noisy cube, its sign lost")
+def inside_out(world: World) -> Iterator[Figure]:
+    """The sign of the distance follows the triangles' order. Parts that are inside out are turned, with a warning; what
+    has no inside is refused."""
+    q = np.random.default_rng(3).uniform(-1.5, 1.5, (4000, 3))
+    away = np.abs(q) - (0.5, 1.0, 0.5)
+    known = np.linalg.norm(np.maximum(away, 0), axis=1) + np.minimum(away.max(axis=1), 0)
+    clear = np.abs(known) > 0.15
+    cube = trimesh.creation.box((1, 2, 1))
+    turns = {"all": slice(None), "three": [0, 5, 7], "eight": slice(0, 8)}
+    wrong = said = 0
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "cube.stl"
+
+        def read(faces: Array, vertices: Array) -> rm.Node:
+            trimesh.Trimesh(vertices, faces, process=False).export(file)
+            return rm.mesh(file, resolution=24, cache=folder)
+
+        for turned in turns.values():
+            faces = cube.faces.copy()
+            faces[turned] = faces[turned][:, ::-1]
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                node = read(faces, cube.vertices)
+            said += len(caught) == 1 and "turned" in str(caught[0].message)
+            wrong += int(np.sum((node.distance(q) < 0)[clear] != (known < 0)[clear]))
+        yield Figure("points on the wrong side, of three cubes", wrong, 0, "farther than two cells off the surface")
+        yield Figure("cubes that were turned without a word, of 3", 3 - said, 0, "one warning each")
+        lost = cube.vertices.copy()
+        lost[3] = np.nan
+        crossed = np.concatenate([cube.vertices, cube.vertices + np.array([0.4, 0.3, 0.2])])
+        yield refusals(
+            (lambda: read(cube.faces[1:], cube.vertices), ("not closed", "cube.stl")),
+            (lambda: read(cube.faces[:0], cube.vertices), ("cube.stl",)),
+            (lambda: read(cube.faces, lost), ("not finite", "cube.stl")),
+            (lambda: read(np.concatenate([cube.faces, cube.faces + 8]), crossed), ("not clear", "cube.stl")),
+            (lambda: rm.heightmap(np.zeros((1, 1))), ("(1, 1)", "2 x 2")),
+            (lambda: rm.heightmap(np.full((4, 4), np.nan)), ("16 of 16", "not finite")),
+            (lambda: rm.grid(np.full((4, 4, 4), np.nan)), ("64 of 64", "not finite")),
+        )
