@@ -74,12 +74,12 @@ class CostError(RaymarchError):
 
 
 class SceneWarning(UserWarning):
-    """Something that was mended or guessed in a scene, which may not be what was meant."""
+    """Something in a scene that was mended, or that takes long, and may not be what was meant."""
 
 
-def warn(what: str) -> None:
-    """Say on the user's own line what was mended or guessed."""
-    where = user_location() or Location("raymarch", 0)
+def warn(what: str, where: Location | None = None) -> None:
+    """Say on a line of the user what was mended or takes long; None finds the line from the call stack."""
+    where = where or user_location() or Location("raymarch", 0)
     warnings.warn_explicit(what, SceneWarning, where.file, where.line)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator
 from functools import partial
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.expr.vocabulary import mod, where
+from raymarch.plan import plan
 from tests.hard.world import Figure, World, camera_of, case, refusals, view_of
 
 Array = NDArray[Any]
@@ -250,3 +252,30 @@ def inside_out(world: World) -> Iterator[Figure]:
             (lambda: rm.heightmap(np.full((4, 4), np.nan)), ("16 of 16", "not finite")),
             (lambda: rm.grid(np.full((4, 4, 4), np.nan)), ("64 of 64", "not finite")),
         )
+
+
+@case(78, "deep trees", before="200 smooth unions compile for 16 s, 1,000 for 346 s, without a word")
+def deep(world: World) -> Iterator[Figure]:
+    """Software renderers compile a field in a time that grows with the square of its operations. It is estimated before
+    the compilation: said from 10 s, refused beyond a limit that can be raised."""
+    measured = {100: 4.5, 200: 16.0}
+    worst = 1.0
+    for n, seconds in measured.items():
+        share = plan(rm.Scene(_chain(n))).compile_seconds / seconds
+        worst = max(worst, share, 1 / share)
+    yield Figure("factor between the estimate and what was measured", worst, 2, "what helps is said, not a date")
+    limit, os.environ["RAYMARCH_COMPILE_LIMIT"] = os.environ.get("RAYMARCH_COMPILE_LIMIT"), "30"
+    try:
+        words = ("operations", "compiling takes about", "RAYMARCH_COMPILE_LIMIT")
+        yield refusals((lambda: world.draw(rm.Scene(_chain(300))), words), what="compiled beyond the limit")
+    finally:
+        del os.environ["RAYMARCH_COMPILE_LIMIT"]
+        if limit is not None:
+            os.environ["RAYMARCH_COMPILE_LIMIT"] = limit
+
+
+def _chain(n: int) -> rm.Node:
+    random, node = np.random.default_rng(1), rm.sphere(0.3)
+    for i in range(n):
+        node = rm.union(node, rm.sphere(0.3 + 0.001 * i).translate(tuple(random.uniform(-2, 2, 3))), k=0.1)
+    return node
