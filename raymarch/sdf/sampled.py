@@ -142,7 +142,7 @@ def mesh(
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{extent} {resolution} 2".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} oriented".encode()).hexdigest()[:24]
     folder = Path(cache or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
     kept = folder / f"mesh-{key}.npz"
     if kept.exists():
