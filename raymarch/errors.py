@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import sysconfig
+import warnings
 from dataclasses import dataclass
 from types import FrameType
 
@@ -70,6 +71,16 @@ class DeviceError(RaymarchError):
 
 class CostError(RaymarchError):
     """No setting gives what was asked for, or a measurement cannot be made or reported as asked."""
+
+
+class SceneWarning(UserWarning):
+    """Something in a scene that was mended, or that takes long, and may not be what was meant."""
+
+
+def warn(what: str, where: Location | None = None) -> None:
+    """Say on a line of the user what was mended or takes long; None finds the line from the call stack."""
+    where = where or user_location() or Location("raymarch", 0)
+    warnings.warn_explicit(what, SceneWarning, where.file, where.line)
 
 
 def user_location() -> Location | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time as clock_time
 from collections import OrderedDict
 
@@ -9,6 +10,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.errors import PlanError, SceneError, warn
 from raymarch.expr.samples import Samples
 from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
@@ -16,6 +18,7 @@ from raymarch.gpu.failure import in_pass
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
+from raymarch.plan import Plan
 
 KEPT = 32
 """Programs, at first, and textures of data, that are kept; the one used longest ago is freed first."""
@@ -33,6 +36,35 @@ void main() {
     color = vec4(0.0);
 }
 """
+
+
+LONG = 10.0
+"""Estimated seconds of compilation from which a warning says so."""
+LONGEST = 600.0
+"""Estimated seconds beyond which a scene is refused, unless RAYMARCH_COMPILE_LIMIT says otherwise."""
+
+
+def _weigh(plan: Plan, renderer: str) -> None:
+    """Warn of a field that a software renderer takes long to compile; PlanError beyond the limit."""
+    seconds = plan.compile_seconds
+    if seconds < LONG:
+        return
+    given = os.environ.get("RAYMARCH_COMPILE_LIMIT", "")
+    try:
+        limit = float(given or LONGEST)
+    except ValueError:
+        raise SceneError(f"RAYMARCH_COMPILE_LIMIT = {given!r}", legal="a number of seconds") from None
+    what = (
+        f"the field has {plan.operations:,} operations in {plan.shapes:,} shapes: compiling takes about {seconds:.0f} s"
+    )
+    cure = (
+        "`repeat` and `repeat_varied` compile one copy; `grid` and `image` sample a shape once; a GPU compiles faster"
+    )
+    where = plan.given.node.where or plan.given.where
+    if seconds > limit:
+        legal = f"up to {limit:g} s, or a higher RAYMARCH_COMPILE_LIMIT in the environment; {cure}"
+        raise PlanError(f"{what} on {renderer}", legal=legal, where=where)
+    warn(f"{what} on {renderer}; {cure}", where)
 
 
 class Store:
@@ -61,6 +93,8 @@ class Store:
         if found is not None:
             self._programs.move_to_end(key)
             return found, 0.0
+        if self.context.driver.is_software:
+            _weigh(ready.plan, self.context.driver.renderer)
         start = clock_time.perf_counter()
         program = Program(self.context, *key, ready.shader.locate, chosen)
         spent = 1e3 * (clock_time.perf_counter() - start)

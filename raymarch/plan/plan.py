@@ -90,6 +90,15 @@ class Plan:
         return self.material is not None and lights.as_data(self.scene)
 
     @property
+    def compile_seconds(self) -> float:
+        """About how long a software renderer takes to compile the field and to draw it first.
+
+        Measured on llvmpipe: chains of 100, 200 and 1,000 smooth unions take 4.5, 16 and 346 s, polygons of 50 and 100
+        corners 7 and 22 s. The time grows with the square of the operations in the text.
+        """
+        return 1.5e-6 * _operations(self.field, turns=False) ** 2
+
+    @property
     def sky_light(self) -> bool:
         """True if the shader reads the harmonics of the sky."""
         return self.material is not None and shading.ambient_sky(self.scene)
@@ -169,8 +178,11 @@ def plan(
     return made
 
 
-def _operations(definition: Function) -> int:
-    """Arithmetic operations of one evaluation, functions counted at each call; loops count once a turn."""
+def _operations(definition: Function, turns: bool = True) -> int:
+    """Arithmetic operations of one evaluation, functions counted at each call.
+
+    turns : loops count once a turn; else once, as in the text.
+    """
     costs: dict[object, int] = {}
 
     def cost(roots: Sequence[Expr]) -> int:
@@ -181,7 +193,7 @@ def _operations(definition: Function) -> int:
                     costs[node.data] = cost(node.data.inner)
                 total += costs[node.data]
             elif node.op == "loop":
-                total += node.data.count * cost(node.data.inner)
+                total += (node.data.count if turns else 1) * cost(node.data.inner)
             elif node.op not in ("const", "var", "param", "time", "swizzle", "item", "construct", "columns"):
                 total += max(a.type.size for a in node.args) if node.args else 1
         return total

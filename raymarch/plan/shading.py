@@ -31,7 +31,7 @@ SOFT = ("two-sided", "cone", "triangulated")
 
 def surfaced(scene: Scene) -> bool:
     """True if light from elsewhere falls on surfaces, so that their normals and materials count."""
-    return bool(scene.lights) or scene.sky.light or scene.wanders or scene.branches or _glows_by_map(scene)
+    return bool(scene.lights) or scene.sky.light or scene.wanders or scene.branches or _glows_by_pattern(scene)
 
 
 def mapped(scene: Scene) -> bool:
@@ -39,9 +39,14 @@ def mapped(scene: Scene) -> bool:
     return any(m.textured or m.relief for m in scene.materials)
 
 
-def _glows_by_map(scene: Scene) -> bool:
-    """True if what is given off is read from a texture, which takes the normal and the footprint of the surface."""
-    return any(m.emits and m.textured for m in scene.materials)
+def patterned(scene: Scene) -> bool:
+    """True if a look depends on the point where it is asked, which is then just inside the solid."""
+    return mapped(scene) or any(m.patterned for m in scene.materials)
+
+
+def _glows_by_pattern(scene: Scene) -> bool:
+    """True if what is given off depends on the point, or on how it is seen: it takes the normal of the surface."""
+    return any(m.emits and (m.textured or m.patterned) for m in scene.materials)
 
 
 def lit(scene: Scene) -> bool:
@@ -72,9 +77,7 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
     found: list[tuple[str, str]] = []
     if model is not None and surfaced(scene):
         found.append((f"material/{model}", "light shades materials"))
-        bare = ("light/light", "light shades materials")
-        why = "a material has a texture or relief"
-        found += [("material/relief", why), ("light/mapped", why)] if mapped(scene) else [bare]
+        found += _surfaces(scene)
         if scene.lights:
             found += _answers(scene, model)
         for trait in sorted(lights.traits(scene), key=list(MODULES).index):
@@ -101,6 +104,17 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
     for name, why in found:
         reasons.setdefault(name, why)
     return list(reasons.items())
+
+
+def _surfaces(scene: Scene) -> list[tuple[str, str]]:
+    """The modules that find the material of a hit."""
+    if mapped(scene):
+        why = "a material has a texture or relief"
+        return [("material/relief", why), ("light/inner", why), ("light/mapped", why)]
+    if patterned(scene):
+        why = "a material is a function of the point"
+        return [("light/inner", why), ("light/patterned", why)]
+    return [("light/light", "light shades materials")]
 
 
 def _outward(scene: Scene) -> tuple[str, str]:

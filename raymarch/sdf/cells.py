@@ -120,7 +120,7 @@ def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr
     index = construct(*[cell for _, cell, _ in choice])
     distance = make(asked.op, asked.type, (*asked.args, cells.index, index), asked.data)
     gaps = [gap for _, _, gap in choice if gap is not None]
-    return max(distance, balanced(gaps, max)) if gaps else distance
+    return at_least(distance, balanced(gaps, max)) if gaps else distance
 
 
 def repeat_varied(

@@ -126,7 +126,7 @@ def polar_sectors(
         return min(own, other)
     radius, angle = length(p.xz), sector * absolute(local)
     gap = radius * sin(0.5 * sector - angle)
-    nearest = min(own, max(other, gap))
+    nearest = min(own, at_least(other, gap))
     if count > 2:
         nearest = min(nearest, radius * sin(min(0.5 * sector + angle, 0.5 * math.pi)))
     beyond = max(max(ring.x - radius, radius - ring.y), absolute(p.y - ring.z) - ring.w)

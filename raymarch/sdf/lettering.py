@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import os
+import unicodedata
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,6 +25,7 @@ from raymarch.expr.vocabulary import clamp, length, max, min, vec2
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Data, Domain, Positive, Scalar
 from raymarch.sdf.node import Node
+from raymarch.sdf.sampled import opened
 
 __all__ = ["image", "text"]
 
@@ -234,31 +236,82 @@ def text(
     height : full height of the letters as drawn, from the lowest point to the highest, a length > 0.
     resolution : samples along that height, 8 to 512; less where the text would be wider than 2048 samples.
 
-    A bound: sampled and interpolated linearly. Details below a sample are rounded off. A font shows a sign of its own
-    for letters that it lacks.
+    A bound: sampled and interpolated linearly. Details below a sample are rounded off. Pillow's own font has those
+    of ASCII and few more letters. Raises SceneError for letters that the font lacks.
     """
     if not isinstance(string, str):
         raise SceneError(f"text: string = {string!r} ({type(string).__name__})", legal="a string")
     full = _checked("text", height, resolution)
-    return _standing(_written(string, None if font is None else os.fspath(font), resolution), full)
+    composed = unicodedata.normalize("NFC", string)
+    return _standing(_written(composed, None if font is None else os.fspath(font), resolution), full)
 
 
 def _shown(string: str) -> str:
     return repr(string if len(string) <= 40 else string[:37] + "...")
 
 
-Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
+Font = ImageFont.FreeTypeFont
 
 
 def _font(file: str | None, size: float) -> Font:
     try:
-        return ImageFont.load_default(size) if file is None else ImageFont.truetype(file, size)
+        found = ImageFont.load_default(size) if file is None else ImageFont.truetype(file, size)
     except OSError as fault:
         raise SceneError(f"text: cannot read the font '{file}': {fault}", legal="a TrueType or OpenType file") from None
+    assert isinstance(found, ImageFont.FreeTypeFont)  # of a size
+    return found
+
+
+ABSENT = "\uffff"
+"""No character, by Unicode: every font shows its sign for a missing letter."""
+
+WIDE = ("DejaVuSans.ttf", "arial.ttf", "Arial.ttf", "NotoSans-Regular.ttf")
+"""Names of fonts with many letters, one of which most systems have."""
+
+
+def _glyph(font: Font, letter: str) -> tuple[object, ...]:
+    """What a letter looks like: size, pixels, and advance."""
+    mask = font.getmask(letter)
+    return mask.size, bytes(mask), font.getlength(letter)
+
+
+def _lacking(string: str, font: Font) -> list[str]:
+    """The letters of a string that a font lacks: they look as the sign for what is missing."""
+    font = font.font_variant(layout_engine=ImageFont.Layout.BASIC)  # one letter, one glyph
+    sign = _glyph(font, ABSENT)
+    blank = not any(bytes(font.getmask(ABSENT)))
+    found = []
+    for letter in dict.fromkeys(string):
+        if letter == "\n" or (blank and letter.isspace()):
+            continue
+        if unicodedata.category(letter) == "Cs" or _glyph(font, letter) == sign:
+            found.append(letter)
+    return found
+
+
+def _refuse_lacking(string: str, file: str | None) -> None:
+    font = _font(file, 32.0)
+    lacking = _lacking(string, font)
+    if not lacking:
+        return
+    name = f"the font '{file}'" if file is not None else f"Pillow's own font, {font.getname()[0]},"
+    known = next((other for other in WIDE if other != file and _has(other, lacking)), None)
+    legal = "letters that the font has, or font= of one that has them" + (f", such as '{known}'" if known else "")
+    shown = ", ".join(map(repr, lacking[:8])) + (", ..." if len(lacking) > 8 else "")
+    raise SceneError(f"text: {name} lacks {shown} of {_shown(string)}", legal=legal)
+
+
+def _has(file: str, letters: list[str]) -> bool:
+    """True if there is such a font, and it has all of some letters."""
+    try:
+        return not _lacking("".join(letters), ImageFont.truetype(file, 32.0))
+    except OSError:
+        return False
 
 
 @functools.lru_cache(maxsize=64)
 def _written(string: str, file: str | None, resolution: int) -> Samples:
+    _refuse_lacking(string, file)
     draw = ImageDraw.Draw(Image.new("L", (1, 1)))
     trial = 100.0
     left, top, right, bottom = draw.multiline_textbbox((0, 0), string, font=_font(file, trial), align="center")
@@ -312,14 +365,11 @@ def image(
 def _coverage(source: str | os.PathLike[str] | ArrayLike) -> Array:
     """How far each pixel is covered, from 0 to 1."""
     if isinstance(source, str | os.PathLike):
-        try:
-            with Image.open(source) as picture:
-                if "A" in picture.getbands() or "transparency" in picture.info:
-                    return np.asarray(picture.convert("RGBA").getchannel("A"), np.float64) / 255.0
-                deep = 65535.0 if "16" in picture.mode else 255.0
-                return np.asarray(picture.convert("F"), np.float64) / deep
-        except OSError as fault:
-            raise SceneError(f"image: cannot read '{source}': {fault}", legal="an image file") from None
+        with opened(source, "image") as picture:
+            if "A" in picture.getbands() or "transparency" in picture.info:
+                return np.asarray(picture.convert("RGBA").getchannel("A"), np.float64) / 255.0
+            deep = 65535.0 if "16" in picture.mode else 255.0
+            return np.asarray(picture.convert("F"), np.float64) / deep
     array = np.asarray(source)
     if array.ndim != 2 or array.size == 0 or array.dtype.kind not in "biuf":
         raise SceneError(f"image: an array of shape {array.shape}, {array.dtype}", legal="(rows, columns) of numbers")

@@ -107,7 +107,7 @@ def _limited(cell: Expr, count: int) -> Expr:
 def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: bool) -> Expr:
     distance = child(construct(*[q for q, _ in choice]))
     gaps = [gap for _, gap in choice if gap is not None]
-    return max(distance, balanced(gaps, max)) if guard and gaps else distance
+    return at_least(distance, balanced(gaps, max)) if guard and gaps else distance
 
 
 @method

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from raymarch.errors import SceneError
+from raymarch.errors import SceneError, warn
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
@@ -28,6 +30,9 @@ from raymarch.sdf.registry import method
 __all__ = ["displace_by_image", "grid", "heightmap", "mesh"]
 
 Progress = Callable[[float], None]
+
+MOST = 2048
+"""Samples along each axis, at most."""
 
 
 def _texels(data: Samples) -> NDArray[np.float64]:
@@ -94,6 +99,9 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     array = np.asarray(values, np.float64)
     if array.ndim != 3:
         raise SceneError(f"grid: values of shape {array.shape}", legal="(nx, ny, nz)")
+    broken = int(np.sum(~np.isfinite(array)))
+    if broken:
+        raise SceneError(f"grid: {broken} of {array.size} values are not finite", legal="finite numbers")
     data = Samples(array.transpose(2, 1, 0))
     faces = [array.take(end, axis=axis) for axis in range(3) for end in (0, -1)]
     if np.min([face.min() for face in faces]) < 0.0:
@@ -121,7 +129,12 @@ def mesh(
     progress : called with the share done, 0 to 1.
     cache : folder in which the samples are kept by content; default ~/.cache/raymarch, or RAYMARCH_CACHE.
 
-    Needs the extra `mesh` (trimesh, rtree). Raises SceneError for a file that cannot be read or is not closed.
+    A mesh that is inside out, as a whole or in one of its parts, is turned, and triangles that are wound against their
+    neighbours too; a SceneWarning says so. Lengths are taken as they are: files do not say their unit.
+
+    Needs the extra `mesh` (trimesh, rtree, scipy). Raises SceneError for a file that cannot be read or holds no
+    triangles, for vertices that are not finite, and for a mesh that is open, non-manifold, one-sided or flat, or cuts
+    itself so that inside and outside are not clear.
     """
     if isinstance(resolution, bool) or not isinstance(resolution, int) or not 8 <= resolution <= 256:
         raise SceneError(f"mesh: resolution = {resolution!r}", legal="an integer from 8 to 256")
@@ -129,41 +142,131 @@ def mesh(
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{extent} {resolution} 1".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} oriented".encode()).hexdigest()[:24]
     folder = Path(cache or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
     kept = folder / f"mesh-{key}.npz"
     if kept.exists():
         with np.load(kept) as found:
+            for repair in found["repairs"]:
+                warn(str(repair))
             return sampled_grid(Samples(found["values"]), found["size"], found["centre"])
-    solid = _load_mesh(Path(file), extent)
-    values, size, centre = _sample_mesh(solid, resolution, progress)
+    solid, repairs = _load_mesh(Path(file), extent)
+    for repair in repairs:
+        warn(repair)
+    values, size, centre = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
     folder.mkdir(parents=True, exist_ok=True)
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
-    np.savez_compressed(partial, values=values, size=size, centre=centre)
+    np.savez_compressed(partial, values=values, size=size, centre=centre, repairs=np.array(repairs, np.str_))
     partial.replace(kept)
     return sampled_grid(Samples(values), size, centre)
 
 
-def _load_mesh(file: Path, extent: float | None) -> Any:
+def _load_mesh(file: Path, extent: float | None) -> tuple[Any, list[str]]:
+    """The solid, closed and the right way out, and what was mended."""
     try:
         import trimesh
     except ImportError:
         raise SceneError("mesh needs the package trimesh", legal="pip install 'raymarch[mesh]'") from None
     try:
-        solid = trimesh.load(file, force="mesh")
+        solid = trimesh.load(file, force="mesh", process=False)
     except Exception as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault}", legal="a mesh file that trimesh reads") from fault
-    if len(solid.faces) == 0 or not solid.is_watertight:
-        raise SceneError(f"mesh: '{file}' is not closed", legal="a watertight mesh, which has an inside")
-    if extent is not None:
-        if not 0 < extent < np.inf:
-            raise SceneError(f"mesh: extent = {extent!r}", legal="a number > 0, or None")
-        solid.apply_translation(-solid.bounds.mean(axis=0))
-        solid.apply_scale(extent / solid.extents.max())
-    return solid
+    if extent is not None and not 0 < extent < np.inf:
+        raise SceneError(f"mesh: extent = {extent!r}", legal="a number > 0, or None")
+    if len(solid.faces) == 0:
+        raise SceneError(f"mesh: '{file}' holds no triangles", legal="a watertight mesh, which has an inside")
+    broken = int(np.sum(~np.isfinite(solid.vertices).all(axis=1)))
+    if broken:
+        raise SceneError(f"mesh: '{file}': {broken} of {len(solid.vertices)} vertices are not finite", legal="numbers")
+    middle, largest = solid.bounds.mean(axis=0), float(solid.extents.max())
+    solid.apply_translation(-middle)
+    solid.apply_scale(1.0 / (largest or 1.0))  # the tolerances of trimesh are lengths
+    solid.merge_vertices(merge_tex=True, merge_norm=True)
+    solid.update_faces(solid.nondegenerate_faces() & solid.unique_faces())
+    repairs = [f"mesh: '{file}': {repair}" for repair in _closed(solid, file)]
+    solid.apply_scale(largest if extent is None else extent)
+    if extent is None:
+        solid.apply_translation(middle)
+    return solid, repairs
 
 
-def _sample_mesh(solid: Any, resolution: int, progress: Progress | None) -> tuple[Any, Any, Any]:
+def _closed(solid: Any, file: Path) -> list[str]:
+    """Turns the triangles of a mesh so that their normals point out; says what was turned. SceneError if none can."""
+    edges, counts = np.unique(solid.edges_sorted, axis=0, return_counts=True)
+    for wrong, what in ((counts < 2, "is not closed: {} edges have one triangle"), (counts > 2, _NON_MANIFOLD)):
+        if wrong.any():
+            cure = "a watertight mesh, which has an inside: close it in a modeller, or with trimesh.repair"
+            raise SceneError(f"mesh: '{file}' {what.format(int(wrong.sum()))} of {len(edges)}", legal=cure)
+    turned, part = _wound_alike(solid.faces)
+    if turned is None:
+        raise SceneError(f"mesh: '{file}' has one side only", legal="a mesh with an inside")
+    original = solid.faces.copy()
+    solid.faces = np.where(turned[:, None], original[:, ::-1], original)
+    turned ^= _inside_out(solid, part, file)
+    solid.faces = np.where(turned[:, None], original[:, ::-1], original)
+    inverted = np.bincount(part, turned) == np.bincount(part)
+    repairs = []
+    if inverted.any():
+        which = "it is" if inverted.all() else f"{inverted.sum()} of its {len(inverted)} parts are"
+        repairs.append(f"{which} inside out; the triangles are turned")
+    others = int(np.sum(turned & ~inverted[part]))
+    if others:
+        repairs.append(f"{others} of {len(turned)} triangles are wound against the others; they are turned")
+    return repairs
+
+
+_NON_MANIFOLD = "is not manifold: {} edges have more than two triangles"
+
+
+def _wound_alike(faces: NDArray[Any]) -> tuple[NDArray[np.bool_] | None, NDArray[Any]]:
+    """Which triangles of a closed mesh must be turned to be wound as the first of their part, and the part of each.
+
+    Each triangle is two nodes of a graph, as it is and turned; neighbours that are wound alike run along their edge in
+    opposite directions. None in place of the first if a triangle would be wound both ways, as on a Klein bottle.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(faces)
+    edges = np.concatenate([faces[:, (0, 1)], faces[:, (1, 2)], faces[:, (2, 0)]])
+    order = np.lexsort(np.sort(edges, axis=1).T)
+    (a, b), owner = (order[0::2], order[1::2]), np.tile(np.arange(n), 3)
+    against = edges[a, 0] == edges[b, 0]
+    i, j = owner[a], owner[b]
+    rows, columns = np.concatenate([i, i + n]), np.concatenate([j + n * against, j + n * ~against])
+    graph = coo_array((np.ones(2 * len(i), bool), (rows, columns)), shape=(2 * n, 2 * n))
+    label = connected_components(graph, directed=False)[1]
+    part = connected_components(coo_array((np.ones(len(i), bool), (i, j)), shape=(n, n)), directed=False)[1]
+    if np.any(label[:n] == label[n:]):
+        return None, part
+    first = np.unique(part, return_index=True)[1]
+    return label[:n] != label[first][part], part
+
+
+def _inside_out(solid: Any, part: NDArray[Any], file: Path) -> NDArray[np.bool_]:
+    """Triangles of the parts whose normals point to the wrong side: into a part, or out of a cavity that one has."""
+    import trimesh
+
+    corners = solid.triangles
+    each = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    volumes = np.bincount(part, each)
+    if np.any(np.abs(volumes) <= 1e-12):
+        raise SceneError(f"mesh: '{file}' has a part without volume", legal="parts that have an inside")
+    parts = [trimesh.Trimesh(solid.vertices, solid.faces[part == k]) for k in range(len(volumes))]
+    around = [[j for j, other in enumerate(parts) if j != k and _holds(other, one)] for k, one in enumerate(parts)]
+    outer = [volumes[k] < 0.0 and len(around[k]) % 2 == 0 for k in range(len(parts))]
+    # In an odd number of others a part is a cavity, and was turned along with the one that it is in.
+    wrong = [outer[k] or (volumes[k] > 0.0 and any(outer[j] for j in around[k])) for k in range(len(parts))]
+    return np.array(wrong)[part]
+
+
+def _holds(other: Any, one: Any) -> bool:
+    """True if one part lies in another."""
+    boxed = np.all(other.bounds[0] < one.bounds[0]) and np.all(one.bounds[1] < other.bounds[1])
+    return bool(boxed and other.ray.contains_points(one.vertices[:64]).all())
+
+
+def _sample_mesh(solid: Any, resolution: int, progress: Progress | None, what: str) -> tuple[Any, Any, Any]:
     """Distances on a grid that leaves two cells of room on each side, slab by slab."""
     from trimesh.proximity import signed_distance
 
@@ -178,6 +281,10 @@ def _sample_mesh(solid: Any, resolution: int, progress: Progress | None) -> tupl
         values[k] = -signed_distance(solid, points).reshape(len(y), len(x))
         if progress is not None:
             progress((k + 1) / len(z))
+    jumps = np.max([np.abs(np.diff(values, axis=axis)).max() for axis in range(3)])
+    if jumps > 1.25 * cell or values[0, 0, 0] < 0.0:
+        legal = "a mesh that does not cut itself, no part of which lies in another but a cavity"
+        raise SceneError(f"{what}: inside and outside are not clear", legal=legal)
     return values, size, centre
 
 
@@ -186,16 +293,33 @@ def _sample_mesh(solid: Any, resolution: int, progress: Progress | None) -> tupl
 
 def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[np.float64]:
     """Heights from 0 to 1 of an image file (its luminance), or an array as it is; shape (rows, columns)."""
+    legal = f"from 2 x 2 to {MOST} x {MOST} finite numbers"
     if isinstance(source, str | os.PathLike):
-        try:
-            with Image.open(source) as picture:
-                return np.asarray(picture.convert("F"), np.float64) / (65535.0 if "16" in picture.mode else 255.0)
-        except OSError as fault:
-            raise SceneError(f"{what}: cannot read '{source}': {fault}", legal="an image file") from None
-    array = np.asarray(source, np.float64)
-    if array.ndim != 2 or np.min(array.shape) < 2 or not np.all(np.isfinite(array)):
-        raise SceneError(f"{what}: heights of shape {array.shape}", legal="(rows, columns), finite, at least 2x2")
+        with opened(source, what) as picture:
+            if not 2 <= np.min(picture.size) <= np.max(picture.size) <= MOST:
+                size = " x ".join(map(str, picture.size))
+                raise SceneError(f"{what}: '{source}' has {size} pixels", legal=legal)
+            array = np.asarray(picture.convert("F"), np.float64) / (65535.0 if "16" in picture.mode else 255.0)
+    else:
+        array = np.asarray(source, np.float64)
+        if array.ndim != 2 or not 2 <= np.min(array.shape) <= np.max(array.shape) <= MOST:
+            raise SceneError(f"{what}: heights of shape {array.shape}", legal=f"(rows, columns), {legal}")
+    broken = int(np.sum(~np.isfinite(array)))
+    if broken:
+        raise SceneError(f"{what}: {broken} of {array.size} heights are not finite", legal=legal)
     return array
+
+
+@contextmanager
+def opened(source: str | os.PathLike[str], what: str) -> Iterator[Image.Image]:
+    """An image file, open. SceneError with its name if it is missing or broken, or far too large."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its size is checked where it is used
+            with Image.open(source) as picture:
+                yield picture
+    except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as fault:
+        raise SceneError(f"{what}: cannot read '{source}': {fault}", legal="an image file") from None
 
 
 def _carpet(data: Samples, size: Any, height: Any) -> Expr:

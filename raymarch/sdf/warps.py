@@ -187,7 +187,7 @@ def wrapped(
         around = end - start
         other = where(x < middle, x + around, x - around)
         to_seam = 0.5 * around - absolute(x - middle)
-        value = min(value, max(child(vec3(other, p.y, rho - radius)), to_seam))
+        value = min(value, at_least(child(vec3(other, p.y, rho - radius)), to_seam))
     told = RELIEF * radius
     cut = clamp(value, -told, told + clamp(rho - radius, 0.0, 2.0 * radius))
     aside = max(radius - below - rho, rho - radius - above, low - p.y, p.y - high)

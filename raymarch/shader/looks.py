@@ -1,20 +1,23 @@
-"""How the functions of looks are asked, with maps and without."""
+"""How the functions of looks are asked: with maps, with patterns, and without."""
 
 from __future__ import annotations
 
 from raymarch.plan import Plan
+from raymarch.plan.shading import patterned
 
 
 def place_of(plan: Plan) -> str:
     """What says where on a surface a look is asked: its point, and where there are maps also how it is seen."""
-    return "surface.p" + (", surface.outward, surface.across, surface.along" if plan.relief is not None else "")
+    point = "surface.inner" if patterned(plan.scene) else "surface.p"
+    return point + (", surface.outward, surface.across, surface.along" if plan.relief is not None else "")
 
 
 def surface_of(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
     """A call for the surface that a ray met after light has `travelled` so far, and the name of its function."""
-    if plan.relief is None:
+    if not patterned(plan.scene):
         return f"surface_at({ray}, hit)", "surface_at"
-    return f"surface_seen({ray}, hit, {travelled})", "surface_seen"
+    name = "surface_patterned" if plan.relief is None else "surface_seen"
+    return f"{name}({ray}, hit, {travelled})", name
 
 
 def normal_of(plan: Plan) -> tuple[str, tuple[str, ...]]:

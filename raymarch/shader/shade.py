@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from raymarch.expr.function import Function
 from raymarch.plan import Plan
-from raymarch.plan.shading import ambient, ambient_sky, occluded
+from raymarch.plan.shading import ambient, ambient_sky, occluded, patterned
 from raymarch.scene.sky import DIRECTION
 from raymarch.shader.chunk import Chunk, Lines, Values
 from raymarch.shader.lamps import all_lights
@@ -35,7 +35,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
         call, name = surface_of(plan, "ray", "hit.t")
         text.add(f"    Surface surface = {call};", "Surface", name)
     if plan.emission is not None:
-        place = place_of(plan) if plan.relief is not None else "ray.origin + hit.t * ray.direction"
+        place = place_of(plan) if surfaced and patterned(scene) else "ray.origin + hit.t * ray.direction"
         text.add(f"    vec3 color = emission_at({place});", "emission_at")
     else:
         text.add("    vec3 color = vec3(0.0);")

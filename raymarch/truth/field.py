@@ -106,6 +106,11 @@ class Field:
         """True if looks depend on how the surface is seen."""
         return any(m.textured or m.relief for m in self._scene.materials)
 
+    @property
+    def patterned(self) -> bool:
+        """True if looks depend on the point where they are asked."""
+        return self.mapped or any(m.patterned for m in self._scene.materials)
+
     def looks(self, points: Array, *frame: Array) -> dict[str, NDArray[np.float64]]:
         """The values of the surface's material, mixed by the shares: by name, (N, 3) -> (N, 1) or (N, 3).
 

@@ -141,9 +141,17 @@ class Surface:
     def look(self) -> dict[str, Array]:
         """Material of each point, mixed: colours (N, 3), the others (N, 1)."""
         if not self.field.mapped:
-            return self.field.looks(self.points)
+            return self.field.looks(self._inner)
         width = self.scene.quality.footprint * self.pixel * (self.travelled + self.depth)
-        return self.field.looks(self.points, self.normals, *footprint(self.normals, self.directions, width))
+        return self.field.looks(self._inner, self.normals, *footprint(self.normals, self.directions, width))
+
+    @property
+    def _inner(self) -> Array:
+        """Where materials are evaluated, (N, 3): for patterns a little inside the solid, so that a face on the jump of
+        a pattern does not show the rounding of each hit."""
+        if not self.field.patterned:
+            return self.points
+        return self.points - self.offset[:, None] * self.normals
 
     @property
     def _roughness(self) -> Array:
@@ -239,7 +247,7 @@ class Surface:
 
     @cached_property
     def offset(self) -> Array:
-        """How far shadow rays start off the surface, (N,).
+        """How far off the surface shadow rays start, and how far inside of it patterns are asked, (N,).
 
         It must exceed the residual of the hit, some units in the last place of the coordinates. Far more than
         that costs nothing: `GAP` (the square root of a unit) of the distance is a millionth of a pixel. Much less

@@ -19,6 +19,7 @@ const float u_side = 1.0;
 const float u_pixel = 0.125;
 const float footprint_pixels = 2.0;
 vec3 solid, tilt;
+vec3 inner_point(vec3 p, vec3 normal, Hit hit, float travelled) { return p; }
 vec3 surface_normal(vec3 p, vec3 direction) { return solid; }
 Material material_at(vec3 p, vec3 n, vec3 across, vec3 along) { return Material(vec3(1.0)); }
 Relief relief_at(vec3 p, vec3 n, vec3 across, vec3 along) { return Relief(tilt, 1.0); }

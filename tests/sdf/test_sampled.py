@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
+
 import numpy as np
 import pytest
 import trimesh
@@ -124,6 +127,18 @@ def test_a_mesh_is_sampled_once_and_kept(tmp_path):
         (lambda p: heightmap(p / "broken.png"), "broken.png"),
         (lambda p: heightmap(np.zeros(4)), "(4,)"),
         (lambda p: displace_by_image(rm.sphere(), np.array([[0, np.nan], [0, 0]])), "finite"),
+        (lambda p: heightmap(p / "one.png"), "1 x 1 pixels"),
+        (lambda p: heightmap(p / "long.png"), "2049 x 4 pixels"),
+        (lambda p: heightmap(p / "bomb.png"), "bomb.png"),
+        (lambda p: heightmap(p / "nan.tiff"), "1 of 16 heights are not finite"),
+        (lambda p: heightmap(p / "cut.png"), "cut.png"),
+        (lambda p: heightmap(np.zeros((1, 1))), "(1, 1)"),
+        (lambda p: heightmap(np.zeros((4, 2049))), "2049"),
+        (lambda p: heightmap(np.full((4, 4), np.inf)), "16 of 16"),
+        (lambda p: rm.image(p / "bomb.png"), "bomb.png"),
+        (lambda p: rm.image(p / "cut.png"), "cut.png"),
+        (lambda p: rm.image(np.full((4, 4), np.nan)), "nan"),
+        (lambda p: grid(np.where(ball(8) > 1.0, np.nan, ball(8))), "values are not finite"),
         (lambda p: grid(np.zeros((4, 4))), "(4, 4)"),
         (lambda p: grid(-np.ones((4, 4, 4))), "larger box"),
         (lambda p: grid(ball(8), size=-1), "> 0"),
@@ -132,6 +147,18 @@ def test_a_mesh_is_sampled_once_and_kept(tmp_path):
 def test_bad_data_is_refused(make, words, tmp_path):
     (tmp_path / "broken.stl").write_bytes(b"solid nothing")
     (tmp_path / "broken.png").write_bytes(b"not a picture")
+    Image.new("L", (1, 1), 255).save(tmp_path / "one.png")
+    Image.new("L", (2049, 4), 255).save(tmp_path / "long.png")
+    heights = np.zeros((4, 4), np.float32)
+    heights[1, 2] = np.nan
+    Image.fromarray(heights).save(tmp_path / "nan.tiff")
+    Image.effect_noise((64, 64), 50).save(tmp_path / "cut.png")
+    whole = (tmp_path / "cut.png").read_bytes()
+    (tmp_path / "cut.png").write_bytes(whole[: len(whole) // 2])
+    head = struct.pack(">II", 60000, 60000) + bytes((8, 0, 0, 0, 0))
+    chunk = b"IHDR" + head
+    start = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    (tmp_path / "bomb.png").write_bytes(start + whole[33:])
     sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     sheet.export(tmp_path / "open.stl")
     with pytest.raises(SceneError) as fault:

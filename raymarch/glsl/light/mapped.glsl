@@ -1,5 +1,5 @@
 // A surface point that is to be lit, of materials with maps, and the light that comes to it from one source.
-// needs: Ray Hit Material Relief surface_normal material_at relief_at u_side u_pixel footprint_pixels
+// needs: Ray Hit Material Relief surface_normal material_at relief_at inner_point u_side u_pixel footprint_pixels
 // gives: Surface Light surface_seen
 struct Surface {
     vec3 p;
@@ -11,6 +11,7 @@ struct Surface {
     vec3 outward;  // the normal of the solid
     vec3 across;  // the axes of the ellipse that a pixel covers of the surface
     vec3 along;
+    vec3 inner;  // just inside the solid: where materials are asked
 };
 
 struct Light {
@@ -32,10 +33,11 @@ Surface surface_seen(Ray ray, Hit hit, float travelled) {
     if (size < 1.0e-4) across = abs(n.y) < 0.9 ? vec3(n.z, 0.0, -n.x) : vec3(0.0, -n.z, n.y);
     across *= width / length(across);
     vec3 along = cross(n, across) / max(abs(facing), 1.0e-4);
-    Relief relief = relief_at(p, n, across, along);
+    vec3 inner = inner_point(p, n, hit, travelled);
+    Relief relief = relief_at(inner, n, across, along);
     vec3 bent = normalize(n - relief.tilt);
     // What is bent away from the eye is not seen: it is lifted until it just is.
     float side = facing < 0.0 ? -1.0 : 1.0;
     bent = normalize(bent + side * max(0.01 - side * dot(bent, v), 0.0) * v);
-    return Surface(p, u_side * bent, v, hit.t, material_at(p, n, across, along), relief.open, n, across, along);
+    return Surface(p, u_side * bent, v, hit.t, material_at(inner, n, across, along), relief.open, n, across, along, inner);
 }

@@ -17,6 +17,7 @@ Hit second(Ray ray, float start, float travelled, float side) {
         if (r < contact(p, travelled + t)) {
             hit.found = true;
             hit.t = t + r;
+            hit.residual = max(r, 0.0);  // at most
             return hit;
         }
         t += safe_step(r);
