@@ -96,7 +96,7 @@ def test_a_facet_seen_from_behind_is_that_of_the_surface(egl: Context) -> None:
         assert found[0, 2] > 0.99
 
 
-GLOSSY = ("light/fresnel", "light/grazing", "light/entering", "path/lobes", "path/glossy")
+GLOSSY = ("light/fresnel", "light/correlated", "light/grazing", "light/entering", "path/lobes", "path/glossy")
 
 
 def glossy(

@@ -23,17 +23,19 @@ def directions(cosine: Any, turn: Any) -> Any:
     return np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine * np.ones_like(turn)], axis=-1)
 
 
-def answer(view: Any, light: Any, color: float, metal: float, rough: float, masking: str = "correlated") -> Any:
+def answer(
+    view: Any, light: Any, color: float, metal: float, rough: float, masking: str = "correlated", several: bool = True
+) -> Any:
     """Reflectance times cosine times pi, of a grey surface that faces z."""
     light = np.atleast_2d(light)
     n = len(light)
     wide = (np.broadcast_to(v, (n, 3)) for v in ((0.0, 0.0, 1.0), view))
     tint, f0 = (np.full((n, 3), v) for v in (color, 0.04))
     values = np.full((n, 1), metal), np.full((n, 1), rough)
-    return microfacets(*wide, light, tint, *values, f0, masking)[:, 0]
+    return microfacets(*wide, light, tint, *values, f0, masking, several)[:, 0]
 
 
-def albedo(seen: float, color: float, metal: float, rough: float, masking: str) -> float:
+def albedo(seen: float, color: float, metal: float, rough: float, masking: str, several: bool = True) -> float:
     """What a white furnace sends back: the integral over all lights, sampled by facets and evenly."""
     view = directions(np.array(seen), np.array(0.0))
     # A grid in the half vector's own measure puts the samples where the highlight is.
@@ -49,14 +51,14 @@ def albedo(seen: float, color: float, metal: float, rough: float, masking: str) 
     valid = (light[:, 2] > 0) & (half @ view > 0)
     found = np.zeros(len(light))
     # One half of the samples from each of two densities, weighted by the balance heuristic.
-    found[valid] = answer(view, light[valid], color, metal, rough, masking) / (share + even)[valid]
+    found[valid] = answer(view, light[valid], color, metal, rough, masking, several) / (share + even)[valid]
     spread = directions(np.sqrt(1 - xi), turn)
     other = spread + view
     other /= np.linalg.norm(other, axis=1, keepdims=True)
     c = other[:, 2]
     density = alpha**2 / (np.pi * ((c**2) * (alpha**2 - 1) + 1) ** 2)
     share2 = density * c / (4 * np.maximum(other @ view, 1e-12))
-    found2 = answer(view, spread, color, metal, rough, masking) / (share2 + spread[:, 2] / np.pi)
+    found2 = answer(view, spread, color, metal, rough, masking, several) / (share2 + spread[:, 2] / np.pi)
     return float((found.mean() + found2.mean()) / np.pi)
 
 
