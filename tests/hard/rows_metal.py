@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,15 +24,18 @@ def even_suns(n: int) -> list[rm.Light]:
     return [rm.Sun((x, y, w), intensity=4 / n) for x, y, w in zip(r * np.cos(turn), r * np.sin(turn), z, strict=True)]
 
 
-def furnace(world: World, roughness: float, metalness: float, samples: int, size: Any, **light: Any) -> Any:
-    """What a white sphere in a white room gives back, pixel by pixel off the silhouette, and at every angle."""
-    skin = rm.Material(albedo=(1, 1, 1), metalness=metalness, roughness=roughness)
-    quality = rm.Quality(samples=samples, masking=light.pop("masking", "correlated"))
-    scene = rm.Scene(rm.sphere().material(skin), CAMERA, light.pop("lights", []), quality=quality, **light)
-    frame = world.draw(scene, size, ("color", "depth"))
-    hit = np.isfinite(frame.depth)
-    hit[1:-1, 1:-1] &= hit[2:, 1:-1] & hit[:-2, 1:-1] & hit[1:-1, 2:] & hit[1:-1, :-2]
-    return frame.color[hit].astype(np.float64)
+def furnace(
+    world: World, roughness: Sequence[float], metalness: Sequence[float], size: tuple[int, int], **parts: Any
+) -> Iterator[Any]:
+    """What a white sphere in a white room gives back, pixel by pixel off the silhouette, and so at every angle."""
+    skin = rm.Material((1, 1, 1), **{name: rm.Param(name, 0.5, 0, 1) for name in ("metalness", "roughness")})
+    scene = rm.Scene(rm.sphere().material(skin), CAMERA, **{"lights": [], **parts})
+    for r in roughness:
+        for m in metalness:
+            frame = world.draw(scene, size, ("color", "depth"), params={"roughness": r, "metalness": m})
+            hit = np.isfinite(frame.depth)
+            hit[1:-1, 1:-1] &= hit[2:, 1:-1] & hit[:-2, 1:-1] & hit[1:-1, 2:] & hit[1:-1, :-2]
+            yield frame.color[hit].astype(np.float64)
 
 
 @case(74, "rough white metal", before="41 % of the light at roughness 1")
@@ -40,25 +43,14 @@ def white_metal(world: World) -> Iterator[Figure]:
     """Light that other facets hide is not lost: they mirror it again. In a white room metal is as white as the room, by
     the sky's mean light, by lights, and by light that bounces."""
     for masking in ("correlated", "separable"):
-        found = [
-            furnace(world, r, m, 1, (64, 48), sky=rm.Sky((1, 1, 1), light=True), masking=masking)
-            for r in ROUGH
-            for m in METAL
-        ]
-        yield from limits(f"the sky's light, {masking}", found)
-        suns = even_suns(1024)
-        found = [
-            furnace(world, r, m, 1, (24, 18), lights=suns, sky=(0, 0, 0), masking=masking)
-            for r in (0.6, 0.8, 1.0)
-            for m in (0.5, 1.0)
-        ]
-        yield from limits(f"1,024 suns, {masking}", found)
-        bounced = [
-            furnace(world, r, m, 64, (24, 18), sky=(1, 1, 1), bounces=1, masking=masking).mean()
-            for r in ROUGH
-            for m in (0.5, 1.0)
-        ]
-        yield from limits(f"bounces, {masking}", bounced)
+        one, many = (rm.Quality(samples=n, masking=masking) for n in (1, 64))
+        found = furnace(world, ROUGH, METAL, (48, 36), sky=rm.Sky((1, 1, 1), light=True), quality=one)
+        yield from limits(f"the sky's light, {masking}", list(found))
+        dark = {"sky": (0, 0, 0), "quality": one}
+        found = furnace(world, (0.6, 0.8, 1.0), (0.5, 1.0), (16, 12), lights=even_suns(1024), **dark)
+        yield from limits(f"1,024 suns, {masking}", list(found))
+        found = furnace(world, ROUGH, (0.5, 1.0), (24, 18), sky=(1, 1, 1), bounces=1, quality=many)
+        yield from limits(f"bounces, {masking}", [color.mean() for color in found])
 
 
 def limits(what: str, found: list[Any]) -> Iterator[Figure]:
