@@ -59,6 +59,12 @@ def ambient_sky(scene: Scene) -> bool:
     return scene.sky.light and not scene.wanders
 
 
+def compensated(scene: Scene) -> bool:
+    """True if there may be metal, which gives back the light that several of its facets mirror."""
+    metal = scene.quality.energy_compensation and any(m.metallic for m in scene.materials)
+    return metal and (bool(scene.lights) or ambient_sky(scene) or scene.wanders)
+
+
 def occluded(scene: Scene, model: str) -> bool:
     """True if there is ambient light for an Occlusion to dim."""
     return scene.occlusion is not None and ambient(scene, model)
@@ -91,6 +97,8 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
         if "sampled" in lights.traits(scene):
             found.append(("random/pixel", "a point of a light is chosen at random"))
             found += [("light/shadow", "the shadow of a point")] if "hard" not in lights.traits(scene) else []
+        if compensated(scene):
+            found += _several(scene)
         if scene.wanders or scene.branches:
             found += _ways(scene, model) if scene.wanders else _tree(scene, model)
         if occluded(scene, model):
@@ -128,11 +136,10 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
     if model != "physical":
         found.append(("light/phong", "a material is shaded after Phong"))
     if model != "phong":
-        masking = scene.quality.masking
         found += [
             ("light/fresnel", "a material is physical"),
             ("light/facets", "a material is physical"),
-            (f"light/{masking}", f"Quality(masking={masking!r})"),
+            _by_masking(scene, "light/{}"),
             ("light/grazing", "a material is physical"),
             ("light/entering", "a material is physical"),
             ("light/physical", "a material is physical"),
@@ -144,6 +151,20 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
     return found
 
 
+def _by_masking(scene: Scene, name: str) -> tuple[str, str]:
+    """The module of a name that has one for each masking."""
+    masking = scene.quality.masking
+    return name.format(masking), f"Quality(masking={masking!r})"
+
+
+def _several(scene: Scene) -> list[tuple[str, str]]:
+    """The modules by which metals give back what several facets mirror."""
+    why = "a material is a metal"
+    found = [_by_masking(scene, f"light/{name}") for name in ("missing_{}", "missing_mean_{}")]
+    found.append(("light/multiscatter_albedo", why))
+    return [*found, ("light/multiscatter", why)] if scene.lights else found
+
+
 def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which light bounces."""
     why = f"Scene(bounces={scene.bounces})"
@@ -153,7 +174,9 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
         found.append(("path/matte", why))
     if model != "phong":
         physical = ("light/fresnel", "light/grazing", "light/entering")
-        found += [*((name, "a material is physical") for name in physical), ("path/glossy", why)]
+        found += [*((name, "a material is physical") for name in physical), _by_masking(scene, "light/{}")]
+        found.append(("path/glossy", why))
+        found += [("path/metal", "a material is a metal")] if compensated(scene) else []
     if any(m.transmits for m in scene.materials):
         found += _glass(scene)
     if any(m.frosted for m in scene.materials):
@@ -186,7 +209,8 @@ def _from_sky(scene: Scene, model: str) -> list[tuple[str, str]]:
     if model != "physical":
         found.append(("sky/matte", why))
     if model != "phong":
-        found += [("light/grazing", "a material is physical"), ("light/furnace", why), ("sky/glossy", why)]
+        found += [("light/grazing", "a material is physical"), _by_masking(scene, "light/missing_{}")]
+        found += [("light/furnace", why), ("sky/glossy", why)]
     return found
 
 
@@ -215,6 +239,10 @@ def features(scene: Scene) -> list[Feature]:
     feature("materials", bool(others), f"{len(others)} besides the default", "no node has a material")
     real = next((m for m in others if m.physical), None)
     feature("microfacets", real is not None, "a material is physical", "no material is physical", _place(real))
+    metal = next((m for m in others if m.metallic), None)
+    why = "Quality(energy_compensation=False)" if not scene.quality.energy_compensation else "no light falls on metal"
+    why = "no material is a metal" if metal is None else why
+    feature("light between facets", compensated(scene), "a material is a metal", why, _place(metal))
     patterned = next((m for m in others if m.patterned), None)
     why = "no value of a material is a function of the position"
     feature("patterns", patterned is not None, "a material has one", why, _place(patterned))

@@ -68,6 +68,7 @@ class Material:
     The physical model is that of Cook and Torrance (1982): GGX distribution (Walter et al. 2007), height-correlated
     masking after Smith (Heitz 2014), Fresnel after Schlick (1994), and a diffuse part of what the facets let
     in and out again (Kelemen and Szirmay-Kalos 2001), so that a white surface gives back what it gets, also at its rim.
+    Metals also give back the light that several facets mirror (Kulla and Conty 2017).
 
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """
@@ -164,6 +165,12 @@ class Material:
     def metalness(self) -> Expr:
         """1 for a metal."""
         return self._fields["metalness"]
+
+    @property
+    def metallic(self) -> bool:
+        """True if it is a metal somewhere."""
+        share = self._fields["metalness"]
+        return self.physical and (not share.is_constant or float(share.data) > 0.0)
 
     @property
     def roughness(self) -> Expr:

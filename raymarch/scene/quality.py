@@ -38,6 +38,7 @@ NOT_MARCHING = (
     "budget",
     "rays",
     "masking",
+    "energy_compensation",
     "ways",
     "shadow_steps",
     "light_samples",
@@ -91,6 +92,9 @@ class Quality:
         and up to 1; for fields that are too steep. Below 1 rays are marched plainly, without cones.
     masking : how microfacets hide each other, after Smith: "correlated" by their height (Heitz 2014), or "separable",
         as if the light's way in had nothing to do with its way out (Walter et al. 2007), which some renderers use.
+    energy_compensation : metals give back the light that several of their facets mirror, one after the other (Kulla and
+        Conty 2017), so that rough ones are not too dark. False is single scattering, as in Mitsuba and pbrt; Blender
+        calls the two "Multiscatter GGX" and "GGX".
     step_variation : steps of all rays are shorter by up to this part, 0 to 0.9, chosen anew for each pixel and
         sample: the error of an estimate becomes noise, which `samples` take out, in place of rings.
     samples : rays a pixel in one frame, spread over the pixel's square, 1 to 4096.
@@ -127,6 +131,7 @@ class Quality:
     budget: int | None = None
     rays: str = "computed"
     masking: str = "correlated"
+    energy_compensation: bool = True
     ways: str = "random"
     shadow_steps: int | None = None
     light_samples: int = 1
@@ -233,6 +238,7 @@ _CHOICES = {
     "temporal": TEMPORAL,
     "rays": RAYS,
     "masking": MASKINGS,
+    "energy_compensation": (True, False),
     "ways": WAYS,
 }
 

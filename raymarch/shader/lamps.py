@@ -7,6 +7,7 @@ from collections.abc import Callable
 from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
+from raymarch.plan.shading import compensated
 from raymarch.scene.light import Light, PointLight, SpotLight, Sun
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 
@@ -23,6 +24,24 @@ ANSWER = {"phong": "phong", "physical": "physical", "mixed": "answer"}
 """The functions by which the models answer a light."""
 
 
+def metal_answer(text: Lines, plan: Plan) -> None:
+    """The function that answers a light where some surfaces are metal: the model's, and what several facets mirror."""
+    answer = ANSWER[plan.model]
+    for line in (
+        "vec3 answer_of_metal(Surface surface, vec3 several, Light light, float visibility) {",
+        f"    return {answer}(surface, light, visibility) + multiscatter(several, surface, light, visibility);",
+        "}",
+        "",
+    ):
+        text.add(line, "Surface", "Light", answer, "multiscatter", by="a metal")
+
+
+def _answer_of(plan: Plan) -> tuple[str, str]:
+    """The start of a call that answers a light, up to the light, and the name that it needs."""
+    answer = ANSWER[plan.model]
+    return "answer_of_metal(surface, several" if compensated(plan.scene) else f"{answer}(surface", answer
+
+
 def all_lights(text: Lines, plan: Plan, values: Values) -> None:
     """What all lights add to the colour of a surface."""
     if lights.as_data(plan.scene):
@@ -34,7 +53,8 @@ def all_lights(text: Lines, plan: Plan, values: Values) -> None:
 
 def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> None:
     """The lines of one light, with its numbers in them."""
-    by, where, answer = type(light).__name__, light.where, ANSWER[plan.model]
+    by, where = type(light).__name__, light.where
+    call, answer = _answer_of(plan)
 
     def value(name: str, of: Expr) -> str:
         return values.text(f"light_{i}_{name}", of, where)
@@ -70,11 +90,11 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
             add(f"for (int k = 0; k < {samples}; k++) {{")
             add(f"    light = part_of(whole_{i}, {width}, {_dimension(i)} + {stride} * k);", "part_of")
             seen = _visibility(text, light, value)
-            add(f"    color += {answer}(surface, light, {seen}) / {literal(samples)};", answer)
+            add(f"    color += {call}, light, {seen}) / {literal(samples)};", answer)
             add("}")
             return
         add(f"light = part_of(light, {width}, {_dimension(i)});", "part_of")
-    add(f"color += {answer}(surface, light, {_visibility(text, light, value)});", answer)
+    add(f"color += {call}, light, {_visibility(text, light, value)});", answer)
 
 
 def _dimension(light: int) -> int:
@@ -101,7 +121,7 @@ def _loop(text: Lines, plan: Plan) -> None:
     """The lines of all lights together: their numbers come from the rows of a texture."""
     has = lights.traits(plan.scene)
     names = lights.columns(has)
-    answer = ANSWER[plan.model]
+    call, answer = _answer_of(plan)
 
     def add(line: str, *needs: str) -> None:
         text.add(f"        {line}", *needs, where=plan.scene.where)
@@ -160,7 +180,7 @@ def _loop(text: Lines, plan: Plan) -> None:
                 f"if ({near}caster.x == {float(k)}) visibility = {SHADOW[shadow]}(surface, light{width});",
                 SHADOW[shadow],
             )
-    add(f"color += {answer}(surface, light, {visibility});")
+    add(f"color += {call}, light, {visibility});")
     text.add("    }")
 
 

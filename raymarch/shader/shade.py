@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from raymarch.expr.function import Function
 from raymarch.plan import Plan
-from raymarch.plan.shading import ambient, ambient_sky, occluded, patterned
+from raymarch.plan.shading import ambient, ambient_sky, compensated, occluded, patterned
 from raymarch.scene.sky import DIRECTION
 from raymarch.shader.chunk import Chunk, Lines, Values
-from raymarch.shader.lamps import all_lights
+from raymarch.shader.lamps import all_lights, metal_answer
 from raymarch.shader.looks import place_of, surface_of
 from raymarch.shader.tree import tree
 from raymarch.shader.ways import ways
@@ -21,6 +21,8 @@ def shading(plan: Plan, values: Values) -> Chunk:
     scene = plan.scene
     text = Lines("the scene's lights")
     text.needs |= {"Ray", "Hit"}
+    if plan.material is not None and compensated(scene) and scene.lights:
+        metal_answer(text, plan)
     if plan.material is not None and (scene.wanders or scene.branches):
         _lit(text, plan, values)
         if scene.wanders:
@@ -63,6 +65,8 @@ def _lit(text: Lines, plan: Plan, values: Values) -> None:
     if glazed:
         kept = f" + through * emission_at({place_of(plan)})" if plan.emission is not None else ""
         text.add(f"    color = (1.0 - through) * color{kept};", "Glass")
+        if compensated(plan.scene):
+            text.add("    several *= 1.0 - through;")
         if plan.model == "mixed":  # Phong's share keeps its colour
             text.add("    surface.material.physical = mix(surface.material.physical, 1.0, through);")
             text.add("    glaze(glass, through / max(surface.material.physical, 1.0e-6));", "glaze")
@@ -98,6 +102,10 @@ FROM_SKY = {
 def _ambient(text: Lines, plan: Plan, values: Values) -> None:
     """Light without a place: the sky's, and the share of each light that Phong's materials take as such."""
     scene = plan.scene
+    several = compensated(scene) and (ambient_sky(scene) or bool(scene.lights))
+    if several:
+        share = "surface.material.physical * " if plan.model == "mixed" else ""
+        text.add(f"    vec3 several = {share}multiscatter_albedo(surface);", "multiscatter_albedo", by="a metal")
     shares = _opened_by_map(plan)
     dimmed = shares or occluded(scene, plan.model)
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
@@ -115,6 +123,10 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
         needs = {"phong": ("matte_sky",), "physical": ("glossy_sky",), "mixed": ("matte_sky", "glossy_sky")}[plan.model]
         factor = "open * " if dimmed else ""
         light = FROM_SKY[plan.model].format(followed="followed" if scene.branches else "0.0")
+        if several:
+            needs = (*needs, "sky_mean")
+            rest = "(1.0 - followed) * " if scene.branches else ""
+            light = f"({light} + {rest}several * sky_mean(surface.normal))"
         text.add(f"    color += {factor}{light};", *needs, by="the sky's light", where=scene.where)
 
 

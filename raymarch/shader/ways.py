@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from raymarch.plan import Plan
+from raymarch.plan.shading import compensated
 from raymarch.shader.chunk import Lines
 from raymarch.shader.looks import normal_of, place_of, surface_of
 
@@ -52,11 +53,12 @@ def ways(text: Lines, plan: Plan) -> None:
         _glass(text, plan, shines)
         indent += "    "
     last = f"bounce == {scene.bounces}"
-    need = {"phong": {"from_matte"}, "physical": {"from_glossy"}, "mixed": {"from_matte", "from_glossy"}}[plan.model]
+    physical = "from_metal" if compensated(scene) else "from_glossy"
+    need = {"phong": {"from_matte"}, "physical": {physical}, "mixed": {"from_matte", physical}}[plan.model]
     given = "(surface, dimension, direction, weight)"
     if plan.model == "mixed":
         add(f"{indent}bool goes = random_of_pixel(dimension + 5) < surface.material.physical", *need)
-        add(f"{indent}    ? from_glossy{given} : from_matte{given};")
+        add(f"{indent}    ? {physical}{given} : from_matte{given};")
         add(f"{indent}if ({last} || !goes) break;")
     else:
         add(f"{indent}if ({last} || !{next(iter(need))}{given}) break;", *need)

@@ -15,7 +15,16 @@ from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
 from raymarch.truth.field import Field
 from raymarch.truth.footprint import footprint
-from raymarch.truth.light import PARTS, Incoming, furnace, incoming, microfacets, parts_of, soft_visibility
+from raymarch.truth.light import (
+    PARTS,
+    Incoming,
+    furnace,
+    incoming,
+    microfacets,
+    multiscatter_albedo,
+    parts_of,
+    soft_visibility,
+)
 from raymarch.truth.march import GAP, NOISE
 from raymarch.truth.rays import Rays, unit
 from raymarch.truth.visibility import unblocked
@@ -124,15 +133,19 @@ class Surface:
         even = np.maximum(harmonics_at(n) @ light, 0.0)
         seen = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
         mirrored = self.directions + 2.0 * seen * n
+        masking = self.scene.quality.masking
         rough, metal, color, f0 = self._roughness, look["metalness"], look["color"], look["f0"]
         around = (
             sky.seen(mirrored, self.values) * (1.0 - rough) + np.maximum(harmonics_at(mirrored) @ light, 0.0) * rough
         )
         base = f0 * (1.0 - metal) + color * metal
-        share, edge = furnace(seen, rough)
+        share, edge = furnace(seen, rough, masking)
         back = base * share + edge
         inside = (1.0 - edge) * (1.0 - f0) * (1.0 - metal)
-        glossy = (1.0 - followed) * around * back + even * inside * color
+        several: Any = 0.0
+        if self.scene.quality.energy_compensation:
+            several = even * multiscatter_albedo(seen, color, metal, rough, masking)
+        glossy = (1.0 - followed) * (around * back + several) + even * inside * color
         ambient = look["open"] * self._open
         result: Array = ambient * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)
         return result
@@ -208,6 +221,7 @@ class Surface:
                 self._roughness,
                 look["f0"],
                 self.scene.quality.masking,
+                self.scene.quality.energy_compensation,
             )
             added += share * come.radiance * visible * answer
         return added

@@ -99,7 +99,8 @@ def _metal(roughness: float) -> tuple[Callable[[], rm.Material], dict[str, Any]]
 
 METAL, METAL_BSDF = _metal(0.6)
 
-SEPARABLE = rm.Quality(masking="separable")
+SEPARABLE = rm.Quality(masking="separable", energy_compensation=False)
+"""What Mitsuba's rough conductors are: one reflection, and Smith's separable masking."""
 
 SCENES = {
     "sun": Compared(lambda: {"lights": [rm.Sun(**SUN)]}, _matte, _sun, MATTE),
@@ -143,7 +144,7 @@ SCENES |= {
     "area, sampled": Compared(
         lambda: {
             "lights": [rm.SphereLight((1.2, 3.2, 0.8), 0.3, intensity=10, shadow=True, penumbra="sampled")],
-            "quality": rm.Quality(samples=256, masking="separable"),
+            "quality": rm.Quality(samples=256, masking="separable", energy_compensation=False),
         },
         _metal(0.35)[0],
         _ball_of_light,
@@ -161,7 +162,7 @@ SCENES |= {
             "lights": [],
             "sky": rm.Sky((0.4, 0.6, 0.9)),
             "bounces": 2,
-            "quality": rm.Quality(samples=256, masking="separable"),
+            "quality": rm.Quality(samples=256, masking="separable", energy_compensation=False),
         },
         _matte,
         _sky,

@@ -7,7 +7,7 @@ import pytest
 from glsl_harness import modules, run
 from numpy.typing import ArrayLike, NDArray
 
-from raymarch.expr.types import FLOAT, VEC2, VEC3
+from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
 from raymarch.gpu.context import Context
 from raymarch.truth.light import microfacets
 from raymarch.truth.tree import FAINT, reflectance
@@ -96,7 +96,7 @@ def test_a_facet_seen_from_behind_is_that_of_the_surface(egl: Context) -> None:
         assert found[0, 2] > 0.99
 
 
-GLOSSY = ("light/fresnel", "light/grazing", "light/entering", "path/lobes", "path/glossy")
+GLOSSY = ("light/fresnel", "light/correlated", "light/grazing", "light/entering", "path/lobes", "path/glossy")
 
 
 def glossy(
@@ -253,3 +253,61 @@ def test_glass_thinner_than_where_a_ray_starts_has_an_end(egl: Context) -> None:
     assert found and abs(t - 0.001) < 2e-4
     found, t, _ = met(egl, "max(-p.z, p.z - 1.0)", 0.01, (0.0, 1.0), -1.0)
     assert found and abs(t - 1) < 2e-4
+
+
+METAL = (
+    *("light/missing_correlated", "light/missing_mean_correlated", "light/multiscatter_albedo", "light/fresnel"),
+    *("light/correlated", "light/grazing", "light/entering", "path/lobes", "path/glossy", "path/metal"),
+)
+
+
+@pytest.mark.parametrize(("metalness", "color"), [(1.0, 1.0), (1.0, 0.4), (0.5, 0.8)])
+@pytest.mark.parametrize(("roughness", "cosine"), [(0.1, 0.02), (0.3, 0.15), (0.6, 0.9), (1.0, 0.5)])
+def test_ways_from_metal_bring_what_it_reflects(
+    egl: Context, metalness: float, color: float, roughness: float, cosine: float
+) -> None:
+    """Also what several facets mirror: the mean of the weights is the integral of the reflectance, in float64."""
+    n = 2**16
+    drawn = (np.arange(n)[:, None] * (0.8191725134, 0.6710436067, 0.5497004779, 0.4503599627) + 0.5) % 1.0
+    after = f"""
+        vec4 gone(vec3 view, vec4 drawn) {{
+            u_now = drawn;
+            vec3 direction = vec3(0.0), weight = vec3(1.0);
+            Material material = Material(vec3({color}), {metalness}, {roughness}, vec3(0.04));
+            Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), view, 1.0, material);
+            bool goes = from_metal(surface, 0, direction, weight);
+            return vec4(direction, goes ? weight.r : 0.0);
+        }}"""
+    numbers = "vec4 u_now;\nfloat random_of_pixel(int dimension) { return u_now[dimension == 6 ? 3 : dimension]; }\n"
+    text = modules("material/physical") + modules(*METAL, before=SURFACE + numbers, after=after)
+    views = np.broadcast_to(slanted(cosine), (n, 3))
+    found = run(egl, text, "gone({0}, {1})", [(VEC3, views), (VEC4, np.minimum(drawn, LAST))], 4).astype(np.float64)
+    assert np.all(np.isfinite(found)) and found[:, 3].min() >= 0.0
+    expected = scattered(cosine, roughness, metalness, color)
+    np.testing.assert_allclose(found[:, 3].mean(), expected, rtol=1.5e-2)
+
+
+def scattered(cosine: float, roughness: float, metalness: float, color: float) -> float:
+    """The integral of `microfacets` over all lights, half of them mirrored by facets of GGX, half spread evenly."""
+    u, turn = (a.ravel() for a in np.meshgrid((np.arange(512) + 0.5) / 512, 2 * np.pi * (np.arange(256) + 0.5) / 256))
+    alpha, eye = roughness**2, slanted(cosine)
+
+    def spread(c: NDArray[np.float64]) -> NDArray[np.float64]:
+        s = np.sqrt(1 - c * c)
+        return np.stack([s * np.cos(turn), s * np.sin(turn), c], axis=1)
+
+    h = spread(np.sqrt((1 - u) / (1 + (alpha**2 - 1) * u)))
+    total = 0.0
+    for lights in (2 * (h @ eye)[:, None] * h - eye, spread(np.sqrt(1 - u))):
+        middle = lights + eye
+        middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+        c = middle[:, 2]
+        density = alpha**2 / (np.pi * (c * c * (alpha**2 - 1) + 1) ** 2) * c / (4 * np.maximum(middle @ eye, 1e-12))
+        one = np.ones((len(u), 3))
+        known = microfacets(
+            one * (0, 0, 1), one * eye, lights, one * color, one * metalness, one[:, :1] * roughness, one * 0.04,
+            "correlated",
+        )[:, 0]  # fmt: skip
+        seen = (lights[:, 2] > 0) & (middle @ eye > 0)
+        total += np.mean(np.where(seen, known / (density + np.maximum(lights[:, 2], 0) / np.pi), 0.0)) / np.pi
+    return float(total)

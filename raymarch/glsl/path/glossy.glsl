@@ -1,6 +1,6 @@
 // Where the light that a surface of microfacets sends to the eye came from: one direction, by chance from the mirrored or
 // from the matte part, each with its share of the light. False if no light comes that way.
-// needs: Surface Material fresnel grazing entering facet_of cosine_lobe random_of_pixel
+// needs: Surface Material fresnel masking grazing entering facet_of cosine_lobe random_of_pixel
 // gives: from_glossy
 bool from_glossy(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
     Material material = surface.material;
@@ -19,10 +19,8 @@ bool from_glossy(Surface surface, int dimension, out vec3 direction, inout vec3 
         direction = reflect(-surface.view, h);
         float facing = dot(surface.normal, direction);
         if (facing <= 0.0) return false;
-        float square = alpha * alpha;
-        float to_eye = sqrt(square + (1.0 - square) * seen * seen);
-        float to_light = sqrt(square + (1.0 - square) * facing * facing);
-        float unhidden = facing * (seen + to_eye) / (facing * to_eye + seen * to_light);  // G2 / G1
+        float to_eye = sqrt(alpha * alpha + (1.0 - alpha * alpha) * seen * seen);
+        float unhidden = 2.0 * facing * (seen + to_eye) * masking(facing, seen, alpha);  // G2 / G1
         weight *= fresnel(f0, dot(surface.view, h)) * (unhidden / chance);
     } else {
         direction = cosine_lobe(surface.normal, u);

@@ -1,0 +1,8 @@
+// The mean over all cosines of what white microfacets keep of light with correlated masking, weighted by the cosine.
+// needs:
+// gives: mean_missing_albedo
+float mean_missing_albedo(float roughness) {
+    float r = max(roughness, 1.0e-3);
+    float square = r * r;
+    return square * square * (9.1786 + r * (7.2436 * r - 13.3576)) / (1.0 + r * (7.9611 + r * (13.3432 * r - 17.1284)));
+}
