@@ -35,11 +35,15 @@ Partials: TypeAlias = tuple[Partial | None, ...]
 ONE, ZERO = const(1.0), const(0.0)
 
 
+def _not_above(low: Expr, high: Expr) -> Expr:
+    """Whether low <= high; for vectors 1 or 0 by component."""
+    return low <= high if low.type is FLOAT and high.type is FLOAT else v.step(low, high)
+
+
 def _indicator(low: Expr, high: Expr) -> Expr:
     """1 where low <= high, else 0; by component."""
-    if low.type is FLOAT and high.type is FLOAT:
-        return v.where(low <= high, 1.0, 0.0)
-    return v.step(low, high)
+    holds = _not_above(low, high)
+    return v.where(holds, 1.0, 0.0) if holds.type is BOOL else holds
 
 
 def _safe_inverse(x: Expr) -> Expr:
@@ -401,7 +405,7 @@ def _one_sided(order: Sequence[Expr], dependent: AbstractSet[Expr]) -> dict[Expr
         side = _known(_difference(node), found)
         if side is None:
             sign = taken if a in dependent else -taken
-            side = _Side(_indicator(a, b) if sign < 0 else _indicator(b, a), sign)
+            side = _Side(_not_above(a, b) if sign < 0 else _not_above(b, a), sign)
             found[_difference(node)] = side
         if side.sign != taken:
             first = side.choose(1.0, 0.0) if taken < 0 else side.choose(0.0, 1.0)
