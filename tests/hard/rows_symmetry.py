@@ -9,7 +9,10 @@ from analytic import angles, points
 from one_sided import limits, mirrored_fields, on_the_plane
 
 import raymarch as rm
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.derivative import companion
 from raymarch.sdf.booleans import BLENDS
+from raymarch.sdf.lower import lower
 from tests.hard.world import Figure, World, camera_of, case, view_of
 
 PART = ((0.1, -0.5, 0.2), (0.7, 0.3, 0.5), 0.3)
@@ -29,13 +32,17 @@ def _mirrored(ends: tuple[tuple[float, float, float], tuple[float, float, float]
 def planes_of_symmetry(world: World) -> Iterator[Figure]:
     """Where two distances are equal, min has the derivative of one and abs that of neither: a blend's gradient was that
     of neither side. Kinks of one difference take one side now; the judge is differences of the distance."""
-    worst, asked, unsure = 0.0, 0, 0
+    worst, single, asked, unsure = 0.0, 0.0, 0, 0
     for seed, (_, build) in enumerate(mirrored_fields()):
-        node, at = build(), on_the_plane(seed, 100)
+        node, at = build(), on_the_plane(seed, 100).astype(np.float32).astype(np.float64)
         seen = limits(node.distance, at)
         worst = max(worst, float(np.max(seen.missed(node.gradient(at))[seen.sure], initial=0.0)))
+        whole = companion(lower(node))
+        twin = evaluator([whole.body], whole.params, np.float32)(at)[0][:, :3].astype(np.float64)
+        single = max(single, float(np.max(seen.missed(twin)[seen.sure], initial=0.0)))
         asked, unsure = asked + len(at), unsure + int(np.sum(~seen.sure))
     yield Figure(f"error of the reference's gradient at {asked} points", worst, 1e-6, "the limits from both sides")
+    yield Figure("error of the same gradients in float32", single, 1e-5, "rounding of a few operations")
     yield Figure("share of the points where differences do not settle", unsure / asked, 0.05, "other kinks are near")
     size = (33, 48)
     middle = size[0] // 2
