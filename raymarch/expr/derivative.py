@@ -4,15 +4,17 @@ Reverse mode inside a definition. Across a call of a scalar field it goes by one
 gives gradient and value together (`vec4 sphere_gradient(...)`), so no field is evaluated twice. Loops are
 differentiated forwards, with the tangents carried as more state, because going back would need their history.
 
-Where a function has a kink or a singular point, a finite one-sided value is given: the derivative of abs(x)
-and of length(v) at 0 is 0, of max(a, a) that of the first.
+Where a function has a kink or a singular point, a finite value is given: the derivative of abs(x) and of length(v)
+at 0 is 0; of max(a, b) where a = b it is that of a, unless only b depends on the variable. Kinks of one difference lie
+at one place, so they take one side there (see `_one_sided`): min(a, b) + abs(a - b) and max(a, b) have one derivative.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Set as AbstractSet
+from typing import NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,15 +30,20 @@ from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
 from raymarch.expr.walk import depends_on, rebuild, rewrite, substitute, topological
 
 Partial: TypeAlias = Callable[[Expr], Expr]
+Partials: TypeAlias = tuple[Partial | None, ...]
 
 ONE, ZERO = const(1.0), const(0.0)
 
 
+def _not_above(low: Expr, high: Expr) -> Expr:
+    """Whether low <= high; for vectors 1 or 0 by component."""
+    return low <= high if low.type is FLOAT and high.type is FLOAT else v.step(low, high)
+
+
 def _indicator(low: Expr, high: Expr) -> Expr:
     """1 where low <= high, else 0; by component."""
-    if low.type is FLOAT and high.type is FLOAT:
-        return v.where(low <= high, 1.0, 0.0)
-    return v.step(low, high)
+    holds = _not_above(low, high)
+    return v.where(holds, 1.0, 0.0) if holds.type is BOOL else holds
 
 
 def _safe_inverse(x: Expr) -> Expr:
@@ -47,6 +54,16 @@ def _safe_inverse(x: Expr) -> Expr:
 def _inverse_where_positive(x: Expr) -> Expr:
     """1 / x for x > 0, else 0: the slope of log, which is constant below its floor."""
     return _safe_inverse(v.max(x, 0.0))
+
+
+def _within(clamped: Expr) -> Expr:
+    """1 where a clamped number is below its upper limit, or at it if the lower one is known to lie below; else 0.
+
+    Between two limits that are equal nothing moves.
+    """
+    x, low, high = clamped.args
+    apart = low.op == high.op == "const" and bool(np.all(low.data < high.data))
+    return _indicator(x, high) if apart else 1.0 - _indicator(high, x)
 
 
 def _arg(i: int) -> Partial:
@@ -63,7 +80,7 @@ def _smoothstep_slope(e: Expr) -> Expr:
     return 6.0 * t * (1.0 - t) / (high - low)
 
 
-PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
+PARTIALS: Mapping[str, Partials] = {
     "add": (lambda e: ONE, lambda e: ONE),
     "sub": (lambda e: ONE, lambda e: -ONE),
     "mul": (_arg(1), _arg(0)),
@@ -101,9 +118,9 @@ PARTIALS: Mapping[str, tuple[Partial | None, ...]] = {
     "max": (lambda e: _indicator(*e.args[::-1]), lambda e: 1.0 - _indicator(*e.args[::-1])),
     "step": (None, None),
     "clamp": (
-        lambda e: _indicator(e.args[1], e.args[0]) * _indicator(e.args[0], e.args[2]),
+        lambda e: _indicator(e.args[1], e.args[0]) * _within(e),
         lambda e: 1.0 - _indicator(e.args[1], e.args[0]),
-        lambda e: 1.0 - _indicator(e.args[0], e.args[2]),
+        lambda e: 1.0 - _within(e),
     ),
     "mix": (lambda e: 1.0 - e.args[2], lambda e: e.args[2], lambda e: e.args[1] - e.args[0]),
     "smoothstep": (_no_edges, _no_edges, _smoothstep_slope),
@@ -256,6 +273,7 @@ def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
     adjoints: dict[Expr, Expr] = {root: ONE}
     order = topological([root])
     choices = {node.args[0] for node in order if node.op == "where"}
+    partials = _one_sided(order, dependent)
     for node in reversed(order):
         adjoint = adjoints.get(node)
         if adjoint is None or node not in dependent or node in variables:
@@ -267,7 +285,7 @@ def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
             continue
         for i, arg in enumerate(node.args):
             if arg in dependent:
-                _accumulate(adjoints, arg, _backward(inner, node, i), sides)
+                _accumulate(adjoints, arg, _backward(inner, node, i, partials), sides)
     return adjoints
 
 
@@ -318,10 +336,10 @@ def _sum(a: Expr, b: Expr) -> Expr:
     return v.where(side[0], total, zero(total.type)) if side[1] else v.where(side[0], zero(total.type), total)
 
 
-def _backward(adjoint: Expr, node: Expr, i: int) -> Expr | None:
+def _backward(adjoint: Expr, node: Expr, i: int, partials: Mapping[Expr, Partials]) -> Expr | None:
     if node.op in BACKWARD:
         return BACKWARD[node.op](adjoint, node, i)
-    partial = PARTIALS[node.op][i]
+    partial = (partials.get(node) or PARTIALS[node.op])[i]
     if partial is None:
         return None
     slope = partial(node)
@@ -342,6 +360,88 @@ def _scaled(adjoint: Expr, slope: Expr) -> Expr:
         if yes.op == no.op == "const":
             return v.where(condition, adjoint * (1.0 - yes), adjoint * (1.0 - no))
     return adjoint * slope
+
+
+# Ties: kinks of one difference take one side.
+
+Terms: TypeAlias = frozenset[tuple[int, Expr]]
+"""A sum of expressions, each with a sign."""
+
+
+class _Side(NamedTuple):
+    """The sign that a difference is given: one where a condition holds, also at 0, the other elsewhere."""
+
+    condition: Expr
+    sign: int
+
+    def choose(self, negative: float, positive: float) -> Expr:
+        """One number where the difference counts as negative, another where it counts as positive."""
+        yes, no = (negative, positive) if self.sign < 0 else (positive, negative)
+        if self.condition.type is BOOL:
+            return v.where(self.condition, yes, no)
+        return no + (yes - no) * self.condition
+
+
+def _one_sided(order: Sequence[Expr], dependent: AbstractSet[Expr]) -> dict[Expr, Partials]:
+    """The partial derivatives of kinks that take another side of a tie than those in `PARTIALS`, by node.
+
+    Where a = b, min(a, b) has the derivative of a, as if a were below b. A sum of kinks of a - b is right there only if
+    each takes that side: abs(a - b) has the slope -1 then, and max(a, b) the derivative of b. A comparison of a and b
+    chooses the side, else the first min, else the first max, which prefer an argument that depends on the variable.
+    An abs alone keeps the slope 0, the mean of both sides.
+    """
+    kinks: dict[str, list[Expr]] = {op: [] for op in ("lt", "le", "min", "max", "abs")}
+    for node in order:
+        if node.op in kinks and node in dependent:
+            kinks[node.op].append(node)
+    found: dict[Terms, _Side] = {}
+    for node in kinks["lt"] + kinks["le"]:
+        if all(arg in dependent for arg in node.args):
+            found.setdefault(_difference(node), _Side(node, -1))
+    changed: dict[Expr, Partials] = {}
+    for node in kinks["min"] + kinks["max"]:
+        a, b = node.args
+        taken = -1 if node.op == "min" else 1
+        side = _known(_difference(node), found)
+        if side is None:
+            sign = taken if a in dependent else -taken
+            side = _Side(_not_above(a, b) if sign < 0 else _not_above(b, a), sign)
+            found[_difference(node)] = side
+        if side.sign != taken:
+            first = side.choose(1.0, 0.0) if taken < 0 else side.choose(0.0, 1.0)
+            changed[node] = (_given(first), _given(1.0 - first))
+    for node in kinks["abs"]:
+        if side := _known(_difference(node), found):
+            changed[node] = (_given(side.choose(-1.0, 1.0)),)
+    return changed
+
+
+def _given(slope: Expr) -> Partial:
+    return lambda e: slope
+
+
+def _known(terms: Terms, found: Mapping[Terms, _Side]) -> _Side | None:
+    """The side that was chosen for a difference or for its negative."""
+    if terms in found:
+        return found[terms]
+    side = found.get(frozenset((-sign, term) for sign, term in terms))
+    return side and _Side(side.condition, -side.sign)
+
+
+def _difference(kink: Expr) -> Terms:
+    """What is 0 where a kink lies: x for abs(x) and for max(x, 0), a - b for min(a, b), max(a, b) and comparisons."""
+    terms = [term for arg, sign in zip(kink.args, (1, -1), strict=False) for term in _term(arg, sign)]
+    if len(terms) == 1 and terms[0][1].op in ("add", "sub"):
+        sign, inner = terms[0]
+        a, b = inner.args
+        terms = [*_term(a, sign), *_term(b, sign if inner.op == "add" else -sign)]
+    return frozenset(terms)
+
+
+def _term(e: Expr, sign: int) -> Sequence[tuple[int, Expr]]:
+    if e.op == "neg":
+        return ((-sign, e.args[0]),)
+    return () if e.op == "const" and not np.any(e.data) else ((sign, e),)
 
 
 # Opening: calls on the way become companion calls or are inlined, so that the tables above meet no other call.
@@ -411,7 +511,9 @@ def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> lis
     """Forward mode in several directions at once: for each direction, the tangent of each root."""
     moved: list[dict[Expr, Expr]] = [dict(seed) for seed in seeds]
     dependent = depends_on(roots, [variable for seed in seeds for variable in seed])
-    for node in topological(roots):
+    order = topological(roots)
+    partials = _one_sided(order, dependent)
+    for node in order:
         if node not in dependent or node in moved[0]:
             continue
         if node.type is STATE:
@@ -421,7 +523,7 @@ def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> lis
                 direction[node] = tangent
             continue
         for direction in moved:
-            direction[node] = _forward(node, [direction.get(arg, zero(arg.type)) for arg in node.args])
+            direction[node] = _forward(node, [direction.get(arg, zero(arg.type)) for arg in node.args], partials)
     return [[direction.get(root, zero(root.type)) for root in roots] for direction in moved]
 
 
@@ -431,13 +533,13 @@ def moved_along(root: Expr, variable: Expr, directions: Sequence[Expr]) -> list[
     return [moved[0] for moved in tangents(opened, [{variable: direction} for direction in directions])]
 
 
-def _forward(node: Expr, incoming: Sequence[Expr]) -> Expr:
+def _forward(node: Expr, incoming: Sequence[Expr], partials: Mapping[Expr, Partials]) -> Expr:
     if node.type is BOOL:
         return ZERO
     if node.op in FORWARD:
         return FORWARD[node.op](node, incoming)
     total = zero(node.type)
-    for partial, tangent in zip(PARTIALS[node.op], incoming, strict=True):
+    for partial, tangent in zip(partials.get(node) or PARTIALS[node.op], incoming, strict=True):
         if partial is not None and tangent is not zero(tangent.type):
             total = total + partial(node) * tangent
     return total if total.type is node.type else construct(*[total] * node.type.size)

@@ -53,6 +53,51 @@ def test_a_kink_has_a_finite_slope_of_one_side(e: Expr, slope: float) -> None:
     assert at(gradient(e, A), a=0.0) == slope
 
 
+X, Y = Q.x, Q.y
+HILL = 0.25 * v.square(v.max(1.0 - abs(X - Y), 0.0))
+TIES = {
+    "quadratic": (v.min(X, Y) - HILL, (0.5, 0.5)),
+    "swapped": (v.min(Y, X) - HILL, (0.5, 0.5)),
+    "a smooth maximum": (v.max(X, Y) + HILL, (0.5, 0.5)),
+    "of negatives": (-v.min(-X, -Y) + HILL, (0.5, 0.5)),
+    "by a comparison": (v.where(X < Y, X, Y) - HILL, (0.5, 0.5)),
+    "by another": (v.where(X <= Y, X, Y) - HILL, (0.5, 0.5)),
+    "by its positive part": (X - v.max(X - Y, 0.0) - HILL, (0.5, 0.5)),
+    "both ends": (v.min(X, Y) + v.max(X, Y), (1.0, 1.0)),
+    "the mean": (v.max(Y, X) - 0.5 * abs(X - Y), (0.5, 0.5)),
+    "vectors": (
+        v.dot(v.min(v.vec2(X, 2.0), v.vec2(Y, 3.0)) + v.max(v.vec2(Y, 3.0), v.vec2(X, 2.0)), v.vec2(1.0, 1.0)),
+        (1.0, 1.0),
+    ),
+    "carried by a loop": (loop(2, (X,), lambda i, x: (v.min(x, Y) + v.max(x, Y) - Y,))[0], (1.0, 0.0)),
+    "a crease": (v.min(X, Y), (1.0, 0.0)),
+    "an edge": (v.max(X, Y), (1.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", TIES)
+def test_kinks_of_one_difference_take_one_side(name: str) -> None:
+    """A sum of kinks that is smooth has its derivative; min and max alone have that of the first."""
+    e, slopes = TIES[name]
+    assert at(gradient(e, Q), q=np.array([[2.0, 2.0]])).tolist() == [list(slopes)]
+
+
+@pytest.mark.parametrize(
+    ("e", "slope"),
+    [
+        (v.max(3.0, A), 1.0),
+        (v.min(3.0, A), 1.0),
+        (v.max(A - 3.0, 0.0) + v.min(A - 3.0, 0.0), 1.0),
+        (v.max(A - 3.0, 0.0) - v.max(3.0 - A, 0.0), 1.0),
+        (A - v.clamp(A, B, B), 1.0),
+        (v.clamp(A, B, B), 0.0),
+        (v.max(3.0, v.min(A, 4.0)) - v.length(v.max(v.vec2(3.0 - A, -1.0), 0.0)), 1.0),
+    ],
+)
+def test_a_tie_with_what_stands_still(e: Expr, slope: float) -> None:
+    assert at(gradient(e, A), a=3.0, b=3.0) == slope
+
+
 INFINITE = 1.0 / v.max(A - 2.0, 0.0)
 
 
