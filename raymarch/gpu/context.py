@@ -89,7 +89,10 @@ class Context:
         self.window = window
         self.driver = _driver(gl.info)
         self.limits = _limits(gl.info)
-        (self._binding,) = current.current()
+        found = current.current()
+        if len(found) != 1:
+            raise DeviceError(f"{len(found)} libraries of the platform say that the new context is current, not 1")
+        (self._binding,) = found
         self._process = os.getpid()
         self._opened = f"thread {threading.current_thread().name}, {user_location() or 'no file'}"
         self._lock = threading.RLock()
@@ -271,7 +274,7 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     if backend == "auto" and (device is not None or os.environ.get(EGL_DEVICE_VARIABLE, "").strip()):
         backend = "egl"  # who names a device wants no other, and only egl has them
     _refuse_after_fork()
-    with _OPENING, current.kept():
+    with _opening():
         return _open_auto(number) if backend == "auto" else _open(backend, number, f"{backend} was asked for")
 
 
@@ -287,8 +290,21 @@ def open_window(size: tuple[int, int], title: str) -> Context:
     no context, with the driver's answer and the cure.
     """
     _refuse_after_fork()
-    with _OPENING, current.kept():
+    with _opening():
         return _open("window", 0, "a window was asked for", (size, title))
+
+
+@contextmanager
+def _opening() -> Iterator[None]:
+    """What is current, and what `moderngl.get_context` gives to other code, is the same after the block."""
+    store: Any = getattr(moderngl, "_store", None)
+    default = getattr(store, "default_context", None)
+    with _OPENING, current.kept():
+        try:
+            yield
+        finally:
+            if store is not None:
+                store.default_context = default
 
 
 def _open_auto(device: int) -> Context:

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-_NO_LOAD = getattr(os, "RTLD_NOLOAD", 0) | getattr(os, "RTLD_LAZY", 0)
 _EGL_DRAW, _EGL_READ = 0x3059, 0x305A
 _OSMESA_TYPE = 0x23
 
@@ -69,11 +68,17 @@ class Api:
         self._make(*(values[:1] if len(values) > 1 else ()), *[0] * (len(values) - min(1, len(values) - 1)))
 
 
+OSMESA_FILES = (
+    ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.8.dylib") if sys.platform != "win32" else ("libOSMesa", "OSMesa")
+)
+"""The names by which glfw knows the library."""
+
+
 class OSMesa(Api):
     """OSMesa binds a context together with memory to draw into."""
 
     def __init__(self) -> None:
-        super().__init__(("libOSMesa.so.8", "libOSMesa.so.6"), "OSMesaMakeCurrent", ("OSMesaGetCurrentContext",))
+        super().__init__(OSMESA_FILES, "OSMesaMakeCurrent", ("OSMesaGetCurrentContext",))
 
     def _find(self, library: Any) -> None:
         super()._find(library)
@@ -192,23 +197,19 @@ def has_driver() -> bool:
 
 def _loaded(file: str) -> Any:
     """A library that is in memory already, or None."""
-    if not file:
-        return None
-    if sys.platform in ("win32", "darwin"):
-        try:
-            return ctypes.CDLL(file)  # part of the system; on 64 bits WinDLL and CDLL call alike
-        except OSError:
-            return None
-    handle = _open_library(file.encode(), _NO_LOAD)
+    handle = _in_memory(file) if file else None
     return ctypes.CDLL(file, handle=handle) if handle else None
 
 
-def _opener() -> Any:
-    if sys.platform in ("win32", "darwin"):
-        return None
+def _asker() -> Any:
+    """A function that gives the handle of a library, by its file's name, if it is in memory."""
+    if sys.platform == "win32":
+        find = ctypes.WinDLL("kernel32").GetModuleHandleW
+        find.restype, find.argtypes = ctypes.c_void_p, [ctypes.c_wchar_p]
+        return find
     opener = ctypes.CDLL(None).dlopen
     opener.restype, opener.argtypes = ctypes.c_void_p, [ctypes.c_char_p, ctypes.c_int]
-    return opener
+    return lambda file: opener(file.encode(), os.RTLD_NOLOAD | os.RTLD_LAZY)
 
 
-_open_library = _opener()
+_in_memory = _asker()

@@ -186,6 +186,14 @@ def test_a_context_of_other_code_is_current_before_and_after(egl: Context, right
     assert current.current() == other.seen and other.value() == value
 
 
+def test_the_context_that_moderngl_gives_to_other_code_stays_so(egl: Context, other: Other) -> None:
+    assert moderngl.get_context() is other.gl
+    with Renderer(SIZE, "egl") as renderer:
+        renderer.render(scene())
+        assert moderngl.get_context() is other.gl
+    assert moderngl.get_context() is other.gl
+
+
 def test_nothing_is_left_current(egl: Context) -> None:
     current.unbind()
     with Renderer(SIZE, "egl") as renderer:
