@@ -14,7 +14,11 @@ KINDS = ("Texture", "Framebuffer", "Program", "VertexArray")
 
 def alive(context: Context) -> dict[str, int]:
     """Textures, framebuffers, programs and vertex arrays that were made and not freed, on EGL."""
-    context.make_current()
+    with context.bound():
+        return _alive(context)
+
+
+def _alive(context: Context) -> dict[str, int]:
     made: list[Any] = [context.gl.texture((1, 1), 4, dtype="f4")]
     made.append(context.gl.framebuffer([made[0]]))
     made.append(context.gl.program(vertex_shader=FULL_SCREEN, fragment_shader=PLAIN))

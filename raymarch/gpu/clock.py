@@ -68,7 +68,7 @@ class Clock:
 
     Parameters
     ----------
-    context : the context that draws; made current by every method.
+    context : the context that draws; bound by every method.
     timer : for tests: measures a draw in place of OpenGL's timer query, and is trusted if it agrees.
     """
 
@@ -112,28 +112,27 @@ def gl_timer(context: Context) -> Timer:
 
     moderngl offers no way to free a query, so each timer keeps one until the context's release.
     """
-    context.make_current()
-    query = context.gl.query(time=True)
+    with context.bound():
+        query = context.gl.query(time=True)
 
     def timer(draw: Callable[[], None]) -> float:
-        context.make_current()
-        context.gl.finish()
-        with query:
-            draw()
-        return query.elapsed * 1e-6
+        with context.bound():
+            context.gl.finish()
+            with query:
+                draw()
+            return query.elapsed * 1e-6
 
     return timer
 
 
 def wall_time(context: Context, draw: Callable[[], None]) -> float:
     """Milliseconds of `draw` by the wall clock, from an idle device to an idle device."""
-    context.make_current()
-    context.gl.finish()
-    start = perf_counter()
-    draw()
-    context.make_current()  # a draw may have switched contexts
-    context.gl.finish()
-    return (perf_counter() - start) * 1e3
+    with context.bound():
+        context.gl.finish()
+        start = perf_counter()
+        draw()
+        context.finish()  # a draw may have switched contexts
+        return (perf_counter() - start) * 1e3
 
 
 def try_timer(context: Context, timer: Timer) -> Trial:

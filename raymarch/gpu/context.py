@@ -1,17 +1,19 @@
 """OpenGL contexts: without a screen (EGL, OSMesa) or on a window, hidden or shown. Several may live in one process.
 
-EGL, OSMesa and GLX each keep their own note of which context is current, and on Mesa all three share
-one dispatch table. A context that its own library still believes current is not bound again, so the calls
-meant for it land in another context, without an error. Hence one rule, kept here: the context that was
-current is unbound by its own library before the next one is bound, and all switching goes through
-`Context.make_current`.
+Every call of OpenGL passes through `Context.bound`: it asks the platform which context is current, makes this one
+current for the block, and gives back what was current before. Between the blocks a context is current in no thread, so
+any thread may use it, one at a time, and the contexts of other code are not disturbed. A forked process may not use it.
 """
 
 from __future__ import annotations
 
+import atexit
+import ctypes
 import importlib
 import os
 import sys
+import threading
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,7 +22,8 @@ from typing import Any, Self
 
 import moderngl
 
-from raymarch.errors import DeviceError
+from raymarch.errors import DeviceError, user_location
+from raymarch.gpu import current
 
 BACKENDS = ("egl", "osmesa", "window")
 """The backends, in the order in which `auto` tries them."""
@@ -68,11 +71,11 @@ class Limits:
 
 
 class Context:
-    """One OpenGL 3.3 core context; made by `open_context`, current until another is opened or made current.
+    """One OpenGL 3.3 core context; made by `open_context`, current inside `with context.bound():` alone.
 
     Attributes
     ----------
-    gl : the moderngl context. Never enter it with `with`: switch by `make_current`, which keeps count.
+    gl : the moderngl context. Use it, and all that it makes, inside `bound`; never enter it with `with`.
     backend : "egl", "osmesa" or "window".
     driver, limits : who draws, and what the driver allows.
     why : why this backend was taken, and what the earlier ones of `auto` answered.
@@ -86,36 +89,115 @@ class Context:
         self.window = window
         self.driver = _driver(gl.info)
         self.limits = _limits(gl.info)
-        self.released = False
+        found = current.current()
+        if len(found) != 1:
+            raise DeviceError(f"{len(found)} libraries of the platform say that the new context is current, not 1")
+        (self._binding,) = found
+        self._process = os.getpid()
+        self._opened = f"thread {threading.current_thread().name}, {user_location() or 'no file'}"
+        self._lock = threading.RLock()
+        self._callers: list[tuple[Any, current.Current]] = []
+        self._released = False
+        _CONTEXTS.add(self)
 
-    def make_current(self) -> None:
-        """Send the calls of this thread to this context. Costs nothing where it is current already.
+    @property
+    def released(self) -> bool:
+        """True after `release`, and in a process that was forked from the one that opened the context, where nothing of
+        it can be used or freed."""
+        return self._released or self._process != os.getpid()
 
-        Raises DeviceError if the context was released.
-        """
-        global _current
-        if self.released:
+    def check(self) -> None:
+        """DeviceError if the context cannot be used: it was released, or opened before a fork of the process."""
+        self.refuse_fork()
+        if self._released:
             raise DeviceError(f"the {self.backend} context was released", legal="open a new one with open_context")
-        if _current is self:
+
+    def refuse_fork(self) -> None:
+        """DeviceError in a process that was forked from the one that opened the context."""
+        if self._process != os.getpid():
+            raise _forked(f"the {self.backend} context was opened before the fork ({self._opened})")
+
+    @contextmanager
+    def bound(self) -> Iterator[Self]:
+        """This context is current inside the block, and what was current before is so again after it.
+
+        Blocks may be nested. A thread waits here while another one is inside a block of the same context.
+        Raises DeviceError if the context was released, was opened before a fork, or cannot be made current.
+        """
+        self.check()  # before the lock: nobody frees one that another thread held when the process was forked
+        with self._lock:
+            self.check()
+            if current.is_current(self._binding):
+                yield self
+                return
+            self._callers.append(self._caller())
+            try:
+                self._bind()
+                yield self
+            finally:
+                self._give_back(self._callers.pop())
+
+    @contextmanager
+    def lent(self) -> Iterator[None]:
+        """For calls of code that is not ours inside `bound`: what was current before is current in the block."""
+        if not self._callers:
+            yield
             return
-        _unbind_current()
-        _enter(self.gl)
-        _current = self
+        self._give_back(self._callers[-1])
+        try:
+            yield
+        finally:
+            if not self.released:
+                self._callers[-1] = self._caller()
+                self._bind()
+
+    def finish(self) -> None:
+        """Wait for the device."""
+        with self.bound():
+            self.gl.finish()
+
+    def _bind(self) -> None:
+        current.unbind()
+        if self.window is None:
+            current.bind((self._binding,))
+        else:
+            _import_glfw().make_context_current(self.window)
+        if not current.is_current(self._binding):
+            raise DeviceError(
+                f"the {self.backend} context ({self._opened}) cannot be made current in thread "
+                f"{threading.current_thread().name}",
+                legal="release it where other code made it current, or open another context",
+            )
+
+    def _caller(self) -> tuple[Any, current.Current]:
+        """What is current now: the window that glfw notes for itself, where it is ours to use, and the platform's."""
+        noted = None if self.window is None else _import_glfw().get_current_context()
+        return noted or None, current.current()
+
+    def _give_back(self, caller: tuple[Any, current.Current]) -> None:
+        if self._process != os.getpid():
+            return  # forked inside the block: what is current belongs to the parent
+        noted, before = caller
+        if noted is not None or self.window is not None:
+            _import_glfw().make_context_current(noted)
+        current.bind(before)
 
     def release(self) -> None:
         """Destroy the context and all that was made in it; another context that is current stays so. Idempotent."""
         if self.released:
             return
-        if _current is self:
-            _unbind_current()
-        self.released = True
-        self.gl.release()
-        if self.window is not None:
-            _GLFW.close(self.window)
-            self.window = None
+        with self._lock:
+            if self._released:
+                return
+            with _OPENING, current.kept():
+                self._released = True
+                self.gl.release()
+                if self.window is not None:
+                    _GLFW.close(self.window)
+                    self.window = None
 
     def __enter__(self) -> Self:
-        self.make_current()
+        self.check()
         return self
 
     def __exit__(
@@ -128,12 +210,49 @@ class Context:
         return f"<Context {self.backend}: {state}>"
 
 
-# OpenGL's own idea of a current context is one for each thread; this package draws from one thread.
-_current: Context | None = None
+_CONTEXTS: weakref.WeakSet[Context] = weakref.WeakSet()
+_OPENING = threading.RLock()  # glfw keeps its windows in lists without locks
+_process, _opened = os.getpid(), False
+
+
+def _forked(what: str) -> DeviceError:
+    return DeviceError(
+        f"{what}, and drivers of OpenGL do not survive a fork",
+        legal='start processes by "spawn" or "forkserver", as in multiprocessing.get_context("spawn").Pool()',
+    )
+
+
+def _refuse_after_fork() -> None:
+    """DeviceError in a forked process whose parent has used OpenGL: the threads of the driver are gone, and a call that
+    waits for them never returns."""
+    global _process
+    if _process != os.getpid():
+        if _opened or current.has_driver():
+            raise _forked("this process was forked from one that had used OpenGL")
+        _process = os.getpid()
+
+
+def _leave_to_parent() -> None:
+    """After a fork, keep the garbage collector and the driver's exit handlers from destroying the parent's objects.
+
+    Mesa's OSMesa waits for ever in its handler, for threads that the fork left behind; a driver of hardware may free
+    objects that both processes share. `on_exit` of glibc runs its functions in reverse, so the process ends before.
+    """
+    for context in _CONTEXTS:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(context.gl))
+    if _opened and sys.platform == "linux":
+        libc = ctypes.CDLL(None)
+        if hasattr(libc, "on_exit"):
+            atexit.register(libc.fflush, None)
+            libc.on_exit(libc._exit, None)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 def open_context(backend: str = "auto", device: int | None = None) -> Context:
-    """Open an OpenGL 3.3 core context and make it current.
+    """Open an OpenGL 3.3 core context. What is current stays so: use the new one inside `with context.bound():`.
 
     Parameters
     ----------
@@ -145,7 +264,7 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     Raises
     ------
     DeviceError : unknown backend, unusable device number, or no context: with what each backend answered
-        and which packages to install.
+        and which packages to install. In a process forked from one that had used OpenGL: drivers do not survive that.
     """
     if backend != "auto" and backend not in BACKENDS:
         raise DeviceError(f"unknown backend {backend!r}", legal=f"legal: auto, {', '.join(BACKENDS)}")
@@ -154,18 +273,13 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     number = _egl_device(device)
     if backend == "auto" and (device is not None or os.environ.get(EGL_DEVICE_VARIABLE, "").strip()):
         backend = "egl"  # who names a device wants no other, and only egl has them
-    previous = _current
-    _unbind_current()
-    try:
+    _refuse_after_fork()
+    with _opening():
         return _open_auto(number) if backend == "auto" else _open(backend, number, f"{backend} was asked for")
-    except DeviceError:
-        if previous is not None:
-            previous.make_current()
-        raise
 
 
 def open_window(size: tuple[int, int], title: str) -> Context:
-    """Open a window that is shown and can be resized, with an OpenGL 3.3 core context, and make that current.
+    """Open a window that is shown and can be resized, with an OpenGL 3.3 core context.
 
     Parameters
     ----------
@@ -175,14 +289,22 @@ def open_window(size: tuple[int, int], title: str) -> Context:
     The colours that are drawn into it are taken as sRGB already. Raises DeviceError if there is no display, no glfw or
     no context, with the driver's answer and the cure.
     """
-    previous = _current
-    _unbind_current()
-    try:
+    _refuse_after_fork()
+    with _opening():
         return _open("window", 0, "a window was asked for", (size, title))
-    except DeviceError:
-        if previous is not None:
-            previous.make_current()
-        raise
+
+
+@contextmanager
+def _opening() -> Iterator[None]:
+    """What is current, and what `moderngl.get_context` gives to other code, is the same after the block."""
+    store: Any = getattr(moderngl, "_store", None)
+    default = getattr(store, "default_context", None)
+    with _OPENING, current.kept():
+        try:
+            yield
+        finally:
+            if store is not None:
+                store.default_context = default
 
 
 def _open_auto(device: int) -> Context:
@@ -203,15 +325,15 @@ def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str
 
     shown : size and title of a window to be seen; None is a hidden one.
     """
-    global _current
+    global _opened
     window: Any = None
     try:
         if backend == "egl":
-            gl = _create_egl(device)
+            context = Context(_create_egl(device), backend, why)
         else:
             window = _GLFW.open(offscreen=backend == "osmesa", shown=shown)
-            gl = _create_on_glfw(window)
-        _current = Context(gl, backend, why, window)
+            with _kept_note():
+                context = Context(_create_on_glfw(window), backend, why, window)
     except DeviceError:
         raise
     except Exception as error:  # moderngl and glcontext raise bare Exception and ValueError
@@ -219,7 +341,19 @@ def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str
             _GLFW.close(window)
         other = f"choose another EGL device, also by {EGL_DEVICE_VARIABLE}, 0 is the first; or " if device else ""
         raise DeviceError(_one_line(error), legal=other + CURES[backend]) from error
-    return _current
+    _opened = True
+    return context
+
+
+@contextmanager
+def _kept_note() -> Iterator[None]:
+    """What glfw notes as its current window is so again after the block."""
+    glfw = _import_glfw()
+    noted = glfw.get_current_context() or None
+    try:
+        yield
+    finally:
+        glfw.make_context_current(noted)
 
 
 def _egl_device(device: int | None) -> int:
@@ -248,22 +382,6 @@ def _create_on_glfw(window: Any) -> moderngl.Context:
     except Exception:
         binding.__exit__()
         raise
-
-
-def _unbind_current() -> None:
-    global _current
-    if _current is not None:
-        _exit(_current.gl)
-        _current = None
-
-
-def _enter(gl: Any) -> None:
-    """Bind; `Any`, because moderngl's stubs leave entering and leaving untyped."""
-    gl.__enter__()
-
-
-def _exit(gl: Any) -> None:
-    gl.__exit__(None, None, None)
 
 
 class _GlfwBinding:

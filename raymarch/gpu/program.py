@@ -100,7 +100,7 @@ class Program:
 
     Parameters
     ----------
-    context : where the program lives; made current here and by every method.
+    context : where the program lives; bound here and by every method.
     vertex : a vertex shader that needs no attributes and makes a triangle of gl_VertexID 0, 1, 2: `FULL_SCREEN`.
     fragment : the fragment shader, `#version 330 core`.
     locate : see `Locate`; asked only where the driver refuses the shader.
@@ -116,17 +116,17 @@ class Program:
         self.context = context
         self.name = name
         self.released = False
-        context.make_current()
-        try:
-            # Some versions of moderngl strip the text, which moves its lines: strip it here, for all alike.
-            self._program = context.gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())
-        except moderngl.Error as error:
-            raise _refusal(name, str(error), fragment, locate) from error
-        try:
-            self._triangle = context.gl.vertex_array(self._program, [])
-        except moderngl.Error as error:
-            self._program.release()
-            raise DeviceError(f"pass {name}: the device failed: {error}", legal="a new Renderer") from error
+        with context.bound():
+            try:
+                # Some versions of moderngl strip the text, which moves its lines: strip it here, for all alike.
+                self._program = context.gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())
+            except moderngl.Error as error:
+                raise _refusal(name, str(error), fragment, locate) from error
+            try:
+                self._triangle = context.gl.vertex_array(self._program, [])
+            except moderngl.Error as error:
+                self._program.release()
+                raise DeviceError(f"pass {name}: the device failed: {error}", legal="a new Renderer") from error
 
     @property
     def uniforms(self) -> tuple[str, ...]:
@@ -157,17 +157,17 @@ class Program:
         ValueError : a value that does not fit its uniform, a tile outside the surface, or a texture that is read and
             drawn at once.
         """
-        self.context.make_current()
         width, height = target.size
         if tile is not None:
             _check_tile(tile, width, height)
-        self._set(uniforms or {}, target)
-        self.context.gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)
-        framebuffer = target.framebuffer
-        framebuffer.use()
-        framebuffer.viewport = (0, 0, width, height)
-        confine(framebuffer, tile)
-        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        with self.context.bound():
+            self._set(uniforms or {}, target)
+            self.context.gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)
+            framebuffer = target.framebuffer
+            framebuffer.use()
+            framebuffer.viewport = (0, 0, width, height)
+            confine(framebuffer, tile)
+            self._triangle.render(moderngl.TRIANGLES, vertices=3)
 
     def release(self) -> None:
         """Free the program. Idempotent, and safe after the context's own release, which freed it already."""
@@ -175,9 +175,9 @@ class Program:
             return
         self.released = True
         if not self.context.released:
-            self.context.make_current()  # see Target.release: GL names repeat from context to context
-            self._triangle.release()
-            self._program.release()
+            with self.context.bound():  # see Target.release: GL names repeat from context to context
+                self._triangle.release()
+                self._program.release()
 
     def _set(self, uniforms: Mapping[str, Any], target: Surface) -> None:
         unit = 0

@@ -36,6 +36,9 @@ PLANNED = 8
 class Renderer:
     """Draws scenes of one size on one OpenGL context; use it with `with`.
 
+    Any thread may use it: one draws a frame while the others wait. The contexts of other code (pygame, moderngl, glfw)
+    are left as they are. A process forked from one that has used OpenGL cannot draw: start it by "spawn".
+
     Parameters
     ----------
     size : (width, height) in pixels, from 1 to the driver's limit.
@@ -63,6 +66,7 @@ class Renderer:
         self.history = History()
         self.planned_for: tuple[int, int] | None = None
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
+        self._is_drawing = False
         try:
             self._size = self.store.target("color", size).size
         except DeviceError:
@@ -90,9 +94,11 @@ class Renderer:
 
     def resize(self, size: tuple[int, int]) -> None:
         """Draw at another size from now on; DeviceError, and the old size stays, if it is not possible."""
-        self._size = self.store.target("color", size).size
-        self.store.free_targets("color")
-        self.forget()
+        with self.context.bound():
+            self._refuse_while_drawing("resize")
+            self._size = self.store.target("color", size).size
+            self.store.free_targets("color")
+            self.forget()
 
     def forget(self) -> None:
         """Let the next frame take nothing from those before it."""
@@ -130,16 +136,33 @@ class Renderer:
         DeviceError : the renderer is closed, or the driver lacks what an output needs.
         """
         check_scene("render", scene)
+        self._refuse_closed()
+        with self.context.bound():
+            return self._render(scene, time, params, outputs, progress, pose, within, cut)
+
+    def _render(
+        self,
+        scene: Scene,
+        time: float,
+        params: Mapping[str, Any] | None,
+        outputs: Sequence[str],
+        progress: Progress | None,
+        pose: Pose | None,
+        within: float | None,
+        cut: Slice | None,
+    ) -> Frame:
         values = self._values(scene, params, time, outputs)
         size = self.size
         pose = pose or scene.pose(values, size[0] / size[1])
 
         def render_for(name: str) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-            if self.size != size:
-                raise DeviceError(
-                    f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
-                )
-            return self._render_passes(scene, values, [name], pose, cut=cut)
+            self._refuse_closed()
+            with self.context.bound():
+                if self.size != size:
+                    raise DeviceError(
+                        f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
+                    )
+                return self._render_passes(scene, values, [name], pose, cut=cut)
 
         arrays, timings = self._render_passes(
             scene, values, outputs, pose, progress, np.inf if within is None else within, cut
@@ -208,8 +231,7 @@ class Renderer:
         self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose, cut: Slice | None
     ) -> tuple[Prepared, dict[str, Any]]:
         """The plan of a frame and the uniforms of all its passes."""
-        if self.context.released:
-            raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
+        self._refuse_closed()
         ready = self._prepare(scene, outputs)
         self._refuse_lacking(ready)
         return ready, self.uniforms(ready, values, pose, cut)
@@ -222,6 +244,16 @@ class Renderer:
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.store.lights(lights.rows(ready.plan.scene, values))
         return uniforms
+
+    def _refuse_closed(self) -> None:
+        if self.context.released:
+            self.context.refuse_fork()
+            raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
+
+    def _refuse_while_drawing(self, what: str) -> None:
+        """Refuse a call that `progress` makes in the middle of a frame, whose textures it would overwrite or free."""
+        if self._is_drawing:
+            raise DeviceError(f"{what} was called in the middle of a frame", legal="after it, or on another Renderer")
 
     def _refuse_lacking(self, ready: Prepared) -> None:
         for chosen in ready.plan.passes:
@@ -241,11 +273,26 @@ class Renderer:
         within: float = np.inf,
         cut: Slice | None = None,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+        self._refuse_while_drawing("render")
+        self._is_drawing = True
         try:
-            return self._passes(scene, values, outputs, pose, progress, within, cut)
+            return self._passes(scene, values, outputs, pose, self._lent(progress), within, cut)
         except BaseException:
             self.forget()  # the history was brought up to date for draws that were not made
             raise
+        finally:
+            self._is_drawing = False
+
+    def _lent(self, progress: Progress | None) -> Progress | None:
+        """The same; it is called with the context that its own code expects."""
+        if progress is None:
+            return None
+
+        def call(share: float) -> None:
+            with self.context.lent():
+                progress(share)
+
+        return call
 
     def _passes(
         self,
@@ -289,8 +336,13 @@ class Renderer:
         )
 
     def close(self) -> None:
-        """Free everything. Idempotent."""
-        self.store.release()
+        """Free everything. Idempotent. In a forked process it frees nothing: that is the parent's."""
+        if self.context.released:
+            self.store.release()
+        else:
+            with self.context.bound():
+                self._refuse_while_drawing("close")
+                self.store.release()
         self._prepared.clear()
         if self._owns_context:
             self.context.release()

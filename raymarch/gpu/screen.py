@@ -92,15 +92,15 @@ class Screen:
 
     Parameters
     ----------
-    context : the window's; made current here and by every method.
+    context : the window's; bound here and by every method.
     size : (width, height) of the framebuffer in pixels.
     """
 
     def __init__(self, context: Context, size: tuple[int, int]) -> None:
         self.context = context
         self.size = size
-        context.make_current()
-        self.framebuffer: moderngl.Framebuffer = context.gl.detect_framebuffer(0)
+        with context.bound():
+            self.framebuffer: moderngl.Framebuffer = context.gl.detect_framebuffer(0)
         self._samplers: dict[str, Program] = {}
         self._layer = Program(context, FULL_SCREEN, _LAYER, _ours, "overlay")
         self._mesh: Mesh | None = None
@@ -112,10 +112,10 @@ class Screen:
 
     def clear(self, grey: float) -> None:
         """Fill the window with a grey, of sRGB."""
-        self.context.make_current()
-        confine(self.framebuffer, None)
-        self.framebuffer.use()
-        self.framebuffer.clear(grey, grey, grey, 1.0)
+        with self.context.bound():
+            confine(self.framebuffer, None)
+            self.framebuffer.use()
+            self.framebuffer.clear(grey, grey, grey, 1.0)
 
     def copy(self, picture: Target, into: Target, tile: tuple[int, int, int, int] | None = None) -> None:
         """Copy a picture into another target, or a tile of it; smoothly where its size is another."""
@@ -131,11 +131,12 @@ class Screen:
     ) -> None:
         texture = picture.textures[0]
         smooth = picture.size != surface.size
-        if smooth:
-            texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self._sampler(tone).draw(surface, {"picture": texture, "size": surface.size, "encode": encode}, tile)
-        if smooth:
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        with self.context.bound():
+            if smooth:
+                texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+            self._sampler(tone).draw(surface, {"picture": texture, "size": surface.size, "encode": encode}, tile)
+            if smooth:
+                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
     def _sampler(self, tone: Tone | None) -> Program:
         """The program that copies pictures, or shows them by a tone."""
@@ -146,13 +147,19 @@ class Screen:
         return self._samplers[text]
 
     def image(self, pixels: NDArray[np.uint8]) -> moderngl.Texture:
-        """A texture of an RGBA image of shape (H, W, 4), row 0 at the top; free it with `release`."""
-        self.context.make_current()
+        """A texture of an RGBA image of shape (H, W, 4), row 0 at the top; free it with `free`."""
         height, width = pixels.shape[:2]
-        texture = self.context.gl.texture((width, height), 4, np.ascontiguousarray(pixels, np.uint8).tobytes())
-        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        texture.repeat_x = texture.repeat_y = False
+        with self.context.bound():
+            texture = self.context.gl.texture((width, height), 4, np.ascontiguousarray(pixels, np.uint8).tobytes())
+            texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+            texture.repeat_x = texture.repeat_y = False
         return texture
+
+    def free(self, texture: moderngl.Texture) -> None:
+        """Free a texture of `image`."""
+        if not self.context.released:
+            with self.context.bound():
+                texture.release()
 
     def lay(self, texture: moderngl.Texture, left: int, top: int) -> None:
         """Lay an image over the window, its upper left corner at (left, top); what lies outside is cut off."""
@@ -179,9 +186,9 @@ class Screen:
 
     def read(self) -> NDArray[np.uint8]:
         """What is in the window's back buffer, (H, W, 3) of sRGB bytes, row 0 at the top."""
-        self.context.make_current()
         width, height = self.size
-        data = self.framebuffer.read((0, 0, width, height), 3, alignment=1)
+        with self.context.bound():
+            data = self.framebuffer.read((0, 0, width, height), 3, alignment=1)
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()
 
     def release(self) -> None:
@@ -199,12 +206,12 @@ class Mesh:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        context.make_current()
-        gl = context.gl
-        self._program = gl.program(vertex_shader=_MESH_VERTEX.strip(), fragment_shader=_MESH_FRAGMENT.strip())
-        self._vertices = gl.buffer(reserve=1 << 16, dynamic=True)
-        self._indices = gl.buffer(reserve=1 << 15, dynamic=True)
-        self._bind()
+        with context.bound():
+            gl = context.gl
+            self._program = gl.program(vertex_shader=_MESH_VERTEX.strip(), fragment_shader=_MESH_FRAGMENT.strip())
+            self._vertices = gl.buffer(reserve=1 << 16, dynamic=True)
+            self._indices = gl.buffer(reserve=1 << 15, dynamic=True)
+            self._bind()
 
     def _bind(self) -> None:
         layout = [(self._vertices, "2f 2f 4f1", "position", "place", "tint")]
@@ -214,7 +221,13 @@ class Mesh:
     def draw(
         self, screen: Screen, vertices: bytes, indices: bytes, size: tuple[float, float], stretches: Sequence[Stretch]
     ) -> None:
-        self.context.make_current()
+        """Draw; see `Screen.triangles`."""
+        with self.context.bound():
+            self._draw(screen, vertices, indices, size, stretches)
+
+    def _draw(
+        self, screen: Screen, vertices: bytes, indices: bytes, size: tuple[float, float], stretches: Sequence[Stretch]
+    ) -> None:
         gl = self.context.gl
         if len(vertices) > self._vertices.size or len(indices) > self._indices.size:
             self._array.release()
@@ -245,9 +258,9 @@ class Mesh:
     def release(self) -> None:
         """Free buffers and program, once."""
         if not self.context.released:
-            self.context.make_current()
-            for owned in (self._array, self._vertices, self._indices, self._program):
-                owned.release()
+            with self.context.bound():
+                for owned in (self._array, self._vertices, self._indices, self._program):
+                    owned.release()
 
 
 def _ours(line: int) -> tuple[str, None]:

@@ -142,10 +142,11 @@ class Store:
         """How many rays of a march have not arrived; waits for the device. Overwrites the pair's back."""
         if self._rest is None:
             self._rest = Program(self.context, FULL_SCREEN, _REST, lambda line: ("the count of rays", None), "rest")
-        query = self.context.gl.query(samples=True)
-        with query:
-            self._rest.draw(march.back, {"u_march": (march.front, 0)})
-        return int(query.samples)
+        with self.context.bound():
+            query = self.context.gl.query(samples=True)
+            with query:
+                self._rest.draw(march.back, {"u_march": (march.front, 0)})
+            return int(query.samples)
 
     def texture(self, data: Samples | Texels) -> moderngl.Texture | moderngl.Texture3D:
         """Sampled data or a picture on the device."""
@@ -156,21 +157,22 @@ class Store:
             while len(self._textures) > KEPT or (len(self._textures) > UNITS and sum(self._bytes.values()) > HELD):
                 key, oldest = self._textures.popitem(last=False)
                 del self._bytes[key]
-                oldest.release()
+                with self.context.bound():
+                    oldest.release()
         self._textures.move_to_end(data.key)
         return self._textures[data.key]
 
     def lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
         """The texture of many lights, with the rows of this frame."""
-        self.context.make_current()
-        if self._lights is None or self._lights.size != rows.shape[1::-1]:
-            if self._lights is not None:
-                self._lights.release()
-                self._lights = None  # should the next line fail
-            self._lights = self.context.gl.texture(rows.shape[1::-1], 4, dtype="f4")
-            self._lights.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._lights.write(rows.tobytes())
-        return self._lights
+        with self.context.bound():
+            if self._lights is None or self._lights.size != rows.shape[1::-1]:
+                if self._lights is not None:
+                    self._lights.release()
+                    self._lights = None  # should the next line fail
+                self._lights = self.context.gl.texture(rows.shape[1::-1], 4, dtype="f4")
+                self._lights.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self._lights.write(rows.tobytes())
+            return self._lights
 
     def free_targets(self, *keep: str) -> None:
         """Free all targets but some, by name; they are made anew when next asked for."""
@@ -195,11 +197,11 @@ class Store:
         for program in self._programs.values():
             program.release()
         if not self.context.released:
-            self.context.make_current()
-            for texture in self._textures.values():
-                texture.release()
-            if self._lights is not None:
-                self._lights.release()
+            with self.context.bound():
+                for texture in self._textures.values():
+                    texture.release()
+                if self._lights is not None:
+                    self._lights.release()
         self._lights = None
         self._textures.clear()
         self._bytes.clear()

@@ -39,7 +39,7 @@ class Target:
 
     Parameters
     ----------
-    context : where the textures live; made current here and by every method.
+    context : where the textures live; bound here and by every method.
     size : (width, height) in pixels, integers from 1 to `context.limits.picture`.
     attachments : number of textures, from 1 to `context.limits.color_attachments`.
     dtype : "f4" (32-bit floats) or "f2" (16-bit).
@@ -57,11 +57,11 @@ class Target:
             raise DeviceError(f"dtype={dtype!r} of a target", legal="legal: 'f4' or 'f2'")
         self.dtype = dtype
         self.released = False
-        context.make_current()
         self._textures: list[moderngl.Texture] = []
         self._framebuffer: moderngl.Framebuffer | None = None
         try:
-            self._allocate()
+            with context.bound():
+                self._allocate()
         except BaseException as error:
             self.release()
             if not isinstance(error, moderngl.Error):
@@ -99,10 +99,10 @@ class Target:
 
     def read(self, attachment: int = 0) -> NDArray[np.float32]:
         """The texels of one attachment as float32 (height, width, 4), row 0 at the top. Waits for the device."""
-        self.context.make_current()
         width, height = self.size
         rows = np.empty((height, width, _COMPONENTS), np.float32)
-        self.framebuffer.read_into(rows, components=_COMPONENTS, attachment=self._index(attachment), dtype="f4")
+        with self.context.bound():
+            self.framebuffer.read_into(rows, components=_COMPONENTS, attachment=self._index(attachment), dtype="f4")
         return np.ascontiguousarray(rows[::-1])
 
     def read_texel(self, x: int, row: int, attachment: int = 0) -> NDArray[np.float32]:
@@ -110,27 +110,27 @@ class Target:
         width, height = self.size
         if not (0 <= x < width and 0 <= row < height):
             raise IndexError(f"texel ({x}, {row}) of a target of {width} x {height}")
-        self.context.make_current()
-        data = self.framebuffer.read(
-            (x, height - 1 - row, 1, 1), _COMPONENTS, attachment=self._index(attachment), dtype="f4"
-        )
+        with self.context.bound():
+            data = self.framebuffer.read(
+                (x, height - 1 - row, 1, 1), _COMPONENTS, attachment=self._index(attachment), dtype="f4"
+            )
         return np.frombuffer(data, np.float32)
 
     def write(self, values: ArrayLike, attachment: int = 0) -> None:
         """Overwrite one attachment with `values`, shape (height, width, 4) or broadcast to it, row 0 at the top."""
-        self.context.make_current()
         width, height = self.size
         texels = np.broadcast_to(np.asarray(values, self.dtype), (height, width, _COMPONENTS))
-        self.textures[self._index(attachment)].write(np.ascontiguousarray(texels[::-1]))
+        with self.context.bound():
+            self.textures[self._index(attachment)].write(np.ascontiguousarray(texels[::-1]))
 
     def clear(self, value: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         """Set every texel of every attachment to the RGBA `value`."""
-        self.context.make_current()
-        # The tile of an earlier draw would confine the clearing: this target's own, or, as moderngl's clear binds
-        # the framebuffer without its scissor, that of the framebuffer in use.
-        confine(self.framebuffer, None)
-        self.framebuffer.use()
-        self.framebuffer.clear(*value)
+        with self.context.bound():
+            # The tile of an earlier draw would confine the clearing: this target's own, or, as moderngl's clear binds
+            # the framebuffer without its scissor, that of the framebuffer in use.
+            confine(self.framebuffer, None)
+            self.framebuffer.use()
+            self.framebuffer.clear(*value)
 
     def release(self) -> None:
         """Free the textures. Idempotent, and safe after the context's own release, which freed them already."""
@@ -141,15 +141,15 @@ class Target:
             return
         # GL names are numbers that repeat from context to context: deleting these while another context is
         # current would delete that one's textures.
-        self.context.make_current()
-        if self._framebuffer is not None:
-            gl = self.context.gl
-            if gl.fbo is self._framebuffer:
-                # moderngl binds the framebuffer in use anew after making another: a deleted one is a GL error.
-                gl.detect_framebuffer(0).use()
-            self._framebuffer.release()
-        for texture in self._textures:
-            texture.release()
+        with self.context.bound():
+            if self._framebuffer is not None:
+                gl = self.context.gl
+                if gl.fbo is self._framebuffer:
+                    # moderngl binds the framebuffer in use anew after making another: a deleted one is a GL error.
+                    gl.detect_framebuffer(0).use()
+                self._framebuffer.release()
+            for texture in self._textures:
+                texture.release()
 
     def _index(self, attachment: int) -> int:
         if not 0 <= attachment < self.attachments:
@@ -208,32 +208,33 @@ class PingPong:
 
 def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
     """Sampled data as a one-channel float32 texture, to be read by texelFetch; DeviceError if it does not fit."""
-    context.make_current()
-    try:
-        make: Any = context.gl.texture if data.dimension == 2 else context.gl.texture3d
-        texture: moderngl.Texture | moderngl.Texture3D = make(
-            data.size, 1, data.values.tobytes(), alignment=1, dtype="f4"
-        )
-    except moderngl.Error as fault:
-        raise DeviceError(f"no texture for samples of {data.size}: {fault}", legal="smaller data") from fault
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    with context.bound():
+        try:
+            make: Any = context.gl.texture if data.dimension == 2 else context.gl.texture3d
+            texture: moderngl.Texture | moderngl.Texture3D = make(
+                data.size, 1, data.values.tobytes(), alignment=1, dtype="f4"
+            )
+        except moderngl.Error as fault:
+            raise DeviceError(f"no texture for samples of {data.size}: {fault}", legal="smaller data") from fault
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return texture
 
 
 def upload_pyramid(context: Context, data: Texels) -> moderngl.Texture:
     """A picture as a half-float texture with all its levels, read linearly within and between them; DeviceError if it
     does not fit."""
-    context.make_current()
-    try:
-        texture = context.gl.texture(data.size, data.channels, data.levels[0].tobytes(), alignment=1, dtype="f2")
-        if len(data.levels) > 1:
-            texture.build_mipmaps(0, len(data.levels) - 1)  # makes room for the levels, which are then our own
-            for k, level in enumerate(data.levels[1:], 1):
-                texture.write(level.tobytes(), (0, 0, *level.shape[1::-1]), level=k, alignment=1)
-    except moderngl.Error as fault:
-        raise DeviceError(f"no texture for {data.label} of {data.size}: {fault}", legal="smaller pictures") from fault
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR if len(data.levels) > 1 else moderngl.LINEAR, moderngl.LINEAR)
-    texture.repeat_x = texture.repeat_y = data.wrap == "repeat"
+    size, levels = data.size, data.levels
+    with context.bound():
+        try:
+            texture = context.gl.texture(size, data.channels, levels[0].tobytes(), alignment=1, dtype="f2")
+            if len(levels) > 1:
+                texture.build_mipmaps(0, len(levels) - 1)  # makes room for the levels, which are then our own
+                for k, level in enumerate(levels[1:], 1):
+                    texture.write(level.tobytes(), (0, 0, *level.shape[1::-1]), level=k, alignment=1)
+        except moderngl.Error as fault:
+            raise DeviceError(f"no texture for {data.label} of {size}: {fault}", legal="smaller pictures") from fault
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR if len(levels) > 1 else moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = data.wrap == "repeat"
     return texture
 
 

@@ -58,8 +58,7 @@ class Overlay:
         free = (max(1, width - edge), height)
         wanted = {(card, free, density): None for card in cards if card.text}
         for key in [key for key in self._made if key not in wanted]:
-            self._screen.context.make_current()
-            self._made.pop(key).release()
+            self._screen.free(self._made.pop(key))
         margin = round(8 * density)
         used: dict[str, int] = {}
         for key in wanted:
@@ -77,9 +76,8 @@ class Overlay:
 
     def release(self) -> None:
         """Free the images."""
-        self._screen.context.make_current()
         for texture in self._made.values():
-            texture.release()
+            self._screen.free(texture)
         self._made.clear()
 
 

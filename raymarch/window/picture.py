@@ -158,7 +158,7 @@ class Picture:
         start = clock_time.perf_counter()
         draw()
         if wait:
-            self._renderer.context.gl.finish()
+            self._renderer.context.finish()
         return 1e3 * (clock_time.perf_counter() - start)
 
     def _refine(self, shot: Shot, size: tuple[int, int]) -> None:
@@ -175,7 +175,7 @@ class Picture:
         while part.tiles and spent + spent / max(len(done), 1) <= self.pace.budget:  # the next one will fit
             tile = part.tiles.pop(0)
             part.draft.draw(tile)
-            self._renderer.context.gl.finish()
+            self._renderer.context.finish()
             done.append(tile)
             spent = 1e3 * (clock_time.perf_counter() - start)
         last = len(rest) == 1

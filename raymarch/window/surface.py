@@ -84,7 +84,8 @@ class Window:
         self._events: list[Event] = []
         self._stale = True
         self._listen()
-        self.glfw.swap_interval(1)
+        with self.context.bound():
+            self.glfw.swap_interval(1)
 
     def _listen(self) -> None:
         glfw, handle, add = self.glfw, self.handle, self._events.append
@@ -201,8 +202,8 @@ class Window:
 
     def swap(self) -> None:
         """Show what was drawn; waits for the screen where the driver does."""
-        self.context.make_current()
-        self.glfw.swap_buffers(self.handle)
+        with self.context.bound():
+            self.glfw.swap_buffers(self.handle)
 
     def release(self) -> None:
         """Close for good."""

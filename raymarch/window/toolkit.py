@@ -125,7 +125,7 @@ class Toolkit:
             pixels = np.asarray(texture.get_pixels_array(), np.uint8).reshape(texture.height, texture.width, -1)
             number = texture.tex_id if texture.status == status.want_updates else 0
             if number:
-                self._textures.pop(number).release()
+                self._screen.free(self._textures.pop(number))
             else:
                 number = max(self._textures, default=0) + 1
                 texture.set_tex_id(number)
@@ -134,13 +134,12 @@ class Toolkit:
         elif texture.status == status.want_destroy:
             found = self._textures.pop(texture.tex_id, None)
             if found is not None:
-                found.release()
+                self._screen.free(found)
             texture.set_tex_id(0)
             texture.status = status.destroyed
 
     def release(self) -> None:
         """Free textures and context."""
-        self._screen.context.make_current()
         for texture in self._imgui.get_platform_io().textures:
             if texture.tex_id:
                 texture.status = self._imgui.ImTextureStatus.want_destroy

@@ -186,7 +186,7 @@ def _draw(renderer: Renderer, scene: Scene, params: dict[str, Any], outputs: tup
         text = ready.texts[draft.chosen.name]
         with Program(renderer.context, ready.vertex, text, ready.shader.locate, draft.chosen.name) as fresh:
             fresh.draw(draft.target, draft.uniforms)
-    renderer.context.gl.finish()
+    renderer.context.finish()
 
 
 def _described(fault: RaymarchError) -> Answer:

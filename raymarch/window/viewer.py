@@ -175,7 +175,8 @@ class Viewer:
         if self.sequence is not None and not self.sequence.step(self):
             self.sequence = None
         if self.window.size[0] > 0 and self.window.size[1] > 0:
-            self._frame(now)
+            with self.window.context.bound():
+                self._frame(now)
 
     def _pause(self) -> float:
         """How long to wait for the next event."""

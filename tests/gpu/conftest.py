@@ -41,8 +41,8 @@ def no_gl_errors(request: pytest.FixtureRequest) -> Iterator[None]:
     contexts: list[Context] = [request.getfixturevalue(name) for name in sorted(names)]
     yield
     for context in contexts:
-        context.make_current()
-        assert context.gl.error == "GL_NO_ERROR"
+        with context.bound():
+            assert context.gl.error == "GL_NO_ERROR"
 
 
 @pytest.fixture(scope="session")

@@ -71,3 +71,4 @@ class _Without:
 
     def __init__(self, context: Context, gl: SimpleNamespace) -> None:
         self.driver, self.released, self.gl = context.driver, False, gl
+        self.bound = context.bound

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from raymarch.errors import DeviceError
+from raymarch.gpu import current
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.doctor import LoopLimit, Report, count_loop, examine
 
@@ -53,11 +54,14 @@ def test_a_loop_below_every_limit_is_counted_to_its_end(context: Context, iterat
 
 
 def test_examining_leaves_no_context_behind(egl: Context) -> None:
-    egl.make_current()
-    examine(("egl",))
-    with open_context("egl") as context:
+    before = current.current()
+    with egl.bound():
+        bound = current.current()
+        examine(("egl",))
+        assert current.current() == bound
+    assert current.current() == before
+    with open_context("egl") as context, context.bound():
         assert context.gl.error == "GL_NO_ERROR"
-    egl.make_current()
 
 
 def test_a_machine_with_a_display(

@@ -170,7 +170,7 @@ def test_release_gives_the_memory_back(egl: Context) -> None:
         with PingPong(egl, (512, 512), attachments=2) as pair:
             pair.front.clear((1.0,) * 4)  # texels are resident from the first write on
             pair.back.clear((1.0,) * 4)
-            egl.gl.finish()
+            egl.finish()
 
     use()
     before = resident()

@@ -10,7 +10,7 @@ import pytest
 import raymarch as rm
 from raymarch.expr.samples import Samples
 from raymarch.expr.walk import find
-from raymarch.gpu import Renderer
+from raymarch.gpu import Renderer, current
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target, upload, upload_pyramid
@@ -23,8 +23,15 @@ FILL = "#version 330 core\nuniform float u_value;\nout vec4 c;\nvoid main() { c 
 def other(egl: Context) -> Iterator[Context]:
     """A second context; it is current when a test begins."""
     with open_context("egl") as made:
+        leave_current(made)
         yield made
-    egl.make_current()
+        current.unbind()
+
+
+def leave_current(context: Context) -> None:
+    """Make a context current and leave it so, as other code of the process may."""
+    current.unbind()
+    current.bind((context._binding,))
 
 
 def filled(context: Context, value: float) -> Target:
@@ -36,28 +43,28 @@ def filled(context: Context, value: float) -> Target:
 def test_a_target_is_read_and_written_where_it_lives(egl: Context, other: Context) -> None:
     here, there = filled(egl, 1.0), filled(other, 2.0)
     assert np.all(here.read() == 1.0)  # the other is current
-    egl.make_current()
+    leave_current(egl)
     assert np.all(there.read() == 2.0)
-    other.make_current()
+    leave_current(other)
     here.write(np.full((3, 4, 4), 3.0, np.float32))
     assert np.all(there.read() == 2.0) and np.all(here.read_texel(1, 1) == 3.0)
     there.clear((5.0, 5.0, 5.0, 5.0))
-    egl.make_current()
+    leave_current(egl)
     assert np.all(there.read_texel(1, 1) == 5.0)
-    other.make_current()
+    leave_current(other)
     here.clear((6.0, 6.0, 6.0, 6.0))
     assert np.all(there.read() == 5.0) and np.all(here.read() == 6.0)
     here.write(np.full((3, 4, 4), 3.0, np.float32))
-    egl.make_current()
+    leave_current(egl)
     there.release()
     assert np.all(here.read() == 3.0), "what was freed was the other's"
     here.release()
 
 
 def test_a_target_is_made_where_it_is_to_live(egl: Context, other: Context) -> None:
-    other.make_current()
+    leave_current(other)
     here = filled(egl, 1.0)
-    other.make_current()
+    leave_current(other)
     again = filled(egl, 4.0)
     assert np.all(here.read() == 1.0) and np.all(again.read() == 4.0)
     for target in (here, again):
@@ -80,18 +87,20 @@ def test_a_program_draws_where_it_lives(egl: Context, other: Context) -> None:
 
 def test_data_goes_where_it_is_to_be_read(egl: Context, other: Context) -> None:
     data = Samples(np.arange(24, dtype=np.float32).reshape(2, 3, 4))
-    other.make_current()
+    leave_current(other)
     here = upload(egl, data)
-    egl.make_current()
-    assert np.array_equal(np.frombuffer(here.read(), np.float32), data.values.ravel())
-    here.release()
-    other.make_current()
+    leave_current(egl)
+    with egl.bound():
+        assert np.array_equal(np.frombuffer(here.read(), np.float32), data.values.ravel())
+        here.release()
+    leave_current(other)
     picture = rm.planar(np.full((4, 4), 0.5))
     (texels,) = {node.data for node in find([rm.Material(albedo=picture).expressions[0]], "texture")}
     pyramid = upload_pyramid(egl, texels)
-    egl.make_current()
-    assert np.all(np.frombuffer(pyramid.read(), np.float16) == 0.5)
-    pyramid.release()
+    leave_current(egl)
+    with egl.bound():
+        assert np.all(np.frombuffer(pyramid.read(), np.float16) == 0.5)
+        pyramid.release()
 
 
 def test_two_renderers_take_turns(egl: Context, other: Context) -> None:
@@ -111,7 +120,7 @@ def test_two_renderers_take_turns(egl: Context, other: Context) -> None:
         for i in range(3):
             for k, renderer in enumerate((one, two)):
                 assert np.array_equal(renderer.render(scenes[k]).color, alone[k][i])
-        egl.make_current()
+        leave_current(egl)
         two.close()
         one.forget()
         assert np.array_equal(one.render(scenes[0]).color, alone[0][0])

@@ -46,8 +46,8 @@ def inside(scene: Path, log: Path) -> int:
         while not viewer.window.closing:
             viewer.turn()
             if time.monotonic() > after:
-                viewer.window.context.make_current()
-                alive = {kind: sum(ask(i) for i in range(1, NAMES)) for kind, ask in asks.items()}
+                with viewer.window.context.bound():
+                    alive = {kind: sum(ask(i) for i in range(1, NAMES)) for kind, ask in asks.items()}
                 viewer.log.say("alive", objects=alive, kilobytes=_memory())
                 after = time.monotonic() + 2.0
     finally:

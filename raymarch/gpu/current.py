@@ -1,0 +1,215 @@
+"""Which OpenGL context is current in this thread: asked of the libraries of the platform, never remembered.
+
+Any code of the process may make another context current at any time. EGL, GLX and OSMesa each keep a note of their own;
+on Mesa they share one dispatch table, and a context that its own library still believes current is not bound again.
+Hence one order, kept here: what is current is unbound by its own library before anything else is bound.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+_EGL_DRAW, _EGL_READ = 0x3059, 0x305A
+_OSMESA_TYPE = 0x23
+
+
+class Api:
+    """A library that makes contexts current: `asks` are its functions, with their arguments, that give what
+    `make` takes; the last of them gives the context."""
+
+    def __init__(self, files: tuple[str, ...], make: str, *asks: tuple[Any, ...]) -> None:
+        self._files, self._make_name, self._asks_names = files, make, asks
+        self._make: Any = None
+        self._asks: list[tuple[Any, tuple[int, ...]]] = []
+
+    def _loaded(self) -> bool:
+        """Whether the process has the library in memory; it is not loaded for the question."""
+        if self._make is None:
+            library = next(filter(None, map(_loaded, self._files)), None)
+            if library is not None:
+                self._find(library)
+        return self._make is not None
+
+    def _find(self, library: Any) -> None:
+        for name, *arguments in self._asks_names:
+            ask = getattr(library, name)
+            ask.restype, ask.argtypes = ctypes.c_void_p, [ctypes.c_int] * len(arguments)
+            self._asks.append((ask, tuple(arguments)))
+        make = getattr(library, self._make_name)
+        make.argtypes = [ctypes.c_void_p] * len(self._asks)
+        self._make = make
+
+    def current(self) -> tuple[int, ...] | None:
+        """What `bind` takes to make the current context current again; None if there is none."""
+        if self.context() is None:
+            return None
+        values = tuple(ask(*arguments) or 0 for ask, arguments in self._asks)
+        return values if values[-1] else None
+
+    def context(self) -> int | None:
+        """The address of the current context."""
+        if not self._loaded():
+            return None
+        ask, arguments = self._asks[-1]
+        address: int | None = ask(*arguments)
+        return address
+
+    def bind(self, values: tuple[int, ...]) -> None:
+        """Make a context current."""
+        self._make(*values)
+
+    def unbind(self, values: tuple[int, ...]) -> None:
+        """Make no context current; `values` are those of the one that is."""
+        self._make(*(values[:1] if len(values) > 1 else ()), *[0] * (len(values) - min(1, len(values) - 1)))
+
+
+OSMESA_FILES = (
+    ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.8.dylib") if sys.platform != "win32" else ("libOSMesa", "OSMesa")
+)
+"""The names by which glfw knows the library."""
+
+
+class OSMesa(Api):
+    """OSMesa binds a context together with memory to draw into."""
+
+    def __init__(self) -> None:
+        super().__init__(OSMESA_FILES, "OSMesaMakeCurrent", ("OSMesaGetCurrentContext",))
+
+    def _find(self, library: Any) -> None:
+        super()._find(library)
+        self._buffer, self._integer = library.OSMesaGetColorBuffer, library.OSMesaGetIntegerv
+        self._buffer.argtypes = [ctypes.c_void_p] * 5
+        self._integer.argtypes = [ctypes.c_int, ctypes.c_void_p]
+        self._make.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_int]
+
+    def current(self) -> tuple[int, ...] | None:
+        found = super().current()
+        if found is None:
+            return None
+        kind, width, height, layout = (ctypes.c_int() for _ in range(4))
+        memory = ctypes.c_void_p()
+        self._integer(_OSMESA_TYPE, ctypes.byref(kind))
+        self._buffer(*found, *(ctypes.addressof(value) for value in (width, height, layout, memory)))
+        return memory.value or 0, kind.value, width.value, height.value, *found
+
+    def bind(self, values: tuple[int, ...]) -> None:
+        memory, kind, width, height, context = values
+        self._make(context, memory, kind, width, height)
+
+    def unbind(self, values: tuple[int, ...]) -> None:
+        self._make(None, None, 0, 0, 0)
+
+
+EGL = Api(
+    (os.environ.get("GLCONTEXT_LINUX_LIBEGL", ""), "libEGL.so.1", "libEGL.so"),
+    "eglMakeCurrent",
+    ("eglGetCurrentDisplay",),
+    ("eglGetCurrentSurface", _EGL_DRAW),
+    ("eglGetCurrentSurface", _EGL_READ),
+    ("eglGetCurrentContext",),
+)
+GLX = Api(
+    (os.environ.get("GLCONTEXT_LINUX_LIBGL", ""), "libGLX.so.0", "libGL.so.1"),
+    "glXMakeContextCurrent",
+    ("glXGetCurrentDisplay",),
+    ("glXGetCurrentDrawable",),
+    ("glXGetCurrentReadDrawable",),
+    ("glXGetCurrentContext",),
+)
+WGL = Api(("opengl32",), "wglMakeCurrent", ("wglGetCurrentDC",), ("wglGetCurrentContext",))
+CGL = Api(("/System/Library/Frameworks/OpenGL.framework/OpenGL",), "CGLSetCurrentContext", ("CGLGetCurrentContext",))
+
+_APIS: tuple[Api, ...] = {"win32": (WGL,), "darwin": (CGL,)}.get(sys.platform, (EGL, GLX))
+_LAST = OSMesa()
+
+
+class Binding(NamedTuple):
+    """A context that is current by an API, and what that takes to make it so again."""
+
+    api: Api
+    values: tuple[int, ...]
+
+
+Current = tuple[Binding, ...]
+"""What is current in a thread: at most one context, unless code of the process left several APIs at odds."""
+
+
+def current() -> Current:
+    """What is current in this thread."""
+    found = tuple(Binding(api, values) for api in _APIS if (values := api.current()) is not None)
+    if not found and (values := _LAST.current()) is not None:  # Mesa's OSMesa takes any context of Mesa for its own
+        found = (Binding(_LAST, values),)
+    return found
+
+
+def is_current(binding: Binding) -> bool:
+    """Whether a context, and no other, is current in this thread."""
+    for api in _APIS:
+        if api.context() != (binding.values[-1] if api is binding.api else None):
+            return False
+    return binding.api is not _LAST or _LAST.context() == binding.values[-1]
+
+
+def unbind() -> None:
+    """Make no context current in this thread."""
+    for _ in range(2):  # OSMesa answers truly once the others are silent
+        for binding in current():
+            binding.api.unbind(binding.values)
+
+
+def bind(wanted: Current) -> None:
+    """Make current what `current` found earlier."""
+    if current() != wanted:
+        unbind()
+        for binding in wanted:
+            binding.api.bind(binding.values)
+
+
+@contextmanager
+def kept() -> Iterator[None]:
+    """Nothing is current when the block begins; what was before is so again after it."""
+    before = current()
+    unbind()
+    try:
+        yield
+    finally:
+        unbind()
+        bind(before)
+
+
+DRIVERS = ("_dri.so", "libgallium", "libOSMesa", "libEGL_mesa", "libGLX_mesa", "libEGL_nvidia", "libGLX_nvidia")
+"""Parts of the file names of drivers, which are loaded when somebody first opens a display or a context."""
+
+
+def has_driver() -> bool:
+    """Whether a driver of OpenGL is in the memory of the process. False where the system does not say."""
+    try:
+        with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
+            return any(name in line for line in maps for name in DRIVERS)
+    except OSError:
+        return False
+
+
+def _loaded(file: str) -> Any:
+    """A library that is in memory already, or None."""
+    handle = _in_memory(file) if file else None
+    return ctypes.CDLL(file, handle=handle) if handle else None
+
+
+def _asker() -> Any:
+    """A function that gives the handle of a library, by its file's name, if it is in memory."""
+    if sys.platform == "win32":
+        find = ctypes.WinDLL("kernel32").GetModuleHandleW
+        find.restype, find.argtypes = ctypes.c_void_p, [ctypes.c_wchar_p]
+        return find
+    opener = ctypes.CDLL(None).dlopen
+    opener.restype, opener.argtypes = ctypes.c_void_p, [ctypes.c_char_p, ctypes.c_int]
+    return lambda file: opener(file.encode(), os.RTLD_NOLOAD | os.RTLD_LAZY)
+
+
+_in_memory = _asker()
