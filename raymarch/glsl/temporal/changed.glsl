@@ -15,7 +15,7 @@ vec3 way_before(ivec2 at) {
 
 // The number m of samples for which the error is the least. A colour that changes by d in each frame lags behind by m d in
 // their mean; noise of variance v has v / (2 m + 1) left in it. The sum m^2 d^2 + v / (2 m + 1) is least where
-// m (2 m + 1)^2 = v / d^2, which the cubic below solves to within .04. The largest change among 25 pixels
+// m (2 m + 1)^2 = v / d^2, which the cubic below solves to within .04. The largest change among 49 pixels
 // counts: where the edge of a shadow or of a mirror image goes by, few samples tell.
 float samples_kept(ivec2 at, float most) {
     if (!u_changed) return most;
@@ -26,8 +26,8 @@ float samples_kept(ivec2 at, float most) {
     vec3 squares = vec3(0.0);
     float count = 0.0;
     float change = 0.0;
-    for (int y = -2; y <= 2; y++) {
-        for (int x = -2; x <= 2; x++) {
+    for (int y = -3; y <= 3; y++) {
+        for (int x = -3; x <= 3; x++) {
             ivec2 around = clamp(at + ivec2(x, y), ivec2(0), last);
             vec4 now = texelFetch(u_color, around, 0);
             vec4 before = texelFetch(u_earlier_color, around, 0);
