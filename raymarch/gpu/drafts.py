@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,7 @@ class History:
     samples : how many of a pixel were averaged since the picture changed.
     cones : whether the last picture drew its cones itself.
     before : the camera of the last picture, as uniforms; None if there is none.
+    values : all uniforms of the last picture but for textures of data. shader : its text.
     frames : pictures since all was forgotten.
     marched : passes that the rays of the picture were marched in so far. arrived : whether none is on its way.
     """
@@ -55,6 +56,8 @@ class History:
     samples: int = 0
     cones: bool = True
     before: Mapping[str, Any] | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+    shader: str | None = None
     frames: int = 0
     marched: int = 0
     arrived: bool = False
@@ -99,13 +102,15 @@ def drafts_of(
             yield from _samples(store, ready, chosen, rays, size, history)
         elif chosen.module == "temporal/resolve":
             yield from _joined(store, ready, chosen, rays, size, history)
+            history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
+            history.shader = history.text
         elif chosen.name == "march":
             if not (kept and "color" not in ready.texts):
                 history.marched = history.marched if kept else 0
                 yield from _marched(store, ready, chosen, rays, size, history, enough)
             state = store.pair("march", size, chosen.textures).front
             rays |= {"u_march": (state, 0), "u_found": (state, 1)}
-        elif chosen.name not in ("cone", "sample"):
+        elif chosen.name not in ("cone", "sample", "before"):
             yield _draft(store, ready, chosen, store.target(chosen.name, size, chosen.textures), rays)
 
 
@@ -186,10 +191,14 @@ def _samples(
 def _joined(
     store: Store, ready: Prepared, chosen: Pass, uniforms: Mapping[str, Any], size: tuple[int, int], history: History
 ) -> Iterator[Draft]:
-    """Two draws for each sample: what it sees, and that joined to what earlier frames saw."""
+    """Two draws for each sample: what it sees, and that joined to what earlier frames saw.
+
+    Where something but the camera changed since the last frame, a draw between them, with the values of that one.
+    """
     sample = next(p for p in ready.plan.passes if p.name == "sample")
     pair = store.pair("history", size, chosen.textures)
     target = store.target(sample.name, size, sample.textures)
+    before = next((p for p in ready.plan.passes if p.name == "before"), None)
     camera = {name: uniforms[f"u_camera_{name}"] for name in ("position", "frame", "slope")}
     known = history.before is not None and not _is_cut(history.before, camera, uniforms["u_far"])
     for _ in range(ready.plan.scene.quality.samples):
@@ -207,11 +216,40 @@ def _joined(
             "u_still": still,
             **{f"u_before_{name}": value for name, value in (history.before or camera).items()},
         }
+        if before is not None:
+            changed = known and not still and _changed(ready, uniforms, history)
+            earlier = store.target(before.name, size, before.textures)
+            if changed:
+                there = {**own, **_earlier(store, ready, own, history), "u_surface": (target, 1)}
+                there |= {f"u_now_{name}": value for name, value in camera.items()}
+                yield _draft(store, ready, before, earlier, there)
+            joined |= {"u_changed": changed, "u_earlier_color": (earlier, 0), "u_earlier_way": (earlier, 1)}
         yield _draft(store, ready, chosen, pair.back, joined)
         pair.swap()
         history.samples += 1
     history.before = camera
     history.frames += 1
+
+
+def _scene_values(ready: Prepared) -> set[str]:
+    """The uniforms by which a scene can change, the camera apart."""
+    names = {uniform for name, uniform in ready.shader.parameters.items() if name not in ready.plan.twins}
+    return names | {"u_lights", "u_sky_light"} | ({"u_time"} if ready.shader.uses_time else set())
+
+
+def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> bool:
+    """True if the scene is not as it was in the last picture."""
+    names = _scene_values(ready) & set(uniforms)
+    return history.shader == history.text and any(
+        _content(uniforms[name]) != _content(history.values[name]) for name in names
+    )
+
+
+def _earlier(store: Store, ready: Prepared, uniforms: Mapping[str, Any], history: History) -> dict[str, Any]:
+    """The uniforms of the last picture, in place of those of this one."""
+    twins = {ready.shader.parameters[name] for name in ready.plan.twins}
+    lost = {"u_lights"} if not store.has_lights(history.values.get("u_lights")) else set()
+    return {name: value for name, value in history.values.items() if name in uniforms and name not in twins | lost}
 
 
 PERIOD = 16

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
@@ -17,7 +18,7 @@ from raymarch.plan import OUTPUTS, Plan, plan
 from raymarch.plan.moments import at_moment
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
-from raymarch.scene.parameter import Values
+from raymarch.scene.parameter import Value, Values
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
 
@@ -105,8 +106,14 @@ def frame_uniforms(
         plane = cut or Slice.facing(ready.plan.given, given)
         uniforms["u_slice"] = (*plane.normal, plane.offset - float(origin @ plane.normal))
     for name, uniform in ready.shader.parameters.items():
-        uniforms[uniform] = values.params[name]
+        twin = ready.plan.twins.get(name)
+        uniforms[uniform] = values.params[name] if twin is None else _present(twin, values)
     return uniforms
+
+
+def _present(leaf: Expr, values: Values) -> Value:
+    """The value of a parameter, or of time."""
+    return values.time if leaf.op == "time" else values.params[leaf.data.name]
 
 
 def side_of(ready: Prepared, values: Values, position: NDArray[Any]) -> float:

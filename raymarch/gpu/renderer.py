@@ -321,7 +321,7 @@ class Renderer:
             progress(1.0)
         arrays: dict[str, NDArray[Any]] = {}
         for name, target in targets.items():
-            if name not in ("cone", "sample", "march"):
+            if name not in ("cone", "march", "sample", "before"):
                 with in_pass(name):
                     arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings

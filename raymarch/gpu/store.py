@@ -84,7 +84,7 @@ class Store:
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._bytes: dict[str, int] = {}
         self._rest: Program | None = None
-        self._lights: moderngl.Texture | None = None
+        self._lights: list[tuple[bytes, moderngl.Texture]] = []
 
     def program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
         """A pass ready to draw, and the milliseconds that the driver took to compile it now."""
@@ -163,16 +163,22 @@ class Store:
         return self._textures[data.key]
 
     def lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
-        """The texture of many lights, with the rows of this frame."""
+        """The texture of many lights, with the rows of this frame. That of the frame before stays as it is."""
+        size, content = rows.shape[1::-1], rows.tobytes()
+        found = next((t for known, t in self._lights if known == content and t.size == size), None)
+        if found is not None:
+            return found
         with self.context.bound():
-            if self._lights is None or self._lights.size != rows.shape[1::-1]:
-                if self._lights is not None:
-                    self._lights.release()
-                    self._lights = None  # should the next line fail
-                self._lights = self.context.gl.texture(rows.shape[1::-1], 4, dtype="f4")
-                self._lights.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            self._lights.write(rows.tobytes())
-            return self._lights
+            if len(self._lights) == 2:
+                self._lights.pop(0)[1].release()
+            made = self.context.gl.texture(size, 4, content, dtype="f4")
+            made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._lights.append((content, made))
+        return made
+
+    def has_lights(self, texture: object) -> bool:
+        """Whether a texture of many lights is still there."""
+        return any(kept is texture for _, kept in self._lights)
 
     def free_targets(self, *keep: str) -> None:
         """Free all targets but some, by name; they are made anew when next asked for."""
@@ -188,7 +194,7 @@ class Store:
         return {
             "programs": len(self._programs),
             "targets": sum(target.attachments for target in self._targets.values()) + pairs,
-            "data": len(self._textures) + (self._lights is not None),
+            "data": len(self._textures) + len(self._lights),
         }
 
     def release(self) -> None:
@@ -200,9 +206,9 @@ class Store:
             with self.context.bound():
                 for texture in self._textures.values():
                     texture.release()
-                if self._lights is not None:
-                    self._lights.release()
-        self._lights = None
+                for _, made in self._lights:
+                    made.release()
+        self._lights.clear()
         self._textures.clear()
         self._bytes.clear()
         if self._rest is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -23,13 +24,16 @@ HELD = {"var", "apply", "cell", "loop", "item", "mark", "sample", "sample_slope"
 """Operations that depend on the point, or that only the shader can do."""
 
 
-def by_moment(field: Function, origins: dict[Expr, Location]) -> tuple[Function, dict[str, Expr]]:
+def by_moment(
+    field: Function, origins: dict[Expr, Location], known: Mapping[str, Expr] = MappingProxyType({})
+) -> tuple[Function, dict[str, Expr]]:
     """The field with new parameters in place of what depends on time alone, and the expression of each parameter.
 
-    `origins`, the user's line of each expression, is continued for the new ones.
+    `origins`, the user's line of each expression, is continued for the new ones. `known` are the parameters of another
+    field of the scene, which this one shares; they are among those that are given back.
     """
-    moments: dict[str, Expr] = {}
-    leaves: dict[Expr, Expr] = {}
+    moments = dict(known)
+    leaves = {node: _leaf(name, node, origins) for name, node in known.items()}
     made: dict[Function, Function] = {}
     for old in topological([field], _called):
         body = _calling(old.body, made, origins)
@@ -38,11 +42,15 @@ def by_moment(field: Function, origins: dict[Expr, Location]) -> tuple[Function,
             if node not in leaves:
                 name = f"moment {len(moments)}"
                 moments[name] = node
-                spec = Spec(name, _plain(Values({}).of(node)), None, None, origins.get(node))
-                leaves[node] = make("param", node.type, (), spec)
+                leaves[node] = _leaf(name, node, origins)
         body = _replaced(body, leaves, origins)
         made[old] = old if body is old.body else Function(old.name, old.params, body, old.names, old.where)
     return made[field], moments
+
+
+def _leaf(name: str, node: Expr, origins: Mapping[Expr, Location]) -> Expr:
+    spec = Spec(name, _plain(Values({}).of(node)), None, None, origins.get(node))
+    return make("param", node.type, (), spec)
 
 
 def _called(definition: Function) -> tuple[Function, ...]:

@@ -44,6 +44,8 @@ MARCH: Final = Pass("march", "view/march", 3, "rays take some steps in each pass
 
 SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample of each pixel, and what it saw", shades=True)
 
+BEFORE: Final = Pass("before", "temporal/before", 2, "what this frame sees, where it was in the frame before")
+
 RESOLVE: Final = Pass("color", "temporal/resolve", 2, "the picture: the sample, and what earlier frames saw there")
 
 DRAWN: Final = {
@@ -57,15 +59,18 @@ DRAWN: Final = {
 """What can be asked for, by name."""
 
 
-def passes_of(names: Sequence[str], quality: Quality, cones: bool) -> list[Pass]:
-    """The passes that draw what is asked for, and those that they need, in the order in which they are drawn."""
+def passes_of(names: Sequence[str], quality: Quality, cones: bool, changes: bool = False) -> list[Pass]:
+    """The passes that draw what is asked for, and those that they need, in the order in which they are drawn.
+
+    changes : True if the scene reads time or parameters.
+    """
     found = [CONE] if cones else []
     found += [MARCH] if quality.budget is not None else []
     sampled = quality.budget is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         drawn = DRAWN[name]
         if name == "color" and quality.temporal == "reproject":
-            found += [SAMPLE, RESOLVE]
+            found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
         elif name == "color" and sampled:
             found.append(replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples"))
         else:
@@ -78,5 +83,6 @@ def joining(drawn: Sequence[Pass]) -> list[tuple[str, str]]:
     modules = {p.module for p in drawn}
     if "temporal/resolve" in modules:
         reason = "what earlier frames saw is found again where it went"
-        return [(f"temporal/{name}", reason) for name in ("finite", "history", "seen", "clip")]
+        moved = "changed" if BEFORE.module in modules else "unchanged"
+        return [(f"temporal/{name}", reason) for name in ("finite", "history", "seen", "clip", moved)]
     return [("temporal/finite", "samples are averaged")] if "view/accumulate" in modules else []

@@ -23,7 +23,8 @@ from raymarch.plan.feature import Feature
 from raymarch.plan.looks import looks_of
 from raymarch.plan.marching import Marching
 from raymarch.plan.moments import by_moment
-from raymarch.plan.passes import Pass, joining, passes_of
+from raymarch.plan.motion import changes, motion_of
+from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
 from raymarch.plan.textures import Data, textures_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
@@ -66,6 +67,8 @@ class Plan:
     operations: int
     textures: list[Data] = default(default_factory=list)
     warnings: list[str] = default(default_factory=list)
+    twins: dict[str, Expr] = default(default_factory=dict)
+    """What stands for the present values where all others are those of the frame before; see `raymarch.plan.motion`."""
     further: list[Function] = default(default_factory=list)
     """Functions of the point that a module reads besides."""
 
@@ -137,7 +140,7 @@ def plan(
     lit = shading.lit(scene)
     operations = _operations(definition)
     chosen = marching.choose(scene, operations, size)
-    drawn = passes_of(passes, scene.quality, chosen.cones)
+    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene))
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
         given=given,
@@ -171,6 +174,9 @@ def plan(
         looks = looks_of(scene, lowering, shaded, geometry)
         made.model, made.material, made.emission = looks.model, looks.record, looks.emission
         made.material_index, made.glass, made.relief = looks.index, looks.glass, looks.relief
+    if BEFORE in drawn:
+        place, made.moments, made.twins = motion_of(scene, lowering, moments, lowering.origins)
+        made.further.append(place)
     _choose_modules(made, shaded, needs_normal)
     made.textures = textures_of(made)
     _describe_effects(made)

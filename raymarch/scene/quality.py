@@ -99,8 +99,8 @@ class Quality:
         sample: the error of an estimate becomes noise, which `samples` take out, in place of rings.
     samples : rays a pixel in one frame, spread over the pixel's square, 1 to 4096.
     temporal : what one frame takes from those before. "off": nothing. "accumulate": while the picture stays the same,
-        each frame adds its samples to the mean of all. "reproject": so too, and while the camera moves, what was seen
-        before is found again where it went. Frames of one `Renderer` only.
+        each frame adds its samples to the mean of all. "reproject": so too, and while the camera or the scene moves,
+        what was seen before is found again where it went. Frames of one `Renderer` only.
     budget : steps that a ray may take in one pass, 4 to 60,000; the march goes on in the next pass from where it
         stood, until it ends or has taken `max_steps`; with temporal="accumulate" also in the next frame, while the
         picture stays the same. None: one pass. For one ray a pixel.

@@ -39,6 +39,9 @@ _PRIMES = (1.0, 127.0, 16381.0)
 UNMARKED = object()
 """In place of a label: the material of this part does not matter."""
 
+PARTS = object()
+"""In place of a label: each shape of the solid is marked, and the point of its own space; labels do not matter."""
+
 
 POSITION = var("position of the label", VEC3)
 """In the expressions of a label: the point in the space in which the label was given to its node."""
@@ -123,14 +126,17 @@ class Lowering:
     def field(self, root: Node, name: str = "field", label: Any = UNMARKED) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
 
-        With a `label`, the distance of each part with a material stays findable, as a `mark` whose data is the
+        With the label `PARTS`, the distance of each shape stays findable, as a `mark` with the point in the shape's own
+        space. A solid that is made of flat shapes counts as one shape.
+
+        With another `label`, the distance of each part with a material stays findable, as a `mark` whose data is the
         material; parts without one of their own are marked with `label`. The mark also has the point in the space in
         which the material was given and, where the material depends on them, the indices of cells; see `look_of`.
         """
         self._count_sites(root)
         p = var("p", vector(root.dimension))
         q = self._handed(p, None, root)
-        body = self._run((root, q, label if label is UNMARKED else (label, q)))
+        body = self._run((root, q, label if label is UNMARKED or label is PARTS else (label, q)))
         body = self._probed(body, q, root, None)
         if find([body], "cell"):
             raise SceneError(
@@ -173,14 +179,18 @@ class Lowering:
 
     def _lower(self, node: Node, point: Expr, label: Any) -> Work:
         marking = label is not UNMARKED
-        if marking and not node.labelled:
+        if label is PARTS and node.label is None and all(child.dimension != 3 for child in node.children):
+            distance = yield from self._ask(node, point, UNMARKED)
+            return make("mark", FLOAT, (distance, point), PARTS)
+        if marking and label is not PARTS and not node.labelled:
             distance = yield from self._ask(node, point, UNMARKED)
             material, at = label
             return make("mark", FLOAT, (distance, at, *cells_of(material)), material)
         if node.label is not None:
-            return (yield from self._ask(node.children[0], point, (node.label, point) if marking else UNMARKED))
+            inner = (node.label, point) if marking and label is not PARTS else label
+            return (yield from self._ask(node.children[0], point, inner))
         children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
-        if marking and node.definition.cuts:
+        if marking and label is not PARTS and node.definition.cuts:
             children = cutting(children)
             if len(children) == 1:
                 return (yield from self._ask(children[0], point, label))

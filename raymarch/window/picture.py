@@ -226,7 +226,7 @@ class Picture:
             self._screen.copy(last.target, self._canvas, tile)
             return
         arrays: dict[str, NDArray[Any]] = {}
-        for draft in {d.chosen.name: d for d in drafts if d.chosen.name not in ("cone", "sample")}.values():
+        for draft in {d.chosen.name: d for d in drafts if d.chosen.name not in ("cone", "sample", "before")}.values():
             arrays |= unpack(draft.chosen.name, [draft.target.read(k) for k in range(draft.chosen.textures)])
         if "evaluations" in arrays:
             self.drawn.evaluations = float(arrays["evaluations"].mean())

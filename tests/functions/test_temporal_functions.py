@@ -358,6 +358,9 @@ bool seen_before(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
 }
 vec4 history_at(vec2 pixel) { return texelFetch(u_history, ivec2(pixel), 0); }
 vec3 clipped(vec3 color) { return u_nearest ? asked_for.xyw : color; }
+vec3 way_before(ivec2 at) { return vec3(0.0); }
+float samples_kept(ivec2 at, float most) { return most; }
+vec4 at_middle(ivec2 at, vec4 color, vec2 jitter, float share) { return color; }
 """
 
 
@@ -418,3 +421,83 @@ def test_neither_a_poisoned_sample_nor_a_poisoned_history_leaves_a_trace(
     np.testing.assert_allclose(sound, [[(1, 2, 3, 4)] * 8 + [(1, 2, 3, 8)]], rtol=4 * ULP)
     nothing = resolved(egl, spoilt, spoilt, u_still=still)[0]
     assert not nothing[0, :8].any(), "no sample at all is black, and counts none"
+
+
+# What changed since the frame before.
+
+
+def changed_text(call: str) -> str:
+    """A pass of one call of the module, `at` being the pixel."""
+    main = f"void main() {{ ivec2 at = ivec2(gl_FragCoord.xy); c = {call}; }}"
+    return OUT + modules("temporal/finite", "temporal/changed", before="uniform sampler2D u_color;", after=main)
+
+
+@pytest.mark.parametrize("change", [0.0, 0.01, 0.1, 1.0])
+def test_as_many_samples_are_kept_as_make_the_error_least(egl: Context, change: float) -> None:
+    """The least of the sum of lag and noise, found by trying all; a quarter of the variance around is noise."""
+    now = np.random.default_rng(3).random((9, 12, 4)).astype(np.float32)
+    now[..., 3] = 1
+    before = now.copy()
+    before[..., 1] -= np.float32(change)
+    given = {"u_color": now, "u_earlier_color": before, "u_changed": True}
+    found = draw(egl, changed_text("vec4(samples_kept(at, 10.0))"), (12, 9), given)[0][..., 0]
+    noise = 0.25 * around(now[..., :3].astype(float)).var(axis=2).sum(axis=2)
+    tried = np.linspace(0, 10, 2001)
+    cost = tried**2 * change**2 + noise[..., None] / (2 * tried + 1)
+    np.testing.assert_allclose(found, tried[cost.argmin(axis=2)], atol=0.05)
+    given["u_changed"] = False
+    assert np.all(draw(egl, changed_text("vec4(samples_kept(at, 10.0))"), (12, 9), given)[0] == 10)
+
+
+def test_what_changes_in_one_pixel_counts_in_all_around(egl: Context) -> None:
+    now = np.ones((7, 9, 4))
+    before = now.copy()
+    before[3, 4, :3] = 0
+    given = {"u_color": now, "u_earlier_color": before, "u_changed": True}
+    kept = draw(egl, changed_text("vec4(samples_kept(at, 10.0))"), (9, 7), given)[0][..., 0]
+    expected = np.full((7, 9), 10.0)
+    expected[0:7, 1:8] = 0
+    np.testing.assert_allclose(kept, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+def test_no_sample_is_kept_of_a_point_that_was_not_there_and_of_none_that_is_not_finite(
+    egl: Context, poison: float
+) -> None:
+    now = np.ones((1, 8, 4))
+    before = now.copy()
+    before[0, 2, 3] = 0
+    before[0, 6, 1] = poison
+    ways = np.ones((1, 8, 4))
+    ways[0, 6, 1] = poison
+    given = {"u_color": now, "u_earlier_color": before, "u_earlier_way": ways, "u_changed": True}
+    kept = draw(egl, changed_text("vec4(samples_kept(at, 10.0))"), (8, 1), given)[0][0, :, 0]
+    assert kept.tolist() == [10, 10, 0, 10, 10, 10, 0, 10]
+    way = draw(egl, changed_text("vec4(way_before(at), 0.0)"), (8, 1), given)[0][0, :, 0]
+    assert way.tolist() == [1, 1, 1, 1, 1, 1, 0, 1]
+
+
+@pytest.mark.parametrize("jitter", [(0.0, 0.0), (0.4, -0.3), (-0.5, 0.5), (0.25, 0.25)])
+def test_samples_beside_the_middle_tell_of_the_middle(egl: Context, jitter: tuple[float, float]) -> None:
+    """At random straight edges they err less than a sample in the middle; a long history takes the sample itself."""
+    random = np.random.default_rng(7)
+    y, x = np.mgrid[:48, :64].astype(float)
+    angle = random.uniform(0, 2 * np.pi, 40)
+    errors = {"joined": 0.0, "middle": 0.0}
+    inner = np.stack(np.meshgrid(*[(np.arange(8) + 0.5) / 8 - 0.5] * 2), axis=-1).reshape(-1, 2)
+    for a in angle:
+
+        def lit(dx: float, dy: float, a: float = a) -> np.ndarray:
+            return ((x + dx - 32) * np.cos(a) + (y + dy - 24) * np.sin(a) > 0).astype(float)
+
+        truth = np.mean([lit(*at) for at in inner], axis=0)
+        drawn = np.repeat(lit(*jitter)[..., None], 4, axis=2)
+        drawn[..., 3] = 1
+        given = {"u_color": drawn, "u_jitter": jitter, "u_changed": True}
+        text = "uniform vec2 u_jitter;\n" + changed_text("at_middle(at, texelFetch(u_color, at, 0), u_jitter, 0.0)")
+        found = draw(egl, text, (64, 48), given)[0][..., 0]
+        errors["joined"] += float(np.sum((found - truth)[2:-2, 2:-2] ** 2))
+        errors["middle"] += float(np.sum((lit(0, 0) - truth)[2:-2, 2:-2] ** 2))
+    assert errors["joined"] < 0.9 * errors["middle"], errors
+    text = "uniform vec2 u_jitter;\n" + changed_text("at_middle(at, texelFetch(u_color, at, 0), u_jitter, 1.0)")
+    np.testing.assert_array_equal(draw(egl, text, (64, 48), given)[0], drawn.astype(np.float32))

@@ -3,8 +3,8 @@
 python -m tests.hard.shadows --pairs 200      # some million pixels; prints what is wrong, and where
 
 A receiver (a floor, a ball or a wall) stands near the camera. An occluder (a ball or a slab) stands between it and the
-light, at a distance of 10^-2 to 10^5. The reference intersects rays with both in closed form, in float64. A pixel counts
-if its point is off the border of the shadow by more than its own footprint and more than float32 resolves there.
+light, at a distance of 10^-2 to 10^5. The reference intersects rays with both in closed form, in float64. A pixel
+counts if its point is off the border of the shadow by more than its own footprint and more than float32 resolves there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 // Pass: the new sample of each pixel joined to what earlier frames saw there. While the picture stays the same, the mean
 // of all. While the camera moves, the history is fetched from where the point was, if it was seen there; it is clipped to
 // the colours around the new sample, and forgets after some frames.
-// needs: Ray camera_ray finite u_color u_surface u_history history_at seen_before clipped
+// needs: Ray camera_ray finite u_color u_surface u_history history_at seen_before clipped way_before samples_kept at_middle
 // gives: main out_color out_surface u_keep u_still u_jitter MEMORY nearest_around
 layout(location = 0) out vec4 out_color;  // alpha counts the samples
 layout(location = 1) out vec4 out_surface;
@@ -12,17 +12,22 @@ uniform vec2 u_jitter;
 
 const float MEMORY = 10.0;  // samples that a moving picture remembers
 
-// The nearest of the surfaces around: an edge moves with what it is the edge of.
-vec4 nearest_around(vec4 surface) {
-    ivec2 at = ivec2(gl_FragCoord.xy);
+// Where the nearest of the surfaces around is: an edge moves with what it is the edge of.
+ivec2 nearest_around(ivec2 at) {
+    ivec2 nearest = at;
+    float depth = texelFetch(u_surface, at, 0).x;
     ivec2 last = textureSize(u_surface, 0) - 1;
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
-            vec4 around = texelFetch(u_surface, clamp(at + ivec2(x, y), ivec2(0), last), 0);
-            if (around.x >= 0.0 && (surface.x < 0.0 || around.x < surface.x)) surface = around;
+            ivec2 around = clamp(at + ivec2(x, y), ivec2(0), last);
+            float other = texelFetch(u_surface, around, 0).x;
+            if (other >= 0.0 && (depth < 0.0 || other < depth)) {
+                nearest = around;
+                depth = other;
+            }
         }
     }
-    return surface;
+    return nearest;
 }
 
 void main() {
@@ -35,12 +40,17 @@ void main() {
         before = texelFetch(u_history, at, 0);
     } else if (u_keep) {
         Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
+        ivec2 nearest = nearest_around(at);
+        vec3 way = way_before(nearest);
+        float kept = samples_kept(at, MEMORY);
         vec2 pixel;
-        if (seen_before(nearest_around(surface), ray.origin, ray.direction, pixel)) {
+        if (seen_before(texelFetch(u_surface, nearest, 0), ray.origin + way, ray.direction, pixel)) {
             // the sample lies beside the pixel's middle, and so does where it was
             before = history_at(pixel - u_jitter);
-            if (finite(before)) before = vec4(clipped(before.rgb), min(before.a, MEMORY));
+            if (finite(before)) before = vec4(clipped(before.rgb), min(before.a, kept));
         }
+        if (!finite(before)) before = vec4(0.0);
+        if (kept < MEMORY || way != vec3(0.0)) color = at_middle(at, color, u_jitter, before.a / MEMORY);
     }
     if (!finite(before)) before = vec4(0.0);
     float count = before.a + color.a;
