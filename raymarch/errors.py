@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import sysconfig
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import FrameType
 
@@ -70,6 +71,19 @@ class DeviceError(RaymarchError):
 
 class CostError(RaymarchError):
     """No setting gives what was asked for, or a measurement cannot be made or reported as asked."""
+
+
+class RenderError(RaymarchError):
+    """A picture that the engine cannot vouch for, where `strict` asks for one that it can."""
+
+    def __init__(self, doubts: Sequence[str]) -> None:
+        super().__init__("; ".join(doubts))
+        self.where = None  # the reasons name their own lines
+        self.args = (str(self),)
+
+
+class RenderWarning(UserWarning):
+    """A picture that the engine cannot vouch for, with the reason."""
 
 
 def user_location() -> Location | None:

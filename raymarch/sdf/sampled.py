@@ -129,14 +129,14 @@ def mesh(
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{extent} {resolution} 1".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} 2".encode()).hexdigest()[:24]
     folder = Path(cache or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
     kept = folder / f"mesh-{key}.npz"
     if kept.exists():
         with np.load(kept) as found:
             return sampled_grid(Samples(found["values"]), found["size"], found["centre"])
-    solid = _load_mesh(Path(file), extent)
-    values, size, centre = _sample_mesh(solid, resolution, progress)
+    solid, unit = _load_mesh(Path(file), extent)
+    values, size, centre = (unit * part for part in _sample_mesh(solid, resolution, progress))
     folder.mkdir(parents=True, exist_ok=True)
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
     np.savez_compressed(partial, values=values, size=size, centre=centre)
@@ -144,13 +144,19 @@ def mesh(
     return sampled_grid(Samples(values), size, centre)
 
 
-def _load_mesh(file: Path, extent: float | None) -> Any:
+def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float]:
+    """The mesh, and the unit of its coordinates: a power of two near its size, since trimesh takes all that is closer
+    than 1e-8 for one."""
     try:
         import trimesh
     except ImportError:
         raise SceneError("mesh needs the package trimesh", legal="pip install 'raymarch[mesh]'") from None
     try:
-        solid = trimesh.load(file, force="mesh")
+        solid = trimesh.load(file, force="mesh", process=False)
+        largest = float(solid.extents.max()) if len(solid.faces) else 0.0
+        unit = 2.0 ** np.rint(np.log2(largest)) if 0.0 < largest < np.inf else 1.0
+        solid.apply_scale(1.0 / unit)
+        solid.process()
     except Exception as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault}", legal="a mesh file that trimesh reads") from fault
     if len(solid.faces) == 0 or not solid.is_watertight:
@@ -159,8 +165,8 @@ def _load_mesh(file: Path, extent: float | None) -> Any:
         if not 0 < extent < np.inf:
             raise SceneError(f"mesh: extent = {extent!r}", legal="a number > 0, or None")
         solid.apply_translation(-solid.bounds.mean(axis=0))
-        solid.apply_scale(extent / solid.extents.max())
-    return solid
+        unit = extent / float(solid.extents.max())
+    return solid, unit
 
 
 def _sample_mesh(solid: Any, resolution: int, progress: Progress | None) -> tuple[Any, Any, Any]:
