@@ -166,13 +166,16 @@ class Renderer:
 
     def _doubts(self, scene: Scene, values: Values, frame: Frame, steps: bool) -> list[str]:
         """See `Frame.doubts`."""
-        assert frame.pose is not None
+        pose = frame.pose
+        assert pose is not None
         found = [*frame.warnings, vouch.not_finite(frame.color)]
-        sparse = self._sparse(scene, values, frame.pose) if steps else {}
         if steps:
+            sparse = self._sparse(scene, values, pose)
             found.append(vouch.out_of_steps(sparse["done"], scene))
-        empty = not np.any(np.isfinite(sparse["depth"])) if steps else vouch.is_sky(frame.color, scene, frame.pose, values)
-        if empty and not np.any(np.isfinite(frame.depth)):
+            bare = not np.any(np.isfinite(sparse["depth"]))
+        else:
+            bare = vouch.is_sky(frame.color, scene, pose, values)
+        if bare and not np.any(np.isfinite(frame.depth)):
             found.append(vouch.nothing_visible(scene))
         return [doubt for doubt in found if doubt]
 
@@ -181,7 +184,8 @@ class Renderer:
         small = vouch.sparse_size(self.size)
         plain = replace(scene.quality, schedule="single", budget=None, samples=1, temporal="off")
         ready, uniforms = self._ready(scene.changed(quality=plain), values, ("done",), pose, None)
-        drafts = list(_named(drafts_of(self.store, ready, {**uniforms, "u_resolution": small}, small, History()), ready))
+        uniforms["u_resolution"] = small
+        drafts = list(_named(drafts_of(self.store, ready, uniforms, small, History()), ready))
         for draft in drafts:
             with in_pass(draft.chosen.name):
                 draft.draw()
@@ -385,8 +389,8 @@ def render(
 ) -> Image.Image:
     """A picture of a scene; see `Renderer` and `Renderer.render`, which is quicker for many frames.
 
-    A picture that has `Frame.doubts` is a RenderWarning; with `strict` it is a RenderError, also where too many rays run
-    out of steps.
+    A picture that has `Frame.doubts` is a RenderWarning. With `strict` it is a RenderError, also where too many rays
+    run out of steps.
     """
     with Renderer(size, backend, strict=strict) as renderer:
         frame = renderer.render(scene, time, params)

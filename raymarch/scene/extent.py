@@ -95,9 +95,7 @@ def _said(length: float | None) -> str:
     return f"the scene is {length:.3g} units large, as its camera sees it, which float32 cannot draw"
 
 
-def _lost(
-    field: Function, pose: Pose, origin: NDArray[np.float64], near: float, far: float, values: Values
-) -> str:
+def _lost(field: Function, pose: Pose, origin: NDArray[np.float64], near: float, far: float, values: Values) -> str:
     """What float32 makes of a field on some rays of the camera: in words, if it is another one."""
     random = np.random.default_rng(0)
     screen = random.uniform(-1.0, 1.0, (24, 2)) * pose.slope

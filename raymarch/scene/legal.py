@@ -7,16 +7,16 @@ the next: it is asked at each frame, in float64 on the CPU, by the rules that re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from raymarch.errors import Location, SceneError
+from raymarch.expr.arrays import SMALLEST, bound, evaluator
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find, substitute
-from raymarch.scene.parameter import Values
+from raymarch.scene.parameter import LARGEST, Values
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.node import Node
 
@@ -41,8 +41,8 @@ def violations(conditions: Sequence[Condition], values: Values) -> list[str]:
 
 
 def _is_open(node: Node) -> bool:
-    """True if a node's parameters are legal at some times, or for some values of parameters, and might not be at others:
-    a `Param` is legal over its whole range, but as a direction, or beside another parameter."""
+    """True if a node's parameters might not be legal at some time, or for some values of a `Param`: that is known to be
+    legal over its whole range, but not as a direction or beside another parameter."""
     moving = {n: v for n, v in node.params.items() if isinstance(v, Expr) and not v.is_constant}
     if not moving:
         return False
@@ -51,37 +51,58 @@ def _is_open(node: Node) -> bool:
     return not at_all_times or node.definition.check is not None or any(domains[n].direction for n in moving)
 
 
-@dataclass(frozen=True, slots=True)
 class _NodeIsLegal:
-    node: Node
+    """The parameters of a node, by its own domains and its own check."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._names = [n for n, v in node.params.items() if isinstance(v, Expr) and not v.is_constant]
+        self._given = [_as_given(node, name) for name in self._names]
+        self._run = None if find(self._given, "cell") else evaluator(self._given, [])
 
     def broken(self, values: Values) -> str | None:
-        node = self.node
-        moving = [n for n, v in node.params.items() if isinstance(v, Expr) and not v.is_constant]
-        given = _at_frame([_as_given(node, n) for n in moving], values)
-        when = _moment([node.params[n] for n in moving], values)
+        node, domains = self._node, self._node.definition.domains
+        if self._run is not None and node.definition.check is None:
+            with bound(values.params, values.time):
+                inside = zip(self._names, self._run(), strict=True)
+                if all(_is_inside(value, domains[n].low, domains[n].high, domains[n].direction) for n, value in inside):
+                    return None
         now: dict[str, Any] = dict(node.params)
         try:
-            for name, value in zip(moving, given, strict=True):
-                now[name] = node.definition.domains[name].accept(node.name, name, _plain(value))
+            for name, value in zip(self._names, _at_frame(self._given, values), strict=True):
+                now[name] = domains[name].accept(node.name, name, _plain(value))
             if node.definition.check is not None:
                 node.definition.check(*[child.facts for child in node.children], **now)
         except SceneError as fault:
-            return _sentence(node.where, fault.what, when, fault.legal)
+            return _sentence(node.where, fault.what, _moment(self._given, values), fault.legal)
         return None
 
 
-@dataclass(frozen=True, slots=True)
 class _IsWithin:
-    marked: Expr
+    """A value of a light, a material, the sky, ... that was marked with its range."""
+
+    def __init__(self, marked: Expr) -> None:
+        (self._given,), self._limit = marked.args, marked.data
+        self._run = None if find([self._given], "cell") else evaluator([self._given], [])
 
     def broken(self, values: Values) -> str | None:
-        (given,), limit = self.marked.args, self.marked.data
-        (value,) = _at_frame([given], values)
+        limit = self._limit
+        if self._run is not None:
+            with bound(values.params, values.time):
+                if _is_inside(self._run()[0], limit.low, limit.high, limit.nonzero):
+                    return None
+        (value,) = _at_frame([self._given], values)
         if limit.holds(value):
             return None
-        shown = _plain(value) if value.is_constant else "between {} and {}".format(*(e.tolist() for e in interval_of(value)))
-        return _sentence(limit.where, f"{limit.what} = {shown}", _moment([given], values), limit.legal)
+        ends = [end.tolist() for end in interval_of(value)]
+        shown = _plain(value) if value.is_constant else f"between {ends[0]} and {ends[1]}"
+        return _sentence(limit.where, f"{limit.what} = {shown}", _moment([self._given], values), limit.legal)
+
+
+def _is_inside(value: Any, low: float, high: float, nonzero: bool) -> bool:
+    """True if a value is legal for sure: strictly inside its range, and something that float32 holds."""
+    inside = np.all((value > low) & (value < high) & (np.abs(value) < LARGEST))
+    return bool(inside) and (not nonzero or bool(np.any(np.abs(value) > SMALLEST)))
 
 
 def _as_given(node: Node, name: str) -> Expr:
@@ -109,7 +130,7 @@ def _plain(value: Expr) -> Any:
 
 def _moment(given: Sequence[Expr], values: Values) -> str:
     """The values that some expressions read: "time = -50, speed = 2"."""
-    read = ["time = {:g}".format(values.time)] if find(given, "time") else []
+    read = [f"time = {values.time:g}"] if find(given, "time") else []
     for leaf in find(given, "param"):
         value = values.params.get(leaf.data.name, leaf.data.value)
         numbers = ", ".join(f"{v:g}" for v in np.atleast_1d(value))
