@@ -75,7 +75,10 @@ class InReach:
 
     def broken(self, values: Values) -> str | None:
         """See `raymarch.scene.legal.Condition`."""
-        reach = reach_of(self.scene, self.scene.pose(values))
+        try:
+            reach = reach_of(self.scene, self.scene.pose(values))
+        except SceneError:  # a degenerate camera is refused where it draws
+            return None
         if reach is None or SMALLEST <= reach <= LARGEST:
             return None
         where = self.scene.camera.where

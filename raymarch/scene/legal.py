@@ -40,15 +40,24 @@ def violations(conditions: Sequence[Condition], values: Values) -> list[str]:
     return list(dict.fromkeys(sentence for sentence in found if sentence is not None))
 
 
+def _moving(node: Node) -> list[str]:
+    """The parameters of a node that depend on time or a `Param`."""
+    return [name for name, value in node.params.items() if isinstance(value, Expr) and not value.is_constant]
+
+
 def _is_open(node: Node) -> bool:
     """True if a node's parameters might not be legal at some time, or for some values of a `Param`: that is known to be
     legal over its whole range, but not as a direction or beside another parameter."""
-    moving = {n: v for n, v in node.params.items() if isinstance(v, Expr) and not v.is_constant}
-    if not moving:
-        return False
-    domains = node.definition.domains
-    at_all_times = not find(moving.values(), "time")
-    return not at_all_times or node.definition.check is not None or any(domains[n].direction for n in moving)
+    names = _moving(node)
+    return bool(names) and (node.definition.check is not None or any(_is_unproven(node, name) for name in names))
+
+
+def _is_unproven(node: Node, name: str) -> bool:
+    domain = node.definition.domains[name]
+    if domain.direction:
+        return True
+    low, high = interval_of(node.params[name])
+    return not np.all((low > domain.low if domain.open else low >= domain.low) & (high <= domain.high))
 
 
 class _NodeIsLegal:
@@ -56,7 +65,7 @@ class _NodeIsLegal:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._names = [n for n, v in node.params.items() if isinstance(v, Expr) and not v.is_constant]
+        self._names = _moving(node)
         self._given = [_as_given(node, name) for name in self._names]
         self._run = None if find(self._given, "cell") else evaluator(self._given, [])
 

@@ -209,8 +209,9 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
 
 
 def as_direction(what: str, value: Any) -> Expr:
-    """A direction of any length but 0, checked; it comes out with length 1."""
+    """A direction of any length but 0, checked, parameters at their defaults; it comes out with length 1."""
     given, limit = as_vec3(what, value), Limit(what, "3 numbers, not all zero", nonzero=True)
-    if given.is_constant and not limit.holds(given):
-        raise SceneError(f"{what} = {value!r}", legal=limit.legal)
+    if not find([given], "time") and not np.any(Values({}).of(given)):
+        shown = f"{value!r}" if given.is_constant else "0 with its parameters at their defaults"
+        raise SceneError(f"{what} = {shown}", legal=limit.legal)
     return normalize(limited(given, limit))
