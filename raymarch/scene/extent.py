@@ -52,6 +52,8 @@ def refuse_extent(scene: Scene, origin: NDArray[np.float64], field: Function) ->
     if not without_twin(field.body):
         with bound(values.params, values.time):
             away = abs(float(evaluator([field.body], field.params)(pose.position - origin)[0])) or None
+    if away is not None and not np.isfinite(away):
+        return  # by a value that is not finite now, which each frame is asked for
     varies = bool(scene.parameters)  # the box then holds the solid over their whole ranges, and may be far too large
     largest = away if varies and away is not None else max(reach or 0.0, away or 0.0)
     if largest > LARGEST or (reach is not None and reach < SMALLEST):

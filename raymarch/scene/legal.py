@@ -14,6 +14,7 @@ import numpy as np
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import SMALLEST, bound, evaluator
 from raymarch.expr.intervals import interval_of
+from raymarch.expr.limits import may_overflow
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find, substitute
 from raymarch.scene.parameter import LARGEST, Values
@@ -54,7 +55,7 @@ def _is_open(node: Node) -> bool:
 
 def _is_unproven(node: Node, name: str) -> bool:
     domain = node.definition.domains[name]
-    if domain.direction:
+    if domain.direction or may_overflow(node.params[name]):
         return True
     low, high = interval_of(node.params[name])
     return not np.all((low > domain.low if domain.open else low >= domain.low) & (high <= domain.high))

@@ -12,6 +12,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
+from raymarch.expr.node import Expr
 from raymarch.plan import plan
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import Values
@@ -110,6 +111,11 @@ D = rm.Param("d", (0.0, 1.0, 0.0), -1, 1)
 A = rm.Param("a", 0.5, 0, 2)
 
 
+def _over(a: Any, t: Any) -> Any:
+    """A quotient that may be infinite, also of plain numbers."""
+    return a / t if isinstance(t, Expr) else np.divide(float(a), t).item()
+
+
 def _values(t: Any, d: Any, a: Any) -> list[Callable[[], Any]]:
     """Scenes of one value each that depends on time or a Param, or on what they are at one moment."""
     ball = rm.sphere()
@@ -117,6 +123,8 @@ def _values(t: Any, d: Any, a: Any) -> list[Callable[[], Any]]:
         lambda: rm.Scene(rm.sphere(1 + 0.1 * t)),
         lambda: rm.Scene(rm.box((1, 1 + t, 1))),
         lambda: rm.Scene(rm.torus(1, 0.5 + 0.1 * t)),
+        lambda: rm.Scene(rm.sphere().translate((_over(1, t), 0, 0))),
+        lambda: rm.Scene(ball, lights=[rm.PointLight((0, _over(a, t), 0))]),
         lambda: rm.Scene(rm.plane(d)),
         lambda: rm.Scene(ball.rotate(1, d)),
         lambda: rm.Scene(rm.union(ball, rm.box(), k=0.2 - 0.1 * t)),
@@ -150,7 +158,8 @@ def run_time_values(world: World) -> Iterator[Figure]:
     for t, d, a in moments:
         for scene, fixed in zip(moving, _values(t, d, a), strict=True):
             said = violations(scene, Values({"d": d, "a": a}, t))
-            reason = _refusal(fixed)
+            with np.errstate(all="ignore"):
+                reason = _refusal(fixed)
             silent += bool(reason) and not said
             loud += bool(said) and not reason
             named = any(f" {reason} = " in line and _HERE in line and line.endswith(")") for line in said)
