@@ -6,7 +6,16 @@ rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 """
 
 from raymarch import cost
-from raymarch.errors import CostError, DeviceError, PlanError, RaymarchError, SceneError, ShaderError
+from raymarch.errors import (
+    CostError,
+    DeviceError,
+    PlanError,
+    RaymarchError,
+    RenderError,
+    RenderWarning,
+    SceneError,
+    ShaderError,
+)
 from raymarch.gpu import Frame, Renderer, render
 from raymarch.gpu.probe import Probe, probe
 from raymarch.scene import (
@@ -161,6 +170,8 @@ __all__ = [
     "Probe",
     "Quality",
     "RaymarchError",
+    "RenderError",
+    "RenderWarning",
     "Renderer",
     "Scene",
     "SceneError",

@@ -10,6 +10,7 @@ import os
 import sys
 import sysconfig
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import FrameType
 
@@ -81,6 +82,19 @@ def warn(what: str, where: Location | None = None) -> None:
     """Say on a line of the user what was mended or takes long; None finds the line from the call stack."""
     where = where or user_location() or Location("raymarch", 0)
     warnings.warn_explicit(what, SceneWarning, where.file, where.line)
+
+
+class RenderError(RaymarchError):
+    """A picture that the engine cannot vouch for, where `strict` asks for one that it can."""
+
+    def __init__(self, doubts: Sequence[str]) -> None:
+        super().__init__("; ".join(doubts))
+        self.where = None  # the reasons name their own lines
+        self.args = (str(self),)
+
+
+class RenderWarning(UserWarning):
+    """A picture that the engine cannot vouch for, with the reason."""
 
 
 def user_location() -> Location | None:

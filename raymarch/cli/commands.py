@@ -5,6 +5,7 @@ from __future__ import annotations
 import json as json_format
 import sys
 import time as clock_time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -20,7 +21,7 @@ import raymarch
 from raymarch.cli.choice import choose_quality
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
 from raymarch.cli.views import CHOICES, check_view, shown
-from raymarch.errors import RaymarchError
+from raymarch.errors import RaymarchError, RenderError, RenderWarning
 from raymarch.gpu.doctor import examine
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import explain, plan
@@ -101,6 +102,9 @@ def render(
     samples: Annotated[
         int | None, typer.Option(metavar="N", help="Rays a pixel, against jagged edges and noise.")
     ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Write no picture that cannot be vouched for: code 2, and the reason.")
+    ] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
@@ -114,12 +118,20 @@ def render(
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     moments = _moments(target, time, frames, fps)
-    with Renderer((width, height), backend, device) as renderer, _progress(len(moments)) as progress:
+    with (
+        Renderer((width, height), backend, device) as renderer,
+        _progress(len(moments)) as progress,
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("ignore", RenderWarning)  # said below, a line each
         found.quality = chooser(found, renderer, moments[0][0], params)
         for i, (moment, file) in enumerate(moments):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
             frame = renderer.render(found, moment, params, CHOICES[view], tell, cut=cut)
+            doubts = frame.doubts(steps=True) if view == "final" else list(frame.warnings)
+            if strict and doubts:
+                raise RenderError(doubts)
             seen = shown(renderer, frame, view, found, params, tell)
             with written(file) as unfinished:
                 if file.suffix.lower() == ".exr":
@@ -132,6 +144,8 @@ def render(
                 f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}",
                 markup=False,
             )
+            for doubt in doubts:
+                errors.print(f"raymarch: {doubt}", markup=False)
             for line in seen.lines:
                 typer.echo(line)
 

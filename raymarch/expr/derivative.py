@@ -192,6 +192,7 @@ BACKWARD: Mapping[str, Back] = {
     "sample": lambda adj, e, i: adj * sample_slope(e),
     "sample_slope": lambda adj, e, i: None,
     "probe": lambda adj, e, i: _across(adj, e) if i == 0 else None,
+    "within": lambda adj, e, i: adj,
 }
 """Operations that mix components: the adjoint of argument i from the adjoint of the result."""
 
@@ -213,6 +214,7 @@ FORWARD: Mapping[str, Forward] = {
     "sample": lambda e, t: v.dot(sample_slope(e), t[0]),
     "sample_slope": lambda e, t: zero(e.type),
     "probe": lambda e, t: t[0],
+    "within": lambda e, t: t[0],
 }
 """The same operations forwards: the tangent of the result from the tangents of the arguments."""
 

@@ -24,7 +24,7 @@ HIDING = frozenset(
 _BOUNDED = HIDING - set("exp exp2 pow raw raw_slope call div mod".split()) | {"const", "var", "param", "time"}
 """Operations whose result is finite if their arguments are."""
 
-_HANDING_ON = {"neg", "abs", "swizzle", "construct", "where", "floor", "ceil", "fract", "sin", "cos", "mark"}
+_HANDING_ON = {"neg", "abs", "swizzle", "construct", "where", "floor", "ceil", "fract", "sin", "cos", "mark", "within"}
 
 
 NOTHING = const([0.0, 0.0])

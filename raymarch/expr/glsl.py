@@ -188,6 +188,8 @@ def is_nonnegative(e: Expr, depth: int = 4) -> bool:
             return any(map(shown, e.args))
         case "clamp":
             return all(map(shown, e.args[1:]))
+        case "within":
+            return is_nonnegative(e.args[0], depth)
         case "param":
             return e.data.min is not None and bool(np.all(np.asarray(e.data.min) >= 0))
     return False
@@ -424,6 +426,7 @@ TEMPLATES: Mapping[str, Template] = {
     "raw_slope": _raw,
     "finite": _finite,
     "probe": _probe,
+    "within": lambda _printer, _node, pieces: pieces[0],
 }
 
 # Names
@@ -682,7 +685,7 @@ class FunctionPrinter:
                 finish(i, pieces[root])
 
     def _is_cheap(self, node: Expr) -> bool:
-        while node.op in ("swizzle", "neg") and node not in self.names:
+        while node.op in ("swizzle", "neg", "within") and node not in self.names:
             node = node.args[0]
         return node.op in ("const", "var", "param", "time", "item") or node in self.names
 

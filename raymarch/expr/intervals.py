@@ -240,6 +240,7 @@ RULES: Mapping[str, Rule] = {
     "raw_slope": _unknown,
     "finite": lambda _node, _x: (np.asarray(False), np.asarray(True)),
     "probe": lambda _node, value, *_: value,
+    "within": lambda _node, value: value,
     "random_of": lambda _node, _cell: (np.zeros(()), np.ones(())),
 }
 

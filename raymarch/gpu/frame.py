@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -50,6 +50,17 @@ class Frame:
     complete: bool = True
     """False if rays are still on their way, which the next frame of the same picture goes on with."""
     pose: Pose | None = field(default=None, repr=False)
+    warnings: Sequence[str] = ()
+    """Values of this frame that are out of their legal range, a sentence each."""
+    _doubts: Callable[[Frame, bool], list[str]] | None = field(default=None, repr=False)
+
+    def doubts(self, steps: bool = False) -> list[str]:
+        """Why this picture may not be what was meant, a sentence each; empty if nothing speaks against it.
+
+        Values out of their range, colours that are not finite, a picture without a hit (which is marched once more to
+        be sure). steps : also whether too many rays ran out of steps, for which some rays are marched once more.
+        """
+        return list(self.warnings) if self._doubts is None else self._doubts(self, steps)
 
     def array(self, name: str) -> NDArray[Any]:
         """An array by its name, one of `raymarch.plan.OUTPUTS`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
 
@@ -11,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import DeviceError
+from raymarch.errors import DeviceError, RenderError
+from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
@@ -24,6 +26,7 @@ from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.plan import lights
 from raymarch.scene.camera import Pose
+from raymarch.scene.legal import violations
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 
@@ -45,6 +48,7 @@ class Renderer:
     backend : "auto" takes the first that works of "egl", "osmesa" and "window" (a hidden one).
     device : index of the EGL device.
     context : an open context to draw on, which is left open by `close`; None opens one.
+    strict : a picture that has `Frame.doubts` is an error. Otherwise values out of their range are a RenderWarning.
 
     `planned_for` is the size of pictures by which the plan weighs its passes; None is the size that is drawn, so that a
     scene is planned anew where that changes.
@@ -58,9 +62,11 @@ class Renderer:
         backend: str = "auto",
         device: int | None = None,
         context: Context | None = None,
+        strict: bool = False,
     ) -> None:
         self.context: Context = open_context(backend, device) if context is None else context
         self._owns_context = context is None
+        self.strict = strict
         self.clock = Clock(self.context)
         self.store = Store(self.context)
         self.history = History()
@@ -134,6 +140,7 @@ class Renderer:
         SceneError : an unknown parameter, a value out of range, a degenerate camera, an unknown output.
         PlanError : the scene cannot be planned. ShaderError : the driver refuses its shader.
         DeviceError : the renderer is closed, or the driver lacks what an output needs.
+        RenderError : the renderer is strict, and the frame has doubts.
         """
         check_scene("render", scene)
         self._refuse_closed()
@@ -168,7 +175,45 @@ class Renderer:
             scene, values, outputs, pose, progress, np.inf if within is None else within, cut
         )
         complete = scene.quality.budget is None or self.history.arrived
-        return Frame(self.size, values.time, timings, arrays, render_for, scene.tone, complete, pose)
+        broken = violations(self._prepare(scene, outputs).plan.conditions, values)
+
+        def doubts_of(frame: Frame, steps: bool) -> list[str]:
+            return self._doubts(scene, values, frame, steps)
+
+        frame = Frame(size, values.time, timings, arrays, render_for, scene.tone, complete, pose, broken, doubts_of)
+        if not self.strict:
+            vouch.warn(broken)
+        elif doubts := frame.doubts(steps=True):
+            raise RenderError(doubts)
+        return frame
+
+    def _doubts(self, scene: Scene, values: Values, frame: Frame, steps: bool) -> list[str]:
+        """See `Frame.doubts`."""
+        pose = frame.pose
+        assert pose is not None
+        found = [*frame.warnings, vouch.not_finite(frame.color)]
+        if steps:
+            sparse = self._sparse(scene, values, pose)
+            found.append(vouch.out_of_steps(sparse["done"], scene))
+            bare = not np.any(np.isfinite(sparse["depth"]))
+        else:
+            bare = vouch.is_sky(frame.color, scene, pose, values)
+        if bare and not np.any(np.isfinite(frame.depth)):
+            found.append(vouch.nothing_visible(scene))
+        return [doubt for doubt in found if doubt]
+
+    def _sparse(self, scene: Scene, values: Values, pose: Pose) -> dict[str, NDArray[Any]]:
+        """The geometry of some of the rays of a picture, each as wide as there, evenly spread over it."""
+        small = vouch.sparse_size(self.size)
+        plain = replace(scene.quality, schedule="single", budget=None, samples=1, temporal="off")
+        ready, uniforms = self._ready(scene.changed(quality=plain), values, ("done",), pose, None)
+        uniforms["u_resolution"] = small
+        drafts = list(_named(drafts_of(self.store, ready, uniforms, small, History()), ready))
+        for draft in drafts:
+            with in_pass(draft.chosen.name):
+                draft.draw()
+        target = drafts[-1].target
+        return unpack("geometry", [target.read(k) for k in range(target.attachments)])
 
     def drafts(
         self,
@@ -392,7 +437,15 @@ def render(
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
     backend: str = "auto",
+    strict: bool = False,
 ) -> Image.Image:
-    """A picture of a scene; see `Renderer` and `Renderer.render`, which is quicker for many frames."""
-    with Renderer(size, backend) as renderer:
-        return renderer.render(scene, time, params).image()
+    """A picture of a scene; see `Renderer` and `Renderer.render`, which is quicker for many frames.
+
+    A picture that has `Frame.doubts` is a RenderWarning. With `strict` it is a RenderError, also where too many rays
+    run out of steps.
+    """
+    with Renderer(size, backend, strict=strict) as renderer:
+        frame = renderer.render(scene, time, params)
+        if not strict:
+            vouch.warn(doubt for doubt in frame.doubts() if doubt not in frame.warnings)
+        return frame.image()

@@ -26,6 +26,8 @@ from raymarch.plan.moments import by_moment
 from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
 from raymarch.plan.textures import Data, textures_of
+from raymarch.scene.extent import InReach, refuse_extent
+from raymarch.scene.legal import Condition, conditions_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene, all_nodes, check_scene
@@ -69,6 +71,8 @@ class Plan:
     warnings: list[str] = default(default_factory=list)
     twins: dict[str, Expr] = default(default_factory=dict)
     """What stands for the present values where all others are those of the frame before; see `raymarch.plan.motion`."""
+    conditions: list[Condition] = default(default_factory=list)
+    """What the values of each frame must keep, because it could not be shown ahead."""
     further: list[Function] = default(default_factory=list)
     """Functions of the point that a module reads besides."""
 
@@ -130,6 +134,7 @@ def plan(
     scene = seen_from(given, origin)
     lowering = lowering or Lowering()
     definition, moments = by_moment(lowering.field(scene.node), lowering.origins)
+    refuse_extent(given, origin, definition)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
         raise PlanError(
@@ -180,6 +185,9 @@ def plan(
     _choose_modules(made, shaded, needs_normal)
     made.textures = textures_of(made)
     _describe_effects(made)
+    made.conditions = conditions_of(given)
+    if not all(value.is_constant for value in given.camera.expressions):
+        made.conditions.append(InReach(given))
     made.warnings += [*_warnings(given), *range_warning(given, origin)]
     return made
 
@@ -200,7 +208,7 @@ def _operations(definition: Function, turns: bool = True) -> int:
                 total += costs[node.data]
             elif node.op == "loop":
                 total += (node.data.count if turns else 1) * cost(node.data.inner)
-            elif node.op not in ("const", "var", "param", "time", "swizzle", "item", "construct", "columns"):
+            elif node.op not in ("const", "var", "param", "time", "swizzle", "item", "construct", "columns", "within"):
                 total += max(a.type.size for a in node.args) if node.args else 1
         return total
 

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import Location, SceneError, user_location
+from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr
-from raymarch.expr.vocabulary import cos, normalize
-from raymarch.scene.parameter import as_number, as_vec3
+from raymarch.expr.vocabulary import cos
+from raymarch.scene.parameter import as_direction, as_number, as_vec3
 
 PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
 
@@ -89,7 +90,7 @@ class Sun(Light):
         penumbra: str = "two-sided",
     ) -> None:
         super().__init__(color, intensity, shadow, softness, penumbra)
-        self.direction = _direction("Sun: direction", direction)
+        self.direction = as_direction("Sun: direction", direction)
 
     @property
     def expressions(self) -> list[Expr]:
@@ -130,8 +131,11 @@ class PointLight(Light):
         self.radius = _length(f"{name}: radius", radius)
         self.shadow_radius = _length(f"{name}: shadow_radius", shadow_radius)
         self.attenuation = None if attenuation is None else as_vec3(f"{name}: attenuation", attenuation, low=0.0)
-        if self.attenuation is not None and self.attenuation.is_constant and not np.any(self.attenuation.data):
-            raise SceneError(f"{name}: attenuation = {attenuation!r}", legal="3 numbers >= 0, not all zero")
+        if self.attenuation is not None:
+            if _is_zero(self.attenuation):
+                raise SceneError(f"{name}: attenuation = {attenuation!r}", legal="3 numbers >= 0, not all zero")
+            limit = Limit(f"{name}: attenuation", "3 numbers >= 0, not all zero", nonzero=True)
+            self.attenuation = limited(self.attenuation, limit)
 
     @property
     def expressions(self) -> list[Expr]:
@@ -169,7 +173,7 @@ class SpotLight(PointLight):
         attenuation: Any = None,
     ) -> None:
         super().__init__(position, color, intensity, shadow, softness, penumbra, radius, shadow_radius, attenuation)
-        self.direction = _direction("SpotLight: direction", direction)
+        self.direction = as_direction("SpotLight: direction", direction)
         self.angle = as_number("SpotLight: angle", angle, 1e-3, math.pi)
         self.blend = as_number("SpotLight: blend", blend, 0.0, 1.0)
 
@@ -221,13 +225,6 @@ class SphereLight(PointLight):
 
 def _is_zero(value: Expr) -> bool:
     return value.is_constant and not np.any(value.data)
-
-
-def _direction(what: str, value: Any) -> Expr:
-    given = as_vec3(what, value)
-    if _is_zero(given):
-        raise SceneError(f"{what} = {value!r}", legal="3 numbers, not all zero")
-    return normalize(given)
 
 
 def _length(what: str, value: Any) -> Expr | None:

@@ -12,8 +12,10 @@ import numpy as np
 from raymarch.errors import Location, PlanError, SceneError, user_location
 from raymarch.expr.arrays import bound, value_of
 from raymarch.expr.intervals import interval_of
+from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, expr, make
 from raymarch.expr.types import FLOAT, Type, vector
+from raymarch.expr.vocabulary import normalize
 from raymarch.expr.walk import find
 
 Value = float | tuple[float, ...]
@@ -181,7 +183,7 @@ def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf,
 
 def _checked(what: str, value: Any, size: int, low: float, high: float, cells: bool) -> Expr:
     """The value as an expression. One that reads parameters must be legal at their defaults, one that depends on the
-    index of a cell in all cells."""
+    index of a cell in all cells. What a parameter or time can take out of its range is marked: see `limited`."""
     legal = "a finite number" if size == 1 else f"{size} finite numbers"
     if low > -np.inf:
         legal += f" >= {low:g}"
@@ -203,4 +205,13 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
         if not _holdable(d) or not np.all((d >= low) & (d <= high)):
             shown = f"{value!r}" if given.is_constant else f"{d.tolist()} with its parameters at their defaults"
             raise SceneError(f"{what} = {shown}", legal=legal)
-    return given
+    return limited(given, Limit(what, legal, low, high))
+
+
+def as_direction(what: str, value: Any) -> Expr:
+    """A direction of any length but 0, checked, parameters at their defaults; it comes out with length 1."""
+    given, limit = as_vec3(what, value), Limit(what, "3 numbers, not all zero", nonzero=True)
+    if not find([given], "time") and not np.any(Values({}).of(given)):
+        shown = f"{value!r}" if given.is_constant else "0 with its parameters at their defaults"
+        raise SceneError(f"{what} = {shown}", legal=limit.legal)
+    return normalize(limited(given, limit))

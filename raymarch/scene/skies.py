@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from raymarch.errors import SceneError
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
-from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, normalize, tan, vec2, vec3
+from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
 from raymarch.scene.images import read_image
 from raymarch.scene.light import Sun
-from raymarch.scene.parameter import as_number, as_vec3
+from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.sky import Sky
 
 
@@ -67,10 +66,7 @@ class SunSky(Sky):
         ground: Any = (0.25, 0.23, 0.2),
         light: bool = False,
     ) -> None:
-        given = as_vec3("SunSky: direction", direction)
-        if given.is_constant and not np.any(given.data):
-            raise SceneError(f"SunSky: direction = {direction!r}", legal="3 numbers, not all zero")
-        self.direction = normalize(given)
+        self.direction = as_direction("SunSky: direction", direction)
         haze = as_number("SunSky: turbidity", turbidity, 2.0, 10.0)
         self._intensity = as_number("SunSky: intensity", intensity, low=0.0)
         low = as_vec3("SunSky: ground", ground, low=0.0)

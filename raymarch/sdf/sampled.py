@@ -142,7 +142,7 @@ def mesh(
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{extent} {resolution} oriented".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} 3".encode()).hexdigest()[:24]
     folder = Path(cache or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
     kept = folder / f"mesh-{key}.npz"
     if kept.exists():
@@ -150,10 +150,11 @@ def mesh(
             for repair in found["repairs"]:
                 warn(str(repair))
             return sampled_grid(Samples(found["values"]), found["size"], found["centre"])
-    solid, repairs = _load_mesh(Path(file), extent)
+    solid, unit, repairs = _load_mesh(Path(file), extent)
     for repair in repairs:
         warn(repair)
-    values, size, centre = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
+    sampled = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
+    values, size, centre = (unit * part for part in sampled)
     folder.mkdir(parents=True, exist_ok=True)
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
     np.savez_compressed(partial, values=values, size=size, centre=centre, repairs=np.array(repairs, np.str_))
@@ -161,8 +162,8 @@ def mesh(
     return sampled_grid(Samples(values), size, centre)
 
 
-def _load_mesh(file: Path, extent: float | None) -> tuple[Any, list[str]]:
-    """The solid, closed and the right way out, and what was mended."""
+def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]:
+    """The solid, closed and the right way out; the unit of its coordinates, about its size; and what was mended."""
     try:
         import trimesh
     except ImportError:
@@ -179,15 +180,17 @@ def _load_mesh(file: Path, extent: float | None) -> tuple[Any, list[str]]:
     if broken:
         raise SceneError(f"mesh: '{file}': {broken} of {len(solid.vertices)} vertices are not finite", legal="numbers")
     middle, largest = solid.bounds.mean(axis=0), float(solid.extents.max())
+    unit = float(2.0 ** np.rint(np.log2(largest))) if largest > 0.0 else 1.0
     solid.apply_translation(-middle)
-    solid.apply_scale(1.0 / (largest or 1.0))  # the tolerances of trimesh are lengths
+    solid.apply_scale(1.0 / unit)  # the tolerances of trimesh are lengths
     solid.merge_vertices(merge_tex=True, merge_norm=True)
     solid.update_faces(solid.nondegenerate_faces() & solid.unique_faces())
     repairs = [f"mesh: '{file}': {repair}" for repair in _closed(solid, file)]
-    solid.apply_scale(largest if extent is None else extent)
     if extent is None:
-        solid.apply_translation(middle)
-    return solid, repairs
+        solid.apply_translation(middle / unit)
+    else:
+        unit = extent * unit / largest
+    return solid, unit, repairs
 
 
 def _closed(solid: Any, file: Path) -> list[str]:

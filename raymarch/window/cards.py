@@ -5,6 +5,9 @@ from __future__ import annotations
 import time as clock_time
 from typing import TYPE_CHECKING
 
+from raymarch.gpu.views import VIEWS
+from raymarch.scene.legal import violations
+from raymarch.scene.parameter import Values
 from raymarch.window.overlay import Card
 
 if TYPE_CHECKING:
@@ -21,6 +24,8 @@ def cards_of(viewer: Viewer, now: float) -> list[Card]:
     cards = []
     if viewer.fault is not None:
         cards.append(Card(viewer.fault.text(), "error", "bottom left"))
+    elif viewer.picture.canvas is not None:
+        cards += [Card(sentence, "busy", "bottom left") for sentence in broken(viewer)]
     since = viewer.reloader.busy_since
     if since is not None and viewer.reloading is not None and clock_time.monotonic() - since > PATIENT:
         waited = clock_time.monotonic() - since
@@ -34,3 +39,10 @@ def cards_of(viewer: Viewer, now: float) -> list[Card]:
     if viewer.pick is not None:
         cards.append(Card(viewer.pick.text(), "note", "top right"))
     return cards
+
+
+def broken(viewer: Viewer) -> list[str]:
+    """What the values of the picture that is shown break, a sentence each."""
+    shot = viewer.state.shot()
+    conditions = viewer.renderer.prepared(shot.scene, VIEWS[shot.view]).plan.conditions
+    return violations(conditions, Values(shot.params, shot.time)) if conditions else []

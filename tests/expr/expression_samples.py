@@ -21,6 +21,7 @@ import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, expr, function, loop, trace
 from raymarch.expr.faults import Passage
 from raymarch.expr.hashing import random_of
+from raymarch.expr.limits import Limit
 from raymarch.expr.node import make, swizzle
 from raymarch.expr.raw import RawFunction, raw
 from raymarch.expr.raw import slope as raw_slope
@@ -764,6 +765,12 @@ sample(
     "passage",
     lambda a: make("probe", a.type, (a,), Passage("point", 1, 2)) * 2.0,
     lambda a: each(lambda x: 2 * x, a),
+    a=of(3),
+)
+sample(
+    "limited",
+    lambda a: make("within", a.type, (a * 3.0,), Limit("a", "numbers", -1.0, 1.0)) * 2.0,
+    lambda a: each(lambda x: 6 * x, a),
     a=of(3),
 )
 sample("lattice", lambda a: random_of(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))

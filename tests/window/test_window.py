@@ -15,6 +15,7 @@ from window_driver import ROOT, Hand, Session, alike
 
 import raymarch as rm
 from raymarch.cli import main
+from raymarch.window.overlay import BACKGROUNDS
 
 View = Callable[..., Session]
 Capture = pytest.CaptureFixture[str]
@@ -110,6 +111,16 @@ def test_a_dense_screen_gets_more_pixels(display: str, view: View) -> None:
     finally:
         hand.set_resource("")
         hand.done()
+
+
+def test_a_value_out_of_its_range_is_said_over_the_picture(view: View) -> None:
+    text = SCENE.replace("    camera=", '    lights=[rm.Sun(rm.Param("sun", (0, 1, 0)))],\n    camera=')
+    seen = view(text, "--size", "320x200", "--set", "sun=0,0,0").settled().astype(int)
+    fine = view(text, "--size", "320x200", name="fine.py").settled().astype(int)
+    card = np.array(BACKGROUNDS["busy"][:3])
+    of_card = [np.abs(picture[-40:, :160] - card).max(axis=-1) < 24 for picture in (seen, fine)]
+    assert of_card[0].sum() > 1000
+    assert not of_card[1].any()
 
 
 def test_a_demo_ends_by_itself_with_a_true_code(display: str, tmp_path: Path) -> None:

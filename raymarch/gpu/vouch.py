@@ -1,0 +1,83 @@
+"""Whether a picture can be vouched for: why it may not be what was meant, in words, for who has not looked at it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import RenderWarning, user_location
+from raymarch.scene.camera import Pose
+from raymarch.scene.parameter import Values
+from raymarch.scene.scene import Scene
+
+OUT_OF_STEPS = 0.005
+"""The share of a picture's rays that may run out of steps without a word: some do at silhouettes and horizons."""
+
+SPARSE = 8
+"""Every so many-th pixel of a row and of a column is marched once more to count the rays that run out of steps."""
+
+FEW = 16384
+"""Pixels up to which all are marched for that."""
+
+_said: dict[Any, Any] = {}
+
+
+def warn(doubts: Iterable[str]) -> None:
+    """A RenderWarning each, at the user's line; the same words once a line, unless warnings are filtered otherwise."""
+    place = user_location()
+    for doubt in doubts:
+        if place is None:
+            warnings.warn(doubt, RenderWarning, stacklevel=3)
+        else:
+            warnings.warn_explicit(doubt, RenderWarning, place.file, place.line, registry=_said)
+
+
+def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
+    """How many rays, across and down, are marched once more."""
+    every = SPARSE if size[0] * size[1] > FEW else 1
+    return -(-size[0] // every), -(-size[1] // every)
+
+
+def nothing_visible(scene: Scene) -> str:
+    """The doubt of a picture without a hit; empty where that is no surprise, since nothing in the scene has an end."""
+    if scene.node.facts.empty:
+        return "nothing is visible: the solid is empty"
+    if scene.subject is None:
+        return ""
+    ends = ["({})".format(", ".join(f"{v:.4g}" for v in end)) for end in (scene.subject.lower, scene.subject.upper)]
+    return f"nothing is visible: no ray hits the solid, which lies between {ends[0]} and {ends[1]}"
+
+
+def not_finite(color: NDArray[Any]) -> str:
+    """The doubt of colours that are not finite; empty if all are."""
+    lost = int(np.sum(~np.isfinite(color).all(axis=-1)))
+    if not lost:
+        return ""
+    return f"{lost} of {color.shape[0] * color.shape[1]} pixels have a colour that is not finite (--view nonfinite)"
+
+
+def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
+    """The doubt of rays that ran out of steps; empty if they are few."""
+    share = float(np.mean(~done))
+    if share <= OUT_OF_STEPS:
+        return ""
+    steps = scene.quality.max_steps
+    return f"{share:.1%} of the rays ran out of steps (Quality(max_steps=...), {steps} now; --view iterations)"
+
+
+def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:
+    """True if a picture might be nothing but the sky, by some of its pixels."""
+    height, width = color.shape[:2]
+    rows, columns = (np.unique(np.linspace(0, n - 1, 48).astype(int)) for n in (height, width))
+    x, y = np.meshgrid(2.0 * columns + 1.0 - width, height - 2.0 * rows - 1.0)
+    at_one = np.stack([x * pose.slope / height, y * pose.slope / height, -np.ones(x.shape)], axis=-1).reshape(-1, 3)
+    directions = at_one @ pose.frame.T
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    sky = scene.sky.seen(directions, values)
+    shown = color[np.ix_(rows, columns)].reshape(-1, 3)
+    near = 1e-4 if scene.sky.constant else 0.05  # samples of a pixel see different parts of a sky
+    return bool(np.all(np.abs(shown - sky) <= near * (1.0 + np.abs(sky))))

@@ -1,0 +1,152 @@
+"""Values that a frame takes out of their legal range.
+
+A number is refused where it is written. What depends on time, or on a parameter, may be legal at one moment and not at
+the next: it is asked at each frame, in float64 on the CPU, by the rules that refuse numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from raymarch.errors import Location, SceneError
+from raymarch.expr.arrays import SMALLEST, bound, evaluator
+from raymarch.expr.intervals import interval_of
+from raymarch.expr.limits import may_overflow
+from raymarch.expr.node import Expr, const
+from raymarch.expr.walk import find, substitute
+from raymarch.scene.parameter import LARGEST, Values
+from raymarch.scene.scene import Scene, all_nodes
+from raymarch.sdf.node import Node
+
+
+class Condition(Protocol):
+    """Something that must hold in each frame."""
+
+    def broken(self, values: Values) -> str | None:
+        """What is wrong with the values of a frame, in one sentence with the user's line; None if nothing is."""
+
+
+def conditions_of(scene: Scene) -> list[Condition]:
+    """What must hold in each frame of a scene, because it could not be shown when the scene was built."""
+    nodes = [_NodeIsLegal(node) for node in all_nodes(scene.node) if _is_open(node)]
+    return [*nodes, *(_IsWithin(marked) for marked in find(scene.expressions(), "within"))]
+
+
+def violations(conditions: Sequence[Condition], values: Values) -> list[str]:
+    """What is wrong with the values of a frame, a sentence each."""
+    found = (condition.broken(values) for condition in conditions)
+    return list(dict.fromkeys(sentence for sentence in found if sentence is not None))
+
+
+def _moving(node: Node) -> list[str]:
+    """The parameters of a node that depend on time or a `Param`."""
+    return [name for name, value in node.params.items() if isinstance(value, Expr) and not value.is_constant]
+
+
+def _is_open(node: Node) -> bool:
+    """True if a node's parameters might not be legal at some time, or for some values of a `Param`: that is known to be
+    legal over its whole range, but not as a direction or beside another parameter."""
+    names = _moving(node)
+    return bool(names) and (node.definition.check is not None or any(_is_unproven(node, name) for name in names))
+
+
+def _is_unproven(node: Node, name: str) -> bool:
+    domain = node.definition.domains[name]
+    if domain.direction or may_overflow(node.params[name]):
+        return True
+    low, high = interval_of(node.params[name])
+    return not np.all((low > domain.low if domain.open else low >= domain.low) & (high <= domain.high))
+
+
+class _NodeIsLegal:
+    """The parameters of a node, by its own domains and its own check."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._names = _moving(node)
+        self._given = [_as_given(node, name) for name in self._names]
+        self._run = None if find(self._given, "cell") else evaluator(self._given, [])
+
+    def broken(self, values: Values) -> str | None:
+        node, domains = self._node, self._node.definition.domains
+        if self._run is not None and node.definition.check is None:
+            with bound(values.params, values.time):
+                inside = zip(self._names, self._run(), strict=True)
+                if all(_is_inside(value, domains[n].low, domains[n].high, domains[n].direction) for n, value in inside):
+                    return None
+        now: dict[str, Any] = dict(node.params)
+        try:
+            for name, value in zip(self._names, _at_frame(self._given, values), strict=True):
+                now[name] = domains[name].accept(node.name, name, _plain(value))
+            if node.definition.check is not None:
+                node.definition.check(*[child.facts for child in node.children], **now)
+        except SceneError as fault:
+            return _sentence(node.where, fault.what, _moment(self._given, values), fault.legal)
+        return None
+
+
+class _IsWithin:
+    """A value of a light, a material, the sky, ... that was marked with its range."""
+
+    def __init__(self, marked: Expr) -> None:
+        (self._given,), self._limit = marked.args, marked.data
+        self._run = None if find([self._given], "cell") else evaluator([self._given], [])
+
+    def broken(self, values: Values) -> str | None:
+        limit = self._limit
+        if self._run is not None:
+            with bound(values.params, values.time):
+                if _is_inside(self._run()[0], limit.low, limit.high, limit.nonzero):
+                    return None
+        (value,) = _at_frame([self._given], values)
+        if limit.holds(value):
+            return None
+        ends = [end.tolist() for end in interval_of(value)]
+        shown = _plain(value) if value.is_constant else f"between {ends[0]} and {ends[1]}"
+        return _sentence(limit.where, f"{limit.what} = {shown}", _moment([self._given], values), limit.legal)
+
+
+def _is_inside(value: Any, low: float, high: float, nonzero: bool) -> bool:
+    """True if a value is legal for sure: strictly inside its range, and something that float32 holds."""
+    inside = np.all((value > low) & (value < high) & (np.abs(value) < LARGEST))
+    return bool(inside) and (not nonzero or bool(np.any(np.abs(value) > SMALLEST)))
+
+
+def _as_given(node: Node, name: str) -> Expr:
+    """A parameter as the user gave it: a direction before it was normalised."""
+    value: Expr = node.params[name]
+    normalised = node.definition.domains[name].direction and value.op == "normalize"
+    return value.args[0] if normalised else value
+
+
+def _at_frame(given: Sequence[Expr], values: Values) -> list[Expr]:
+    """Expressions with the numbers of a frame for parameters and time: constants, unless they depend on a cell."""
+    known = {leaf: const(values.time) for leaf in find(given, "time")}
+    known |= {leaf: const(values.params.get(leaf.data.name, leaf.data.value)) for leaf in find(given, "param")}
+    return substitute(given, known)
+
+
+def _plain(value: Expr) -> Any:
+    """A constant as plain numbers, as a user would write it; anything else as it is."""
+    if not value.is_constant:
+        return value
+    numbers = np.round(value.data, 12) if np.all(np.abs(value.data) > 1e-9) else value.data
+    listed = numbers.tolist()
+    return tuple(listed) if isinstance(listed, list) and not value.type.is_matrix else listed
+
+
+def _moment(given: Sequence[Expr], values: Values) -> str:
+    """The values that some expressions read: "time = -50, speed = 2"."""
+    read = [f"time = {values.time:g}"] if find(given, "time") else []
+    for leaf in find(given, "param"):
+        value = values.params.get(leaf.data.name, leaf.data.value)
+        numbers = ", ".join(f"{v:g}" for v in np.atleast_1d(value))
+        read.append(f"{leaf.data.name} = {f'({numbers})' if isinstance(value, tuple) else numbers}")
+    return ", ".join(read)
+
+
+def _sentence(where: Location | None, what: str, when: str, legal: str) -> str:
+    return f"{f'{where}: ' if where else ''}{what} at {when}{f' ({legal})' if legal else ''}"

@@ -1,0 +1,107 @@
+"""Doubts of a frame in Python: a warning, or an error of a strict renderer."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.gpu import vouch
+from raymarch.plan import plan
+from raymarch.scene.parameter import Values
+
+
+@pytest.fixture
+def renderer(context):
+    with rm.Renderer((64, 40), context=context) as made:
+        yield made
+
+
+AWAY = rm.Camera((0, 0, 5), (0, 0, 10))
+
+
+def test_a_value_out_of_its_range_is_a_warning_at_the_callers_line(renderer):
+    scene = rm.Scene(rm.sphere(1 + 0.1 * rm.time))
+    assert renderer.render(scene).warnings == []
+    with pytest.warns(rm.RenderWarning, match=r"radius = -4.0 at time = -50 \(a number > 0\)") as heard:
+        frame = renderer.render(scene, time=-50)
+    assert heard[0].filename == __file__
+    assert len(frame.warnings) == 1
+    assert __file__ in frame.warnings[0]
+
+
+def test_the_same_words_are_said_once_a_line(renderer):
+    scene = rm.Scene(rm.sphere(1 + 0.2 * rm.time))
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("default")
+        for _ in range(5):
+            renderer.render(scene, time=-50)
+    assert len(heard) == 1
+
+
+def test_a_strict_renderer_draws_no_doubtful_picture(context):
+    with rm.Renderer((32, 20), context=context, strict=True) as renderer:
+        assert renderer.render(rm.Scene(rm.sphere())).color.any()
+        for scene, time, words in (
+            (rm.Scene(rm.sphere(1 + 0.1 * rm.time)), -50, "radius"),
+            (rm.Scene(rm.sphere(), AWAY), 0, "nothing is visible"),
+            (rm.Scene(rm.torus(), quality=rm.Quality(max_steps=2)), 0, "ran out of steps"),
+        ):
+            with pytest.raises(rm.RenderError, match=words):
+                renderer.render(scene, time=time)
+
+
+def test_render_warns_of_an_empty_picture():
+    with pytest.warns(rm.RenderWarning, match="nothing is visible"):
+        rm.render(rm.Scene(rm.sphere(), AWAY), (32, 20))
+    with pytest.raises(rm.RenderError, match="nothing is visible"):
+        rm.render(rm.Scene(rm.sphere(), AWAY), (32, 20), strict=True)
+
+
+@pytest.mark.parametrize("sky", [rm.Sky(), rm.GradientSky(), rm.SunSky(), rm.Sky(lambda d: (d.y * d.y, 0.5, 0.2))])
+def test_a_picture_of_the_sky_alone_is_known_without_a_pass(renderer, sky):
+    for camera in (AWAY, rm.Camera((0, 0, 5), (3, 4, 10), fov=80)):
+        scene = rm.Scene(rm.sphere(), camera, sky=sky)
+        frame = renderer.render(scene)
+        assert vouch.is_sky(frame.color, scene, frame.pose, Values({}))
+        (doubt,) = frame.doubts()
+        assert "nothing is visible" in doubt
+        seen = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5), (0, 0, 0)), sky=sky)
+        frame = renderer.render(seen)
+        assert not vouch.is_sky(frame.color, seen, frame.pose, Values({}))
+        assert frame.doubts() == []
+        assert [t.name for t in frame.timings] == ["color"], "nothing more was drawn"
+
+
+def test_rays_out_of_steps_are_those_of_the_whole_picture(context):
+    """Some of the rays are marched once more, as wide as in the picture: their share is that of all."""
+    scene = rm.Scene(
+        rm.sphere() | rm.plane(offset=-1), rm.Camera((0, 0.5, 5), (0, 0, 0)), quality=rm.Quality(max_steps=20)
+    )
+    with rm.Renderer((320, 200), context=context) as renderer:
+        frame = renderer.render(scene, outputs=("color", "done"))
+        share = float(np.mean(~frame.done))
+        sparse = renderer._sparse(scene, Values({}), frame.pose)
+        assert sparse["done"].shape == (25, 40)
+        assert abs(float(np.mean(~sparse["done"])) - share) < 0.05
+        assert share > 0.05
+        assert any("ran out of steps" in doubt for doubt in frame.doubts(steps=True))
+        np.testing.assert_array_equal(renderer.render(scene).color, frame.color)
+
+
+def test_what_can_be_shown_ahead_is_not_asked_in_each_frame():
+    r = rm.Param("r", 1, 0.5, 2)
+    sure = rm.Scene(
+        rm.sphere(r) | rm.box((1, 1 + rm.Param("h", 0, 0, 1), 1)).rotate(rm.time),
+        rm.Camera((0, 0, 5), (0, 0, 0)),
+        [rm.Sun(intensity=r), rm.PointLight((rm.time, 2, 0))],
+        fog=rm.Fog(density=rm.Param("fog", 0, 0, 1)),
+    )
+    assert plan(sure).conditions == []
+
+
+def test_a_direction_that_is_0_by_default_is_refused():
+    with pytest.raises(rm.SceneError, match="direction = 0 with its parameters at their defaults"):
+        rm.Sun(rm.Param("to sun", (0, 0, 0)))
