@@ -131,9 +131,11 @@ def distance(tree: Tree, p: Array) -> Array:
 
 
 def _joined(kind: str, a: Array, b: Array, k: float, family: str) -> Array:
+    """A field that would be steeper than 1 is divided by its steepness, as docs/how-it-is-built.md says."""
+    slope = math.sqrt(2.0) if k and family == "circular_geometric" else 1.0
     if kind == "union":
-        return blended(a, b, k, family)
-    return -blended(-a, -b if kind == "intersection" else b, k, family)
+        return blended(a, b, k, family) / slope
+    return -blended(-a, -b if kind == "intersection" else b, k, family) / slope
 
 
 def around(tree: Tree) -> tuple[Array, float]:

@@ -22,7 +22,7 @@ import numpy as np
 import raymarch as rm
 from raymarch.errors import RaymarchError
 from raymarch.gpu import Frame, Renderer
-from tests.hard.brute import FAMILIES, Brute, Picture, Spec, Tree, distance, parts_of
+from tests.hard.brute import FAMILIES, Brute, Picture, Spec, Tree, around, distance, parts_of
 from tests.hard.long_runs import keep
 
 SIZE = (33, 25)
@@ -73,6 +73,9 @@ class Text:
             children = ", ".join(self.node(child) for child in tree[3:])
             how = f", k={self.number(tree[1])}, blend={tree[2]!r}" if tree[1] else ""
             return f"rm.{kind}({children}{how})"
+        if kind == "repeat":  # what is repeated must fit its cell over the whole range of its parameters
+            child = Text(0).node(tree[3])
+            return f"{child}.repeat({tree[1]!r}, {tree[2]!r})"
         child = self.node(tree[-1])
         if kind == "move":
             return f"{child}.translate({self.vector(tree[1], True)})"
@@ -80,8 +83,6 @@ class Text:
             return f"{child}.rotate({self.number(tree[1], True)}, {self.vector(tree[2])})"
         if kind == "scale":
             return f"{child}.scale({self.number(tree[1])})"
-        if kind == "repeat":
-            return f"{child}.repeat({tree[1]!r}, {tree[2]!r})"
         if kind == "mirror":
             return f"{child}.mirror({tree[1]!r})"
         return f"{child}.material(m{tree[1]})"
@@ -233,9 +234,9 @@ class Draw:
             return ("intersection", *(self.blend() if self.chance(0.5) else (0.0, "quadratic")), body, first)
         if kind == 6:
             counts = tuple(int(self.random.integers(1, 4)) for _ in range(3))
-            spacing = self.length(1.3, 1.6)
             part = self.paint(self.placed(self.leaf()))
-            return ("scale", 0.5, ("repeat", (spacing, None, spacing), (counts[0], None, counts[2]), part))
+            spacing = 3.0 * around(part)[1]  # its box is larger than its ball
+            return ("scale", 0.4, ("repeat", (spacing, None, spacing), (counts[0], None, counts[2]), part))
         return ("mirror", self.one("x", "z"), ("move", (self.length(0.1, 0.5), 0.0, 0.0), first))
 
     def symmetric(self) -> Tree:
@@ -317,8 +318,8 @@ class Draw:
             towards, room = place / room, 0.8 * room
         if room < 10 * self.unit:
             return None
-        away = min(self.far(5, 1e5), room)
-        wide = self.length(0.3, 2.0) if self.chance(0.5) else away * float(self.random.uniform(0.05, 0.3))
+        away = min(self.far(20, 1e5), room)
+        wide = self.length(1.0, 5.0) if self.chance(0.5) else away * float(self.random.uniform(0.05, 0.3))
         self.tags.append("far occluder")
         shape: Tree = self.one(("sphere", wide), ("box", (wide, wide, wide)), ("torus", wide, 0.4 * wide))
         return ("move", tuple(map(float, away * towards)), self.paint(shape))
@@ -342,7 +343,7 @@ def drawn(seed: int) -> Spec:
         trees.append(("move", (x, 0.0, z), draw.paint(low[0])))
         trees.append(("move", (x + 0.5 * (a + b), 0.0, z), draw.paint(low[1])))
     lights = [draw.light(float(random.uniform(0.4, 1.2))) for _ in range(random.integers(1, 4))]
-    if draw.chance(0.35):
+    if draw.chance(0.4):
         lights[0]["shadow"] = True
         far = draw.occluder(lights[0])
         trees += [far] if far else []
@@ -581,8 +582,8 @@ class Report:
         return f"--- seed {self.seed} {self.spec.tags}: {self.found}\n{text}# {call}"
 
 
-def look(court: Court, seed: int, shrink: bool = True) -> Report | None:
-    """One scene; a report if it differs."""
+def look(court: Court, seed: int, shrinks: Callable[[str], bool] = lambda kind: True) -> Report | None:
+    """One scene; a report if it differs. shrinks : whether one with this fault is made smaller."""
     spec = drawn(seed)
     try:
         found = court.verdict(spec)
@@ -590,8 +591,8 @@ def look(court: Court, seed: int, shrink: bool = True) -> Report | None:
         return Report(seed, spec, f"{type(error).__name__}: {error}", Counter({"refused": 1}))
     if found is None:
         return None
-    if shrink:
-        main = found.kinds.most_common(1)[0][0].split(" of light")[0]
+    main = found.kinds.most_common(1)[0][0].split(" of light")[0]
+    if shrinks(main):
 
         def fails(other: Spec) -> bool:
             try:
@@ -609,7 +610,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--as-drawn", action="store_true", help="do not make scenes that differ smaller")
+    parser.add_argument("--small", type=int, default=3, help="how many scenes of each kind of fault are made smaller")
     parser.add_argument("--keep", action="store_true", help="put the figures into docs/figures/long_runs.json")
     given = parser.parse_args(arguments)
     kinds: Counter[str] = Counter()
@@ -619,7 +620,7 @@ def main(arguments: list[str]) -> int:
     court = Court()
     begun = time.monotonic()
     for seed in range(given.seed, given.seed + given.scenes):
-        report = look(court, seed, not given.as_drawn)
+        report = look(court, seed, lambda kind: kinds[kind] < given.small)
         found = drawn(seed).tags
         tags.update(found)
         if report is not None:
