@@ -4,11 +4,12 @@ A solid is a tree of tuples:
 
     ("sphere", radius)  ("box", size)  ("plane", normal, offset)  ("torus", major, minor)  ("cylinder", radius, height)
     ("capsule", a, b, radius)  ("union" | "intersection" | "difference", k, blend, a, b, ...)  ("move", by, a)
-    ("turn", angle, axis, a)  ("scale", factor, a)  ("repeat", spacings, counts, a)  ("mirror", axis, a)  ("paint", i, a)
+    ("turn", angle, axis, a)  ("scale", factor, a)  ("repeat", spacings, counts, a)  ("mirror", axis, a)
+    ("paint", i, a)
 
-A ray meets the first of the solids that a hard union joins at its root: spheres and planes in closed form, all others by
-steps of half the distance and bisection. Normals are central differences. A picture also says where it is uncertain: at
-silhouettes and borders of shadows, and how much its values vary within each pixel.
+A ray meets the first of the solids that a hard union joins at its root: spheres and planes in closed form, all
+others by steps of half the distance and bisection. Normals are central differences. A picture also says where it is
+uncertain: at silhouettes and borders of shadows, and how much its values vary within each pixel.
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ def blended(a: Array, b: Array, k: float, family: str) -> Array:
     if family == "circular_geometric":
         r = k4 / (math.sqrt(2.0) - 1.0)
         return np.maximum(r, low) - np.sqrt(np.maximum(r - a, 0.0) ** 2 + np.maximum(r - b, 0.0) ** 2)
-    width = {"quadratic": 4.0, "cubic": 6.0, "quartic": 16.0 / 3.0, "circular": 1.0 / (1.0 - math.sqrt(0.5))}[family] * k4
+    width = {"quadratic": 4.0, "cubic": 6.0, "quartic": 16.0 / 3.0, "circular": 1.0 / (1.0 - math.sqrt(0.5))}[
+        family
+    ] * k4
     h = np.maximum(width - gap, 0.0) / width
     if family == "quadratic":
         return low - h**2 * width / 4.0
@@ -93,7 +96,9 @@ def _leaf(tree: Tree, p: Array) -> Array:
 
 def _copies(spacing: Any, counts: Any) -> list[Array]:
     """Where the copies of a repetition stand."""
-    along = [[0.0] if s is None else [(i - (n - 1) / 2) * s for i in range(n)] for s, n in zip(spacing, counts, strict=True)]
+    along = [
+        [0.0] if s is None else [(i - (n - 1) / 2) * s for i in range(n)] for s, n in zip(spacing, counts, strict=True)
+    ]
     return [np.array([x, y, z]) for x in along[0] for y in along[1] for z in along[2]]
 
 
@@ -251,7 +256,7 @@ def _mixed(kind: str, first: tuple[Array, Any], second: tuple[Array, Any], k: fl
 
 @dataclass(frozen=True)
 class Part:
-    """One of the solids that a hard union joins at the root: its tree, its shape if that has a closed form, its ball."""
+    """One of the solids that a hard union joins at the root; its kind is "any" if it has no closed form."""
 
     tree: Tree
     kind: str
@@ -319,7 +324,11 @@ def meet(parts: list[Part], rays: Rays, own: NDArray[np.int64] | None = None) ->
         left = None if own is None else own == i
         found = {"plane": _meet_plane, "sphere": _meet_sphere, "any": _meet_any}[part.kind](part, rays, left)
         # what is behind another hit does not matter
-        met.close = np.where(found.t < met.t, found.close | (met.close & ~np.isfinite(met.t)), met.close | found.close & ~np.isfinite(found.t))
+        met.close = np.where(
+            found.t < met.t,
+            found.close | (met.close & ~np.isfinite(met.t)),
+            met.close | found.close & ~np.isfinite(found.t),
+        )
         nearer = found.t < met.t
         met.t = np.where(nearer, found.t, met.t)
         met.part = np.where(nearer, i, met.part)
@@ -351,7 +360,7 @@ def _meet_sphere(part: Part, rays: Rays, left: Any) -> Met:
     t = np.where(first > rays.start, first, second)
     hit = (beside < part.radius) & (t > rays.start) & (t < rays.end)
     passed = np.clip(-along, rays.start, rays.end)
-    close = (np.abs(np.linalg.norm(rays.at(passed) - part.centre, axis=1) - part.radius) < rays.width(passed))
+    close = np.abs(np.linalg.norm(rays.at(passed) - part.centre, axis=1) - part.radius) < rays.width(passed)
     if left is not None:
         hit &= ~left  # convex
         close &= ~left
@@ -420,9 +429,7 @@ def normal_of(part: Part, p: Array, size: Array) -> Array:
     """Central differences over a width of 1e-5 of a size."""
     h = 1e-5 * size
     steps = np.eye(3)
-    rise = [
-        distance(part.tree, p + h[:, None] * step) - distance(part.tree, p - h[:, None] * step) for step in steps
-    ]
+    rise = [distance(part.tree, p + h[:, None] * step) - distance(part.tree, p - h[:, None] * step) for step in steps]
     n = np.stack(rise, axis=1)
     return n / np.maximum(np.linalg.norm(n, axis=1), 1e-300)[:, None]
 
@@ -532,7 +539,14 @@ class Brute:
         d = self.directions(x, y)
         origin = np.tile(self.eye, (n, 1))
         coarse = 8 * ULP * np.abs(self.eye).max()
-        rays = Rays(origin, d, np.zeros(n), np.full(n, FAR * self.scale), np.full(n, coarse), np.full(n, 0.3 * self.pixel + 8 * ULP))
+        rays = Rays(
+            origin,
+            d,
+            np.zeros(n),
+            np.full(n, FAR * self.scale),
+            np.full(n, coarse),
+            np.full(n, 0.3 * self.pixel + 8 * ULP),
+        )
         return self._shaded(rays, np.zeros(n), None, self.spec.bounces)
 
     def _shaded(self, rays: Rays, travelled: Array, own: Any, bounces: int) -> Shaded:
@@ -585,7 +599,9 @@ class Brute:
         for i, one in enumerate(self.parts):
             rows = part == i
             if rows.any():
-                size = np.full(rows.sum(), one.radius) if math.isfinite(one.radius) else np.maximum(self.scale, foot[rows])
+                size = (
+                    np.full(rows.sum(), one.radius) if math.isfinite(one.radius) else np.maximum(self.scale, foot[rows])
+                )
                 if known is None:
                     normal[rows] = normal_of(one, p[rows], size)
                 for side, sign in enumerate((-1.0, 1.0)):
@@ -622,7 +638,9 @@ class Brute:
             weights += decay**i
         return np.asarray(np.clip(1.0 - strength * missing / weights, 0.0, 1.0))
 
-    def _seen(self, light: dict[str, Any], at: Light, p: Array, normal: Array, part: Any, facing: Array, foot: Array) -> Any:
+    def _seen(
+        self, light: dict[str, Any], at: Light, p: Array, normal: Array, part: Any, facing: Array, foot: Array
+    ) -> Any:
         """Whether each point sees the light, 0 or 1, and where that is uncertain."""
         n = len(p)
         seen = (facing > 0.0).astype(float)

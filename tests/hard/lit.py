@@ -235,8 +235,8 @@ class Draw:
         if kind == 6:
             counts = tuple(int(self.random.integers(1, 4)) for _ in range(3))
             part = self.paint(self.placed(self.leaf()))
-            spacing = 3.0 * around(part)[1]  # its box is larger than its ball
-            return ("scale", 0.4, ("repeat", (spacing, None, spacing), (counts[0], None, counts[2]), part))
+            spacing = 4.0 * around(part)[1]  # its box may be larger than its ball
+            return ("scale", 0.3, ("repeat", (spacing, None, spacing), (counts[0], None, counts[2]), part))
         return ("mirror", self.one("x", "z"), ("move", (self.length(0.1, 0.5), 0.0, 0.0), first))
 
     def symmetric(self) -> Tree:
@@ -299,7 +299,11 @@ class Draw:
         if self.chance(0.2):
             made["radius"] = away * float(self.random.uniform(1.3, 4.0))
         if self.chance(0.15):
-            made["attenuation"] = (1.0, float(self.random.uniform(0, 1) / away), float(self.random.uniform(0.1, 1) / away**2))
+            made["attenuation"] = (
+                1.0,
+                float(self.random.uniform(0, 1) / away),
+                float(self.random.uniform(0.1, 1) / away**2),
+            )
             made["intensity"] = bright
         if kind == "spot":
             aim = self.random.normal(size=3) * 0.2 * min(away, self.unit) - away * towards
@@ -362,7 +366,11 @@ def drawn(seed: int) -> Spec:
         towards = draw.direction(0.02)
         position = tuple(map(float, away * towards))
         target = tuple(draw.length(-0.2, 0.2) for _ in range(3))
-    fov = float(draw.one(20.0, 45.0, 70.0)) if draw.chance(0.5 if "far occluder" in draw.tags else 0.85) else float(random.uniform(0.5, 5.0))
+    fov = (
+        float(draw.one(20.0, 45.0, 70.0))
+        if draw.chance(0.5 if "far occluder" in draw.tags else 0.85)
+        else float(random.uniform(0.5, 5.0))
+    )
     spec = Spec(trees, draw.materials, lights, position, target, fov, draw.color(), draw.chance(0.3), bounces=bounces)
     if draw.chance(0.15):
         spec.fog = (draw.color(), float(random.uniform(0.02, 0.3)) / draw.unit)
@@ -383,9 +391,13 @@ def blocked(spec: Spec) -> bool:
     """True if the camera or a light lies in a solid or nearly on one."""
     scale = math.dist(spec.position, spec.target)
     places = [(spec.position, 0.02 * scale)]
-    places += [(light["position"], 1e-3 * math.hypot(*light["position"])) for light in spec.lights if "position" in light]
+    places += [
+        (light["position"], 1e-3 * math.hypot(*light["position"])) for light in spec.lights if "position" in light
+    ]
     return any(
-        distance(part.tree, np.array([place], float))[0] < least for place, least in places for part in parts_of(spec.trees)
+        distance(part.tree, np.array([place], float))[0] < least
+        for place, least in places
+        for part in parts_of(spec.trees)
     )
 
 
@@ -528,7 +540,9 @@ def smaller(spec: Spec) -> Iterator[Spec]:
 
 def painted(tree: Tree) -> list[int]:
     own = [tree[1]] if tree[0] == "paint" else []
-    return own + [i for child in tree if isinstance(child, tuple) and child and isinstance(child[0], str) for i in painted(child)]
+    return own + [
+        i for child in tree if isinstance(child, tuple) and child and isinstance(child[0], str) for i in painted(child)
+    ]
 
 
 def simpler(tree: Tree) -> Iterator[Tree]:
@@ -635,7 +649,14 @@ def main(arguments: list[str]) -> int:
     print(f"kinds {dict(kinds)}; scenes by tag {dict(tags)}, of which differ {dict(failed)}")
     print(f"{time.monotonic() - begun:.0f} s", file=sys.stderr)
     if given.keep:
-        keep("lit", **{"random lit scenes": given.scenes, "size of each picture": "x".join(map(str, SIZE)), "scenes that differ": len(seeds)})
+        keep(
+            "lit",
+            **{
+                "random lit scenes": given.scenes,
+                "size of each picture": "x".join(map(str, SIZE)),
+                "scenes that differ": len(seeds),
+            },
+        )
     return 1 if seeds else 0
 
 

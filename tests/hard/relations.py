@@ -230,8 +230,8 @@ def mirrored_with_its_camera(seen: Seen) -> Verdict:
 
 @relation
 def symmetric_with_its_camera(seen: Seen) -> Verdict:
-    """Two images of the solid, blended where they meet, from a camera on their plane: one half is the other's image, and
-    normals on the plane lie between those on both sides of it."""
+    """Two images of the solid, blended where they meet, from a camera on their plane: normals on the plane lie between
+    those on both sides of it."""
     low, high = seen.scene.node.bounds
     size = np.maximum(high - low, 1e-3)
     aside = tuple(np.array((0.3, 0.0, 0.0)) * size - 0.5 * (low + high))

@@ -148,7 +148,9 @@ def test_a_fault_is_found_and_made_small(court: Court) -> None:
     assert court.verdict(spec) is None
 
     def fails(other: Spec) -> bool:
-        spoiled = [{**light, "attenuation": (0.0, 1.0, 0.0)} if light["kind"] == "point" else light for light in other.lights]
+        spoiled = [
+            {**light, "attenuation": (0.0, 1.0, 0.0)} if light["kind"] == "point" else light for light in other.lights
+        ]
         frame = court.draw(other)
         from tests.hard.lit import differences
 
