@@ -440,7 +440,7 @@ def differences(spec: Spec, judge: Picture, frame: Frame) -> Difference | None:
     eye = np.abs(spec.position).max()
     t = np.where(both, judge.t, 1.0)
     with np.errstate(invalid="ignore"):
-        slack = 0.3 * judge.apart + 3e-6 * (t + eye) + 1e-3 * t * math.radians(spec.fov) / SIZE[1]
+        slack = 0.3 * judge.apart + 3e-6 * (t + eye) + 0.01 * t * math.radians(spec.fov) / SIZE[1]
         deep = both & ~(np.abs(depth - judge.t) <= slack)
     note(deep, "depth", depth, judge.t)
     both &= ~deep
