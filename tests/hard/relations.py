@@ -228,6 +228,33 @@ def mirrored_with_its_camera(seen: Seen) -> Verdict:
     return frame.depth[:, ::-1], frame.iterations[:, ::-1], []
 
 
+@relation
+def symmetric_with_its_camera(seen: Seen) -> Verdict:
+    """Two images of the solid, blended where they meet, from a camera on their plane: normals on the plane lie between
+    those on both sides of it."""
+    if seen.scene.node.exactness == "estimate":
+        return None, None, []
+    low, high = seen.scene.node.bounds
+    size = np.maximum(high - low, 1e-3)
+    aside = tuple(np.array((0.3, 0.0, 0.0)) * size - 0.5 * (low + high))
+    node = seen.scene.node.translate(aside)
+    image = transform(node, np.diag([-1.0, 1.0, 1.0, 1.0]))
+    family = ("quadratic", "cubic", "quartic", "circular", "exponential")[seen.seed % 5]
+    both = rm.union(node, image, k=0.3 * float(size[0]), blend=family)
+    away = 2.5 * float(np.linalg.norm(size))
+    camera = rm.Camera((0.0, 0.3 * away, away), (0.0, 0.0, 0.0))
+    scene = seen.other(both, camera=camera)
+    frame = seen.world.draw(scene, (33, 25), ("depth", "normal"))
+    depth, normal = frame.depth.astype(np.float64), frame.normal.astype(np.float64)
+    pixel = scene.pose(Values({})).pixel(25)
+    left, middle, right = (depth[:, i] for i in (15, 16, 17))
+    with np.errstate(invalid="ignore"):
+        calm = np.maximum(np.abs(left - middle), np.abs(right - middle)) < 2 * pixel * middle
+    beside = np.max(np.abs(normal[:, (15, 17), 0]), axis=1)
+    turned = calm & (np.abs(normal[:, 16, 0]) > beside + 0.05)
+    return None, None, [f"{turned.sum()} normals on the plane are turned"] if turned.any() else []
+
+
 # The same scene, drawn in another way
 
 
@@ -266,6 +293,24 @@ def by_parameters(seen: Seen) -> Verdict:
 
 
 @relation
+def by_parameters_that_moved(seen: Seen) -> Verdict:
+    """Scale, place and camera by parameters and time, with other values than their defaults."""
+    s, x = rm.Param("s", 1.0, 0.5, 2.0), rm.Param("x", 0.0)
+    pose = seen.scene.pose(Values({}), seen.size[0] / seen.size[1])
+    by = (x, 0.1 * rm.time, 0.0)
+
+    def place(v: Any) -> Any:
+        return tuple(s * float(c) + b for c, b in zip(v, by, strict=True))
+
+    camera = rm.Camera(
+        place(pose.position), place(pose.position - pose.frame[:, 2]), tuple(pose.frame[:, 1]), seen.scene.camera.fov
+    )
+    scene = seen.other(seen.scene.node.scale(s).translate(by), camera=camera)
+    values = {"s": 1.3, "x": -0.7}
+    return _judged(seen.world.draw(scene, seen.size, MARCHED, params=values, time=5.0), 1.3)
+
+
+@relation
 def frames_and_samples(seen: Seen) -> Verdict:
     world, scene = seen.world, seen.quality(temporal="accumulate", schedule="single")
     world.draw(scene, seen.size, ("color",))
@@ -277,6 +322,69 @@ def frames_and_samples(seen: Seen) -> Verdict:
 
 
 # The same light
+
+
+def _near(frame: Frame, other: Frame, steps: float = 0.02) -> list[str]:
+    """Colours of another frame that no pixel beside one of a frame has: more than borders that shift by a hair."""
+    color, found = frame.color.astype(np.float64), other.color.astype(np.float64)
+    padded = np.pad(color, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    h, w = color.shape[:2]
+    around = np.array([padded[i : i + h, j : j + w] for i in range(3) for j in range(3)])
+    slack = steps * np.maximum(1.0, around.max(axis=0))
+    off = ~np.all((found >= around.min(axis=0) - slack) & (found <= around.max(axis=0) + slack), axis=-1)
+    return [f"{off.sum()} pixels have another light"] if off.sum() > 0.003 * off.size else []
+
+
+def _reach(seen: Seen) -> tuple[Any, float]:
+    """The middle of the solid, and its size."""
+    low, high = seen.scene.node.bounds
+    return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3)
+
+
+@relation
+def enlarged_with_its_lamp(seen: Seen) -> Verdict:
+    """Everything a thousand times as large or small, the lamp brighter by the square."""
+    if seen.scene.node.exactness == "estimate":
+        return None, None, []
+    middle, size = _reach(seen)
+    s = (1e3, 1e-3)[seen.seed % 2]
+    place = middle + size * np.array((0.7, 1.3, 0.9)) * (0.6, 5.0, 300.0)[seen.seed % 3]
+    bright = float(np.sum((place - middle) ** 2))
+    lamp = rm.PointLight(tuple(place), intensity=bright, shadow=True)
+    larger = rm.PointLight(tuple(s * place), intensity=s * s * bright, shadow=True)
+    frame = seen.draw(seen.other(lights=(lamp,)), ("color",))
+    scene = _with_camera(seen, seen.scene.node.scale(s), lambda v: v * s, lambda v: v)
+    scene.lights = (larger,)
+    return None, None, _near(frame, seen.draw(scene, ("color",)))
+
+
+@relation
+def a_lamp_far_away_and_a_sun(seen: Seen) -> Verdict:
+    if seen.scene.node.exactness == "estimate":
+        return None, None, []
+    middle, size = _reach(seen)
+    towards = np.array((0.5, 1.0, 0.7)) / np.linalg.norm((0.5, 1.0, 0.7))
+    far = size * (3e3, 1e4, 1e5)[seen.seed % 3]
+    sun = rm.Sun(tuple(towards), shadow=True)
+    lamp = rm.PointLight(tuple(middle + far * towards), intensity=far * far, shadow=True)
+    frames = [seen.draw(seen.other(lights=(light,)), ("color",)) for light in (sun, lamp)]
+    return None, None, _near(*frames)
+
+
+@relation
+def in_the_shadow_of_a_ball_far_away(seen: Seen) -> Verdict:
+    """Whatever faces the sun is dark then, as if it were turned away."""
+    if any(part.label is not None for part in _all(seen.scene.node)):
+        return None, None, []
+    middle, size = _reach(seen)
+    towards = np.array((0.5, 1.0, 0.7)) / np.linalg.norm((0.5, 1.0, 0.7))
+    away = size * (30.0, 1e3, 3e4)[seen.seed % 3]
+    ball = rm.sphere(2.0 * size).translate(tuple(middle + away * towards))
+    sun = rm.Sun(tuple(towards), shadow=True)
+    frame = seen.draw(seen.other(seen.scene.node | ball, lights=(sun,)), ("color", "depth"))
+    hit = np.isfinite(frame.depth) & np.isfinite(seen.frame.depth)
+    lit = hit & (np.abs(frame.color - 0.1 * 0.8).max(axis=-1) > 1e-3)
+    return None, None, [f"{lit.sum()} of {hit.sum()} pixels are lit"] if lit.any() else []
 
 
 @relation
