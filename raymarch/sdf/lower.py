@@ -22,7 +22,7 @@ from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, construct, make, var
 from raymarch.expr.types import FLOAT, VEC3, vector
-from raymarch.expr.vocabulary import cross, dot, normalize, where
+from raymarch.expr.vocabulary import cross, dot, held, normalize, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
 from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened
@@ -190,10 +190,15 @@ class Lowering:
             inner = (node.label, point) if marking and label is not PARTS else label
             return (yield from self._ask(node.children[0], point, inner))
         children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
-        if marking and label is not PARTS and node.definition.cuts:
-            children = cutting(children)
-            if len(children) == 1:
-                return (yield from self._ask(children[0], point, label))
+        if marking and label is not PARTS and node.definition.cuts and len(cutting(children)) < len(children):
+            # The distance is that of the cut solid. The marks are those of the operands that decide the material.
+            distance = yield from self._ask(node, point, UNMARKED)
+            deciding = cutting(children)
+            if len(deciding) == 1:
+                marked = yield from self._ask(deciding[0], point, label)
+            else:
+                marked = yield from self._body(node, deciding, point, label)
+            return distance + (marked - held(marked))
         return (yield from self._body(node, children, point, label))
 
     def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:

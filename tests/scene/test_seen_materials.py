@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pytest
 
 import raymarch as rm
@@ -44,3 +47,21 @@ def test_all_that_is_called_for_is_there(name: str, ways: str) -> None:
     made = plan(rm.Scene(SOLIDS[name], bounces=2, quality=rm.Quality(ways=ways)))
     text = assemble(made).text()
     assert ("Glass" in text) == (made.glass is not None)
+
+
+@pytest.mark.parametrize("cut", [lambda a, b: a - b, lambda a, b: a & rm.sphere(9) - b])
+@pytest.mark.parametrize("k", [0.0, 0.05])
+def test_a_cut_by_a_tool_without_a_material_hides_nothing_in_its_hole(cut: Any, k: float) -> None:
+    """The tool's material counts for nothing, its distance does: what lies in the hole is nearer than the wall."""
+    red, blue = rm.Material((1, 0, 0)), rm.Material((0, 0, 1))
+    bowl = cut(rm.box((2, 1, 2)).material(red), rm.sphere(0.8).translate((0, 0.5, 0)))
+    ball = rm.sphere(0.3).translate((0, 0.2, 0)).material(blue)
+    scene = rm.Scene(rm.union(bowl, ball, k=k), rm.Camera((0, 4, 0.5), (0, 0, 0), fov=20), [rm.Sun((0, 1, 0))])
+    with rm.Renderer((32, 32)) as renderer:
+        frame = renderer.render(scene, outputs=("material",))
+    truth = rm.truth(scene, size=(32, 32), outputs=("material",))
+    y, x = np.mgrid[0:32, 0:32]
+    middle = np.hypot(x - 15.5, y - 15.5) < 4
+    in_hole, wall = scene.materials.index(blue), scene.materials.index(red)
+    for material in (frame.material, truth.material):
+        assert np.all(material[middle] == in_hole) and np.all(material[:, 0] == wall)
