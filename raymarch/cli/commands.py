@@ -7,7 +7,6 @@ import sys
 import time as clock_time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -110,12 +109,12 @@ def render(
     chooser = choose_quality(quality, error, within)
     found = load(scene)
     if samples is not None:  # before anything is measured with them
-        found.quality = replace(found.quality, samples=samples)
+        found = found.replace(quality=found.quality.replace(samples=samples))
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     moments = _moments(target, time, frames, fps)
     with Renderer((width, height), backend, device) as renderer, _progress(len(moments)) as progress:
-        found.quality = chooser(found, renderer, moments[0][0], params)
+        found = found.replace(quality=chooser(found, renderer, moments[0][0], params))
         for i, (moment, file) in enumerate(moments):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)

@@ -187,8 +187,8 @@ def _report(node: Node) -> Report:
 
 def _inheriting(reports: Sequence[Report], nodes: Sequence[Node]) -> tuple[Report, ...]:
     """The reports, those of nodes above a broken one marked."""
-    broken = {node for node, report in zip(nodes, reports, strict=True) if report.broken}
-    below = [broken.intersection(all_nodes(node)) - {node} for node in nodes]
+    broken = {id(node) for node, report in zip(nodes, reports, strict=True) if report.broken}
+    below = [broken.intersection(map(id, all_nodes(node))) - {id(node)} for node in nodes]
     return tuple(replace(report, inherits=bool(some)) for report, some in zip(reports, below, strict=True))
 
 

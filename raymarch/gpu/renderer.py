@@ -305,18 +305,8 @@ class Renderer:
 
 
 def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
-    """What a plan depends on. The parts, not the scene: somebody may give the same scene another camera."""
-    parts = (
-        scene.node,
-        scene.camera,
-        scene.lights,
-        scene.sky,
-        scene.fog,
-        scene.quality,
-        scene.occlusion,
-        scene.bounces,
-    )
-    return (*parts, tuple(passes_for(outputs)))
+    """What a plan depends on."""
+    return scene.planned, tuple(passes_for(outputs))
 
 
 def _named(drafts: Iterator[Draft], ready: Prepared) -> Iterator[Draft]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from raymarch.errors import Location, RaymarchError, SceneError, is_users
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, scene_of
 from raymarch.sdf.node import Node
 
 
@@ -97,9 +97,7 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
     if callable(found) and not isinstance(found, Node | Scene | type):
         found = _called(found, where)
     if isinstance(found, Node):
-        wrapped = Scene(found)
-        wrapped.where = found.where
-        found = wrapped
+        found = scene_of(found)
     if not isinstance(found, Scene):
         raise SceneError(
             f"'scene' is {found!r} ({type(found).__name__})",

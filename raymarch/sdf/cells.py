@@ -11,9 +11,10 @@ and 1-Lipschitz, because where the choice of cells changes, the field says no mo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Annotated, Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -34,12 +35,16 @@ from raymarch.sdf.repetition import INFINITE
 __all__ = ["repeat_varied"]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, slots=True)
 class Cells:
-    """Which indices the cells of one repetition have, along each axis; infinite where there is no end."""
+    """Which indices the cells of one repetition have, along each axis; infinite where there is no end.
+
+    key : of this repetition, and of no other; also where it comes back from another process.
+    """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    key: str = field(default_factory=lambda: uuid4().hex, repr=False)
 
     @property
     def index(self) -> Expr:

@@ -523,6 +523,7 @@ def combination(
 def _show_signature(build: Any, definition: Definition, skip: int, first: str | None) -> None:
     """Give the builder the signature and the help that a user sees."""
     del build.__wrapped__
+    build.definition = definition
     build.__doc__ = help_text(definition)
     signature = inspect.signature(definition.source)
     shown = list(signature.parameters.values())[skip:]

@@ -32,6 +32,11 @@ class RawField:
     lower: tuple[float, ...]
     upper: tuple[float, ...]
 
+    @property
+    def functions(self) -> tuple[Any, ...]:
+        """What is Python's in it, and therefore pickled by name."""
+        return () if self.function.twin is None else (self.function.twin,)
+
 
 def _waves(points: NDArray[Any]) -> NDArray[Any]:
     x, y, z = points.T
