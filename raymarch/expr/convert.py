@@ -7,13 +7,14 @@ ones fail in one way. Numbers must be finite in float32, because that is how the
 from __future__ import annotations
 
 import os
+import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import RaymarchError, SceneError
+from raymarch.errors import Location, RaymarchError, SceneError, is_users
 
 T = TypeVar("T")
 
@@ -122,7 +123,7 @@ def file_path(what: str, value: Any, legal: str) -> str:
         path = os.fspath(value)
     except TypeError:
         path = None
-    if not isinstance(path, str) or not path or "\0" in path:
+    if not isinstance(path, str) or not path or "\0" in path or max(map(len, path.split(os.sep))) > 255:
         raise SceneError(f"{what} = {short(value)}", legal=legal)
     return path
 
@@ -134,7 +135,14 @@ def called(what: str, function: Callable[..., T], *args: Any, legal: str) -> T:
     except RaymarchError:
         raise
     except Exception as fault:
-        raise SceneError(f"{what}: the function fails: {short_fault(fault)}", legal=legal) from fault
+        where = [
+            Location(code.co_filename, line)
+            for code, line in ((frame.f_code, line) for frame, line in traceback.walk_tb(fault.__traceback__))
+            if is_users(code.co_filename)
+        ]
+        raise SceneError(
+            f"{what}: the function fails: {short_fault(fault)}", legal=legal, where=where[-1] if where else None
+        ) from fault
 
 
 def short_fault(fault: BaseException) -> str:

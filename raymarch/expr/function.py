@@ -60,7 +60,7 @@ class Function:
         if [a.type for a in values] != [p.type for p in self.params]:
             takes = ", ".join(f"{p.type} {p.data}" for p in self.params)
             gets = ", ".join(a.type.name for a in values)
-            raise SceneError(f"{self.name}({takes}) was given ({gets})")
+            raise SceneError(f"{self.name} was given ({gets})", legal=f"{self.name}({takes})")
         return make("call", self.type, values, self)
 
     def inline(self, *args: Expr) -> Expr:
@@ -107,7 +107,7 @@ def trace(
     try:
         body = expr(body)
     except SceneError:
-        raise SceneError(f"{name} must return an expression, not {body!r}", where=where) from None
+        raise SceneError(f"{name} must return an expression, not {short(body)}", where=where) from None
     stray = [v.data for v in free_variables([body]) if v not in symbols]
     if stray:
         raise SceneError(f"{name} uses {stray} from outside its own parameters", where=where)
@@ -176,7 +176,7 @@ def loop(
     until : function of the same arguments; the loop ends before a turn in which it holds.
     """
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 65535:
-        raise SceneError(f"loop count {count!r}", legal="an integer from 1 to 65535")
+        raise SceneError(f"loop count {short(count)}", legal="an integer from 1 to 65535")
     first = tuple(map(expr, state))
     depth = len(_open_loops)
     index = var(f"loop {depth} index", FLOAT)

@@ -142,7 +142,7 @@ class Expr:
     # Components.
     def __len__(self) -> int:
         if not self.type.is_vector:
-            raise SceneError(f"a {self.type} has no components")
+            raise SceneError(f"a {self.type} has no components", legal="a vector")
         return self.type.size
 
     def __getitem__(self, index: int) -> Expr:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from raymarch.errors import Location, RaymarchError, SceneError, is_users
+from raymarch.expr.convert import short
 from raymarch.scene.scene import Scene, scene_of
 from raymarch.sdf.node import Node
 
@@ -100,7 +101,7 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
         found = scene_of(found)
     if not isinstance(found, Scene):
         raise SceneError(
-            f"'scene' is {found!r} ({type(found).__name__})",
+            f"'scene' is {short(found)} ({type(found).__name__})",
             legal="a Scene, a node, or a function giving one",
             where=where,
         )

@@ -17,8 +17,9 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
-from raymarch.scene.parameter import as_expr, as_number, as_vec3
+from raymarch.scene.parameter import as_number, as_vec3
 from raymarch.scene.texture import Texture, lie_alike
+from raymarch.sdf.domain import as_operand
 from raymarch.sdf.lower import POSITION, is_seen
 
 _PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
@@ -67,7 +68,7 @@ def _picture(what: str, value: Texture, size: int, low: float, high: float) -> E
 def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:
     ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
     legal = f"a function of a point that gives {'a number' if size == 1 else '3 numbers'} {ends}"
-    made = as_expr(f"{what}: the function gives", called(what, function, POSITION, legal=legal), legal)
+    made = as_operand(f"{what}: the function gives", called(what, function, POSITION, legal=legal), legal)
     if size == 3 and made.type is vector(1):
         made = vec3(made)
     if made.type is not vector(size):

@@ -16,7 +16,7 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr, make
 from raymarch.expr.types import FLOAT, Type, vector
 from raymarch.expr.walk import find, free_variables
-from raymarch.sdf.domain import unit
+from raymarch.sdf.domain import as_operand, unit
 
 Value = float | tuple[float, ...]
 
@@ -177,14 +177,6 @@ def _seconds(time: Any, where: Location | None) -> float:
         raise SceneError(fault.what, legal=legal, where=where) from None
 
 
-def as_expr(what: str, value: Any, legal: str) -> Expr:
-    """Any operand as an expression."""
-    try:
-        return expr(value)
-    except SceneError:
-        raise SceneError(f"{what} = {short(value)}", legal=legal) from None
-
-
 def as_direction(what: str, value: Any) -> Expr:
     """A direction of any length but 0, made of length 1."""
     given = as_vec3(what, value)
@@ -214,7 +206,7 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
         legal += f" >= {low:g}"
     if high < np.inf:
         legal += f"{' and' if low > -np.inf else ''} <= {high:g}"
-    given = as_expr(what, value, legal)
+    given = as_operand(what, value, legal)
     if given.type is not vector(size):
         raise SceneError(f"{what} = {short(value)}", legal=legal)
     stray = free_variables([given])

@@ -16,8 +16,9 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import dot, max
 from raymarch.expr.walk import find, free_variables
-from raymarch.scene.parameter import as_expr, as_number
+from raymarch.scene.parameter import as_number
 from raymarch.scene.texture import Texture
+from raymarch.sdf.domain import as_operand
 from raymarch.sdf.lower import ACROSS, ALONG, NORMAL, OUTWARD, POSITION, SEEN
 
 FLAT = expr((0.0, 0.0, 0.0))
@@ -54,7 +55,7 @@ def height_of(height: Callable[[Expr], Any] | Any) -> Texture | Expr | None:
     elif not callable(height) or isinstance(height, Expr):
         raise SceneError(f"Material: height = {short(height)} ({type(height).__name__})", legal=legal)
     else:
-        made = as_expr(
+        made = as_operand(
             "Material: height: the function gives", called("Material: height", height, POSITION, legal=legal), legal
         )
     if made.type is not FLOAT or find([made], "texture"):

@@ -88,7 +88,7 @@ class Scene(Value):
             raise SceneError(f"Scene: {solid.name} is flat", legal="a solid; extrude or revolve it first")
         kinds = "Sun(...) or PointLight(...), SpotLight(...), SphereLight(...)"
         several: Any = [Sun()] if lights is None else lights
-        if not isinstance(several, Iterable):
+        if not isinstance(several, Iterable) or isinstance(several, Expr | np.generic | np.ndarray):
             one = f"{type(several).__name__}(...)" if isinstance(several, Light) else short(several)
             raise SceneError(f"Scene: lights = {one}", legal="a list of them, such as [Sun()]")
         given = tuple(_instance("lights", light, Light, kinds) for light in several)

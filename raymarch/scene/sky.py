@@ -18,8 +18,9 @@ from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import max
 from raymarch.expr.walk import free_variables
-from raymarch.scene.parameter import Values, as_expr, as_number, as_vec3
+from raymarch.scene.parameter import Values, as_number, as_vec3
 from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import as_operand
 
 DIRECTION = var("direction", VEC3)
 """The unit vector along which a sky is seen."""
@@ -124,7 +125,7 @@ def _radiance(color: Any) -> Expr:
     elif not callable(color) or isinstance(color, Expr):
         return as_vec3("Sky: color", color, low=0.0)
     else:
-        made = as_expr("Sky: the function gives", called("Sky", color, DIRECTION, legal=legal), legal)
+        made = as_operand("Sky: the function gives", called("Sky", color, DIRECTION, legal=legal), legal)
     if made.type is not VEC3:
         raise SceneError(f"Sky: the function gives a {made.type}", legal=legal)
     return made if made.op == "max" and made.args[1] is ZERO else max(made, 0.0)

@@ -30,7 +30,8 @@ class Layout(Value):
     """How a picture lies in space.
 
     axis : along which it is projected, None for all three, by the normal. extents : of one picture along u and v.
-    shift : of its middle. what : who asks, for messages. turn : of the picture, counter-clockwise, in radians. hardness : of the mix of three.
+    shift : of its middle. what : who asks, for messages.
+    turn : of the picture, counter-clockwise, in radians. hardness : of the mix of three.
     """
 
     axis: str | None
@@ -50,6 +51,7 @@ class Layout(Value):
         what: str = "texture",
     ) -> None:
         self._begin()
+        what = instance("Layout: what", what, str, "who asks, for messages")
         self._set(
             axis=optional(choice, f"{what}: axis", axis, tuple(FACES)),
             extents=_pair(f"{what}: size", extents, "a length > 0, or two", 1e-6),

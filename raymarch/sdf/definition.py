@@ -16,6 +16,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, cast
 import numpy as np
 
 from raymarch.errors import Location, SceneError
+from raymarch.expr.convert import short
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
@@ -86,7 +87,9 @@ class Definition:
             return self.flat.make(children, args, kwargs)
         for child in children:
             if not isinstance(child, Node):
-                raise SceneError(f"{self.name} of {child!r} ({type(child).__name__})", legal="a node such as sphere()")
+                raise SceneError(
+                    f"{self.name} of {short(child)} ({type(child).__name__})", legal="a node such as sphere()"
+                )
             if child.dimension != self.child_dimension:
                 raise SceneError(
                     f"{self.name} of a {child.dimension}D field ({child.name})",
@@ -353,7 +356,7 @@ def _require(name: str, exactness: Any, bounds: Any) -> None:
             legal="@shape(exactness='exact' | 'bound' | 'estimate', bounds=function giving (lower, upper))",
         )
     if not callable(exactness) and exactness not in ("exact", "bound", "estimate"):
-        raise SceneError(f"{name}: exactness = {exactness!r}", legal="'exact', 'bound' or 'estimate'")
+        raise SceneError(f"{name}: exactness = {short(exactness)}", legal="'exact', 'bound' or 'estimate'")
 
 
 def shape(

@@ -22,7 +22,7 @@ from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.types import FLOAT, MAT3, MAT4, VEC2, VEC3, VECTORS, Type
 from raymarch.expr.vocabulary import normalize
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, free_variables
 
 Kind: TypeAlias = type[Any]
 """A Python type; under a name of its own, because a Domain's `type` is a GLSL type."""
@@ -82,6 +82,10 @@ class Domain:
             given = expr(value)
         except SceneError:
             raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal) from None
+        stray = free_variables([given])
+        if stray:
+            what = f"{node}: {name} depends on {short(stray[0].data)}"
+            raise SceneError(what, legal=f"{self.legal}, of parameters and time")
         if self.stretch and given.type is FLOAT:
             given = expr((given,) * self.type.size)
         if given.type is not self.type:
@@ -151,6 +155,22 @@ Points2 = Annotated[Any, Domain(None, holds=tuple, points=2, unit="length")]
 Points3 = Annotated[Any, Domain(None, holds=tuple, points=3, unit="length")]
 Count = Annotated[int, Domain(None, low=1, high=65535, unit="count")]
 Whole = Annotated[int, Domain(None, unit="integer")]
+
+
+def as_operand(what: str, value: Any, legal: str) -> Expr:
+    """Any operand as an expression."""
+    try:
+        return expr(value)
+    except SceneError:
+        raise SceneError(f"{what} = {short(value)}", legal=legal) from None
+
+
+def as_length(what: str, value: Any, legal: str = "a number > 0, or None") -> Expr:
+    """A number, or an expression of parameters and time; its range is not checked."""
+    given = as_operand(what, value, legal)
+    if given.type is not FLOAT or free_variables([given]):
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
+    return given
 
 
 def unit(direction: Expr) -> Expr:

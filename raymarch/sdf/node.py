@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import Location, SceneError, user_location
+from raymarch.expr.convert import numbers, short
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.pickling import Same, pickled, remake, same
 from raymarch.sdf.registry import METHODS
@@ -121,7 +122,7 @@ class Node:
         return result
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        array = np.asarray(points, np.float64)
+        array = numbers("points", points, f"(N, {self.dimension}) or ({self.dimension},)")
         if array.ndim not in (1, 2) or array.shape[-1] != self.dimension:
             raise SceneError(f"points of shape {array.shape}", legal=f"(N, {self.dimension}) or ({self.dimension},)")
         return array
@@ -147,7 +148,7 @@ class Node:
 
     def _combine(self, name: str, other: Node) -> Node:
         if not isinstance(other, Node):
-            raise SceneError(f"{name} of {self.name} and {other!r} ({type(other).__name__})", legal="two nodes")
+            raise SceneError(f"{name} of {self.name} and {short(other)} ({type(other).__name__})", legal="two nodes")
         return self._call(name, other)
 
     def _call(self, name: str, *args: Any, **kwargs: Any) -> Node:

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import zipfile
+import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import file_path, holdable, integer, numbers, optional, real, short
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
@@ -91,7 +95,7 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     Interpolated linearly. A bound: the field is divided by its steepest slope. Outside the box it is
     the distance to the box and the sample at the nearest point of it, taken together.
     """
-    array = np.asarray(values, np.float64)
+    array = numbers("grid: values", values, "distances, (nx, ny, nz), each 2 to 2048")
     if array.ndim != 3:
         raise SceneError(f"grid: values of shape {array.shape}", legal="(nx, ny, nz)")
     data = Samples(array.transpose(2, 1, 0))
@@ -123,25 +127,69 @@ def mesh(
 
     Needs the extra `mesh` (trimesh, rtree). Raises SceneError for a file that cannot be read or is not closed.
     """
-    if isinstance(resolution, bool) or not isinstance(resolution, int) or not 8 <= resolution <= 256:
-        raise SceneError(f"mesh: resolution = {resolution!r}", legal="an integer from 8 to 256")
+    resolution = integer("mesh: resolution", resolution, 8, 256)
+    extent = optional(_extent, "mesh: extent", extent)
+    file = file_path("mesh: file", file, "a mesh file")
+    folder = None if cache is None else file_path("mesh: cache", cache, "a folder")
+    if progress is not None and not callable(progress):
+        raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the share done, or None")
     try:
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
     key = hashlib.sha256(content + f"{extent} {resolution} 1".encode()).hexdigest()[:24]
-    folder = Path(cache or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
-    kept = folder / f"mesh-{key}.npz"
-    if kept.exists():
+    kept = _cache(folder)
+    kept = kept and kept / f"mesh-{key}.npz"
+    found = None if kept is None else _from_cache(kept)
+    if found is not None:
+        return found
+    values, size, centre = _sample_mesh(_load_mesh(Path(file), extent), resolution, progress)
+    if kept is not None:
+        _to_cache(kept, values, size, centre)
+    return sampled_grid(Samples(values), size, centre)
+
+
+def _cache(folder: str | None) -> Path | None:
+    """The folder of the cache; None where there is no home."""
+    try:
+        return Path(folder or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
+    except RuntimeError:
+        return None
+
+
+def _from_cache(kept: Path) -> Node | None:
+    """What an earlier run has sampled; None if there is nothing, or nothing whole."""
+    try:
         with np.load(kept) as found:
             return sampled_grid(Samples(found["values"]), found["size"], found["centre"])
-    solid = _load_mesh(Path(file), extent)
-    values, size, centre = _sample_mesh(solid, resolution, progress)
-    folder.mkdir(parents=True, exist_ok=True)
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        zipfile.BadZipFile,
+        zlib.error,
+        SceneError,
+    ):
+        return None
+
+
+def _to_cache(kept: Path, values: Any, size: Any, centre: Any) -> None:
+    """Keep samples for the next run. A cache that cannot be written is only not used."""
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
-    np.savez_compressed(partial, values=values, size=size, centre=centre)
-    partial.replace(kept)
-    return sampled_grid(Samples(values), size, centre)
+    try:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(partial, values=values, size=size, centre=centre)
+        partial.replace(kept)
+    except OSError:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def _extent(what: str, value: Any) -> float:
+    return real(what, value, float(np.finfo(np.float32).tiny), legal="a number > 0, or None")
 
 
 def _load_mesh(file: Path, extent: float | None) -> Any:
@@ -156,8 +204,6 @@ def _load_mesh(file: Path, extent: float | None) -> Any:
     if len(solid.faces) == 0 or not solid.is_watertight:
         raise SceneError(f"mesh: '{file}' is not closed", legal="a watertight mesh, which has an inside")
     if extent is not None:
-        if not 0 < extent < np.inf:
-            raise SceneError(f"mesh: extent = {extent!r}", legal="a number > 0, or None")
         solid.apply_translation(-solid.bounds.mean(axis=0))
         solid.apply_scale(extent / solid.extents.max())
     return solid
@@ -187,14 +233,16 @@ def _sample_mesh(solid: Any, resolution: int, progress: Progress | None) -> tupl
 def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[np.float64]:
     """Heights from 0 to 1 of an image file (its luminance), or an array as it is; shape (rows, columns)."""
     if isinstance(source, str | os.PathLike):
+        source = file_path(f"{what}: source", source, "an image file")
         try:
             with Image.open(source) as picture:
                 return np.asarray(picture.convert("F"), np.float64) / (65535.0 if "16" in picture.mode else 255.0)
         except OSError as fault:
             raise SceneError(f"{what}: cannot read '{source}': {fault}", legal="an image file") from None
-    array = np.asarray(source, np.float64)
-    if array.ndim != 2 or np.min(array.shape) < 2 or not np.all(np.isfinite(array)):
-        raise SceneError(f"{what}: heights of shape {array.shape}", legal="(rows, columns), finite, at least 2x2")
+    legal = "an image file, or heights (rows, columns), finite, at least 2x2"
+    array = numbers(f"{what}: source", source, legal)
+    if array.ndim != 2 or np.min(array.shape) < 2 or not holdable(array):
+        raise SceneError(f"{what}: heights of shape {array.shape}", legal=legal)
     return array
 
 
