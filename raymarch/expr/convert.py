@@ -64,6 +64,8 @@ def integer(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST,
 def real(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST, legal: str = "") -> float:
     """A number within a range, both ends legal."""
     given = plain(value)
+    if isinstance(given, int) and abs(given) > LARGEST:
+        given = None
     if isinstance(given, bool) or not isinstance(given, int | float) or not low <= given <= high:
         legal = legal or ("a finite number" if high == LARGEST else f"a number from {low:g} to {high:g}")
         raise SceneError(f"{what} = {short(value)}", legal=legal)

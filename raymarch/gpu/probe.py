@@ -212,7 +212,7 @@ class _Drawing:
         made = probing.plan
         self.ready: Prepared = assembled(made)
         (self.chosen,) = made.passes
-        values = set_values(made.parameters, params or {}, time, made.given.where)
+        values = set_values(made.parameters, params, time, made.given.where)
         size = renderer.size
         self.uniforms = renderer.uniforms(self.ready, values, made.given.pose(values, size[0] / size[1]))
         self.target: Target = renderer.store.target(self.chosen.name, size, self.chosen.textures)

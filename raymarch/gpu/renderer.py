@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError
+from raymarch.expr.convert import plain, real, short
 from raymarch.gpu.clock import Clock
-from raymarch.gpu.context import Context, open_context
+from raymarch.gpu.context import BACKENDS, Context, open_context
 from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
@@ -56,15 +57,18 @@ class Renderer:
         device: int | None = None,
         context: Context | None = None,
     ) -> None:
-        self.context: Context = open_context(backend, device) if context is None else context
-        self._owns_context = context is None
+        if context is None:
+            context, self._owns_context = open_context(*_device(backend, device)), True
+        else:
+            self._owns_context = False
+        self.context: Context = context
         self.clock = Clock(self.context)
         self.store = Store(self.context)
         self.history = History()
         self.planned_for: tuple[int, int] | None = None
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         try:
-            self._size = self.store.target("color", size).size
+            self._size = self._target_size(size)
         except DeviceError:
             self.close()
             raise
@@ -90,9 +94,13 @@ class Renderer:
 
     def resize(self, size: tuple[int, int]) -> None:
         """Draw at another size from now on; DeviceError, and the old size stays, if it is not possible."""
-        self._size = self.store.target("color", size).size
+        self._size = self._target_size(size)
         self.store.free_targets("color")
         self.forget()
+
+    def _target_size(self, size: Any) -> tuple[int, int]:
+        """A size that can be drawn."""
+        return self.store.target("color", size.tolist() if isinstance(size, np.ndarray) else size).size
 
     def forget(self) -> None:
         """Let the next frame take nothing from those before it."""
@@ -130,6 +138,7 @@ class Renderer:
         DeviceError : the renderer is closed, or the driver lacks what an output needs.
         """
         check_scene("render", scene)
+        within = None if within is None else real("within", within, 0.0, np.inf, "milliseconds >= 0, or None")
         values = self._values(scene, params, time, outputs)
         size = self.size
         pose = pose or scene.pose(values, size[0] / size[1])
@@ -191,7 +200,7 @@ class Renderer:
             self._prepared.popitem(last=False)
 
     def _values(self, scene: Scene, params: Mapping[str, Any] | None, time: float, outputs: Sequence[str]) -> Values:
-        return set_values(self._prepare(scene, outputs).plan.parameters, params or {}, time, scene.where)
+        return set_values(self._prepare(scene, outputs).plan.parameters, params, time, scene.where)
 
     def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
         """The plan and shader of a scene, kept from earlier where there are any."""
@@ -302,6 +311,16 @@ class Renderer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _device(backend: Any, device: Any) -> tuple[str, int | None]:
+    """Backend and device, where they are a name and a number at all; whether there are such is the context's to say."""
+    number = plain(device)
+    if not isinstance(backend, str) or len(backend) > 32:
+        raise DeviceError(f"backend={short(backend)}", legal=f"auto, {', '.join(BACKENDS)}")
+    if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number.bit_length() > 31):
+        raise DeviceError(f"device={short(device)} is no device number", legal="an integer >= 0")
+    return backend, number
 
 
 def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:

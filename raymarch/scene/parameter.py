@@ -150,13 +150,14 @@ class Values:
 
 
 def set_values(
-    specs: Mapping[str, Spec], given: Mapping[str, Any], time: float = 0.0, where: Location | None = None
+    specs: Mapping[str, Spec], given: Mapping[str, Any] | None = None, time: float = 0.0, where: Location | None = None
 ) -> Values:
     """Defaults, with some replaced; SceneError for an unknown name or a value out of range.
 
     `where` is the scene's line, for a name that it does not have.
     """
     params = {name: spec.value for name, spec in specs.items()}
+    given = {} if given is None else given
     if not isinstance(given, Mapping):
         raise SceneError(
             f"params = {short(given)} ({type(given).__name__})", legal="a dict of values by name", where=where

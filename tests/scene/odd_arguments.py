@@ -125,7 +125,7 @@ NUMBERS: dict[str, Callable[[float], Any]] = {
     "array without axes": np.array,
 }
 """Ways to say a number; each is accepted wherever a float is."""
-WHOLE: dict[str, Callable[[int], Any]] = {"np.int64": np.int64, "np.uint8": np.uint8, "array without axes": np.array}
+WHOLE: dict[str, Callable[[int], Any]] = {"np.int64": np.int64, "np.uint16": np.uint16, "array without axes": np.array}
 """Ways to say a whole number."""
 
 

@@ -31,7 +31,11 @@ def test_one_odd_argument_is_legal_or_refused(name: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("name", CALLS)
+TRACED = {"displace_by", "node.displace_by", "repeat_varied"}
+"""Each call traces the user's function anew, and gives another node."""
+
+
+@pytest.mark.parametrize("name", [name for name in CALLS if name not in NOT_THERE])
 def test_numbers_of_numpy_are_numbers(name: str) -> None:
     """Where a number is legal, its NumPy scalar and its array without axes are, and mean the same."""
     call = CALLS[name]
@@ -39,7 +43,7 @@ def test_numbers_of_numpy_are_numbers(name: str) -> None:
         ways: Any = odd.NUMBERS if type(value) is float else odd.WHOLE if type(value) is int else {}
         for way, say in ways.items():
             made = call(**{parameter: say(value)})
-            if isinstance(made, rm.Node) and way != "np.float16":
+            if isinstance(made, rm.Node) and name not in TRACED and way != "np.float16":
                 usual = call(**{parameter: float(np.float32(value)) if way == "np.float32" else value})
                 assert made == usual, (parameter, way)
 
