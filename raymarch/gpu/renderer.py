@@ -100,7 +100,7 @@ class Renderer:
 
     def _target_size(self, size: Any) -> tuple[int, int]:
         """A size that can be drawn."""
-        return self.store.target("color", size.tolist() if isinstance(size, np.ndarray) else size).size
+        return self.store.target("color", size.tolist() if isinstance(size, np.ndarray | np.generic) else size).size
 
     def forget(self) -> None:
         """Let the next frame take nothing from those before it."""

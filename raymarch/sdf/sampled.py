@@ -160,7 +160,7 @@ def _cache(folder: str | None) -> Path | None:
 def _from_cache(kept: Path) -> Node | None:
     """What an earlier run has sampled; None if there is nothing, or nothing whole."""
     try:
-        with np.load(kept) as found:
+        with kept.open("rb") as file, np.load(file) as found:
             return sampled_grid(Samples(found["values"]), found["size"], found["centre"])
     except (
         OSError,
