@@ -7,6 +7,7 @@ cannot give a node that the definition would refuse.
 from __future__ import annotations
 
 import sys
+import threading
 from importlib import import_module
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
@@ -30,15 +31,19 @@ class Same:
 
 
 _known: WeakValueDictionary[tuple[Any, ...], Same] = WeakValueDictionary()
+_knowing = threading.Lock()
 
 
 def same(*key: Any) -> Same:
     """The one object for a definition, what the children have in common, the parameters and the label."""
-    try:
-        found = _known.get(key)
-    except TypeError:
-        raise SceneError(f"material = {short(key[-1])}", legal="Material(...)") from None
-    return found if found is not None else _known.setdefault(key, Same(key))
+    with _knowing:  # two threads must not make two
+        try:
+            found = _known.get(key)
+        except TypeError:
+            raise SceneError(f"material = {short(key[-1])}", legal="Material(...)") from None
+        if found is None:
+            _known[key] = found = Same(key)
+    return found
 
 
 # Definitions by name
