@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -42,10 +41,10 @@ def draw(file: Path, renderer: rm.Renderer) -> dict[str, float]:
     """Draws a scene's picture; gives its evaluations a pixel and rays a pixel."""
     scene = load(file)
     random = scene.bounces > 0 and scene.quality.ways == "random"
-    scene.quality = replace(scene.quality, samples=NOISY if random else SAMPLES)
+    scene = scene.replace(quality=scene.quality.replace(samples=NOISY if random else SAMPLES))
     frame = renderer.render(scene)
     frame.image().save(PICTURES / f"{name_of(file)}.png", optimize=True)
-    scene.quality = replace(scene.quality, samples=1)
+    scene = scene.replace(quality=scene.quality.replace(samples=1))
     once = renderer.render(scene, outputs=("evaluations",))
     return {"samples": NOISY if random else SAMPLES, "evaluations": round(float(once.evaluations.mean()), 1)}
 

@@ -1,4 +1,8 @@
-"""The commands. Exit codes: 0 done; 1 a fault of ours; 2 bad input, with one message that names file and line."""
+"""The commands.
+
+Exit codes: 0 done; 1 a fault of ours; 2 bad input, with one message that names file and line; 130 Ctrl+C. A reader that
+closes the pipe early has what it wanted: that is 0, too.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +12,17 @@ import time as clock_time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import Progress, TextColumn
 
 import raymarch
+from raymarch import interrupt
 from raymarch.cli.choice import choose_quality
-from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
+from raymarch.cli.common import CommandError, Output, SceneFile, errors, parse_settings, parse_size, piped, written
 from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.errors import RaymarchError, RenderError, RenderWarning
 from raymarch.gpu.doctor import examine
@@ -49,11 +52,15 @@ FORMATS = {
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line and exit; wrong usage is typer's to report, also with code 2."""
-    try:
-        app(args=args, prog_name="raymarch")
-    except RaymarchError as fault:
-        errors.print(f"raymarch: {fault}", markup=False)
-        sys.exit(2)
+    interrupt.watch_no_more()
+    with piped():
+        try:
+            app(args=args, prog_name="raymarch")
+        except RaymarchError as fault:
+            errors.print(f"raymarch: {fault}", markup=False)
+            sys.exit(2)
+        except KeyboardInterrupt:
+            sys.exit(interrupt.INTERRUPTED)
 
 
 def _version(asked: bool) -> None:
@@ -114,7 +121,7 @@ def render(
     chooser = choose_quality(quality, error, within)
     found = load(scene)
     if samples is not None:  # before anything is measured with them
-        found.quality = replace(found.quality, samples=samples)
+        found = found.replace(quality=found.quality.replace(samples=samples))
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     moments = _moments(target, time, frames, fps)
@@ -124,7 +131,7 @@ def render(
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore", RenderWarning)  # said below, a line each
-        found.quality = chooser(found, renderer, moments[0][0], params)
+        found = found.replace(quality=chooser(found, renderer, moments[0][0], params))
         for i, (moment, file) in enumerate(moments):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
@@ -227,7 +234,7 @@ def explain_command(
     elif json:
         typer.echo(json_format.dumps({**explain.as_dict(made), "glsl": shader.text()}, indent=2))
     else:
-        explain.show(made, len(shader.text().encode()), Console(highlight=False, soft_wrap=True, emoji=False))
+        explain.show(made, len(shader.text().encode()), Output())
 
 
 @app.command()
@@ -244,7 +251,7 @@ def doctor(json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = F
 
 
 def _show_report(report: Any) -> None:
-    out = Console(highlight=False, soft_wrap=True, emoji=False)
+    out = Output()
     out.print(f"[bold]{report.backend}[/bold]  {'works' if report.works else 'does not work'}")
     rows: list[tuple[str, Any]] = []
     if report.works:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import select
+import stat
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -51,6 +55,59 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
             raise CommandError(f"--set {setting}", legal="NAME=VALUE, where VALUE is a number or several: 1,0.5,0")
         values[name.strip()] = numbers[0] if len(numbers) == 1 else tuple(numbers)
     return values
+
+
+@contextmanager
+def piped() -> Iterator[None]:
+    """End quietly, with code 0, where whoever reads the output has closed the pipe, as `head` does."""
+    try:
+        output = os.dup(1)  # rich puts another in the place of 1
+    except OSError:
+        output = -1
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        _forget_output()
+        sys.exit(0)
+    except SystemExit as stop:
+        if stop.code != 1 or not _reader_is_gone(output):  # typer and rich end with 1 then
+            raise
+        _forget_output()
+        sys.exit(0)
+    finally:
+        with suppress(OSError):
+            os.close(output)
+
+
+def _reader_is_gone(output: int) -> bool:
+    """True if the output is a pipe that nobody reads."""
+    try:
+        if not stat.S_ISFIFO(os.fstat(output).st_mode):
+            return False
+        watch = select.poll()
+        watch.register(output, select.POLLOUT)
+        return any(event & (select.POLLERR | select.POLLHUP) for _, event in watch.poll(0))
+    except (OSError, AttributeError):
+        return False
+
+
+def _forget_output() -> None:
+    """Let Python write what is left to nowhere when it ends."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+class Output(Console):
+    """A console on the output stream that leaves a closed pipe to `piped`."""
+
+    def __init__(self, soft_wrap: bool = True) -> None:
+        super().__init__(highlight=False, soft_wrap=soft_wrap, emoji=False)
+
+    def on_broken_pipe(self) -> NoReturn:
+        raise BrokenPipeError(errno.EPIPE, "the reader has closed the pipe")
 
 
 @contextmanager

@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from raymarch.cli.choice import watched
 from raymarch.cli.commands import app
-from raymarch.cli.common import CommandError, parse_settings, parse_size, written
+from raymarch.cli.common import CommandError, Output, parse_settings, parse_size, written
 from raymarch.cost.accuracy import claims, page
 from raymarch.cost.checks import check
 from raymarch.cost.effects import ablate, evaluations_of
@@ -163,7 +162,7 @@ def _effects(
     with watched() as tell, Renderer(size, backend, device) as renderer:
         found = ablate(scene, renderer, time, params, repeats, seed, tell)
         measured_on = environment(renderer)
-    out = Console(highlight=False, emoji=False)
+    out = Output(soft_wrap=False)
     out.width = max(out.width, WIDTH)
     out.print(effects_table(found, name))
     if json is not None:
@@ -192,14 +191,14 @@ def _suite(scene: Path | None, asked: bool, scenes: Path, output: Path, quick: b
             partial.write_bytes(save(draw(made)))
     with written(output) as partial:
         partial.write_text(page(made, pictures), encoding="utf-8")
-    out = Console(highlight=False, emoji=False)
+    out = Output(soft_wrap=False)
     out.print(claims(made), markup=False, soft_wrap=True)
     out.print(f"{output} and {len(pictures)} figures are written", markup=False, soft_wrap=True)
 
 
 def show(made: Sweep, metric: str, everything: bool) -> None:
     """The table and the sentences below it."""
-    out = Console(highlight=False, emoji=False)
+    out = Output(soft_wrap=False)
     out.width = max(out.width, WIDTH)
     shown = made.points if everything else telling(made, metric)
     out.print(table(made, metric, shown))

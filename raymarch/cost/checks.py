@@ -42,8 +42,8 @@ def check(
 ) -> list[Check]:
     """All checks of a sweep of a scene; `renderer` is the one that it was measured with, `time` and `params` too."""
     found = [check_clock(renderer), check_times(made)]
-    field = Field(scene, set_values(scene.parameters, params or {}, time))
-    origin = scene.pose(set_values(scene.parameters, params or {}, time), made.known.size[0] / made.known.size[1])
+    field = Field(scene, set_values(scene.parameters, params, time))
+    origin = scene.pose(set_values(scene.parameters, params, time), made.known.size[0] / made.known.size[1])
     whole = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # of others the rays are not known
     found += [check_hits(p, scene, made, field, origin.position) for p in whole]
     failed = [c for c in found if not c.holds]

@@ -16,6 +16,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import topological
+from raymarch.scene.material import Material
 from raymarch.scene.parameter import Spec
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
@@ -67,6 +68,8 @@ def code_key() -> str:
 
 
 def _attributes(part: Any) -> list[str]:
+    if isinstance(part, Material):
+        return ["expressions"]
     slots = [name for kind in type(part).__mro__ for name in getattr(kind, "__slots__", ())]
     own = list(getattr(part, "__dict__", ()))
     return [name for name in dict.fromkeys(slots + own) if not name.startswith("__") and name not in _BESIDE]

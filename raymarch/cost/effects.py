@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
 import random
 from collections.abc import Callable, Iterator, Mapping
@@ -18,10 +17,11 @@ from raymarch.cost.settings import Setting, with_quality
 from raymarch.cost.statistics import Median, median
 from raymarch.cost.sweep import Progress
 from raymarch.errors import CostError
-from raymarch.expr.node import Expr, const
+from raymarch.expr.node import Expr
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
+from raymarch.scene.light import hard
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled
@@ -82,29 +82,30 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
     alone, or more than one ray a pixel.
     """
     for name in _optional_parts(scene):
-        yield name, _changed(scene, **{name: None})
+        yield name, scene.replace(**{name: None})
     for switch in _switches([*scene.lights]):
         lights = tuple(
-            _off(light, switch) if getattr(light, switch, False) is True else light for light in scene.lights
+            light.replace(**{switch: False}) if getattr(light, switch, False) is True else light
+            for light in scene.lights
         )
-        yield f"{switch} of lights", _changed(scene, lights=lights)
+        yield f"{switch} of lights", scene.replace(lights=lights)
     if any(_soft(light) for light in scene.lights):
-        lights = tuple(_off(light, "softness") if _soft(light) else light for light in scene.lights)
-        yield "softness of shadows", _changed(scene, lights=lights)
+        lights = tuple(hard(light) if _soft(light) else light for light in scene.lights)
+        yield "softness of shadows", scene.replace(lights=lights)
     for switch in _switches([scene.sky]):
-        yield f"{switch} of the sky", _changed(scene, sky=_off(scene.sky, switch))
+        yield f"{switch} of the sky", scene.replace(sky=scene.sky.replace(**{switch: False}))
     if len(scene.lights) > 1:
         for i, light in enumerate(scene.lights):
             rest = scene.lights[:i] + scene.lights[i + 1 :]
-            yield f"light {i + 1}, {type(light).__name__}", _changed(scene, lights=rest)
+            yield f"light {i + 1}, {type(light).__name__}", scene.replace(lights=rest)
     if any(m.textured or m.relief for m in scene.materials):
-        yield "maps", _changed(scene, node=relabelled(scene.node, Material.without_maps))
+        yield "maps", scene.replace(node=relabelled(scene.node, Material.without_maps))
     if scene.wanders or scene.branches:
-        yield "bounces of light", _changed(scene, bounces=0)
+        yield "bounces of light", scene.replace(bounces=0)
     if scene.bounces > 1 and (scene.wanders or scene.branches):
-        yield f"bounce {scene.bounces}", _changed(scene, bounces=scene.bounces - 1)
+        yield f"bounce {scene.bounces}", scene.replace(bounces=scene.bounces - 1)
     if scene.quality.samples > 1:
-        yield "anti-aliasing", with_quality(scene, replace(scene.quality, samples=1))
+        yield "anti-aliasing", scene.replace(quality=scene.quality.replace(samples=1))
 
 
 def _optional_parts(scene: Scene) -> list[str]:
@@ -118,10 +119,7 @@ def _switches(parts: list[Any]) -> list[str]:
     """Names of attributes that are True in some part."""
     found: dict[str, None] = {}
     for part in parts:
-        for kind in type(part).__mro__:
-            for name in getattr(kind, "__slots__", ()):
-                if not name.startswith("_") and getattr(part, name, None) is True:
-                    found[name] = None
+        found.update((name, None) for name, value in part.arguments().items() if value is True)
     return list(found)
 
 
@@ -130,19 +128,6 @@ def _soft(light: Any) -> bool:
     if not isinstance(softness, Expr) or not light.shadow:
         return False
     return not softness.is_constant or bool(np.any(softness.data))
-
-
-def _off(part: Any, name: str) -> Any:
-    made = copy.copy(part)
-    setattr(made, name, False if getattr(part, name) is True else const(0.0))
-    return made
-
-
-def _changed(scene: Scene, **parts: Any) -> Scene:
-    made = copy.copy(scene)
-    for name, value in parts.items():
-        setattr(made, name, value)
-    return made
 
 
 def ablate(

@@ -102,7 +102,7 @@ def reference(
     edge = round(max(samples, 0) ** 0.5)
     if edge * edge != samples or not 0 <= samples <= 256:
         raise ValueError(f"reference: samples = {samples} (a square number up to 256)")
-    values = set_values(scene.parameters, params or {}, time)
+    values = set_values(scene.parameters, params, time)
     near = scene.quality.near(certified=True) if samples else None  # N* alone depends on it
     key = content_key(scene, tuple(size), time, dict(values.params), samples, near)
     file = None if (folder := cache_folder()) is None else folder / f"{key}.npz"
@@ -129,7 +129,7 @@ def cache_folder() -> Path | None:
 def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progress: Progress) -> Reference:
     progress("truth: depth, normals, colour")
     known = truth(scene, size, time, params, outputs=("normal", "material"))
-    values = set_values(scene.parameters, params or {}, time)
+    values = set_values(scene.parameters, params, time)
     width, height = known.depth.shape[1], known.depth.shape[0]
     color = known.color if edge else np.zeros((height, width, 3))
     picture, spread, half = color, np.zeros(known.depth.shape), color
@@ -182,7 +182,7 @@ def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edg
     The half is every other ray, as on a chessboard (of an odd number the larger half).
     """
     width, height = size
-    values = set_values(scene.parameters, params or {}, time)
+    values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     black = np.indices((edge, edge)).sum(axis=0).ravel() % 2 == 0
     picture, half, spread = np.empty((height, width, 3)), np.empty((height, width, 3)), np.empty((height, width))

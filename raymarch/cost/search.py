@@ -15,6 +15,7 @@ from raymarch.cost.settings import Setting, named, settled
 from raymarch.cost.statistics import Median, median
 from raymarch.cost.sweep import Point, Progress, sweep
 from raymarch.errors import CostError
+from raymarch.expr.convert import short
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality, provide_searches
 from raymarch.scene.scene import Scene, check_scene
@@ -84,7 +85,7 @@ def parse_error(text: str) -> tuple[str, float]:
     match = re.fullmatch(rf"\s*(?:{number}\s*px|flip\s*:\s*{number})\s*", str(text))
     value = float(match[1] or match[2]) if match else 0.0
     if match is None or value <= 0 or (match[2] and value > 1):
-        raise CostError(f"error {text!r}", legal="a distance in pixels such as 0.5px, or flip:X with 0 < X <= 1")
+        raise CostError(f"error {short(text)}", legal="a distance in pixels such as 0.5px, or flip:X with 0 < X <= 1")
     return ERROR["px" if match[1] else "flip"], value
 
 
@@ -93,7 +94,7 @@ def parse_time(text: str | float) -> float:
     match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s)?\s*", str(text))
     value = float(match[1]) * (1e3 if match[2] == "s" else 1.0) if match else 0.0
     if value <= 0:
-        raise CostError(f"time {text!r}", legal="milliseconds above 0, such as 16ms")
+        raise CostError(f"time {short(text)}", legal="milliseconds above 0, such as 16ms")
     return value
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import copy
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -188,9 +187,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
 
 def with_quality(scene: Scene, quality: Quality) -> Scene:
     """The same scene with another quality; the given one stays as it is."""
-    made = copy.copy(scene)
-    made.quality = quality
-    return made
+    return scene.replace(quality=quality)
 
 
 def named(change: Mapping[str, Any]) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from raymarch.errors import CostError
-from raymarch.expr.vocabulary import pow, sqrt
-from raymarch.scene.light import PENUMBRAS, Light
+from raymarch.expr.vocabulary import max, pow, sqrt
+from raymarch.scene.light import PENUMBRAS, Light, hard
 from raymarch.scene.material import Material
-from raymarch.scene.occlusion import Occlusion
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled
 
@@ -41,12 +39,9 @@ def with_penumbra(scene: Scene, form: str) -> Scene | None:
     def formed(light: Light) -> Light:
         if not light.soft:
             return light
-        made = copy.copy(light)
-        made.penumbra = form if form != "hard" else made.penumbra
-        made.softness = made.softness * 0.0 if form == "hard" else made.softness
-        return made
+        return light.replace(penumbra=form) if form != "hard" else hard(light)
 
-    return scene.changed(lights=[formed(light) for light in scene.lights])
+    return scene.replace(lights=[formed(light) for light in scene.lights])
 
 
 def with_disc(scene: Scene) -> Scene:
@@ -60,9 +55,8 @@ def with_occlusion_samples(scene: Scene, samples: int) -> Scene | None:
     own = scene.occlusion
     if own is None or own.steps == samples:
         return None
-    made = Occlusion(samples, own.reach, own.strength)
-    made.decay = pow(own.decay, own.steps / samples)
-    return scene.changed(occlusion=made)
+    made = own.replace(steps=samples, decay=max(pow(own.decay, own.steps / samples), 1e-3))
+    return scene.replace(occlusion=made)
 
 
 def with_model(scene: Scene, model: str) -> Scene | None:
@@ -75,7 +69,7 @@ def with_model(scene: Scene, model: str) -> Scene | None:
     if all(m.physical == wanted for m in scene.materials) or any(m.transmits or m.relief for m in scene.materials):
         return None
     turned = relabelled(scene.node, lambda material: _as_model(material, wanted))
-    return scene.changed(node=turned.material(_as_model(scene.materials[0], wanted)))
+    return scene.replace(node=turned.material(_as_model(scene.materials[0], wanted)))
 
 
 def _as_model(material: Material, physical: bool) -> Material:

@@ -11,14 +11,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import CodeType, MappingProxyType
 from typing import Any
+from weakref import WeakValueDictionary
 
 from raymarch.errors import Location, SceneError
+from raymarch.expr.convert import short
 from raymarch.expr.node import Expr, Operand, const, elementwise, expr, make, var
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import free_variables, substitute
 
+_functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary()
+"""By what they say, so that one that comes back from another process is the one that is here."""
 
-@dataclass(eq=False, slots=True)
+
+@dataclass(eq=False, slots=True, weakref_slot=True)
 class Function:
     """A named function of typed parameters. `names` keeps the author's own names for intermediate values."""
 
@@ -29,6 +34,18 @@ class Function:
     where: Location | None = None
     derived: dict[Any, Any] = field(default_factory=dict)
     """What was made from this one (its gradients, its ready programs), by the key under which it was made."""
+
+    def __post_init__(self) -> None:
+        _functions.setdefault((self.name, self.params, self.body), self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _function, (self.name, self.params, self.body, list(self.names.items()), self.where)
+
+    def __copy__(self) -> Function:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> Function:
+        return self
 
     @property
     def type(self) -> Type:
@@ -43,12 +60,20 @@ class Function:
         if [a.type for a in values] != [p.type for p in self.params]:
             takes = ", ".join(f"{p.type} {p.data}" for p in self.params)
             gets = ", ".join(a.type.name for a in values)
-            raise SceneError(f"{self.name}({takes}) was given ({gets})")
+            raise SceneError(f"{self.name} was given ({gets})", legal=f"{self.name}({takes})")
         return make("call", self.type, values, self)
 
     def inline(self, *args: Expr) -> Expr:
         """The body itself, with the parameters replaced."""
         return substitute([self.body], dict(zip(self.params, args, strict=True)))[0]
+
+
+def _function(name: str, params: Any, body: Any, names: Any, where: Location | None) -> Function:
+    """The function of a pickle, or the one that says the same and is here."""
+    if not isinstance(name, str) or not isinstance(body, Expr) or not all(isinstance(p, Expr) for p in params):
+        raise SceneError(f"unpickling a function: {short(name)}", legal="what pickle made of one")
+    found = _functions.get((name, tuple(params), body))
+    return found if found is not None else Function(name, tuple(params), body, dict(names), where)
 
 
 def trace(
@@ -82,7 +107,7 @@ def trace(
     try:
         body = expr(body)
     except SceneError:
-        raise SceneError(f"{name} must return an expression, not {body!r}", where=where) from None
+        raise SceneError(f"{name} must return an expression, not {short(body)}", where=where) from None
     stray = [v.data for v in free_variables([body]) if v not in symbols]
     if stray:
         raise SceneError(f"{name} uses {stray} from outside its own parameters", where=where)
@@ -151,7 +176,7 @@ def loop(
     until : function of the same arguments; the loop ends before a turn in which it holds.
     """
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 65535:
-        raise SceneError(f"loop count {count!r}", legal="an integer from 1 to 65535")
+        raise SceneError(f"loop count {short(count)}", legal="an integer from 1 to 65535")
     first = tuple(map(expr, state))
     depth = len(_open_loops)
     index = var(f"loop {depth} index", FLOAT)

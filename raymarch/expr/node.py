@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, Type, vector
+from raymarch.expr.convert import short
+from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, TYPES, Type, vector
 
 _HERE = dirname(abspath(__file__)) + sep
 
@@ -51,6 +52,15 @@ class Expr:
             return f"{self.type}({np.array2string(self.data, separator=', ')})"
         inner = ", ".join(f"<{arg.op}: {arg.type}>" for arg in self.args)
         return f"{self.op}({inner}{f' {self.data}' if self.data is not None else ''}) -> {self.type}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _remade, (_rows(self),)
+
+    def __copy__(self) -> Expr:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> Expr:
+        return self
 
     def __bool__(self) -> bool:
         raise SceneError(
@@ -132,7 +142,7 @@ class Expr:
     # Components.
     def __len__(self) -> int:
         if not self.type.is_vector:
-            raise SceneError(f"a {self.type} has no components")
+            raise SceneError(f"a {self.type} has no components", legal="a vector")
         return self.type.size
 
     def __getitem__(self, index: int) -> Expr:
@@ -212,6 +222,53 @@ def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls
     return found
 
 
+def _rows(root: Expr) -> list[tuple[Any, ...]]:
+    """An expression as a table for pickle, arguments first, however deep it is."""
+    numbers: dict[Expr, int] = {}
+    rows: list[tuple[Any, ...]] = []
+    stack = [root]
+    while stack:
+        node = stack[-1]
+        missing = [arg for arg in node.args if arg not in numbers]
+        stack += missing
+        if not missing:
+            stack.pop()
+            if node not in numbers:
+                numbers[node] = len(rows)
+                arguments = tuple(numbers[arg] for arg in node.args)
+                rows.append((node.op, node.type.name, arguments, node.data, node.where))
+    return rows
+
+
+def _remade(rows: Any) -> Expr:
+    """The expression of a table, which is the one that is here if it says the same."""
+    made: list[Expr] = []
+    try:
+        for op, name, arguments, data, where in rows:
+            if op not in _operations():
+                raise ValueError(f"no operation {short(op)}")
+            type = next(known for known in TYPES if known.name == name)
+            if op == "const":
+                data = np.array(data, bool if type is BOOL else np.float64)
+                data.setflags(write=False)
+                if data.shape != type.shape:
+                    raise ValueError(f"a constant of shape {data.shape} for a {type}")
+            node = make(op, type, tuple(made[i] for i in arguments), data)
+            if node.where is None and isinstance(where, Location):
+                node.where = where
+            made.append(node)
+        return made[-1]
+    except (TypeError, ValueError, IndexError, StopIteration) as fault:
+        raise SceneError(f"unpickling an expression: {fault}", legal="what pickle made of one") from fault
+
+
+def _operations() -> set[str]:
+    """What may come out of a pickle."""
+    from raymarch.expr.arrays import RULES
+
+    return {*RULES, "const", "var", "param", "time", "call", "loop", "item", "apply", "mark", "cell"}
+
+
 def _writer() -> Location | None:
     """The line outside this room that asked for the expression."""
     frame: FrameType | None = sys._getframe(2)
@@ -222,7 +279,7 @@ def _writer() -> Location | None:
 
 def const(value: Any, type: Type | None = None) -> Expr:
     """A constant, float64. Non-finite values are allowed here (facts use them) and refused by the GLSL printer."""
-    array = np.array(value, dtype=bool if isinstance(value, bool | np.bool_) else np.float64)
+    array = np.array(value, dtype=bool if np.asarray(value).dtype == bool and np.ndim(value) == 0 else np.float64)
     array.setflags(write=False)
     if type is None:
         type = _type_of_shape(array)
@@ -246,24 +303,32 @@ def expr(value: Operand) -> Expr:
     """Any operand as an expression: numbers become constants, sequences that hold expressions become vectors."""
     if isinstance(value, Expr):
         return value
-    if isinstance(value, bool | int | float):
+    if isinstance(value, bool | float):
         return const(value)
     if isinstance(value, tuple | list) and any(isinstance(item, Expr) for item in value):
         return construct(*value)
-    if isinstance(value, tuple | list | np.ndarray | np.generic) and _is_numeric(value):
-        return const(value)
+    if isinstance(value, int | tuple | list | np.ndarray | np.generic):
+        array = _numeric(value)
+        if array is not None:
+            return const(array)
     raise SceneError(
-        f"{value!r} ({type(value).__name__}) is no number, vector or expression",
+        f"{short(value)} ({type(value).__name__}) is no number, vector or expression",
         legal="a number, a sequence of 2 to 4 numbers, or an expression",
     )
 
 
-def _is_numeric(value: Any) -> bool:
-    """False for texts, which NumPy would read as numbers, and for rows of different lengths."""
+def _numeric(value: Any) -> NDArray[Any] | None:
+    """None for texts, which NumPy would read as numbers, for rows of different lengths, and for integers that no float
+    holds."""
     try:
-        return np.asarray(value).dtype.kind in "biuf"
-    except ValueError:
-        return False
+        array = np.asarray(value)
+        return (
+            np.asarray(value, np.float64)
+            if array.dtype.kind == "O" and isinstance(value, int)
+            else (array if array.dtype.kind in "biuf" and array.ndim <= 2 else None)
+        )
+    except (TypeError, ValueError, OverflowError, SceneError):
+        return None
 
 
 _LINEAR = {"add", "sub", "mul", "div", "neg"}

@@ -36,6 +36,7 @@ MAT2, MAT3, MAT4 = (Type(f"mat{n}", (n, n)) for n in (2, 3, 4))
 STATE = Type("state", ())
 """The value of a loop: several results at once, taken apart by `item`. It has no GLSL name of its own."""
 
+TYPES = (BOOL, FLOAT, VEC2, VEC3, VEC4, MAT2, MAT3, MAT4, STATE)
 VECTORS = {2: VEC2, 3: VEC3, 4: VEC4}
 MATRICES = {2: MAT2, 3: MAT3, 4: MAT4}
 

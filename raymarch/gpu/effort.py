@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,13 +36,9 @@ class Effort:
 def effort(renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None) -> Effort:
     """Count the evaluations of one sample of a picture, marched without cones; errors are those of
     `Renderer.render`."""
-    quality = scene.quality
-    try:
-        scene.quality = replace(quality, samples=1, temporal="off", schedule="single")
-        ready = prepare(scene)
-        draft = renderer.drafts(scene, time, params)[-1]
-    finally:
-        scene.quality = quality
+    scene = scene.replace(quality=scene.quality.replace(samples=1, temporal="off", schedule="single"))
+    ready = prepare(scene)
+    draft = renderer.drafts(scene, time, params)[-1]
     with Target(renderer.context, renderer.size) as target:
         program = Program(renderer.context, ready.vertex, counting(ready.texts["color"]), ready.shader.locate, "effort")
         try:

@@ -6,10 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.convert import short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
@@ -64,12 +66,12 @@ def assembled(made: Plan) -> Prepared:
 
 def passes_for(outputs: Sequence[str]) -> list[str]:
     """The passes that yield some outputs."""
-    if not isinstance(outputs, Iterable):
-        raise SceneError(f"outputs = {outputs!r} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
+    if not isinstance(outputs, Iterable) or isinstance(outputs, np.ndarray | np.generic | Expr):
+        raise SceneError(f"outputs = {short(outputs)} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
     names = [outputs] if isinstance(outputs, str) else list(outputs)
     for name in names:
-        if name not in OUTPUTS:
-            raise SceneError(f"outputs: {name!r}", legal=", ".join(OUTPUTS))
+        if not isinstance(name, str) or name not in OUTPUTS:
+            raise SceneError(f"outputs: {short(name)}", legal=", ".join(OUTPUTS))
     wanted = {name if name in DRAWN else "geometry" for name in names}
     return [name for name in DRAWN if name in wanted] or ["color"]
 

@@ -187,8 +187,8 @@ def _report(node: Node) -> Report:
 
 def _inheriting(reports: Sequence[Report], nodes: Sequence[Node]) -> tuple[Report, ...]:
     """The reports, those of nodes above a broken one marked."""
-    broken = {node for node, report in zip(nodes, reports, strict=True) if report.broken}
-    below = [broken.intersection(all_nodes(node)) - {node} for node in nodes]
+    broken = {id(node) for node, report in zip(nodes, reports, strict=True) if report.broken}
+    below = [broken.intersection(map(id, all_nodes(node))) - {id(node)} for node in nodes]
     return tuple(replace(report, inherits=bool(some)) for report, some in zip(reports, below, strict=True))
 
 
@@ -212,7 +212,7 @@ class _Drawing:
         made = probing.plan
         self.ready: Prepared = assembled(made)
         (self.chosen,) = made.passes
-        values = set_values(made.parameters, params or {}, time, made.given.where)
+        values = set_values(made.parameters, params, time, made.given.where)
         size = renderer.size
         self.uniforms = renderer.uniforms(self.ready, values, made.given.pose(values, size[0] / size[1]))
         self.target: Target = renderer.store.target(self.chosen.name, size, self.chosen.textures)

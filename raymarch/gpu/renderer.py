@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, RenderError
+from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
-from raymarch.gpu.context import Context, open_context
+from raymarch.gpu.context import BACKENDS, Context, open_context
 from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
@@ -64,9 +65,12 @@ class Renderer:
         context: Context | None = None,
         strict: bool = False,
     ) -> None:
-        self.context: Context = open_context(backend, device) if context is None else context
-        self._owns_context = context is None
-        self.strict = strict
+        self.strict = switch("Renderer: strict", strict)
+        if context is None:
+            context, self._owns_context = open_context(*_device(backend, device)), True
+        else:
+            self._owns_context = False
+        self.context: Context = context
         self.clock = Clock(self.context)
         self.store = Store(self.context)
         self.history = History()
@@ -74,7 +78,7 @@ class Renderer:
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._is_drawing = False
         try:
-            self._size = self.store.target("color", size).size
+            self._size = self._target_size(size)
         except DeviceError:
             self.close()
             raise
@@ -102,9 +106,13 @@ class Renderer:
         """Draw at another size from now on; DeviceError, and the old size stays, if it is not possible."""
         with self.context.bound():
             self._refuse_while_drawing("resize")
-            self._size = self.store.target("color", size).size
+            self._size = self._target_size(size)
             self.store.free_targets("color")
             self.forget()
+
+    def _target_size(self, size: Any) -> tuple[int, int]:
+        """A size that can be drawn."""
+        return self.store.target("color", size.tolist() if isinstance(size, np.ndarray | np.generic) else size).size
 
     def forget(self) -> None:
         """Let the next frame take nothing from those before it."""
@@ -143,6 +151,7 @@ class Renderer:
         RenderError : the renderer is strict, and the frame has doubts.
         """
         check_scene("render", scene)
+        within = None if within is None else real("within", within, 0.0, np.inf, "milliseconds >= 0, or None")
         self._refuse_closed()
         with self.context.bound():
             return self._render(scene, time, params, outputs, progress, pose, within, cut)
@@ -206,7 +215,7 @@ class Renderer:
         """The geometry of some of the rays of a picture, each as wide as there, evenly spread over it."""
         small = vouch.sparse_size(self.size)
         plain = replace(scene.quality, schedule="single", budget=None, samples=1, temporal="off")
-        ready, uniforms = self._ready(scene.changed(quality=plain), values, ("done",), pose, None)
+        ready, uniforms = self._ready(scene.replace(quality=plain), values, ("done",), pose, None)
         uniforms["u_resolution"] = small
         drafts = list(_named(drafts_of(self.store, ready, uniforms, small, History()), ready))
         for draft in drafts:
@@ -259,7 +268,7 @@ class Renderer:
             self._prepared.popitem(last=False)
 
     def _values(self, scene: Scene, params: Mapping[str, Any] | None, time: float, outputs: Sequence[str]) -> Values:
-        return set_values(self._prepare(scene, outputs).plan.parameters, params or {}, time, scene.where)
+        return set_values(self._prepare(scene, outputs).plan.parameters, params, time, scene.where)
 
     def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
         """The plan and shader of a scene, kept from earlier where there are any."""
@@ -401,19 +410,19 @@ class Renderer:
         self.close()
 
 
+def _device(backend: Any, device: Any) -> tuple[str, int | None]:
+    """Backend and device, where they are a name and a number at all; whether there are such is the context's to say."""
+    number = plain(device)
+    if not isinstance(backend, str) or len(backend) > 32:
+        raise DeviceError(f"backend={short(backend)}", legal=f"auto, {', '.join(BACKENDS)}")
+    if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number.bit_length() > 31):
+        raise DeviceError(f"device={short(device)} is no device number", legal="an integer >= 0")
+    return backend, number
+
+
 def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
-    """What a plan depends on. The parts, not the scene: somebody may give the same scene another camera."""
-    parts = (
-        scene.node,
-        scene.camera,
-        scene.lights,
-        scene.sky,
-        scene.fog,
-        scene.quality,
-        scene.occlusion,
-        scene.bounces,
-    )
-    return (*parts, tuple(passes_for(outputs)))
+    """What a plan depends on."""
+    return scene.planned, tuple(passes_for(outputs))
 
 
 def _named(drafts: Iterator[Draft], ready: Prepared) -> Iterator[Draft]:

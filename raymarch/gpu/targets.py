@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import DeviceError
+from raymarch.expr.convert import plain, short
 from raymarch.expr.samples import Samples
 from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
@@ -250,16 +251,18 @@ def _checked_size(context: Context, size: tuple[int, int]) -> tuple[int, int]:
     try:
         width, height = size
     except (TypeError, ValueError):
-        raise DeviceError(f"size={size!r}", legal="legal: (width, height) in pixels") from None
+        raise DeviceError(f"size={short(size)}", legal="legal: (width, height) in pixels") from None
     widest, highest = context.limits.picture
     return _checked("width", width, widest), _checked("height", height, highest)
 
 
 def _checked(name: str, value: Any, most: int) -> int:
     try:
-        number = operator.index(value)  # refuses 640.0 and "640", takes numpy's integers
+        number = operator.index(plain(value))  # refuses 640.0 and "640", takes numpy's integers
     except TypeError:
         number = 0
     if isinstance(value, bool) or not 1 <= number <= most:
-        raise DeviceError(f"{name}={value!r}", legal=f"legal: an integer from 1 to {most}, the limit of this driver")
+        raise DeviceError(
+            f"{name}={short(value)}", legal=f"legal: an integer from 1 to {most}, the limit of this driver"
+        )
     return number

@@ -38,7 +38,7 @@ MOST = 64
 
 def changes(scene: Scene) -> bool:
     """True if anything that is seen, the camera apart, reads time or a parameter."""
-    return bool(find(scene.changed(camera=Camera()).expressions(), "time", "param"))
+    return bool(find(scene.replace(camera=Camera()).expressions(), "time", "param"))
 
 
 def motion_of(

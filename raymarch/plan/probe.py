@@ -5,7 +5,7 @@ Ordinary plans hold nothing of it. The picture is marched and shaded as ever, by
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from raymarch.expr.faults import first_fault, plain, without_probes
 from raymarch.expr.function import Function
@@ -31,7 +31,7 @@ class Probing:
 
 def bare(scene: Scene) -> Scene:
     """The scene drawn by one sample a pixel, marched in one go."""
-    return scene.changed(quality=replace(scene.quality, samples=1, temporal="off", schedule="single", budget=None))
+    return scene.replace(quality=scene.quality.replace(samples=1, temporal="off", schedule="single", budget=None))
 
 
 def plan_faults(scene: Scene) -> Probing:

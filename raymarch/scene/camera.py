@@ -9,9 +9,10 @@ import numpy as np
 import pyrr
 from numpy.typing import NDArray
 
-from raymarch.errors import Location, SceneError, user_location
+from raymarch.errors import SceneError
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import Values, as_number, as_vec3
+from raymarch.scene.value import Value, value
 from raymarch.sdf.facts import Facts
 
 VIEW = np.array([0.5, 0.45, 1.0])
@@ -45,7 +46,8 @@ def look_at(position: NDArray[np.float64], target: NDArray[np.float64], up: NDAr
     return Pose(position, np.array(view[:3, :3]), slope)
 
 
-class Camera:
+@value
+class Camera(Value):
     """Where the picture is taken from.
 
     Parameters
@@ -59,14 +61,19 @@ class Camera:
     Raises SceneError for a degenerate camera.
     """
 
-    __slots__ = ("fov", "position", "target", "up", "where")
+    position: Expr | None
+    target: Expr | None
+    up: Expr
+    fov: Expr
 
     def __init__(self, position: Any = None, target: Any = None, up: Any = (0.0, 1.0, 0.0), fov: Any = 45.0) -> None:
-        self.position = None if position is None else as_vec3("Camera: position", position)
-        self.target = None if target is None else as_vec3("Camera: target", target)
-        self.up = as_vec3("Camera: up", up)
-        self.fov = as_number("Camera: fov", fov)
-        self.where: Location | None = user_location()
+        self._begin()
+        self._set(
+            position=None if position is None else as_vec3("Camera: position", position),
+            target=None if target is None else as_vec3("Camera: target", target),
+            up=as_vec3("Camera: up", up),
+            fov=as_number("Camera: fov", fov),
+        )
         values = Values({})
         if self.fov.is_constant:
             self._slope(values)

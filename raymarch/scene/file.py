@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from raymarch.errors import Location, RaymarchError, SceneError, is_users
-from raymarch.scene.scene import Scene
+from raymarch.expr.convert import short
+from raymarch.scene.scene import Scene, scene_of
 from raymarch.sdf.node import Node
 
 
@@ -97,12 +98,10 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
     if callable(found) and not isinstance(found, Node | Scene | type):
         found = _called(found, where)
     if isinstance(found, Node):
-        wrapped = Scene(found)
-        wrapped.where = found.where
-        found = wrapped
+        found = scene_of(found)
     if not isinstance(found, Scene):
         raise SceneError(
-            f"'scene' is {found!r} ({type(found).__name__})",
+            f"'scene' is {short(found)} ({type(found).__name__})",
             legal="a Scene, a node, or a function giving one",
             where=where,
         )

@@ -114,11 +114,15 @@ def exr_package(file: str | PathLike[str]) -> Any:
 
 
 def write_exr(file: str | PathLike[str], color: NDArray[Any]) -> None:
-    """Linear RGB, (H, W, 3), as a float32 OpenEXR file. SceneError without the package OpenEXR."""
+    """Linear RGB, (H, W, 3), as a float32 OpenEXR file. SceneError without the package OpenEXR; OSError where
+    it cannot be written."""
     OpenEXR = exr_package(file)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(color, np.float32)}) as made:
-        made.write(fspath(file))
+    try:
+        with OpenEXR.File(header, {"RGB": np.ascontiguousarray(color, np.float32)}) as made:
+            made.write(fspath(file))
+    except RuntimeError as fault:  # the library's word for all that goes wrong with a file
+        raise OSError(" ".join(str(fault).split())) from fault
 
 
 def read_radiance(data: bytes) -> Array:

@@ -13,11 +13,12 @@ import numpy as np
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import SMALLEST, bound, evaluator
+from raymarch.expr.convert import LARGEST
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.limits import may_overflow
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find, substitute
-from raymarch.scene.parameter import LARGEST, Values
+from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.node import Node
 

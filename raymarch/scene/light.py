@@ -8,20 +8,24 @@ and intensity, and a point light's radiant intensity as well.
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from raymarch.errors import Location, SceneError, user_location
+from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, short, switch
 from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import cos
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
+from raymarch.scene.value import Value, value
 
 PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
 
 
-class Light:
+@value
+class Light(Value):
     """What all lights share.
 
     Parameters
@@ -39,19 +43,22 @@ class Light:
         it smooth.
     """
 
-    __slots__ = ("color", "intensity", "penumbra", "shadow", "softness", "where")
+    color: Expr
+    intensity: Expr
+    shadow: bool
+    softness: Expr
+    penumbra: str
 
     def __init__(self, color: Any, intensity: Any, shadow: bool, softness: Any, penumbra: str) -> None:
+        self._begin()
         name = type(self).__name__
-        self.color = as_vec3(f"{name}: color", color, low=0.0)
-        self.intensity = as_number(f"{name}: intensity", intensity, low=0.0)
-        if not isinstance(shadow, bool):
-            raise SceneError(f"{name}: shadow = {shadow!r}", legal="True or False")
-        if penumbra not in PENUMBRAS:
-            raise SceneError(f"{name}: penumbra = {penumbra!r}", legal=", ".join(map(repr, PENUMBRAS)))
-        self.shadow, self.penumbra = shadow, penumbra
-        self.softness = as_number(f"{name}: softness", softness, low=0.0)
-        self.where: Location | None = user_location()
+        self._set(
+            color=as_vec3(f"{name}: color", color, low=0.0),
+            intensity=as_number(f"{name}: intensity", intensity, low=0.0),
+            shadow=switch(f"{name}: shadow", shadow),
+            penumbra=choice(f"{name}: penumbra", penumbra, PENUMBRAS),
+            softness=as_number(f"{name}: softness", softness, low=0.0),
+        )
 
     @property
     def radiance(self) -> Expr:
@@ -66,9 +73,11 @@ class Light:
     @property
     def expressions(self) -> list[Expr]:
         """All that may depend on parameters or time."""
-        return [self.color, self.intensity, self.softness]
+        given = (getattr(self, field.name) for field in fields(self))
+        return [e for e in given if isinstance(e, Expr)]
 
 
+@value
 class Sun(Light):
     """Light from infinitely far away.
 
@@ -78,7 +87,7 @@ class Sun(Light):
     color, intensity, shadow, softness, penumbra : see `Light`.
     """
 
-    __slots__ = ("direction",)
+    direction: Expr
 
     def __init__(
         self,
@@ -89,14 +98,11 @@ class Sun(Light):
         softness: Any = 0.0,
         penumbra: str = "two-sided",
     ) -> None:
-        super().__init__(color, intensity, shadow, softness, penumbra)
-        self.direction = as_direction("Sun: direction", direction)
-
-    @property
-    def expressions(self) -> list[Expr]:
-        return [*super().expressions, self.direction]
+        Light.__init__(self, color, intensity, shadow, softness, penumbra)
+        self._set(direction=as_direction("Sun: direction", direction))
 
 
+@value
 class PointLight(Light):
     """Light from one point; it falls off with the inverse square of the distance.
 
@@ -111,7 +117,10 @@ class PointLight(Light):
         distance in place of its square, and fades by 1 - d/r if there is a radius.
     """
 
-    __slots__ = ("attenuation", "position", "radius", "shadow_radius")
+    position: Expr
+    radius: Expr | None
+    shadow_radius: Expr | None
+    attenuation: Expr | None
 
     def __init__(
         self,
@@ -125,24 +134,22 @@ class PointLight(Light):
         shadow_radius: Any = None,
         attenuation: Any = None,
     ) -> None:
-        super().__init__(color, intensity, shadow, softness, penumbra)
+        Light.__init__(self, color, intensity, shadow, softness, penumbra)
         name = type(self).__name__
-        self.position = as_vec3(f"{name}: position", position)
-        self.radius = _length(f"{name}: radius", radius)
-        self.shadow_radius = _length(f"{name}: shadow_radius", shadow_radius)
-        self.attenuation = None if attenuation is None else as_vec3(f"{name}: attenuation", attenuation, low=0.0)
+        self._set(
+            position=as_vec3(f"{name}: position", position),
+            radius=_length(f"{name}: radius", radius),
+            shadow_radius=_length(f"{name}: shadow_radius", shadow_radius),
+            attenuation=None if attenuation is None else as_vec3(f"{name}: attenuation", attenuation, low=0.0),
+        )
+        if self.attenuation is not None and _is_zero(self.attenuation):
+            raise SceneError(f"{name}: attenuation = {short(attenuation)}", legal="3 numbers >= 0, not all zero")
         if self.attenuation is not None:
-            if _is_zero(self.attenuation):
-                raise SceneError(f"{name}: attenuation = {attenuation!r}", legal="3 numbers >= 0, not all zero")
             limit = Limit(f"{name}: attenuation", "3 numbers >= 0, not all zero", nonzero=True)
-            self.attenuation = limited(self.attenuation, limit)
-
-    @property
-    def expressions(self) -> list[Expr]:
-        optional = (self.radius, self.shadow_radius, self.attenuation)
-        return [*super().expressions, self.position, *(e for e in optional if e is not None)]
+            self._set(attenuation=limited(self.attenuation, limit))
 
 
+@value
 class SpotLight(PointLight):
     """Light from one point into a cone.
 
@@ -155,7 +162,9 @@ class SpotLight(PointLight):
     The rest : see `PointLight`.
     """
 
-    __slots__ = ("angle", "blend", "direction")
+    direction: Expr
+    angle: Expr
+    blend: Expr
 
     def __init__(
         self,
@@ -172,21 +181,22 @@ class SpotLight(PointLight):
         shadow_radius: Any = None,
         attenuation: Any = None,
     ) -> None:
-        super().__init__(position, color, intensity, shadow, softness, penumbra, radius, shadow_radius, attenuation)
-        self.direction = as_direction("SpotLight: direction", direction)
-        self.angle = as_number("SpotLight: angle", angle, 1e-3, math.pi)
-        self.blend = as_number("SpotLight: blend", blend, 0.0, 1.0)
+        PointLight.__init__(
+            self, position, color, intensity, shadow, softness, penumbra, radius, shadow_radius, attenuation
+        )
+        self._set(
+            direction=as_direction("SpotLight: direction", direction),
+            angle=as_number("SpotLight: angle", angle, 1e-3, math.pi),
+            blend=as_number("SpotLight: blend", blend, 0.0, 1.0),
+        )
 
     @property
     def cosines(self) -> tuple[Expr, Expr]:
         """Cosines of the angles to the axis at which the light ends, and at which it is whole."""
         return cos(self.angle), cos(self.angle * (1.0 - self.blend))
 
-    @property
-    def expressions(self) -> list[Expr]:
-        return [*super().expressions, self.direction, self.angle, self.blend]
 
-
+@value
 class SphereLight(PointLight):
     """Light from a ball that itself is not seen: paint a node with an emission of intensity / size^2 to show it.
 
@@ -198,7 +208,7 @@ class SphereLight(PointLight):
     A matte surface that sees the whole ball is lit exactly as by a point light. A highlight is that of a point too.
     """
 
-    __slots__ = ("size",)
+    size: Expr
 
     def __init__(
         self,
@@ -215,12 +225,17 @@ class SphereLight(PointLight):
         given = _length("SphereLight: size", size)
         if given is None:
             raise SceneError("SphereLight: size = None", legal="a finite number > 0")
-        super().__init__(position, color, intensity, shadow, given, penumbra, radius, shadow_radius, attenuation)
-        self.size = given
+        PointLight.__init__(
+            self, position, color, intensity, shadow, given, penumbra, radius, shadow_radius, attenuation
+        )
+        self._set(size=given)
 
-    @property
-    def expressions(self) -> list[Expr]:
-        return [*super().expressions, self.size]
+
+def hard(light: Light) -> Light:
+    """The same light with hard shadows; of a ball, its centre."""
+    if isinstance(light, SphereLight):
+        return PointLight(**{name: value for name, value in light.arguments().items() if name != "size"})
+    return light.replace(softness=0.0)
 
 
 def _is_zero(value: Expr) -> bool:

@@ -6,25 +6,34 @@ from collections.abc import Callable
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.convert import called
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number, as_vec3
 from raymarch.scene.texture import Texture, lie_alike
+from raymarch.sdf.domain import as_operand
 from raymarch.sdf.lower import POSITION, is_seen
 
 _PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
 """Points at which patterns are looked at: one that is legal at none of them is a mistake; else it is kept in range."""
 
 
+_pictures: WeakKeyDictionary[Expr, tuple[int, float, float]] = WeakKeyDictionary()
+"""The expressions of pictures whose values were checked, with the range: they are legal wherever they come in again."""
+
+
 def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
     """A value of a material, checked; a function of the position becomes its expression, kept in its range."""
+    if isinstance(value, Expr) and _pictures.get(value) == (size, low, high):
+        return value
     what = f"Material: {name}"
     if isinstance(value, Texture):
         return _picture(what, value, size, low, high)
@@ -52,16 +61,14 @@ def _picture(what: str, value: Texture, size: int, low: float, high: float) -> E
             raise SceneError(
                 f"{what}: '{value.file}' has values from {least:.4g} to {most:.4g}", legal=f"values {ends}"
             )
+    _pictures[made] = (size, low, high)
     return made
 
 
 def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:
     ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
     legal = f"a function of a point that gives {'a number' if size == 1 else '3 numbers'} {ends}"
-    try:
-        made = expr(function(POSITION))
-    except TypeError as fault:
-        raise SceneError(f"{what}: the function fails: {fault}", legal=legal) from fault
+    made = as_operand(f"{what}: the function gives", called(what, function, POSITION, legal=legal), legal)
     if size == 3 and made.type is vector(1):
         made = vec3(made)
     if made.type is not vector(size):
@@ -71,7 +78,8 @@ def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, 
         legal_there = (values >= low) & (values <= high)  # false for NaN
         if not np.any(legal_there) or np.any(np.isnan(values)):
             raise SceneError(f"{what}: the function gives {values[~legal_there].flat[0]:.6g}", legal=legal)
-    return clamp(made, low, high) if high < np.inf else made
+    clamped = made.op == "clamp" and made.args[1:] == (expr(low), expr(high))
+    return clamp(made, low, high) if high < np.inf and not clamped else made
 
 
 def _is_file(value: Any) -> bool:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any
 
 import numpy as np
 
-from raymarch.errors import Location, SceneError, user_location
+from raymarch.errors import SceneError
+from raymarch.expr.convert import plain
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import free_variables, rebuild, rewrite
 from raymarch.scene.look import refuse_sizes, value_of
-from raymarch.scene.relief import FLAT, tilt_of
+from raymarch.scene.relief import FLAT, height_of, tilt_of
+from raymarch.scene.texture import Texture
+from raymarch.scene.value import Value, value
 from raymarch.sdf.lower import POSITION, is_seen
 
 PHONG = ("color", "shininess", "specular", "ambient")
@@ -29,10 +31,14 @@ GLASS = ("transmission", "ior", "absorption")
 RELIEF = ("tilt", "open")
 """What maps add: how the normal is bent, and the share of ambient light that comes through."""
 
+MADE = {"albedo": "color", "occlusion": "open"}
+"""Parameters whose value shading reads under another name."""
+
 FIELDS = (*MIXED, "emission", *GLASS, *RELIEF)
 
 
-class Material:
+@value
+class Material(Value):
     """A surface, shaded after Phong or, if any of the physical values is given, by microfacets.
 
     Parameters
@@ -73,7 +79,9 @@ class Material:
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """
 
-    __slots__ = ("_fields", "_given", "physical", "where")
+    _given: dict[str, Any]
+    _fields: dict[str, Expr]
+    physical: bool
 
     def __init__(
         self,
@@ -96,11 +104,14 @@ class Material:
         height_scale: Any = 0.02,
         occlusion: Any = None,
     ) -> None:
-        self.where: Location | None = user_location()
+        self._begin()
+        if color is not None and color is albedo:  # of a physical material that was changed
+            color = None
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
         physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}
         physical |= {"transmission": transmission, "ior": ior, "absorption": absorption}
-        self.physical = any(v is not None for v in physical.values())
+        phong, physical = _without_unset(phong), _without_unset(physical)
+        is_physical = any(v is not None for v in physical.values())
         _refuse_both(phong, physical)
         if color is not None and albedo is not None:
             raise SceneError("Material: color together with albedo", legal="one of them; they are the same")
@@ -108,43 +119,74 @@ class Material:
         base = color if albedo is None else albedo
         maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
         refuse_sizes({**maps, "occlusion": occlusion})
-        self._fields = {
+        raised = height_of(height)
+        made = {
             "color": value_of(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
             "shininess": value_of("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
-            "specular": value_of("specular", 0.0 if self.physical else _or(specular, 0.25), 1, 0.0, 1.0),
-            "ambient": value_of("ambient", 0.0 if self.physical else _or(ambient, 0.1), 1, 0.0, 1.0),
+            "specular": value_of("specular", 0.0 if is_physical else _or(specular, 0.25), 1, 0.0, 1.0),
+            "ambient": value_of("ambient", 0.0 if is_physical else _or(ambient, 0.1), 1, 0.0, 1.0),
             "metalness": value_of("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
             "roughness": value_of("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
             "f0": value_of("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
-            "physical": expr(1.0 if self.physical else 0.0),
+            "physical": expr(1.0 if is_physical else 0.0),
             "emission": value_of("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
             "transmission": value_of("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
             "ior": value_of("ior", _or(ior, 1.5), 1, 1.0, 4.0),
             "absorption": value_of("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
-            "tilt": tilt_of(normal, normal_strength, height, height_scale),
+            "tilt": tilt_of(normal, normal_strength, raised, height_scale),
             "open": value_of("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
         }
-        self._given = roughness is not None
-        self._smooth_glass()
+        given = {**phong, **physical, "color": color, "emission": emission, "occlusion": occlusion}
+        kept = {name: _kept(value, made[MADE.get(name, name)]) for name, value in given.items()}
+        relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
+        self._set(physical=is_physical, _fields=made, _given={**kept, **relief})
+        if is_physical and physical["roughness"] is None:  # what transmits is smooth, and the rest is not
+            made["roughness"] = expr(0.0 if self.transmits else 0.5)
 
-    def _smooth_glass(self) -> None:
-        """What transmits is smooth, and the rest is not, unless a roughness was given."""
-        if self.physical and not self._given:
-            self._fields["roughness"] = expr(0.0 if self.transmits else 0.5)
+    def arguments(self) -> dict[str, Any]:
+        return dict(self._given)
 
-    def replaced(self, **values: Any) -> Material:
-        """The same material with other values for some names, which must be of its own model."""
-        made, new = copy.copy(self), Material(**values)
-        names = ("color" if name == "albedo" else name for name in values)
-        made._fields = {**self._fields, **{name: new._fields[name] for name in names}}
-        made._given = self._given or new._given
-        made._smooth_glass()
-        return made
+    def _unchanged(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """`color` and `albedo` are one value, and so each takes the other's place."""
+        return {n: None if {n, *changes} >= {"color", "albedo"} else v for n, v in self._given.items()}
+
+    def _identity(self) -> tuple[Any, ...]:
+        return tuple(self.expressions)
 
     @property
     def color(self) -> Expr:
         """Linear RGB; the albedo."""
         return self._fields["color"]
+
+    @property
+    def albedo(self) -> Expr | None:
+        """Linear RGB of a physical material."""
+        return self._fields["color"] if self.physical else None
+
+    @property
+    def normal(self) -> Texture | None:
+        """The normal map."""
+        return self._given["normal"]
+
+    @property
+    def normal_strength(self) -> Any:
+        """Factor of the normal map."""
+        return self._given["normal_strength"]
+
+    @property
+    def height(self) -> Texture | Expr | None:
+        """The height map, or heights as an expression of the point."""
+        return self._given["height"]
+
+    @property
+    def height_scale(self) -> Any:
+        """Factor of the heights."""
+        return self._given["height_scale"]
+
+    @property
+    def occlusion(self) -> Expr:
+        """Share of the ambient light that comes through."""
+        return self._fields["open"]
 
     @property
     def shininess(self) -> Expr:
@@ -226,8 +268,6 @@ class Material:
 
     def without_maps(self) -> Material:
         """The same material with the mean of each picture in its place, and nothing that bends normals."""
-        made = copy.copy(self)
-        fields = {**self._fields, "tilt": FLAT, "open": expr(1.0)}
 
         def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
             if node.op != "texture":
@@ -236,9 +276,14 @@ class Material:
             mean = share * node.data.levels[-1][0, 0].astype(np.float64)
             return expr(mean if node.type.is_vector else float(mean[0]))
 
-        new = rewrite(fields.values(), rule)
-        made._fields = {name: new[value] for name, value in fields.items()}
-        return made
+        given = {
+            name: self._fields[MADE.get(name, name)]
+            for name, value in self._given.items()
+            if value is not None and MADE.get(name, name) in FIELDS
+        }
+        new = rewrite(given.values(), rule)
+        flat = {name: _kept(made, new[made]) for name, made in given.items()}
+        return self.replace(**{**flat, "normal": None, "height": None, "occlusion": None})
 
     @property
     def mirrors(self) -> bool:
@@ -262,15 +307,32 @@ class Material:
         """True if it has a picture, or anything else that depends on how a surface is seen."""
         return is_seen(self.expressions)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Material) and self.expressions == other.expressions
 
-    def __hash__(self) -> int:
-        return hash(tuple(self.expressions))
+def _kept(given: Any, made: Expr) -> Any:
+    """What `replace` and pickles hand to the constructor again: no function, but what came of it."""
+    if given is None or isinstance(given, Texture):
+        return given
+    if made.is_constant:
+        return tuple(made.data.tolist()) if made.type.is_vector else float(made.data)
+    return made
 
-    def __repr__(self) -> str:
-        color = self.color.data.tolist() if self.color.is_constant else "expression"
-        return f"Material({'albedo' if self.physical else 'color'}={color})"
+
+def _without_unset(values: dict[str, Any]) -> dict[str, Any]:
+    """None for the expressions that stand for what a material was not given, as `dataclasses.replace` hands on."""
+    return {n: None if any(value is e for e in _UNSET.get(n, ())) else value for n, value in values.items()}
+
+
+_UNSET = {
+    "shininess": (expr(32.0),),
+    "specular": (expr(0.0), expr(0.25)),
+    "ambient": (expr(0.0), expr(0.1)),
+    "metalness": (expr(0.0),),
+    "roughness": (expr(0.5),),
+    "f0": (expr((0.04, 0.04, 0.04)),),
+    "transmission": (expr(0.0),),
+    "ior": (expr(1.5),),
+    "absorption": (expr((0.0, 0.0, 0.0)),),
+}
 
 
 def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
@@ -289,8 +351,9 @@ def _or(value: Any, otherwise: Any) -> Any:
 
 def _spread(value: Any) -> Any:
     """A number as three equal ones."""
-    if isinstance(value, bool | int | float):
-        return (value, value, value)
+    number = plain(value)
+    if isinstance(number, bool | int | float):
+        return (number, number, number)
     if isinstance(value, Expr) and value.type is vector(1):
         return vec3(value)
     return value

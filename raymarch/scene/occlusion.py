@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from raymarch.errors import SceneError
+from raymarch.expr.convert import integer
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import as_number
+from raymarch.scene.value import Value, value
 
 
-class Occlusion:
+@value
+class Occlusion(Value):
     """Ambient light is dimmed where the field rises more slowly along the normal than it would over a plane.
 
     Parameters
@@ -24,15 +26,19 @@ class Occlusion:
     Ambient light is what a sky with `light` gives, and the `ambient` share of Phong's materials.
     """
 
-    __slots__ = ("decay", "reach", "steps", "strength")
+    steps: int
+    reach: Expr
+    strength: Expr
+    decay: Expr
 
     def __init__(self, steps: int = 5, reach: Any = 0.5, strength: Any = 1.0, decay: Any = 0.75) -> None:
-        if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= 32:
-            raise SceneError(f"Occlusion: steps = {steps!r}", legal="an integer from 1 to 32")
-        self.steps = steps
-        self.reach = as_number("Occlusion: reach", reach, low=1e-6)
-        self.strength = as_number("Occlusion: strength", strength, low=0.0)
-        self.decay = as_number("Occlusion: decay", decay, 1e-3, 1.0)
+        self._begin()
+        self._set(
+            steps=integer("Occlusion: steps", steps, 1, 32),
+            reach=as_number("Occlusion: reach", reach, low=1e-6),
+            strength=as_number("Occlusion: strength", strength, low=0.0),
+            decay=as_number("Occlusion: decay", decay, 1e-3, 1.0),
+        )
 
     @property
     def expressions(self) -> list[Expr]:

@@ -6,8 +6,6 @@ the solids and the lights are given from the new origin, and the picture is the 
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,18 +66,15 @@ def seen_from(scene: Scene, origin: NDArray[np.float64]) -> Scene:
     """The scene with its solids and lights given from an origin. Its camera is left where it was."""
     if not np.any(origin):
         return scene
-    made = copy.copy(scene)
-    made.node = shifted(scene.node, origin)
-    made.lights = tuple(_light_from(light, origin) for light in scene.lights)
-    return made
+    return scene.replace(
+        node=shifted(scene.node, origin), lights=tuple(_light_from(light, origin) for light in scene.lights)
+    )
 
 
 def _light_from(light: Light, origin: NDArray[np.float64]) -> Light:
     if not isinstance(light, PointLight):
         return light
-    made = copy.copy(light)
-    made.position = light.position - const(origin)
-    return made
+    return light.replace(position=light.position - const(origin))
 
 
 def range_warning(scene: Scene, origin: NDArray[np.float64]) -> list[str]:

@@ -11,12 +11,13 @@ import numpy as np
 
 from raymarch.errors import Location, PlanError, SceneError, user_location
 from raymarch.expr.arrays import bound, value_of
+from raymarch.expr.convert import holdable, numbers, real, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, expr, make
 from raymarch.expr.types import FLOAT, Type, vector
-from raymarch.expr.vocabulary import normalize
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, free_variables
+from raymarch.sdf.domain import as_operand, unit
 
 Value = float | tuple[float, ...]
 
@@ -37,6 +38,9 @@ class Spec:
     def __hash__(self) -> int:
         return hash(self._key)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _spec, (self.name, self.value, self.min, self.max, self.where)
+
     @property
     def _key(self) -> tuple[Any, ...]:
         return self.name, self.value, self.min, self.max
@@ -56,7 +60,7 @@ class Spec:
         """A new value, checked against type and range."""
         given = _plain(value, f"parameter '{self.name}'", where)
         if np.shape(given) != np.shape(self.value):
-            raise SceneError(f"parameter '{self.name}' = {value!r}", legal=self.legal, where=where)
+            raise SceneError(f"parameter '{self.name}' = {short(value)}", legal=self.legal, where=where)
         low = -np.inf if self.min is None else np.asarray(self.min)
         high = np.inf if self.max is None else np.asarray(self.max)
         if not (np.all(np.asarray(given) >= low) and np.all(np.asarray(given) <= high)):
@@ -68,24 +72,14 @@ def _shown(value: Value) -> str:
     return f"({', '.join(f'{v:g}' for v in value)})" if isinstance(value, tuple) else f"{value:g}"
 
 
-LARGEST = float(np.finfo(np.float32).max)
-"""The largest number that the shader can hold: values reach it as float32."""
-
-
-def _holdable(value: Any) -> bool:
-    """True if every component is a number that float32 can hold; NaN and infinity are not."""
-    return bool(np.all(np.abs(value) <= LARGEST))
-
-
 def _plain(value: Any, what: str, where: Location | None = None) -> Value:
+    legal = "a finite number up to 3.4e38 in size, or 2 to 4 of them"
     try:
-        array = np.asarray(value)
-    except (TypeError, ValueError):
-        array = np.empty((0,))
-    if array.shape not in ((), (2,), (3,), (4,)) or array.dtype.kind not in "biuf" or not _holdable(array):
-        raise SceneError(
-            f"{what} = {value!r}", legal="a finite number up to 3.4e38 in size, or 2 to 4 of them", where=where
-        )
+        array = numbers(what, value, legal)
+    except SceneError as fault:
+        raise SceneError(fault.what, legal=legal, where=where) from None
+    if array.shape not in ((), (2,), (3,), (4,)) or not holdable(array):
+        raise SceneError(f"{what} = {short(value)}", legal=legal, where=where)
     return float(array) if array.shape == () else tuple(float(v) for v in array)
 
 
@@ -103,7 +97,9 @@ def Param(name: str, value: Any, min: Any = None, max: Any = None) -> Expr:
     Raises SceneError for a value outside its range or an empty name.
     """
     if not isinstance(name, str) or not re.fullmatch(r"[^\W_][\w -]*", name):
-        raise SceneError(f"Param: name = {name!r}", legal="a letter or digit, then letters, digits, space, _ and -")
+        raise SceneError(
+            f"Param: name = {short(name)}", legal="a letter or digit, then letters, digits, space, _ and -"
+        )
     default = _plain(value, f"Param '{name}': value")
     low = None if min is None else _plain(min, f"Param '{name}': min")
     high = None if max is None else _plain(max, f"Param '{name}': max")
@@ -117,6 +113,12 @@ def Param(name: str, value: Any, min: Any = None, max: Any = None) -> Expr:
         raise SceneError(f"Param '{name}': min = {_shown(low)} above max = {_shown(high)}", legal="min <= max")
     spec.accept(default)
     return make("param", spec.type, (), spec)
+
+
+def _spec(name: Any, value: Any, low: Any, high: Any, where: Location | None) -> Spec:
+    """The parameter of a pickle, checked as a new one is."""
+    checked: Spec = Param(name, value, low, high).data
+    return Spec(checked.name, checked.value, checked.min, checked.max, where)
 
 
 time: Expr = make("time", FLOAT)
@@ -149,23 +151,32 @@ class Values:
 
 
 def set_values(
-    specs: Mapping[str, Spec], given: Mapping[str, Any], time: float = 0.0, where: Location | None = None
+    specs: Mapping[str, Spec], given: Mapping[str, Any] | None = None, time: float = 0.0, where: Location | None = None
 ) -> Values:
     """Defaults, with some replaced; SceneError for an unknown name or a value out of range.
 
     `where` is the scene's line, for a name that it does not have.
     """
     params = {name: spec.value for name, spec in specs.items()}
+    given = {} if given is None else given
     if not isinstance(given, Mapping):
-        raise SceneError(f"params = {given!r} ({type(given).__name__})", legal="a dict of values by name", where=where)
+        raise SceneError(
+            f"params = {short(given)} ({type(given).__name__})", legal="a dict of values by name", where=where
+        )
     for name, value in given.items():
         if name not in specs:
             known = ", ".join(sorted(specs)) or "none; this scene has no Param"
-            raise SceneError(f"unknown parameter '{name}' = {value!r}", legal=f"one of: {known}", where=where)
+            raise SceneError(f"unknown parameter '{name}' = {short(value)}", legal=f"one of: {known}", where=where)
         params[name] = specs[name].accept(value, specs[name].where)
-    if not isinstance(time, int | float | np.integer | np.floating) or not _holdable(time):
-        raise SceneError(f"time = {time!r}", legal="a finite number of seconds, up to 3.4e38", where=where)
-    return Values(params, float(time))
+    return Values(params, _seconds(time, where))
+
+
+def _seconds(time: Any, where: Location | None) -> float:
+    legal = "a finite number of seconds, up to 3.4e38"
+    try:
+        return real("time", time, legal=legal)
+    except SceneError as fault:
+        raise SceneError(fault.what, legal=legal, where=where) from None
 
 
 def as_vec3(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:
@@ -189,12 +200,12 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
         legal += f" >= {low:g}"
     if high < np.inf:
         legal += f"{' and' if low > -np.inf else ''} <= {high:g}"
-    try:
-        given = expr(value)
-    except SceneError:
-        raise SceneError(f"{what} = {value!r}", legal=legal) from None
+    given = as_operand(what, value, legal)
     if given.type is not vector(size):
-        raise SceneError(f"{what} = {value!r}", legal=legal)
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
+    stray = free_variables([given])
+    if stray:
+        raise SceneError(f"{what} depends on {short(stray[0].data)}", legal=f"{legal}, of parameters and time")
     if find([given], "cell"):
         first, last = interval_of(given)
         if not cells or not np.all((first >= low) & (last <= high)):
@@ -202,16 +213,18 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
             raise SceneError(f"{what} {reason}", legal=legal)
     elif not find([given], "time"):
         d = Values({}).of(given)
-        if not _holdable(d) or not np.all((d >= low) & (d <= high)):
-            shown = f"{value!r}" if given.is_constant else f"{d.tolist()} with its parameters at their defaults"
+        if not holdable(d) or not np.all((d >= low) & (d <= high)):
+            shown = short(value) if given.is_constant else f"{d.tolist()} with its parameters at their defaults"
             raise SceneError(f"{what} = {shown}", legal=legal)
     return limited(given, Limit(what, legal, low, high))
 
 
 def as_direction(what: str, value: Any) -> Expr:
     """A direction of any length but 0, checked, parameters at their defaults; it comes out with length 1."""
+    if isinstance(value, Expr) and value.op == "normalize" and value.args[0].op == "within":
+        return value  # of a value that exists already
     given, limit = as_vec3(what, value), Limit(what, "3 numbers, not all zero", nonzero=True)
     if not find([given], "time") and not np.any(Values({}).of(given)):
-        shown = f"{value!r}" if given.is_constant else "0 with its parameters at their defaults"
+        shown = short(value) if given.is_constant else "0 with its parameters at their defaults"
         raise SceneError(f"{what} = {shown}", legal=limit.legal)
-    return normalize(limited(given, limit))
+    return unit(limited(given, limit))

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, integer, short
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import floor, mix, mod, where
 from raymarch.scene.parameter import as_number
+from raymarch.sdf.domain import as_operand
 from raymarch.sdf.noise import value_noise
 
 Pattern: TypeAlias = Callable[[Expr], Expr]
@@ -36,8 +38,7 @@ def stripes(a: Any, b: Any, width: Any = 0.5, axis: str = "x") -> Pattern:
 
     a, b : numbers, or colours. width : of a layer, > 0. axis : "x", "y" or "z".
     """
-    if axis not in ("x", "y", "z"):
-        raise SceneError(f"stripes: axis = {axis!r}", legal="'x', 'y' or 'z'")
+    axis = choice("stripes: axis", axis, ("x", "y", "z"), "'x', 'y' or 'z'")
     first, second = _pair("stripes", a, b)
     thick = as_number("stripes: width", width, low=1e-6)
     return lambda p: where(mod(floor(p["xyz".index(axis)] / thick), 2.0) < 0.5, first, second)
@@ -49,8 +50,7 @@ def noise(a: Any, b: Any, scale: Any = 1.0, octaves: int = 3) -> Pattern:
     a, b : numbers, or colours. scale : size of the largest clouds, > 0. octaves : layers, 1 to 8, each of half the size
     and half the weight of the one before.
     """
-    if isinstance(octaves, bool) or not isinstance(octaves, int) or not 1 <= octaves <= 8:
-        raise SceneError(f"noise: octaves = {octaves!r}", legal="an integer from 1 to 8")
+    octaves = integer("noise: octaves", octaves, 1, 8)
     first, second = _pair("noise", a, b)
     size = as_number("noise: scale", scale, low=1e-6)
     share = 1.0 / (2.0 - 2.0 ** (1 - octaves))
@@ -66,11 +66,11 @@ def noise(a: Any, b: Any, scale: Any = 1.0, octaves: int = 3) -> Pattern:
 
 def _pair(name: str, a: Any, b: Any) -> tuple[Expr, Expr]:
     """Two values, both numbers or both colours."""
-    first, second = expr(a), expr(b)
+    first, second = (as_operand(name, value, "two numbers, or two colours") for value in (a, b))
     if first.type is FLOAT and second.type is not FLOAT:
         first = construct(first, first, first)
     if second.type is FLOAT and first.type is not FLOAT:
         second = construct(second, second, second)
     if first.type is not second.type:
-        raise SceneError(f"{name}: {a!r} and {b!r}", legal="two numbers, or two colours")
+        raise SceneError(f"{name}: {short(a)} and {short(b)}", legal="two numbers, or two colours")
     return first, second

@@ -6,14 +6,15 @@ footprint is the slope of what is seen there.
 
 from __future__ import annotations
 
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import file_path, numbers, short
 from raymarch.expr.texels import LARGEST, Wrap
 from raymarch.scene.images import linear, read_stored
 
@@ -61,21 +62,51 @@ def _slopes(heights: Array, wrap: Wrap) -> Array:
     return np.stack([right, up], axis=-1)
 
 
-def pixels_of(what: str, picture: Picture) -> tuple[Array, bool, str]:
-    """What a picture holds: (H, W, channels) float32, whether its colours are encoded, and what to call it."""
+class Stored(NamedTuple):
+    """A picture as it is stored.
+
+    pixels : (H, W, 1 to 4) float32, row 0 at the top. encoded : whether its colours are. name : what messages call it.
+    """
+
+    pixels: Array
+    encoded: bool
+    name: str
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (
+            isinstance(other, Stored) and self[1:] == other[1:] and np.array_equal(self.pixels, other.pixels)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.pixels.shape, self.encoded, self.name))
+
+    def __repr__(self) -> str:
+        return f"'{self.name}'"
+
+
+def stored_of(what: str, picture: Picture | Stored) -> Stored:
+    """The pixels of a file or an array; SceneError for what is not finite, or too large."""
+    if isinstance(picture, Stored):
+        checked = stored_of(what, picture.pixels)
+        return Stored(checked.pixels, picture.encoded, str(picture.name))
     if isinstance(picture, str | PathLike):
-        stored, encoded = read_stored(what, picture, LARGEST)
-        return np.ascontiguousarray(stored, np.float32), encoded, Path(fspath(picture)).name
-    array = np.asarray(picture)
+        name = file_path(f"{what}: picture", picture, "the name of a picture's file")
+        stored, encoded = read_stored(what, name, LARGEST)
+        return Stored(np.ascontiguousarray(stored, np.float32), encoded, Path(name).name)
     legal = f"a file, or an array (H, W) or (H, W, 1 to 4) of finite numbers, sides from 1 to {LARGEST}"
+    numbers(f"{what}: picture", picture, legal)
+    array = np.asarray(picture)
     given = f"{what}: an array of shape {array.shape}, {array.dtype}"
     if array.dtype.kind not in "biuf" or array.ndim not in (2, 3) or not array.size:
-        raise SceneError(given if isinstance(picture, np.ndarray) else f"{what}: {picture!r}", legal=legal)
+        raise SceneError(given if isinstance(picture, np.ndarray) else f"{what}: {short(picture)}", legal=legal)
     encoded = array.dtype == np.uint8
-    values = np.asarray(array, np.float32) / np.float32(255.0 if encoded else 1.0)
+    with np.errstate(over="ignore"):
+        values = np.asarray(array, np.float32) / np.float32(255.0 if encoded else 1.0)
     values = values[..., None] if values.ndim == 2 else values
     if values.shape[2] > 4 or not 1 <= min(values.shape[:2]) <= np.max(values.shape[:2]) <= LARGEST:
         raise SceneError(given, legal=legal)
     if not np.all(np.abs(values) <= np.finfo(np.float16).max):
         raise SceneError(f"{what}: the array holds numbers beyond 65504, or that are not finite", legal=legal)
-    return np.ascontiguousarray(values, np.float32), encoded, f"array of {' x '.join(map(str, array.shape))}"
+    made = np.array(values, np.float32, order="C")
+    made.setflags(write=False)
+    return Stored(made, encoded, f"array of {' x '.join(map(str, array.shape))}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from typing import Any, Self
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, integer, optional, real, switch
+from raymarch.scene.value import Value, value
 
 TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "front")
 MASKINGS = ("correlated", "separable")
@@ -60,8 +61,8 @@ def provide_searches(for_error: Search, for_time: Search) -> None:
     _searches.update(error=for_error, time=for_time)
 
 
-@dataclass(frozen=True, slots=True)
-class Quality:
+@value
+class Quality(Value):
     """Choices between accuracy and time.
 
     Parameters
@@ -137,26 +138,22 @@ class Quality:
     light_samples: int = 1
 
     def __post_init__(self) -> None:
-        for name, legal in _CHOICES.items():
-            if getattr(self, name) not in legal:
-                raise SceneError(f"Quality: {name} = {getattr(self, name)!r}", legal=", ".join(map(repr, legal)))
-        _whole("max_steps", self.max_steps, 60000)
-        _whole("samples", self.samples, 4096)
-        _whole("light_samples", self.light_samples, 64)
-        if self.shadow_steps is not None:
-            _whole("shadow_steps", self.shadow_steps, 60000)
-        if self.budget is not None:
-            _whole("budget", self.budget, 60000, 4)
-            if self.samples > 1 or self.temporal == "reproject":
-                raise SceneError(
-                    f"Quality: budget = {self.budget} with samples = {self.samples}, temporal = {self.temporal!r}",
-                    legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'",
-                )
-        if self.epsilon is not None:
-            _within("epsilon", self.epsilon, 1e-3, 10)
-        _within("beta", self.beta, 1e-3, 1)
-        _within("step_scale", self.step_scale, 1e-3, 1)
-        _within("step_variation", self.step_variation, 0, 0.9)
+        self._begin()
+        self._set(
+            **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in _CHOICES.items()},
+            **{n: optional(_whole, n, getattr(self, n), *ends) for n, ends in _WHOLE.items()},
+            **{n: optional(_within, n, getattr(self, n), *ends) for n, ends in _WITHIN.items()},
+            trust=switch("Quality: trust", self.trust),
+            energy_compensation=switch("Quality: energy_compensation", self.energy_compensation),
+        )
+        for name in _NEEDED:
+            if getattr(self, name) is None:
+                raise SceneError(f"Quality: {name} = None", legal="a number")
+        if self.budget is not None and (self.samples > 1 or self.temporal == "reproject"):
+            raise SceneError(
+                f"Quality: budget = {self.budget} with samples = {self.samples}, temporal = {self.temporal!r}",
+                legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'",
+            )
         if self.shortened and self.tracer not in ("auto", "plain"):
             name = "step_scale" if self.step_scale < 1 else "step_variation"
             raise SceneError(f"Quality: {name} with tracer = {self.tracer!r}", legal="tracer 'auto' or 'plain'")
@@ -166,7 +163,7 @@ class Quality:
                     f"Quality: omega with tracer = {self.tracer!r}", legal=f"one of {', '.join(RELAXATION)}"
                 )
             low, high = (0, 1) if self.tracer == "enhanced" else (1, 2)
-            _within("omega", self.omega, low, high)
+            self._set(omega=_within("omega", self.omega, low, high))
 
     @property
     def secondary_steps(self) -> int:
@@ -181,13 +178,11 @@ class Quality:
     @classmethod
     def preset(cls, name: str) -> Self:
         """A quality by the error that it keeps: "draft", "normal" (the default), "fine" or "exact"; see `PROMISED`."""
-        if name not in PRESETS:
-            raise SceneError(f"Quality: preset {name!r}", legal=", ".join(map(repr, PRESETS)))
-        return cls(**PRESETS[name])
+        return cls(**PRESETS[choice("Quality: preset", name, tuple(PRESETS))])
 
     def to_preset(self, name: str) -> Self:
         """This quality marched as a preset is; rays a pixel, light and what frames share stay: see `NOT_MARCHING`."""
-        return replace(type(self).preset(name), **{kept: getattr(self, kept) for kept in NOT_MARCHING})
+        return type(self).preset(name).replace(**{kept: getattr(self, kept) for kept in NOT_MARCHING})
 
     @staticmethod
     def for_error(scene: Any, error: str, **where: Any) -> Quality:
@@ -234,20 +229,25 @@ _CHOICES = {
     "normals": NORMALS,
     "schedule": SCHEDULES,
     "correction": CORRECTIONS,
-    "trust": (True, False),
     "temporal": TEMPORAL,
     "rays": RAYS,
     "masking": MASKINGS,
-    "energy_compensation": (True, False),
     "ways": WAYS,
 }
+_WHOLE = {
+    "max_steps": (1, 60000),
+    "samples": (1, 4096),
+    "light_samples": (1, 64),
+    "shadow_steps": (1, 60000),
+    "budget": (4, 60000),
+}
+_WITHIN = {"epsilon": (1e-3, 10.0), "beta": (1e-3, 1.0), "step_scale": (1e-3, 1.0), "step_variation": (0.0, 0.9)}
+_NEEDED = ("max_steps", "samples", "light_samples", "beta", "step_scale", "step_variation")
 
 
-def _whole(name: str, value: object, most: int, least: int = 1) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-        raise SceneError(f"Quality: {name} = {value!r}", legal=f"an integer from {least} to {most}")
+def _whole(name: str, value: Any, least: int, most: int) -> int:
+    return integer(f"Quality: {name}", value, least, most)
 
 
-def _within(name: str, value: object, low: float, high: float) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise SceneError(f"Quality: {name} = {value!r}", legal=f"a number from {low:g} to {high:g}")
+def _within(name: str, value: Any, low: float, high: float) -> float:
+    return real(f"Quality: {name}", value, low, high)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+from dataclasses import field, fields
 from typing import Any
 
 import numpy as np
 
-from raymarch.errors import Location, SceneError, user_location
+from raymarch.errors import Location, SceneError
+from raymarch.expr.convert import integer, optional, short
 from raymarch.expr.node import Expr
 from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.light import Light, Sun
@@ -17,6 +19,7 @@ from raymarch.scene.parameter import Spec, Values, specs_in
 from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
 from raymarch.scene.tone import Tone
+from raymarch.scene.value import Value, value
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.node import Node
@@ -33,8 +36,9 @@ DEEPEST = {"random": 16, "tree": 4}
 """Bounces that each of the ways of light may have."""
 
 
-class Scene:
-    """A solid with camera, lights, sky, fog and quality.
+@value
+class Scene(Value):
+    """A solid with camera, lights, sky, fog and quality. A scene never changes; `scene.replace(...)` gives another.
 
     Parameters
     ----------
@@ -56,13 +60,21 @@ class Scene:
     Raises SceneError for what is not one of these.
     """
 
-    __slots__ = ("bounces", "camera", "fog", "lights", "node", "occlusion", "quality", "sky", "tone", "where")
+    node: Node
+    camera: Camera
+    lights: tuple[Light, ...]
+    sky: Sky
+    fog: Fog | None
+    quality: Quality
+    occlusion: Occlusion | None
+    bounces: int
+    tone: Tone = field(metadata={"planned": False})  # a picture is made of a frame afterwards
 
     def __init__(
         self,
         node: Node,
         camera: Camera | None = None,
-        lights: Sequence[Light] | None = None,
+        lights: Iterable[Light] | None = None,
         sky: Sky | Any = None,
         fog: Fog | None = None,
         quality: Quality | None = None,
@@ -70,56 +82,56 @@ class Scene:
         tone: Tone | None = None,
         bounces: int | None = None,
     ) -> None:
-        self.where: Location | None = user_location()
-        self.node = _instance("node", node, Node, "a node such as sphere()")
-        if node.dimension != 3:
-            raise SceneError(f"Scene: {node.name} is flat", legal="a solid; extrude or revolve it first")
-        self.camera = Camera() if camera is None else _instance("camera", camera, Camera, "Camera(...)")
-        given = [Sun()] if lights is None else lights
-        if isinstance(given, Light) or not isinstance(given, Iterable):
-            one = f"{type(given).__name__}(...)" if isinstance(given, Light) else repr(given)
+        self._begin()
+        solid = _instance("node", node, Node, "a node such as sphere()")
+        if solid.dimension != 3:
+            raise SceneError(f"Scene: {solid.name} is flat", legal="a solid; extrude or revolve it first")
+        kinds = "Sun(...) or PointLight(...), SpotLight(...), SphereLight(...)"
+        several: Any = [Sun()] if lights is None else lights
+        if not isinstance(several, Iterable) or isinstance(several, Expr | np.generic | np.ndarray):
+            one = f"{type(several).__name__}(...)" if isinstance(several, Light) else short(several)
             raise SceneError(f"Scene: lights = {one}", legal="a list of them, such as [Sun()]")
-        self.lights = tuple(
-            _instance("lights", light, Light, "Sun(...) or PointLight(...), SpotLight(...), SphereLight(...)")
-            for light in given
-        )
-        self.sky = sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky)
-        self.fog = None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None")
-        self.tone = Tone() if tone is None else _instance("tone", tone, Tone, "Tone(...)")
-        if bounces is not None and (
-            isinstance(bounces, bool) or not isinstance(bounces, int) or not 0 <= bounces <= DEEPEST["random"]
-        ):
-            raise SceneError(f"Scene: bounces = {bounces!r}", legal="an integer from 0 to 16, or None")
-        self.occlusion = None
-        if occlusion is not None:
-            self.occlusion = _instance("occlusion", occlusion, Occlusion, "Occlusion(...) or None")
-        self.quality = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
-        for part in all_nodes(node):
+        given = tuple(_instance("lights", light, Light, kinds) for light in several)
+        for light in given:
+            if type(light) is Light:
+                raise SceneError("Scene: lights = Light(...)", legal=kinds)
+        for part in all_nodes(solid):
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)
-        glass = any(material.transmits for material in self._labels())
-        deepest = DEEPEST[self.quality.ways]
-        if bounces is not None and bounces > deepest:
+        chosen = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
+        count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["random"], "an integer from 0 to 16, or None")
+        deepest = DEEPEST[chosen.ways]
+        if count is not None and count > deepest:
             raise SceneError(
-                f"Scene: bounces = {bounces} with Quality(ways='tree'): {2 ** (bounces + 1) - 1} rays a pixel",
+                f"Scene: bounces = {count} with Quality(ways='tree'): {2 ** (count + 1) - 1} rays a pixel",
                 legal=f"up to {deepest}, or Quality(ways='random')",
             )
-        self.bounces = bounces if bounces is not None else min(6, deepest) if glass else 0
+        if count is None:
+            count = min(6, deepest) if any(material.transmits for material in _labels(solid)) else 0
+        self._set(
+            node=solid,
+            camera=Camera() if camera is None else _instance("camera", camera, Camera, "Camera(...)"),
+            lights=given,
+            sky=sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky),
+            fog=None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None"),
+            quality=chosen,
+            occlusion=None
+            if occlusion is None
+            else _instance("occlusion", occlusion, Occlusion, "Occlusion(...) or None"),
+            tone=Tone() if tone is None else _instance("tone", tone, Tone, "Tone(...)"),
+            bounces=count,
+        )
 
-    def changed(self, **parts: Any) -> Scene:
-        """The same scene with some parts exchanged, by the names of the parameters; they are checked as ever."""
-        made = Scene(**{name: parts.get(name, getattr(self, name)) for name in self.__slots__ if name != "where"})
-        made.where = self.where
-        return made
-
-    def _labels(self) -> list[Any]:
-        seen = seen_labels(self.node)
-        return [label for label in dict.fromkeys(n.label for n in all_nodes(self.node)) if label in seen]
+    @property
+    def planned(self) -> tuple[Any, ...]:
+        """What a plan depends on: the fields, but for those that say so, and the lines that its messages name."""
+        parts = [getattr(self, part.name) for part in fields(self) if part.metadata.get("planned", True)]
+        return (*parts, self.where)
 
     @property
     def materials(self) -> tuple[Material, ...]:
         """Every material that is seen; index 0 is the default, for parts that have none of their own."""
-        given = self._labels()
+        given = _labels(self.node)
         default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
         return (default, *(m for m in given if m != default))
 
@@ -131,7 +143,7 @@ class Scene:
     @property
     def branches(self) -> bool:
         """True if a tree of ways is followed: it is asked for, and something mirrors or transmits."""
-        smooth = any(m.transmits or m.mirrors for m in self._labels())
+        smooth = any(m.transmits or m.mirrors for m in _labels(self.node))
         return self.bounces > 0 and self.quality.ways == "tree" and smooth
 
     @property
@@ -179,34 +191,46 @@ class Scene:
         return HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
 
 
+def _labels(root: Node) -> list[Any]:
+    seen = seen_labels(root)
+    return [label for label in dict.fromkeys(n.label for n in all_nodes(root)) if label in seen]
+
+
+def scene_of(node: Node) -> Scene:
+    """A plain scene of a node, where the node was written."""
+    made = Scene(node)
+    made._set(where=node.where)
+    return made
+
+
 def check_scene(what: str, given: object) -> None:
     """SceneError where a Scene is wanted and something else is given; `what` is wanted of it, such as "truth"."""
     if not isinstance(given, Scene):
-        raise SceneError(f"{what} of {given!r} ({type(given).__name__})", legal="a Scene")
+        raise SceneError(f"{what} of {short(given)} ({type(given).__name__})", legal="a Scene")
 
 
 def _instance(name: str, value: Any, kind: Any, legal: str, where: Location | None = None) -> Any:
     if not isinstance(value, kind):
-        raise SceneError(f"Scene: {name} = {value!r} ({type(value).__name__})", legal=legal, where=where)
+        raise SceneError(f"Scene: {name} = {short(value)} ({type(value).__name__})", legal=legal, where=where)
     return value
 
 
 def all_nodes(root: Node) -> list[Node]:
     """Every node of a tree once, parents first."""
-    found: dict[Node, None] = {root: None}
+    found = {id(root): root}
     pending = [root]
     while pending:
         for child in pending.pop().children:
-            if child not in found:
-                found[child] = None
+            if id(child) not in found:
+                found[id(child)] = child
                 pending.append(child)
-    return list(found)
+    return list(found.values())
 
 
 def _bounded_part(root: Node) -> Facts | None:
     """The hull of the boxes of the largest parts that are bounded."""
     boxes: list[Facts] = []
-    pending, seen = [root], {root}
+    pending, seen = [root], {id(root)}
     while pending:
         node = pending.pop()
         if node.facts.bounded and not node.facts.empty:
@@ -214,8 +238,8 @@ def _bounded_part(root: Node) -> Facts | None:
             continue
         together = node.definition.associative or node.definition.name == "smooth_union" or node.label is not None
         for child in node.children if together else ():
-            if child not in seen:
-                seen.add(child)
+            if id(child) not in seen:
+                seen.add(id(child))
                 pending.append(child)
     if not boxes:
         return None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from raymarch.expr.convert import file_path
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
@@ -15,15 +16,19 @@ from raymarch.scene.images import read_image
 from raymarch.scene.light import Sun
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.sky import Sky
+from raymarch.scene.value import value
 
 
+@value
 class GradientSky(Sky):
     """A sky that goes from a colour at the horizon to another at the zenith, over a ground of one colour.
 
     zenith, horizon, ground : linear RGB, each >= 0. light : see `Sky`.
     """
 
-    __slots__ = ()
+    zenith: Expr
+    horizon: Expr
+    ground: Expr
 
     def __init__(
         self,
@@ -41,9 +46,11 @@ class GradientSky(Sky):
             up = max(d.y, 0.0)
             return mix(mix(rim, top, up * (2.0 - up)), low, clamp(-12.0 * d.y, 0.0, 1.0))
 
-        super().__init__(color, light)
+        Sky.__init__(self, color, light)
+        self._set(zenith=top, horizon=rim, ground=low)
 
 
+@value
 class SunSky(Sky):
     """A clear sky with its sun, after Preetham, Shirley and Smits (1999), over a ground of one colour.
 
@@ -56,7 +63,10 @@ class SunSky(Sky):
     light : see `Sky`. The sun's own light is not part of it: `sun()` gives it, as a light for the scene.
     """
 
-    __slots__ = ("_intensity", "direction")
+    direction: Expr
+    turbidity: Expr
+    intensity: Expr
+    ground: Expr
 
     def __init__(
         self,
@@ -66,24 +76,27 @@ class SunSky(Sky):
         ground: Any = (0.25, 0.23, 0.2),
         light: bool = False,
     ) -> None:
-        self.direction = as_direction("SunSky: direction", direction)
+        towards = as_direction("SunSky: direction", direction)
         haze = as_number("SunSky: turbidity", turbidity, 2.0, 10.0)
-        self._intensity = as_number("SunSky: intensity", intensity, low=0.0)
+        factor = as_number("SunSky: intensity", intensity, low=0.0)
         low = as_vec3("SunSky: ground", ground, low=0.0)
 
         def color(d: Expr) -> Expr:
-            above = _preetham(d, self.direction, haze) * self._intensity
-            return mix(above, low * self._intensity, clamp(-12.0 * d.y, 0.0, 1.0))
+            above = _preetham(d, towards, haze) * factor
+            return mix(above, low * factor, clamp(-12.0 * d.y, 0.0, 1.0))
 
-        super().__init__(color, light)
+        Sky.__init__(self, color, light)
+        self._set(direction=towards, turbidity=haze, intensity=factor, ground=low)
 
     def sun(self, intensity: Any = 3.0, **parts: Any) -> Sun:
         """The sun as a light: white at the zenith, red at the horizon. parts : `shadow`, `softness`, `penumbra`."""
         up = max(self.direction.y, 0.0)
         through = exp(expr((-0.06, -0.12, -0.28)) / (up + 0.1))
-        return Sun(self.direction, through, expr(intensity) * self._intensity, **parts)
+        factor = as_number("SunSky.sun: intensity", intensity, low=0.0)
+        return Sun(self.direction, through, factor * self.intensity, **parts)
 
 
+@value
 class ImageSky(Sky):
     """A sky from a picture of all directions: longitude across, latitude down, the middle of it along -z.
 
@@ -95,11 +108,13 @@ class ImageSky(Sky):
     Raises SceneError for a file that is missing, broken or too large.
     """
 
-    __slots__ = ("file",)
+    file: str
+    intensity: Expr
+    turn: Expr
 
     def __init__(self, file: str | PathLike[str], intensity: Any = 1.0, turn: Any = 0.0, light: bool = False) -> None:
-        self.file = file
-        pixels = np.maximum(read_image("ImageSky", file), 0.0)
+        name = file_path("ImageSky: file", file, "the name of a picture's file")
+        pixels = np.maximum(read_image("ImageSky", name), 0.0)
         height, width = pixels.shape[:2]
         # A column at each side closes the circle, a row at each end repeats the pole's.
         closed = np.pad(pixels, ((1, 1), (0, 0), (0, 0)), "edge")
@@ -115,7 +130,8 @@ class ImageSky(Sky):
             at = vec2(u * width + 0.5, v * height + 0.5)
             return vec3(*(sample(channel, at) for channel in channels)) * factor
 
-        super().__init__(color, light)
+        Sky.__init__(self, color, light)
+        self._set(file=name, intensity=factor, turn=angle)
 
 
 # The constants of Preetham's model: distribution of luminance and of the two chromaticities by turbidity (a T + b), and

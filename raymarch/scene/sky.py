@@ -7,24 +7,27 @@ truth read the same one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.convert import called, switch
 from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import max
 from raymarch.expr.walk import free_variables
 from raymarch.scene.parameter import Values, as_number, as_vec3
+from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import as_operand
 
 DIRECTION = var("direction", VEC3)
 """The unit vector along which a sky is seen."""
 
 
-class Sky:
+@value
+class Sky(Value):
     """A sky.
 
     Parameters
@@ -35,13 +38,15 @@ class Sky:
         its way but `Occlusion`, if the scene has one. False costs nothing.
     """
 
-    __slots__ = ("light", "radiance")
+    color: Expr
+    light: bool
 
     def __init__(self, color: Any = (0.5, 0.65, 0.85), light: bool = False) -> None:
-        if not isinstance(light, bool):
-            raise SceneError(f"{type(self).__name__}: light = {light!r}", legal="True or False")
-        self.light = light
-        self.radiance = _radiance(color)
+        self._begin()
+        self._set(light=switch(f"{type(self).__name__}: light", light), color=_radiance(color))
+
+    def _identity(self) -> tuple[Any, ...]:
+        return self.color, self.light
 
     @property
     def constant(self) -> bool:
@@ -49,9 +54,9 @@ class Sky:
         return DIRECTION not in free_variables([self.radiance])
 
     @property
-    def color(self) -> Expr:
-        """Its radiance, a vec3; a function of DIRECTION unless it is constant."""
-        return self.radiance
+    def radiance(self) -> Expr:
+        """Its colour, a vec3; a function of DIRECTION unless it is constant."""
+        return self.color
 
     @property
     def expressions(self) -> list[Expr]:
@@ -93,17 +98,19 @@ def harmonics_at(n: Any) -> Any:
     return np.stack([one, a * x, a * y, a * z, *second], axis=1)
 
 
-class Fog:
+@value
+class Fog(Value):
     """Fog that lets exp(-density * distance) of the light through. It covers surfaces, not the sky.
 
     color : linear RGB, each >= 0. density : per unit of length, >= 0.
     """
 
-    __slots__ = ("color", "density")
+    color: Expr
+    density: Expr
 
     def __init__(self, color: Any = (0.5, 0.65, 0.85), density: Any = 0.05) -> None:
-        self.color = as_vec3("Fog: color", color, low=0.0)
-        self.density = as_number("Fog: density", density, low=0.0)
+        self._begin()
+        self._set(color=as_vec3("Fog: color", color, low=0.0), density=as_number("Fog: density", density, low=0.0))
 
     @property
     def expressions(self) -> list[Expr]:
@@ -112,17 +119,16 @@ class Fog:
 
 def _radiance(color: Any) -> Expr:
     """A colour, or a function of the direction, as an expression of DIRECTION."""
-    if not callable(color) or isinstance(color, Expr):
-        return as_vec3("Sky: color", color, low=0.0)
     legal = "linear RGB >= 0, or a function of a direction that gives such"
-    made = expr(_called(color, legal))
+    if isinstance(color, Expr) and DIRECTION in free_variables([color]):
+        made = color  # of another sky
+    elif not callable(color) or isinstance(color, Expr):
+        return as_vec3("Sky: color", color, low=0.0)
+    else:
+        made = as_operand("Sky: the function gives", called("Sky", color, DIRECTION, legal=legal), legal)
     if made.type is not VEC3:
         raise SceneError(f"Sky: the function gives a {made.type}", legal=legal)
-    return max(made, 0.0)
+    return made if made.op == "max" and made.args[1] is ZERO else max(made, 0.0)
 
 
-def _called(color: Callable[[Expr], Any], legal: str) -> Any:
-    try:
-        return color(DIRECTION)
-    except TypeError as fault:
-        raise SceneError(f"Sky: the function fails: {fault}", legal=legal) from fault
+ZERO = expr(0.0)

@@ -5,63 +5,116 @@ A picture is asked at a point of the space in which the material is given, over 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, instance, optional, short
 from raymarch.expr.derivative import moved_along
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.texels import WRAPS, Texels, Wrap
 from raymarch.expr.textures import texture
 from raymarch.expr.vocabulary import abs, cos, max, pow, sin, vec2, vec3, where
 from raymarch.scene.parameter import as_number
-from raymarch.scene.picture import Picture, pixels_of, values_for
+from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
+from raymarch.scene.value import Value, value
 from raymarch.sdf.lower import ACROSS, ALONG, NORMAL, POSITION
 
 FACES = {"x": ((2, -1.0), (1, 1.0)), "y": ((0, 1.0), (2, -1.0)), "z": ((0, 1.0), (1, 1.0))}
 """Across and up for a picture that is seen upright from the positive end of an axis: which axis, and its sign."""
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """How a picture lies in space. axis : along which it is projected, None for all three, by the normal.
-    turn : of the picture, counter-clockwise. extents : of one picture along u and v. shift : of its middle."""
+@value
+class Layout(Value):
+    """How a picture lies in space.
+
+    axis : along which it is projected, None for all three, by the normal. extents : of one picture along u and v.
+    shift : of its middle. what : who asks, for messages.
+    turn : of the picture, counter-clockwise, in radians. hardness : of the mix of three.
+    """
 
     axis: str | None
     extents: tuple[Expr, Expr]
     shift: tuple[Expr, Expr]
     turn: Expr
     hardness: Expr
+    what: str
+
+    def __init__(
+        self,
+        axis: str | None,
+        extents: Any = (1.0, 1.0),
+        shift: Any = (0.0, 0.0),
+        turn: Any = 0.0,
+        hardness: Any = 1.0,
+        what: str = "texture",
+    ) -> None:
+        self._begin()
+        what = instance("Layout: what", what, str, "who asks, for messages")
+        self._set(
+            axis=optional(choice, f"{what}: axis", axis, tuple(FACES)),
+            extents=_pair(f"{what}: size", extents, "a length > 0, or two", 1e-6),
+            shift=_pair(f"{what}: offset", shift, "two lengths", -1e6),
+            turn=as_number(f"{what}: rotation", turn, -1e6, 1e6, cells=True),
+            hardness=as_number(f"{what}: hardness", hardness, 1.0, 64.0),
+            what=what,
+        )
+
+    def _identity(self) -> tuple[Any, ...]:
+        return self.axis, self.extents, self.shift, self.turn, self.hardness
 
 
-class Texture:
+@value
+class Texture(Value):
     """A picture with its layout; made by `planar` and `triplanar`.
 
     Give it to a `Material` as any of its values. Called with a point, inside of a function of the point, it is a
     colour; `number` and `color` say which is meant.
 
-    file : name of the file, or "array of" its shape. pixels : (H, W, channels) as stored, row 0 at the top.
+    picture : as stored. wrap, channel, green : see `planar`.
     """
 
-    __slots__ = ("_made", "channel", "downwards", "encoded", "file", "layout", "pixels", "wrap")
+    what: str
+    picture: Stored
+    layout: Layout
+    wrap: Wrap
+    channel: str | None
+    green: str
+    _made: dict[str, Texels]
 
     def __init__(
-        self, what: str, picture: Picture, layout: Layout, wrap: Wrap, channel: str | None, green: str
+        self,
+        what: str,
+        picture: Picture | Stored,
+        layout: Layout,
+        wrap: Wrap = "repeat",
+        channel: str | None = None,
+        green: str = "up",
     ) -> None:
-        self.pixels, self.encoded, self.file = pixels_of(what, picture)
-        self.layout, self.wrap = layout, wrap
-        self._made: dict[str, Texels] = {}
-        if wrap not in WRAPS:
-            raise SceneError(f"{what}: wrap = {wrap!r}", legal=", ".join(map(repr, WRAPS)))
-        channels = self.pixels.shape[2]
-        if channel is not None and (channel not in tuple("rgba") or "rgba".index(channel) >= channels):
-            legal = ", ".join(repr(c) for c in "rgba"[:channels])
-            raise SceneError(f"{what}: channel = {channel!r} of '{self.file}'", legal=f"{legal} or None")
-        if green not in ("up", "down"):
-            raise SceneError(f"{what}: green = {green!r}", legal="'up' (OpenGL) or 'down' (Direct3D)")
-        self.channel, self.downwards = channel, green == "down"
+        self._begin()
+        given = stored_of(what, picture)
+        channels = "rgba"[: given.pixels.shape[2]]
+        legal = f"{', '.join(map(repr, channels))} or None"
+        self._set(
+            what=what,
+            picture=given,
+            layout=instance(f"{what}: layout", layout, Layout, "a Layout"),
+            wrap=choice(f"{what}: wrap", wrap, WRAPS),
+            channel=optional(choice, f"{what} of '{given.name}': channel", channel, tuple(channels), legal),
+            green=choice(f"{what}: green", green, ("up", "down"), "'up' (OpenGL) or 'down' (Direct3D)"),
+            _made={},
+        )
+
+    @property
+    def pixels(self) -> Array:
+        """(H, W, channels) as stored, row 0 at the top."""
+        return self.picture.pixels
+
+    @property
+    def file(self) -> str:
+        """Name of the file, or "array of" its shape."""
+        return self.picture.name
 
     def __repr__(self) -> str:
         return f"Texture({self.file!r}, {self.size[0]} x {self.size[1]})"
@@ -113,7 +166,7 @@ class Texture:
     def _texels(self, role: str) -> Texels:
         if role not in self._made:
             channel = None if self.channel is None else "rgba".index(self.channel)
-            values = values_for(self.pixels, role, self.encoded, channel, self.downwards, self.wrap)
+            values = values_for(self.pixels, role, self.picture.encoded, channel, self.green == "down", self.wrap)
             self._made[role] = Texels(values, self.wrap, self.file)
         return self._made[role]
 
@@ -183,35 +236,23 @@ class _Frame:
         return vec3(*parts)
 
 
-def _extents(what: str, size: Any, pixels: tuple[int, int]) -> tuple[Expr, Expr]:
-    if isinstance(size, tuple | list):
-        if len(size) != 2:
-            raise SceneError(f"{what}: size = {size!r}", legal="a length > 0, or two")
-        width, height = (as_number(f"{what}: size", v, 1e-6, 1e6) for v in size)
-        return width, height
-    width = as_number(f"{what}: size", size, 1e-6, 1e6)
-    return width, width * (pixels[1] / pixels[0])
+def _pair(what: str, value: Any, legal: str, low: float) -> tuple[Expr, Expr]:
+    """Two lengths."""
+    if not isinstance(value, tuple | list | np.ndarray) or np.ndim(np.asarray(value, object)) < 1 or len(value) != 2:
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
+    across, up = (as_number(what, v, low, 1e6, cells=low < 0.0) for v in value)
+    return across, up
 
 
-def _made(
-    what: str,
-    picture: Picture,
-    axis: str | None,
-    size: Any,
-    offset: Any,
-    rotation: Any,
-    hardness: Any,
-    **parts: Any,
+def _laid(
+    what: str, picture: Picture, axis: str | None, size: Any, offset: Any, rotation: Any, hardness: Any, **parts: Any
 ) -> Texture:
-    if not isinstance(offset, tuple | list | np.ndarray) or len(offset) != 2:
-        raise SceneError(f"{what}: offset = {offset!r}", legal="two lengths")
-    across, up = (as_number(f"{what}: offset", v, -1e6, 1e6, cells=True) for v in offset)
-    turn = as_number(f"{what}: rotation", rotation, -1e6, 1e6, cells=True)
-    hard = as_number(f"{what}: hardness", hardness, 1.0, 64.0)
-    one = expr(1.0)
-    made = Texture(what, picture, Layout(axis, (one, one), (across, up), turn, hard), **parts)
-    made.layout = Layout(axis, _extents(what, size, made.size), (across, up), turn, hard)
-    return made
+    """A texture, its height that of its picture if only its width is given."""
+    stored = stored_of(what, picture)
+    if not (isinstance(size, tuple | list) or (isinstance(size, np.ndarray) and size.ndim)):
+        width = as_number(f"{what}: size", size, 1e-6, 1e6)
+        size = (width, width * (stored.pixels.shape[0] / stored.pixels.shape[1]))
+    return Texture(what, stored, Layout(axis, size, offset, rotation, hardness, what), **parts)
 
 
 def planar(
@@ -240,9 +281,8 @@ def planar(
 
     Raises SceneError for a file that is missing or broken, more than 4096 pixels along an edge, or values out of range.
     """
-    if axis not in FACES:
-        raise SceneError(f"planar: axis = {axis!r}", legal="'x', 'y' or 'z'")
-    return _made("planar", picture, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
+    choice("planar: axis", axis, tuple(FACES), "'x', 'y' or 'z'")
+    return _laid("planar", picture, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
 
 
 def triplanar(
@@ -261,7 +301,7 @@ def triplanar(
     hardness : from 1, blended widely, to 64; the shares are |n|^hardness, divided by their sum. The others are those of
     `planar`. Normal and height maps of the three add up as gradients (Mikkelsen 2020).
     """
-    return _made("triplanar", picture, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green)
+    return _laid("triplanar", picture, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green)
 
 
 def lie_alike(a: Texture, b: Texture) -> bool:

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.convert import choice, real, switch
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, dot, log2, max, pow, vec3
+from raymarch.scene.value import Value, value
 
 COLOR = var("color", VEC3)
 
@@ -68,7 +69,8 @@ def _agx(c: Expr) -> Expr:
 CURVES: Mapping[str, Callable[[Expr], Expr]] = {"linear": _linear, "reinhard": _reinhard, "aces": _aces, "agx": _agx}
 
 
-class Tone:
+@value
+class Tone(Value):
     """How linear light becomes a picture.
 
     Parameters
@@ -80,16 +82,17 @@ class Tone:
         picture gives the same bytes.
     """
 
-    __slots__ = ("curve", "dither", "exposure")
+    curve: str
+    exposure: float
+    dither: bool
 
     def __init__(self, curve: str = "linear", exposure: float = 0.0, dither: bool = False) -> None:
-        if curve not in CURVES:
-            raise SceneError(f"Tone: curve = {curve!r}", legal=", ".join(map(repr, CURVES)))
-        if isinstance(exposure, bool) or not isinstance(exposure, int | float) or not -30 <= exposure <= 30:
-            raise SceneError(f"Tone: exposure = {exposure!r}", legal="a number of stops from -30 to 30")
-        if not isinstance(dither, bool):
-            raise SceneError(f"Tone: dither = {dither!r}", legal="True or False")
-        self.curve, self.exposure, self.dither = curve, float(exposure), dither
+        self._begin()
+        self._set(
+            curve=choice("Tone: curve", curve, tuple(CURVES)),
+            exposure=real("Tone: exposure", exposure, -30, 30, "a number of stops from -30 to 30"),
+            dither=switch("Tone: dither", dither),
+        )
 
     def apply(self, color: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light (..., 3) as linear values for the screen, from 0 to 1, in float64; NaN becomes 0."""

@@ -11,13 +11,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, short
 from raymarch.expr.function import function
-from raymarch.expr.node import Expr, expr
+from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, min
 from raymarch.sdf.blends import FAMILIES, fold_all, reach_of
 from raymarch.sdf.definition import Child, ChildFacts, combination
-from raymarch.sdf.domain import Count, Positive, Scalar, Word
+from raymarch.sdf.domain import Count, Positive, Scalar, Word, as_operand
 from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
@@ -167,14 +168,13 @@ def _choose(
 ) -> Node:
     if len(nodes) < 1:
         raise SceneError(f"{name} of no nodes", legal="one node or more")
-    if blend not in BLENDS:
-        raise SceneError(f"{name}: blend = {blend!r}", legal=", ".join(map(repr, BLENDS)))
-    width = expr(k)
+    blend = choice(f"{name}: blend", blend, tuple(BLENDS))
+    width = as_operand(f"{name}: k", k, "a number >= 0; 0 gives the hard operation")
     if width.is_constant and width.type is FLOAT and not float(width.data) >= 0.0:
-        raise SceneError(f"{name}: k = {k!r}", legal="a number >= 0; 0 gives the hard operation")
+        raise SceneError(f"{name}: k = {short(k)}", legal="a number >= 0; 0 gives the hard operation")
     for node in nodes:
         if not isinstance(node, Node):
-            raise SceneError(f"{name} of {node!r} ({type(node).__name__})", legal="nodes such as sphere()")
+            raise SceneError(f"{name} of {short(node)} ({type(node).__name__})", legal="nodes such as sphere()")
     if len(nodes) == 1:
         return nodes[0]
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0

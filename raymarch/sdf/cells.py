@@ -11,13 +11,15 @@ and 1-Lipschitz, because where the choice of cells changes, the field says no mo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Annotated, Any
+from uuid import uuid4
 
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import called, integer, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr, make
 from raymarch.expr.types import FLOAT, VEC3
@@ -26,20 +28,24 @@ from raymarch.expr.vocabulary import clamp, max, min, round, vec3, where
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.copies import UNBOUNDED, each_axis
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
-from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole
+from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
-from raymarch.sdf.repetition import INFINITE
+from raymarch.sdf.repetition import INFINITE, MOST
 
 __all__ = ["repeat_varied"]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, slots=True)
 class Cells:
-    """Which indices the cells of one repetition have, along each axis; infinite where there is no end."""
+    """Which indices the cells of one repetition have, along each axis; infinite where there is no end.
+
+    key : of this repetition, and of no other; also where it comes back from another process.
+    """
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    key: str = field(default_factory=lambda: uuid4().hex, repr=False)
 
     @property
     def index(self) -> Expr:
@@ -147,15 +153,17 @@ def repeat_varied(
     numbers = []
     for step, number in zip(steps, counts, strict=True):
         n = 1 if step is None else INFINITE if number is None else number
-        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if number is None else 1):
-            raise SceneError(f"repeat_varied: count = {count!r}", legal="integers >= 1, or None for no end")
-        numbers.append(int(n))
-    width = [expr(1.0) if step is None else expr(step) for step in steps]
+        least = 0 if number is None else 1
+        numbers.append(integer("repeat_varied: count", n, least, MOST, "integers >= 1, or None for no end"))
+    legal = "a number > 0, or None, or three"
+    width = [expr(1.0) if step is None else as_length("repeat_varied: spacing", step, legal) for step in steps]
     low, high = ([float(end(n)) for n in numbers] for end in (_first, _last))
     cells = Cells((low[0], low[1], low[2]), (high[0], high[1], high[2]))
-    node = build(cells.index)
+    if not callable(build) or isinstance(build, Expr):
+        raise SceneError(f"repeat_varied: build = {short(build)}", legal="a function of the index of a cell")
+    node = called("repeat_varied: build", build, cells.index, legal="a function from the index of a cell to a solid")
     if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"repeat_varied: build gives {node!r}", legal="a solid such as sphere()")
+        raise SceneError(f"repeat_varied: build gives {short(node)}", legal="a solid such as sphere()")
     middle, half = [], []
     for i, axis in enumerate("xyz"):
         _check_fit(node, axis, width[i], numbers[i], i)
@@ -180,7 +188,7 @@ def _check_fit(node: Node, axis: str, step: Expr, n: int, i: int) -> None:
     if n == 1:
         return
     if step.type is not FLOAT or not float(interval_of(step)[0]) > 0.0:
-        raise SceneError(f"repeat_varied: spacing along {axis} = {step!r}", legal="a number > 0, or None")
+        raise SceneError(f"repeat_varied: spacing along {axis} = {short(step)}", legal="a number > 0, or None")
     smallest = float(interval_of(step)[0])
     reach = 2.0 * float(np.maximum(-node.facts.lower, node.facts.upper)[i])
     if not reach <= smallest * (1 + 1e-12):

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import integer, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT
@@ -23,12 +24,12 @@ from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, clamp, cos, length, max, min, mod, round, sin, vec3, where
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
-from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole
+from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import rotation_matrix, translate
 from raymarch.sdf.registry import method
-from raymarch.sdf.repetition import INFINITE, repeat
+from raymarch.sdf.repetition import INFINITE, MOST, repeat
 
 __all__ = ["polar", "repeat_interval", "repeat_mirrored"]
 
@@ -144,9 +145,8 @@ def polar(node: Node, count: int = 6) -> Node:
     that reaches over its sector is asked for every copy, and refused if there are more than 24.
     """
     if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"polar of {node!r}", legal="a solid such as sphere()")
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= 65535:
-        raise SceneError(f"polar: count = {count!r}", legal="an integer >= 1")
+        raise SceneError(f"polar of {short(node)}", legal="a solid such as sphere()")
+    count = integer("polar: count", count, 1, 65535)
     if count == 1:
         return node
     middle, half = _wedge(node.facts)
@@ -271,15 +271,16 @@ def repeat_mirrored(
     what it mirrors.
     """
     if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"repeat_mirrored of {node!r}", legal="a solid such as sphere()")
+        raise SceneError(f"repeat_mirrored of {short(node)}", legal="a solid such as sphere()")
     steps = each_axis("repeat_mirrored", "spacing", spacing)
     counts = each_axis("repeat_mirrored", "count", count)
     width, numbers = [], []
     for i, axis in enumerate("xyz"):
         n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
-        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if counts[i] is None else 1):
-            raise SceneError(f"repeat_mirrored: count = {count!r}", legal="integers >= 1, or None for no end")
-        step = expr(1.0) if steps[i] is None else expr(steps[i])
+        n = integer(
+            "repeat_mirrored: count", n, 0 if counts[i] is None else 1, MOST, "integers >= 1, or None for no end"
+        )
+        step = expr(1.0) if steps[i] is None else as_length("repeat_mirrored: spacing", steps[i])
         if n != 1:
             _check_fit(node, axis, step, i)
         numbers.append(int(n))
@@ -310,7 +311,7 @@ def each_axis(name: str, what: str, value: Any) -> list[Any]:
         value = list(value)
     if isinstance(value, tuple | list):
         if len(value) != 3:
-            raise SceneError(f"{name}: {what} = {value!r}", legal="one value, or three for x, y and z")
+            raise SceneError(f"{name}: {what} = {short(value)}", legal="one value, or three for x, y and z")
         return list(value)
     return [value] * 3
 
@@ -340,9 +341,16 @@ def repeat_interval(
     counts: list[int | None] = []
     offset = []
     for step, low, high in zip(steps, *ends, strict=True):
-        whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in (low, high))
-        if step is not None and not (whole and low <= high):
-            raise SceneError(f"repeat_interval: first = {first!r}, last = {last!r}", legal="integers, first <= last")
-        counts.append(1 if step is None else int(high - low + 1))
-        offset.append(expr(0.0) if step is None else expr(step) * (0.5 * (low + high)))
+        if step is None:
+            counts.append(1)
+            offset.append(expr(0.0))
+            continue
+        legal = "integers up to 16777216 in size, first <= last"
+        start = integer("repeat_interval: first", low, -MOST, MOST, legal)
+        end = integer("repeat_interval: last", high, -MOST, MOST, legal)
+        if start > end:
+            raise SceneError(f"repeat_interval: first = {short(first)}, last = {short(last)}", legal=legal)
+        counts.append(end - start + 1)
+        each = as_length("repeat_interval: spacing", step)
+        offset.append(each * (0.5 * (start + end)))
     return translate(repeat(node, steps, counts), construct(*offset))

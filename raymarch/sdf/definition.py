@@ -16,6 +16,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, cast
 import numpy as np
 
 from raymarch.errors import Location, SceneError
+from raymarch.expr.convert import short
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
@@ -86,7 +87,9 @@ class Definition:
             return self.flat.make(children, args, kwargs)
         for child in children:
             if not isinstance(child, Node):
-                raise SceneError(f"{self.name} of {child!r} ({type(child).__name__})", legal="a node such as sphere()")
+                raise SceneError(
+                    f"{self.name} of {short(child)} ({type(child).__name__})", legal="a node such as sphere()"
+                )
             if child.dimension != self.child_dimension:
                 raise SceneError(
                     f"{self.name} of a {child.dimension}D field ({child.name})",
@@ -353,7 +356,7 @@ def _require(name: str, exactness: Any, bounds: Any) -> None:
             legal="@shape(exactness='exact' | 'bound' | 'estimate', bounds=function giving (lower, upper))",
         )
     if not callable(exactness) and exactness not in ("exact", "bound", "estimate"):
-        raise SceneError(f"{name}: exactness = {exactness!r}", legal="'exact', 'bound' or 'estimate'")
+        raise SceneError(f"{name}: exactness = {short(exactness)}", legal="'exact', 'bound' or 'estimate'")
 
 
 def shape(
@@ -523,6 +526,7 @@ def combination(
 def _show_signature(build: Any, definition: Definition, skip: int, first: str | None) -> None:
     """Give the builder the signature and the help that a user sees."""
     del build.__wrapped__
+    build.definition = definition
     build.__doc__ = help_text(definition)
     signature = inspect.signature(definition.source)
     shown = list(signature.parameters.values())[skip:]

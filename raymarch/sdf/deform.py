@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, vec2, vec3
 from raymarch.sdf.definition import Child, ChildFacts, operator
-from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector
+from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
@@ -27,6 +28,8 @@ __all__ = ["bend", "displace", "taper", "twist"]
 
 def _reach(node: Node, name: str, axes: str) -> float:
     """How far the child reaches from the origin in the plane of some axes; refuses one without an end there."""
+    if not isinstance(node, Node):
+        raise SceneError(f"{name} of {short(node)} ({type(node).__name__})", legal="a solid such as sphere()")
     if node.dimension != 3:
         raise SceneError(f"{name} of a flat shape ({node.name})", legal="a solid")
     picks = ["xyz".index(axis) for axis in axes]
@@ -206,5 +209,5 @@ def displace(node: Node, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 
     amplitude : length >= 0. frequency : radians a unit of length, one number or three. A bound: divided by
     1 + amplitude times the largest frequency.
     """
-    each = expr(frequency)
+    each = as_operand("displace: frequency", frequency, "radians a unit of length, one number or three")
     return displace_by_waves(node, amplitude, each if each.type.is_vector else expr((each,) * 3))

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, value_of
+from raymarch.expr.convert import holdable, instance, integer, numbers, plain, short
 from raymarch.expr.intervals import Interval, interval_of
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.types import FLOAT, MAT3, MAT4, VEC2, VEC3, VECTORS, Type
 from raymarch.expr.vocabulary import normalize
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, free_variables
 
 Kind: TypeAlias = type[Any]
 """A Python type; under a name of its own, because a Domain's `type` is a GLSL type."""
@@ -80,34 +81,30 @@ class Domain:
         try:
             given = expr(value)
         except SceneError:
-            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal) from None
+            raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal) from None
+        stray = free_variables([given])
+        if stray:
+            what = f"{node}: {name} depends on {short(stray[0].data)}"
+            raise SceneError(what, legal=f"{self.legal}, of parameters and time")
         if self.stretch and given.type is FLOAT:
             given = expr((given,) * self.type.size)
         if given.type is not self.type:
-            raise SceneError(f"{node}: {name} = {value!r} is a {given.type}", legal=self.legal)
+            raise SceneError(f"{node}: {name} = {short(value)} is a {given.type}", legal=self.legal)
         self._check(node, name, value, given)
-        return normalize(given) if self.direction else given
+        return unit(given) if self.direction else given
 
     def _accept_static(self, node: str, name: str, value: Any) -> Any:
         if self.points:
             return self._accept_points(node, name, value)
+        what = f"{node}: {name}"
         if self.holds is not int:
-            if not isinstance(value, self.holds):
-                raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
-            return value
-        if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
-        if not self.low <= value <= self.high:
-            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
-        return int(value)
+            return instance(what, plain(value) if self.holds is str else value, self.holds, self.legal)
+        return integer(what, value, self.low, self.high, self.legal)
 
     def _accept_points(self, node: str, name: str, value: Any) -> tuple[tuple[float, ...], ...]:
-        try:
-            array = np.asarray(value, np.float64)
-        except (TypeError, ValueError, SceneError):
-            array = np.empty(0)
-        if array.ndim != 2 or array.shape[1] != self.points or len(array) < 2 or not np.all(np.isfinite(array)):
-            raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
+        array = numbers(f"{node}: {name}", value, self.legal)
+        if array.ndim != 2 or array.shape[1] != self.points or len(array) < 2 or not holdable(array):
+            raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal)
         return tuple(tuple(map(float, point)) for point in array)
 
     def _check(self, node: str, name: str, value: Any, given: Expr) -> None:
@@ -116,15 +113,15 @@ class Domain:
             with np.errstate(over="ignore"):  # the shader computes in float32: what is infinite or 0 there, is so here
                 low = high = given.data.astype(np.float32)
             if not np.all(np.isfinite(low)):
-                raise SceneError(f"{node}: {name} = {value!r} is not finite", legal=self.legal)
+                raise SceneError(f"{node}: {name} = {short(value)} is not finite", legal=self.legal)
             if self.direction and not np.any(given.data):
-                raise SceneError(f"{node}: {name} = {value!r}", legal=self.legal)
+                raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal)
         ranged = not find([given], "time")
         # A parameter's whole range must be legal; a time without a stated range only must not be wholly illegal.
         smallest, largest = (low, high) if ranged else (high, low)
         below = smallest <= self.low if self.open else smallest < self.low
         if np.any(below) or np.any(largest > self.high):
-            shown = f"{value!r}" if given.is_constant else f"an expression between {low} and {high}"
+            shown = short(value) if given.is_constant else f"an expression between {low} and {high}"
             raise SceneError(f"{node}: {name} = {shown}", legal=self.legal)
 
 
@@ -158,6 +155,31 @@ Points2 = Annotated[Any, Domain(None, holds=tuple, points=2, unit="length")]
 Points3 = Annotated[Any, Domain(None, holds=tuple, points=3, unit="length")]
 Count = Annotated[int, Domain(None, low=1, high=65535, unit="count")]
 Whole = Annotated[int, Domain(None, unit="integer")]
+
+
+def as_operand(what: str, value: Any, legal: str) -> Expr:
+    """Any operand as an expression."""
+    try:
+        return expr(value)
+    except SceneError:
+        raise SceneError(f"{what} = {short(value)}", legal=legal) from None
+
+
+def as_length(what: str, value: Any, legal: str = "a number > 0, or None") -> Expr:
+    """A number, or an expression of parameters and time; its range is not checked."""
+    given = as_operand(what, value, legal)
+    if given.type is not FLOAT or free_variables([given]):
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
+    return given
+
+
+def unit(direction: Expr) -> Expr:
+    """A direction made of length 1; what has that length to rounding stays as it is."""
+    if direction.op == "normalize":
+        return direction
+    if direction.is_constant and np.abs(np.dot(direction.data, direction.data) - 1.0) <= 4.0 * np.finfo(float).eps:
+        return direction
+    return normalize(direction)
 
 
 def domain_of(annotation: Any, default: Any) -> Domain:

@@ -11,13 +11,14 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import LARGEST, called, numbers, short
 from raymarch.expr.function import loop
 from raymarch.expr.node import Expr, Operand, const, expr
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, rotation2, vec3
 from raymarch.sdf.definition import Child, at_least, operator, shape
-from raymarch.sdf.domain import Count, Domain, Factor
+from raymarch.sdf.domain import Count, Domain, Factor, as_operand
 from raymarch.sdf.node import Node
 
 __all__ = ["ball_fold", "box_fold", "fold_fractal", "plane_fold"]
@@ -32,13 +33,15 @@ def plane_fold(z: Operand, normal: Operand) -> Expr:
 
     z : vec3. normal : vec3 of any length but 0, towards the front. Keeps distances: `growth` stays as it is.
     """
-    n = normalize(normal)
+    n = normalize(as_operand("plane_fold: normal", normal, "a vec3, not all zero"))
+    z = as_operand("plane_fold: z", z, "a vec3")
     return z - 2.0 * min(dot(z, n), 0.0) * n
 
 
 def box_fold(z: Operand, limit: Operand = 1.0) -> Expr:
     """What lies beyond a face of the cube from -limit to limit is reflected in that face. Keeps distances."""
-    return 2.0 * clamp(z, -expr(limit), limit) - expr(z)
+    at, end = as_operand("box_fold: z", z, "a vec3"), as_operand("box_fold: limit", limit, "a number > 0")
+    return 2.0 * clamp(at, -end, end) - at
 
 
 def ball_fold(z: Operand, growth: Operand, inner: Operand = 0.5, outer: Operand = 1.0) -> tuple[Expr, Expr]:
@@ -46,16 +49,17 @@ def ball_fold(z: Operand, growth: Operand, inner: Operand = 0.5, outer: Operand 
 
     z, growth : see `fold_fractal`. inner, outer : radii of the balls, 0 < inner <= outer. Returns the new z and growth.
     """
-    square = expr(outer) * outer
-    turn = max(square / max(dot(z, z), expr(inner) * inner), 1.0)
-    return turn * expr(z), turn * expr(growth)
+    far, near = (as_operand(f"ball_fold: {n}", r, "a radius > 0") for n, r in (("outer", outer), ("inner", inner)))
+    at, grown = as_operand("ball_fold: z", z, "a vec3"), as_operand("ball_fold: growth", growth, "a number")
+    turn = max(far * far / max(dot(at, at), near * near), 1.0)
+    return turn * at, turn * grown
 
 
 def _steps(fold: Fold, p: Expr, bailout: Expr, iterations: int) -> tuple[Expr, Expr]:
     def step(i: Expr, z: Expr, growth: Expr) -> tuple[Any, Any]:
-        made = fold(z, growth, p)
+        made = called("fold_fractal: fold", fold, z, growth, p, legal="a function from (z, growth, p) to (z, growth)")
         if not isinstance(made, tuple | list) or len(made) != 2:
-            raise SceneError(f"fold_fractal: fold gives {made!r}", legal="(z, growth): a vec3 and a number")
+            raise SceneError(f"fold_fractal: fold gives {short(made)}", legal="(z, growth): a vec3 and a number")
         kinds = [expr(part).type for part in made]
         if kinds[0] is not VEC3 or kinds[1] is not FLOAT:
             raise SceneError(f"fold_fractal: fold gives a {kinds[0]} and a {kinds[1]}", legal="a vec3 and a float")
@@ -139,7 +143,7 @@ def fold_fractal(
     factor of the growth, the field is a bound; `Quality(step_scale=...)` helps where it is not.
     """
     if not callable(fold):
-        raise SceneError(f"fold_fractal: fold = {fold!r}", legal="a function of (z, growth, p)")
+        raise SceneError(f"fold_fractal: fold = {short(fold)}", legal="a function of (z, growth, p)")
     corners = _corners(bounds)
     if solid is None:
         return folded_orbit(fold, corners, bailout, iterations)
@@ -147,14 +151,15 @@ def fold_fractal(
 
 
 def _corners(bounds: Any) -> Corners:
-    try:
-        given = np.asarray(bounds, np.float64)
-    except (TypeError, ValueError):
-        given = np.empty(0)
+    legal = "a number > 0, or two corners of three numbers, lower < upper"
+    given = numbers("fold_fractal: bounds", bounds, legal)
     if given.shape == ():
         given = np.stack([np.full(3, -given), np.full(3, given)])
-    if given.shape != (2, 3) or not np.all(given[0] < given[1]):
+    if given.shape != (2, 3) or not np.all(
+        (given[0] < given[1]) & ~((np.abs(given) > LARGEST) & np.isfinite(given)).any(axis=0)
+    ):
         raise SceneError(
-            f"fold_fractal: bounds = {bounds!r}", legal="a number > 0, or two corners of three numbers, lower < upper"
+            f"fold_fractal: bounds = {short(bounds)}",
+            legal="a number > 0, or two corners of three numbers, lower < upper",
         )
     return tuple(given[0].tolist()), tuple(given[1].tolist())

@@ -48,20 +48,20 @@ def seen_labels(root: Node) -> set[Any]:
 
 def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
     """The same solid, its labels replaced by what a function makes of them. What is asked twice stays one node."""
-    made: dict[Node, Node] = {}
+    made: dict[int, Node] = {}
     pending = [root]
     while pending:
         node = pending[-1]
-        waiting = [child for child in node.children if child not in made]
+        waiting = [child for child in node.children if id(child) not in made]
         if waiting:
             pending += waiting
             continue
         pending.pop()
-        children = tuple(made[child] for child in node.children)
+        children = tuple(made[id(child)] for child in node.children)
         label = None if node.label is None else change(node.label)
-        if children == node.children and label is node.label:
-            made[node] = node
+        if all(a is b for a, b in zip(children, node.children, strict=True)) and label is node.label:
+            made[id(node)] = node
         else:
-            made[node] = Node(node.definition, children, node.params, node.facts, label)
-            made[node].where = node.where
-    return made[root]
+            made[id(node)] = Node(node.definition, children, node.params, node.facts, label)
+            made[id(node)].where = node.where
+    return made[id(root)]

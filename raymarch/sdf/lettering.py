@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import file_path, integer, numbers, optional, short, switch
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT
@@ -213,12 +214,11 @@ def _standing(data: Samples, height: Expr) -> Node:
     return sampled_outline(data, height / float(high[1] - low[1]))
 
 
-def _checked(name: str, height: Scalar, resolution: int) -> Expr:
-    """The height as an expression; SceneError for what is not legal."""
-    if isinstance(resolution, bool) or not isinstance(resolution, int) or not 8 <= resolution <= 512:
-        raise SceneError(f"{name}: resolution = {resolution!r}", legal="an integer from 8 to 512")
+def _checked(name: str, height: Scalar, resolution: int) -> tuple[Expr, int]:
+    """The height as an expression, and the resolution; SceneError for what is not legal."""
+    count = integer(f"{name}: resolution", resolution, 8, 512)
     accepted: Expr = Domain(FLOAT, low=0.0, open=True, unit="length").accept(name, "height", height)
-    return accepted
+    return accepted, count
 
 
 # Text
@@ -240,10 +240,10 @@ def text(
     of ASCII and few more letters. Raises SceneError for letters that the font lacks.
     """
     if not isinstance(string, str):
-        raise SceneError(f"text: string = {string!r} ({type(string).__name__})", legal="a string")
-    full = _checked("text", height, resolution)
-    composed = unicodedata.normalize("NFC", string)
-    return _standing(_written(composed, None if font is None else os.fspath(font), resolution), full)
+        raise SceneError(f"text: string = {short(string)} ({type(string).__name__})", legal="a string")
+    full, resolution = _checked("text", height, resolution)
+    file = optional(file_path, "text: font", font, "a TrueType or OpenType file, or a name that the system knows")
+    return _standing(_written(unicodedata.normalize("NFC", str(string)), file, resolution), full)
 
 
 def _shown(string: str) -> str:
@@ -350,9 +350,9 @@ def image(
     A bound: sampled and interpolated linearly. The edge is where the coverage is one half; the picture's border closes
     what it cuts.
     """
-    full = _checked("image", height, resolution)
+    full, resolution = _checked("image", height, resolution)
     coverage = _coverage(source)
-    if invert:
+    if switch("image: invert", invert):
         coverage = 1.0 - coverage
     shrink = PIXELS * resolution / np.max(coverage.shape)
     rows, columns = (int(np.maximum(np.ceil(n * np.minimum(shrink, PIXELS)), 2)) for n in coverage.shape)
@@ -365,11 +365,14 @@ def image(
 def _coverage(source: str | os.PathLike[str] | ArrayLike) -> Array:
     """How far each pixel is covered, from 0 to 1."""
     if isinstance(source, str | os.PathLike):
+        source = file_path("image: source", source, "an image file")
         with opened(source, "image") as picture:
             if "A" in picture.getbands() or "transparency" in picture.info:
                 return np.asarray(picture.convert("RGBA").getchannel("A"), np.float64) / 255.0
             deep = 65535.0 if "16" in picture.mode else 255.0
             return np.asarray(picture.convert("F"), np.float64) / deep
+    legal = "an image file, or an array (rows, columns) of numbers"
+    numbers("image: source", source, legal)
     array = np.asarray(source)
     if array.ndim != 2 or array.size == 0 or array.dtype.kind not in "biuf":
         raise SceneError(f"image: an array of shape {array.shape}, {array.dtype}", legal="(rows, columns) of numbers")

@@ -114,14 +114,18 @@ class Lowering:
     origins: dict[Expr, Location] = field(default_factory=dict)
     shapes: set[Expr] = field(default_factory=set)
     sites: list[Node] | None = None
-    _numbers: dict[Node, int] = field(default_factory=dict)
-    _sites: dict[Node, int] = field(default_factory=dict)
-    _done: dict[Request, Expr] = field(default_factory=dict)
-    _functions: dict[Node, tuple[Function, list[Expr]]] = field(default_factory=dict)
+    _numbers: dict[int, int] = field(default_factory=dict)
+    _sites: dict[int, int] = field(default_factory=dict)
+    _done: dict[tuple[int, Expr, Any], Expr] = field(default_factory=dict)
+    _functions: dict[int, tuple[Function, list[Expr]]] = field(default_factory=dict)
+    _roots: list[Node] = field(default_factory=list)
+    """Kept, because nodes are told apart by their ids: equal ones at two places of a tree are two."""
 
     def again(self) -> Lowering:
         """Another pass over the same nodes, which shares what this one found and the functions that it made."""
-        return Lowering(self.origins, self.shapes, self.sites, self._numbers, _functions=self._functions)
+        return Lowering(
+            self.origins, self.shapes, self.sites, self._numbers, _functions=self._functions, _roots=self._roots
+        )
 
     def field(self, root: Node, name: str = "field", label: Any = UNMARKED) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
@@ -133,6 +137,7 @@ class Lowering:
         material; parts without one of their own are marked with `label`. The mark also has the point in the space in
         which the material was given and, where the material depends on them, the indices of cells; see `look_of`.
         """
+        self._roots.append(root)
         self._count_sites(root)
         p = var("p", vector(root.dimension))
         q = self._handed(p, None, root)
@@ -148,14 +153,14 @@ class Lowering:
 
     def _count_sites(self, root: Node) -> None:
         """At how many places each node is asked, over all nodes that ask it."""
-        pending, seen = [root], {root}
+        pending, seen = [root], {id(root)}
         while pending:
             node = pending.pop()
             asked = [1] * len(node.children) if node.definition.arity == "many" else _asked(node)
             for child, times in zip(node.children, asked, strict=True):
-                self._sites[child] = self._sites.get(child, 0) + times
-                if child not in seen:
-                    seen.add(child)
+                self._sites[id(child)] = self._sites.get(id(child), 0) + times
+                if id(child) not in seen:
+                    seen.add(id(child))
                     pending.append(child)
 
     def _run(self, root: Request) -> Expr:
@@ -167,11 +172,11 @@ class Lowering:
                 request = stack[-1][1].send(value)
             except StopIteration as stop:
                 key, _ = stack.pop()
-                value = self._done[key] = stop.value
+                value = self._done[(id(key[0]), *key[1:])] = stop.value
                 if key[0].where is not None:
                     self.origins.setdefault(stop.value, key[0].where)
                 continue
-            value = self._done.get(request)
+            value = self._done.get((id(request[0]), *request[1:]))
             if value is None:
                 stack.append((request, self._lower(*request)))
         result: Expr = value
@@ -231,17 +236,17 @@ class Lowering:
 
     def _ask(self, child: Node, point: Expr, label: Any) -> Work:
         """The child at a point: its expression, or a call where it is asked at several places."""
-        if label is not UNMARKED or self._sites.get(child, 0) < 2 or not child.children:
+        if label is not UNMARKED or self._sites.get(id(child), 0) < 2 or not child.children:
             return (yield (child, point, label))
-        if child not in self._functions:
+        if id(child) not in self._functions:
             p = var("p", vector(child.dimension))
             body = yield (child, p, UNMARKED)
             cells = find([body], "cell")
             formal = [var(f"cell {i}", cell.type) for i, cell in enumerate(cells)]
             closed = substitute([body], dict(zip(cells, formal, strict=True)))[0] if cells else body
             made = Function(f"{child.name}_field", (p, *formal), closed, where=child.where)
-            self._functions[child] = (made, cells)
-        function, cells = self._functions[child]
+            self._functions[id(child)] = (made, cells)
+        function, cells = self._functions[id(child)]
         return function(point, *cells)
 
     def _handed(self, point: Expr, above: Node | None, child: Node) -> Expr:
@@ -266,10 +271,10 @@ class Lowering:
             node = node.children[0]
         if node is None or self.sites is None:
             return 0
-        if node not in self._numbers:
+        if id(node) not in self._numbers:
             self.sites.append(node)
-            self._numbers[node] = len(self.sites)
-        return self._numbers[node]
+            self._numbers[id(node)] = len(self.sites)
+        return self._numbers[id(node)]
 
     def _in_cell(self, value: Expr, cell: Expr, index: Expr) -> Expr:
         """The field of a child that depends on the index of its cell, for one cell."""

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import Location, SceneError, user_location
+from raymarch.expr.convert import numbers, short
 from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.pickling import Same, pickled, remake, same
 from raymarch.sdf.registry import METHODS
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ class Node:
     Nodes come from shapes (`sphere()`) and operators (`a | b`, `a.translate(...)`); they never change.
     """
 
-    __slots__ = ("__weakref__", "children", "definition", "facts", "label", "labelled", "params", "where")
+    __slots__ = ("__weakref__", "_same", "children", "definition", "facts", "label", "labelled", "params", "where")
 
     def __init__(
         self,
@@ -40,6 +42,23 @@ class Node:
         self.label = label
         self.labelled: bool = label is not None or any(child.labelled for child in children)
         self.where: Location | None = user_location()
+        self._same: Same = same(definition, tuple(child._same for child in children), tuple(params.items()), label)
+
+    def __eq__(self, other: object) -> bool:
+        """True for the same solid, written anywhere: equal definitions, parameters, materials and children."""
+        return isinstance(other, Node) and self._same is other._same
+
+    def __hash__(self) -> int:
+        return hash(self._same)
+
+    def __copy__(self) -> Node:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> Node:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return remake, (pickled(self),)
 
     def __repr__(self) -> str:
         lower, upper = (np.array2string(b, precision=4, separator=", ") for b in self.bounds)
@@ -103,7 +122,7 @@ class Node:
         return result
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        array = np.asarray(points, np.float64)
+        array = numbers("points", points, f"(N, {self.dimension}) or ({self.dimension},)")
         if array.ndim not in (1, 2) or array.shape[-1] != self.dimension:
             raise SceneError(f"points of shape {array.shape}", legal=f"(N, {self.dimension}) or ({self.dimension},)")
         return array
@@ -129,7 +148,7 @@ class Node:
 
     def _combine(self, name: str, other: Node) -> Node:
         if not isinstance(other, Node):
-            raise SceneError(f"{name} of {self.name} and {other!r} ({type(other).__name__})", legal="two nodes")
+            raise SceneError(f"{name} of {self.name} and {short(other)} ({type(other).__name__})", legal="two nodes")
         return self._call(name, other)
 
     def _call(self, name: str, *args: Any, **kwargs: Any) -> Node:

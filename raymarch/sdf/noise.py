@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import called, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, function, sum_of, trace
@@ -24,7 +25,7 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import Child, operator
-from raymarch.sdf.domain import Domain, NonNegative, Scalar
+from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
@@ -140,9 +141,9 @@ def displace_by(
     with steps (floor, mod, where, noise) needs `lipschitz` as a number.
     """
     if not callable(function):
-        raise SceneError(f"displace_by: function = {function!r}", legal="a function of a point")
+        raise SceneError(f"displace_by: function = {short(function)}", legal="a function of a point")
     if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"displace_by of {node!r}", legal="a solid such as sphere()")
+        raise SceneError(f"displace_by of {short(node)}", legal="a solid such as sphere()")
     made = function if isinstance(function, Function) else _traced(function)
     if amplitude is None or lipschitz is None:
         made, amplitude, lipschitz = _measured(node, made, amplitude, lipschitz)
@@ -151,7 +152,9 @@ def displace_by(
 
 def _traced(source: Callable[[Any], Any]) -> Function:
     def of_point(p: Expr) -> Any:
-        return expr(source(p))
+        legal = "a function from a point to a number"
+        given = called("displace_by: function", source, p, legal=legal)
+        return as_operand("displace_by: the function gives", given, legal)
 
     code = getattr(source, "__code__", of_point.__code__)
     made = trace(getattr(source, "__name__", "displacement").strip("<>"), of_point, [("p", VEC3)], code)

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raymarch.errors import SceneError
-from raymarch.expr.node import Expr, const, expr
+from raymarch.expr.convert import holdable, numbers, short
+from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, columns, cos, dot, max, min, sin, transpose, vec2, vec3
 from raymarch.sdf.definition import Child, ChildFacts, operator
-from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector
+from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
@@ -28,7 +29,7 @@ def axis_vector(name: str, axis: Vector | str, dimension: int = 3) -> Vector:
     known = [*AXES][:dimension]
     if axis not in known:
         legal = f"{', '.join(map(repr, known))} or {dimension} numbers, not all zero"
-        raise SceneError(f"{name}: axis = {axis!r}", legal=legal)
+        raise SceneError(f"{name}: axis = {short(axis)}", legal=legal)
     return AXES[axis][:dimension]
 
 
@@ -115,8 +116,8 @@ def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
         plane, counter-clockwise, and takes no axis.
     """
     if isinstance(node, Node) and node.dimension == 2:
-        if axis not in (None, "y", "z"):
-            raise SceneError(f"rotate: axis = {axis!r} for a flat shape", legal="the angle alone")
+        if axis is not None and not (isinstance(axis, str) and axis in ("y", "z")):
+            raise SceneError(f"rotate: axis = {short(axis)} for a flat shape", legal="the angle alone")
         return turn(node, angle)
     return rotate_about(node, axis_vector("rotate", "y" if axis is None else axis), angle)
 
@@ -155,7 +156,7 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
 
     factor : one number > 0, which keeps exactness, or one for each axis, which leave a bound.
     """
-    value = expr(factor)
+    value = as_operand("scale: factor", factor, "a number > 0, or one for each axis")
     if value.type is FLOAT:
         return scale_evenly(node, factor)
     if value.is_constant and value.type.is_vector and np.all(value.data == value.data[0]):
@@ -192,13 +193,11 @@ def transform(node: Node, matrix: ArrayLike) -> Node:
     """
     n = node.dimension if isinstance(node, Node) else 3
     corner = [0.0] * n + [1.0]
-    try:
-        m = np.asarray(matrix, np.float64)
-    except (TypeError, ValueError):
-        raise SceneError(f"transform: matrix = {matrix!r}", legal=f"{n + 1}x{n + 1} numbers") from None
-    if m.shape != (n + 1, n + 1) or not np.all(np.isfinite(m)):
+    m = numbers("transform: matrix", matrix, f"{n + 1}x{n + 1} finite numbers")
+    if m.shape != (n + 1, n + 1) or not holdable(m):
         raise SceneError(
-            f"transform: a matrix of shape {m.shape}, values {m.tolist()}", legal=f"{n + 1}x{n + 1} finite numbers"
+            f"transform: a matrix of shape {m.shape}, values {short(m.tolist())}",
+            legal=f"{n + 1}x{n + 1} finite numbers",
         )
     if not np.array_equal(m[:, n], corner):
         for_columns = np.array_equal(m[n], corner)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, TypeAlias
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
 from raymarch.expr.types import VEC3
@@ -135,11 +136,10 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
     their largest difference times the easing's slope over the height. That difference is found on a grid, whose
     spacing is added.
     """
-    if easing not in EASINGS:
-        raise SceneError(f"extrude_to: easing = {easing!r}", legal=", ".join(map(repr, EASINGS)))
+    easing = choice("extrude_to: easing", easing, tuple(EASINGS))
     for each in (node, other):
         if not isinstance(each, Node) or each.dimension != 2:
-            raise SceneError(f"extrude_to of {each!r}", legal="two flat shapes, such as circle() and rectangle()")
+            raise SceneError(f"extrude_to of {short(each)}", legal="two flat shapes, such as circle() and rectangle()")
         if not each.facts.bounded:
             raise SceneError(f"extrude_to: {each.name} has no end", legal="flat shapes that are bounded")
     return loft([node, other], height, _widest_gap(node, other), easing)

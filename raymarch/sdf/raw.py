@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import SceneError, user_location
+from raymarch.expr.convert import choice, numbers, real, short
 from raymarch.expr.glsl import identifier
 from raymarch.expr.node import Expr, const
 from raymarch.expr.raw import RawFunction, Twin, raw, without_comments
@@ -31,6 +32,11 @@ class RawField:
     lipschitz: float
     lower: tuple[float, ...]
     upper: tuple[float, ...]
+
+    @property
+    def functions(self) -> tuple[Any, ...]:
+        """What is Python's in it, and therefore pickled by name."""
+        return () if self.function.twin is None else (self.function.twin,)
 
 
 def _waves(points: NDArray[Any]) -> NDArray[Any]:
@@ -90,20 +96,22 @@ def glsl_node(
     where they are larger) to each side: good to about 2e-5 in float32 where the field is smooth.
     """
     plain = without_comments(code) if isinstance(code, str) else ""
-    if not isinstance(name, str) or identifier(name, ()) != name:
-        raise SceneError(f"glsl_node: name = {name!r}", legal="a name that is free in GLSL: letters, digits, single _")
+    if not isinstance(name, str) or len(name) > 64 or identifier(name, ()) != name:
+        raise SceneError(
+            f"glsl_node: name = {short(name)}", legal="a name that is free in GLSL: letters, digits, single _"
+        )
     if not re.search(rf"\bfloat\s+{name}\s*\(\s*(const\s+)?(in\s+)?(highp\s+)?vec3\s+\w+\s*\)\s*\{{", plain):
         raise SceneError(
             f"glsl_node: the code has no function float {name}(vec3 p)", legal=f"float {name}(vec3 p) {{...}}"
         )
     if re.search(r"\bvoid\s+main\b|#\s*version", plain) or plain.count("{") != plain.count("}"):
         raise SceneError("glsl_node: the code is a whole shader, or has open braces", legal="functions only")
-    if exactness not in ORDER:
-        raise SceneError(f"glsl_node: exactness = {exactness!r}", legal="'exact', 'bound' or 'estimate'")
-    if isinstance(lipschitz, bool) or not isinstance(lipschitz, int | float | np.number) or not 0 < lipschitz < np.inf:
-        raise SceneError(f"glsl_node: lipschitz = {lipschitz!r}", legal="a number > 0")
+    choice("glsl_node: exactness", exactness, ORDER, "'exact', 'bound' or 'estimate'")
+    lipschitz = real("glsl_node: lipschitz", lipschitz, float(np.finfo(np.float32).tiny), legal="a number > 0")
     if twin is not None and not callable(twin):
-        raise SceneError(f"glsl_node: twin = {twin!r}", legal="a function from points (N, 3) to values (N,), or None")
+        raise SceneError(
+            f"glsl_node: twin = {short(twin)}", legal="a function from points (N, 3) to values (N,), or None"
+        )
     lower, upper = _corners(bounds)
     edges = upper - lower
     size = float(np.max(edges[np.isfinite(edges)], initial=0.0)) or 1.0
@@ -114,10 +122,9 @@ def glsl_node(
 def _corners(bounds: ArrayLike | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if bounds is None:
         return np.full(3, -np.inf), np.full(3, np.inf)
-    try:
-        corners = np.asarray(bounds, np.float64)
-    except (TypeError, ValueError):
-        corners = np.empty(0)
+    corners = numbers("glsl_node: bounds", bounds, "two corners of three numbers each, lower < upper")
     if corners.shape != (2, 3) or not np.all(corners[0] < corners[1]):
-        raise SceneError(f"glsl_node: bounds = {bounds!r}", legal="two corners of three numbers each, lower < upper")
+        raise SceneError(
+            f"glsl_node: bounds = {short(bounds)}", legal="two corners of three numbers each, lower < upper"
+        )
     return corners[0], corners[1]

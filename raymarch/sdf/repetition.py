@@ -14,18 +14,21 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import LARGEST, integer, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT, vector
 from raymarch.expr.vocabulary import clamp, max, min, round, where
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
-from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole
+from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
 INFINITE = 0
+MOST = 2**24
+"""Copies along an axis: float32 counts no farther."""
 NO_WALL = 1e30
 """Half the extent of a room without walls: farther off than any point."""
 
@@ -123,17 +126,16 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     child. Asks 1 copy along an axis where the child mirrors itself, else 2.
     """
     if not isinstance(node, Node):
-        raise SceneError(f"repeat of {node!r}", legal="a node such as sphere()")
+        raise SceneError(f"repeat of {short(node)}", legal="a node such as sphere()")
     steps = _each_axis("spacing", spacing, node.dimension)
     counts = _each_axis("count", count, node.dimension)
     lower, upper = node.bounds
     width, centre, numbers, both, middles, halves = [], [], [], 0, [], []
     for i, axis in enumerate("xyz"[: node.dimension]):
         n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
-        if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < (0 if counts[i] is None else 1):
-            raise SceneError(f"repeat: count = {count!r}", legal="integers >= 1, or None for no end")
-        numbers.append(int(n))
-        step = expr(1.0) if steps[i] is None else expr(steps[i])
+        n = integer("repeat: count", n, 0 if counts[i] is None else 1, MOST, "integers >= 1, or None for no end")
+        numbers.append(n)
+        step = expr(1.0) if steps[i] is None else as_length("repeat: spacing", steps[i])
         width.append(step)
         middle = 0.0
         if n != 1:
@@ -160,7 +162,7 @@ def _each_axis(name: str, value: Any, dimension: int) -> list[Any]:
     if isinstance(value, tuple | list):
         if len(value) != dimension:
             each = "three for x, y and z" if dimension == 3 else "two for x and y"
-            raise SceneError(f"repeat: {name} = {value!r}", legal=f"one value, or {each}")
+            raise SceneError(f"repeat: {name} = {short(value)}", legal=f"one value, or {each}")
         return list(value)
     return [value] * dimension
 
@@ -169,8 +171,8 @@ def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) ->
     if step.type is not FLOAT:
         raise SceneError(f"repeat: spacing along {axis} is a {step.type}", legal="a number > 0")
     smallest = float(interval_of(step)[0])
-    if not smallest > 0.0:
-        raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal="a number > 0, or None")
+    if not 0.0 < smallest <= LARGEST:
+        raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal="a finite number > 0, or None")
     if not np.isfinite(upper - lower):
         raise SceneError(f"repeat: {node.name} has no end along {axis}", legal=f"None as the spacing along {axis}")
     if upper - lower > smallest * (1 + 1e-12):

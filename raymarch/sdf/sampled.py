@@ -9,8 +9,10 @@ from __future__ import annotations
 import hashlib
 import os
 import warnings
+import zipfile
+import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from raymarch.errors import SceneError, warn
+from raymarch.expr.convert import file_path, integer, numbers, optional, real, short
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
@@ -96,7 +99,7 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     Interpolated linearly. A bound: the field is divided by its steepest slope. Outside the box it is
     the distance to the box and the sample at the nearest point of it, taken together.
     """
-    array = np.asarray(values, np.float64)
+    array = numbers("grid: values", values, "distances, (nx, ny, nz), each 2 to 2048")
     if array.ndim != 3:
         raise SceneError(f"grid: values of shape {array.shape}", legal="(nx, ny, nz)")
     broken = int(np.sum(~np.isfinite(array)))
@@ -136,30 +139,74 @@ def mesh(
     triangles, for vertices that are not finite, and for a mesh that is open, non-manifold, one-sided or flat, or cuts
     itself so that inside and outside are not clear.
     """
-    if isinstance(resolution, bool) or not isinstance(resolution, int) or not 8 <= resolution <= 256:
-        raise SceneError(f"mesh: resolution = {resolution!r}", legal="an integer from 8 to 256")
+    resolution = integer("mesh: resolution", resolution, 8, 256)
+    extent = optional(_extent, "mesh: extent", extent)
+    file = file_path("mesh: file", file, "a mesh file")
+    folder = None if cache is None else file_path("mesh: cache", cache, "a folder")
+    if progress is not None and not callable(progress):
+        raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the share done, or None")
     try:
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
     key = hashlib.sha256(content + f"{extent} {resolution} 3".encode()).hexdigest()[:24]
-    folder = Path(cache or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
-    kept = folder / f"mesh-{key}.npz"
-    if kept.exists():
-        with np.load(kept) as found:
-            for repair in found["repairs"]:
-                warn(str(repair))
-            return sampled_grid(Samples(found["values"]), found["size"], found["centre"])
-    solid, unit, repairs = _load_mesh(Path(file), extent)
-    for repair in repairs:
+    kept = _cache(folder)
+    kept = kept and kept / f"mesh-{key}.npz"
+    found = None if kept is None else _from_cache(kept)
+    if found is None:
+        solid, unit, repairs = _load_mesh(Path(file), extent)
+        sampled = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
+        values, size, centre = (unit * part for part in sampled)
+        if kept is not None:
+            _to_cache(kept, values=values, size=size, centre=centre, repairs=np.array(repairs, np.str_))
+        found = sampled_grid(Samples(values), size, centre), repairs
+    for repair in found[1]:
         warn(repair)
-    sampled = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
-    values, size, centre = (unit * part for part in sampled)
-    folder.mkdir(parents=True, exist_ok=True)
+    return found[0]
+
+
+def _cache(folder: str | None) -> Path | None:
+    """The folder of the cache; None where there is no home."""
+    try:
+        return Path(folder or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
+    except RuntimeError:
+        return None
+
+
+def _from_cache(kept: Path) -> tuple[Node, list[str]] | None:
+    """What an earlier run has sampled and repaired; None if there is nothing, or nothing whole."""
+    try:
+        with kept.open("rb") as file, np.load(file) as found:
+            repairs = [str(repair) for repair in found["repairs"]]
+            return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), repairs
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        zipfile.BadZipFile,
+        zlib.error,
+        SceneError,
+    ):
+        return None
+
+
+def _to_cache(kept: Path, **arrays: Any) -> None:
+    """Keep samples for the next run. A cache that cannot be written is only not used."""
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
-    np.savez_compressed(partial, values=values, size=size, centre=centre, repairs=np.array(repairs, np.str_))
-    partial.replace(kept)
-    return sampled_grid(Samples(values), size, centre)
+    try:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        np.savez_compressed(partial, **arrays)
+        partial.replace(kept)
+    except OSError:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def _extent(what: str, value: Any) -> float:
+    return real(what, value, float(np.finfo(np.float32).tiny), legal="a number > 0, or None")
 
 
 def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]:
@@ -172,8 +219,6 @@ def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]
         solid = trimesh.load(file, force="mesh", process=False)
     except Exception as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault}", legal="a mesh file that trimesh reads") from fault
-    if extent is not None and not 0 < extent < np.inf:
-        raise SceneError(f"mesh: extent = {extent!r}", legal="a number > 0, or None")
     if len(solid.faces) == 0:
         raise SceneError(f"mesh: '{file}' holds no triangles", legal="a watertight mesh, which has an inside")
     broken = int(np.sum(~np.isfinite(solid.vertices).all(axis=1)))
@@ -298,13 +343,14 @@ def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[
     """Heights from 0 to 1 of an image file (its luminance), or an array as it is; shape (rows, columns)."""
     legal = f"from 2 x 2 to {MOST} x {MOST} finite numbers"
     if isinstance(source, str | os.PathLike):
+        source = file_path(f"{what}: source", source, "an image file")
         with opened(source, what) as picture:
             if not 2 <= np.min(picture.size) <= np.max(picture.size) <= MOST:
                 size = " x ".join(map(str, picture.size))
                 raise SceneError(f"{what}: '{source}' has {size} pixels", legal=legal)
             array = np.asarray(picture.convert("F"), np.float64) / (65535.0 if "16" in picture.mode else 255.0)
     else:
-        array = np.asarray(source, np.float64)
+        array = numbers(f"{what}: source", source, f"an image file, or heights {legal}")
         if array.ndim != 2 or not 2 <= np.min(array.shape) <= np.max(array.shape) <= MOST:
             raise SceneError(f"{what}: heights of shape {array.shape}", legal=f"(rows, columns), {legal}")
     broken = int(np.sum(~np.isfinite(array)))

@@ -32,7 +32,7 @@ def shifted(node: Node, by: Vector) -> Node:
     The shift is handed down through unions, blends, labels, rotations and even scales to the translations and planes
     that take it up; anything else is translated.
     """
-    done: dict[Request, Node] = {}
+    done: dict[tuple[int, tuple[float, ...]], Node] = {}
     first: Request = (node, tuple(float(v) for v in by))
     stack = [(first, _shift(node, np.array(by, np.float64)))]
     value: Any = None
@@ -41,12 +41,12 @@ def shifted(node: Node, by: Vector) -> Node:
             request = stack[-1][1].send(value)
         except StopIteration as stop:
             key, _ = stack.pop()
-            value = done[key] = stop.value
+            value = done[id(key[0]), key[1]] = stop.value
             continue
-        value = done.get(request)
+        value = done.get((id(request[0]), request[1]))
         if value is None:
             stack.append((request, _shift(request[0], np.array(request[1]))))
-    return done[first]
+    return done[id(node), first[1]]
 
 
 def _shift(node: Node, by: Vector) -> Work:

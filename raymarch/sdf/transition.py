@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import SceneError
-from raymarch.expr.node import Expr, expr
+from raymarch.expr.convert import short
+from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min
 from raymarch.expr.walk import find
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, combination
-from raymarch.sdf.domain import Positive, Vec3, Vector
+from raymarch.sdf.domain import Positive, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.lower import lower as lower_field
 from raymarch.sdf.node import Node
@@ -74,14 +75,16 @@ def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
     the way at most, or, for solids with parameters, by the diagonal of the box of both; larger differences are cut.
     """
     for name, node in (("a", a), ("b", b)):
+        if not isinstance(node, Node) or node.dimension != 3:
+            raise SceneError(f"transition: {name} = {short(node)}", legal="a solid such as sphere()")
         if isinstance(node, Node) and not node.facts.bounded:
             raise SceneError(
                 f"transition: {name} ({node.name}) has no end",
                 legal="bounded solids: cut it first, as `node & box(...)`",
             )
-    ends = expr(start), expr(end)
+    ends = tuple(as_operand(f"transition: {n}", v, "3 numbers") for n, v in (("start", start), ("end", end)))
     if ends[0] is ends[1]:
-        raise SceneError(f"transition: start = end = {start!r}", legal="two different points")
+        raise SceneError(f"transition: start = end = {short(start)}", legal="two different points")
     reach = _largest_difference(a, b) if isinstance(a, Node) and isinstance(b, Node) else 1.0
     return transition_between((a, b), start, end, reach)
 

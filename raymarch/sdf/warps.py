@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, short
 from raymarch.expr.intervals import interval_of
-from raymarch.expr.node import Expr, expr
-from raymarch.expr.types import FLOAT
+from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, clamp, columns, cross, dot, length, max, min, sqrt, transpose, vec3, where
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
-from raymarch.sdf.domain import Direction, Length, NonNegative, Scalar, Vec3, Vector, Whole
+from raymarch.sdf.domain import Direction, Length, NonNegative, Scalar, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import AXES, axis_vector
@@ -25,7 +25,7 @@ __all__ = ["orient", "shear", "wrap_around"]
 
 def _solid(name: str, node: Any) -> Node:
     if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"{name} of {node!r}", legal="a solid such as sphere()")
+        raise SceneError(f"{name} of {short(node)}", legal="a solid such as sphere()")
     return node
 
 
@@ -104,8 +104,10 @@ def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> N
     A bound, divided by (a + sqrt(a^2 + 4)) / 2 with a = |amount|, the largest stretch, which is the same everywhere:
     the solid may be without end.
     """
-    if axis not in AXES or by not in AXES or axis == by:
-        raise SceneError(f"shear: axis = {axis!r}, by = {by!r}", legal="two different ones of 'x', 'y' and 'z'")
+    legal = "two different ones of 'x', 'y' and 'z'"
+    axis, by = choice("shear: axis", axis, tuple(AXES), legal), choice("shear: by", by, tuple(AXES), legal)
+    if axis == by:
+        raise SceneError(f"shear: axis = {short(axis)}, by = {short(by)}", legal=legal)
     return sheared(_solid("shear", node), amount, AXES[axis], AXES[by])
 
 
@@ -208,10 +210,11 @@ def wrap_around(node: Node, start: Scalar | None = None, end: Scalar | None = No
     for name, value, edge in (("start", start, lower[0]), ("end", end, upper[0])):
         if value is None and not np.isfinite(edge):
             raise SceneError(f"wrap_around: {node.name} has no end along x", legal=f"a number as {name}")
-    first = expr(float(lower[0]) if start is None else start)
-    last = expr(float(upper[0]) if end is None else end)
-    if first.type is not FLOAT or last.type is not FLOAT or not float(interval_of(last - first)[0]) > 0.0:
-        raise SceneError(f"wrap_around: start = {start!r}, end = {end!r}", legal="numbers, start < end")
+    legal = "a number, or None for the end of the solid's box"
+    first = as_length("wrap_around: start", float(lower[0]) if start is None else start, legal)
+    last = as_length("wrap_around: end", float(upper[0]) if end is None else end, legal)
+    if not float(interval_of(last - first)[0]) > 0.0:
+        raise SceneError(f"wrap_around: start = {short(start)}, end = {short(end)}", legal="numbers, start < end")
     below, above = (float(np.clip(reach, 0.0, UNBOUNDED)) for reach in (-lower[2], upper[2]))
     low, high = (float(np.clip(end, -UNBOUNDED, UNBOUNDED)) for end in (lower[1], upper[1]))
     return wrapped(node, first, last, below, above, low, high, 0 if _is_centred(node.facts, first, last) else 1)

@@ -43,7 +43,7 @@ def floor_evaluations(
     if scene.node.exactness == "estimate":
         raise SceneError("a floor for a field that is only an estimate", legal="a field that is 'exact' or 'bound'")
     width, height = size
-    values = set_values(scene.parameters, params or {}, time)
+    values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     field = Field(scene, values)
     rays = camera_rays(pose, width, height)

@@ -41,7 +41,7 @@ def silhouettes_within(
     (H, W) bool.
     """
     height, width = asked.shape
-    values = set_values(scene.parameters, params or {}, time)
+    values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     middle = camera_rays(pose, width, height).directions.reshape(height, width, 3)
     right, up = pose.frame[:, 0], pose.frame[:, 1]

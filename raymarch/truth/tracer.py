@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import short
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene, check_scene
@@ -114,9 +115,9 @@ def truth(
     check_scene("truth", scene)
     width, height = _checked_size(size)
     for name in outputs:
-        if name not in OUTPUTS:
-            raise SceneError(f"truth: output {name!r}", legal=", ".join(OUTPUTS))
-    values = set_values(scene.parameters, params or {}, time)
+        if not isinstance(name, str) or name not in OUTPUTS:
+            raise SceneError(f"truth: output {short(name)}", legal=", ".join(OUTPUTS))
+    values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     made = trace(scene, values, pose, camera_rays(pose, width, height), (height, width), pose.pixel(height))
     for name in outputs:
@@ -154,8 +155,8 @@ def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int
 def _checked_size(size: Any) -> tuple[int, int]:
     legal = "(width, height), two integers >= 1"
     if not isinstance(size, tuple | list) or len(size) != 2:
-        raise SceneError(f"truth: size = {size!r}", legal=legal)
+        raise SceneError(f"truth: size = {short(size)}", legal=legal)
     for edge in size:
         if isinstance(edge, bool) or not isinstance(edge, int | np.integer) or edge < 1:
-            raise SceneError(f"truth: size = {size!r}", legal=legal)
+            raise SceneError(f"truth: size = {short(size)}", legal=legal)
     return int(size[0]), int(size[1])

@@ -132,8 +132,8 @@ class Edits:
             return scene
         lights = scene.lights if self.lights is None else tuple(light.light() for light in self.lights)
         node = _painted(scene, self.materials) if self.materials else scene.node
-        quality = replace(scene.quality, **self.quality)
-        return scene.changed(node=node, lights=lights, quality=quality)
+        quality = scene.quality.replace(**self.quality)
+        return scene.replace(node=node, lights=lights, quality=quality)
 
     def python(self, scene: Scene, params: dict[str, Value]) -> str:
         """The edits as lines for the scene file."""
@@ -240,7 +240,7 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
                 for name, value in values.items()
                 if name in ranges and _number(value)  # a pattern or a picture is not edited, and stays
             }
-            exchanged[old] = old.replaced(**new)
+            exchanged[old] = old.replace(**new)
     root = relabelled(scene.node, lambda material: exchanged.get(material, material))
     default = scene.materials[0]
     return root.material(exchanged[default]) if default in exchanged else root

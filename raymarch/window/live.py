@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from raymarch.scene.scene import Scene
 
 
@@ -16,4 +14,4 @@ def live(scene: Scene) -> Scene:
     temporal = "accumulate" if quality.temporal == "off" else quality.temporal
     if quality.samples == 1 and temporal == quality.temporal:
         return scene
-    return scene.changed(quality=replace(quality, samples=1, temporal=temporal))
+    return scene.replace(quality=quality.replace(samples=1, temporal=temporal))

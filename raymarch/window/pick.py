@@ -155,7 +155,7 @@ def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vect
     """A pick with the truth of its ray, and with the shape that stands there."""
     up = (0.0, 1.0, 0.0) if abs(ray[1]) < 0.9 else (1.0, 0.0, 0.0)
     camera = Camera(tuple(origin), tuple(origin + ray), up, fov=1.0)
-    alone = scene.changed(camera=camera, lights=[])
+    alone = scene.replace(camera=camera, lights=[])
     params = {name: value for name, value in values.params.items() if name in alone.parameters}
     found = truth(alone, (1, 1), values.time, params, ("depth", "normal"))
     depth = float(found.depth[0, 0])
@@ -193,25 +193,25 @@ def part_at(scene: Scene, values: Values, point: Vector) -> Node:
 
 def _labelled(root: Node) -> Node:
     """The tree with each shape labelled by itself, and without the labels that it had. Trees may be deep."""
-    made: dict[Node, Node] = {}
+    made: dict[int, Node] = {}
     pending = [root]
     while pending:
         node = pending[-1]
-        missing = [child for child in node.children if child not in made]
+        missing = [child for child in node.children if id(child) not in made]
         if missing:
             pending += missing
             continue
         pending.pop()
-        if node in made:
+        if id(node) in made:
             continue
         if node.label is not None:
-            made[node] = made[node.children[0]]
+            made[id(node)] = made[id(node.children[0])]
         elif node.children:
-            children = tuple(made[child] for child in node.children)
-            made[node] = Node(node.definition, children, node.params, node.facts)
+            children = tuple(made[id(child)] for child in node.children)
+            made[id(node)] = Node(node.definition, children, node.params, node.facts)
         else:
-            made[node] = node.material(node)  # to the field a material is any label
-    return made[root]
+            made[id(node)] = node.material(node)  # to the field a material is any label
+    return made[id(root)]
 
 
 def ray_through(view: View, pixel: tuple[int, int], size: tuple[int, int]) -> Vector:

@@ -5,7 +5,6 @@ python -m tests.bench.effects [WIDTH]
 
 from __future__ import annotations
 
-import copy
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,73 +18,56 @@ from raymarch.cost.effects import ablations
 from raymarch.gpu.effort import effort
 from raymarch.plan import lights
 from raymarch.scene import load
+from raymarch.scene.light import hard
 from raymarch.scene.parameter import set_values
 
 ROUNDS = 15
 FOLDER = Path(__file__).parents[2] / "examples" / "papers"
 
 
-def changed(scene: rm.Scene, **parts: Any) -> rm.Scene:
-    """The scene with other parts."""
-    made = copy.copy(scene)
-    for name, value in parts.items():
-        setattr(made, name, value)
-    return made
-
-
-def with_lights(scene: rm.Scene, change: Callable[[Any], None], count: int | None = None) -> rm.Scene:
+def with_lights(scene: rm.Scene, change: Callable[[Any], Any], count: int | None = None) -> rm.Scene:
     """The scene with its lights changed, or only the first of them."""
-    made = [copy.copy(light) for light in scene.lights[:count]]
-    for light in made:
-        change(light)
-    return changed(scene, lights=tuple(made))
+    return scene.replace(lights=tuple(change(light) for light in scene.lights[:count]))
 
 
-def _shadowless(light: Any) -> None:
-    light.shadow = False
+def _shadowless(light: Any) -> Any:
+    return light.replace(shadow=False)
 
 
-def _hard(light: Any) -> None:
-    light.softness = rm.Sun(softness=0.0).softness
+def _as(penumbra: str) -> Callable[[Any], Any]:
+    return lambda light: light.replace(penumbra=penumbra)
 
 
-def _as(penumbra: str) -> Callable[[Any], None]:
-    def change(light: Any) -> None:
-        light.penumbra = penumbra
-
-    return change
-
-
-def _nothing(light: Any) -> None:
-    pass
+def _same(light: Any) -> Any:
+    return light
 
 
 def pairs() -> Iterator[tuple[str, str, rm.Scene, rm.Scene]]:
     """Effect, example, the scene with it and without."""
     soft = load(FOLDER / "soft_shadows.py")
     bare = with_lights(soft, _shadowless)
-    yield "hard shadow", "soft_shadows", with_lights(soft, _hard), bare
+    yield "hard shadow", "soft_shadows", with_lights(soft, hard), bare
     for penumbra in ("cone", "triangulated", "two-sided"):
         yield f"{penumbra} shadow", "soft_shadows", with_lights(soft, _as(penumbra)), bare
-    yield "occlusion", "soft_shadows", soft, changed(soft, occlusion=None)
-    yield "sky light", "soft_shadows", soft, changed(soft, sky=rm.Sky((0.25, 0.3, 0.4)), occlusion=None)
-    yield "fog", "soft_shadows", soft, changed(soft, fog=None)
+    yield "occlusion", "soft_shadows", soft, soft.replace(occlusion=None)
+    yield "sky light", "soft_shadows", soft, soft.replace(sky=rm.Sky((0.25, 0.3, 0.4)), occlusion=None)
+    yield "fog", "soft_shadows", soft, soft.replace(fog=None)
     smooth = load(FOLDER / "smoothing.py")
     plain = rm.Scene(rm.union(rm.sphere(0.6).translate((0.1, 0.75, 0.1)), rm.box((1.3, 1, 1.3)).round(0.03), k=0.6))
-    yield "microfacets, mixed", "smoothing", smooth, changed(smooth, node=plain.node | rm.plane(offset=-0.5))
+    yield "microfacets, mixed", "smoothing", smooth, smooth.replace(node=plain.node | rm.plane(offset=-0.5))
     carpet = load(FOLDER / "carpet.py")
     yield "shadow of a height map", "carpet", carpet, with_lights(carpet, _shadowless)
     bulb = load(FOLDER / "mandelbulb.py")
     yield "shadow of a fractal", "mandelbulb", bulb, with_lights(bulb, _shadowless)
-    glass = changed(load(FOLDER / "glass.py"), quality=rm.Quality())
-    yield "8 bounces, a sample", "glass", glass, changed(glass, bounces=0)
-    yield "1 bounce, a sample", "glass", changed(glass, bounces=1), changed(glass, bounces=0)
+    glass = load(FOLDER / "glass.py").replace(quality=rm.Quality())
+    yield "8 bounces, a sample", "glass", glass, glass.replace(bounces=0)
+    yield "1 bounce, a sample", "glass", glass.replace(bounces=1), glass.replace(bounces=0)
     tree = load(FOLDER / "ray_tree.py")
-    yield "tree of 4 bounces", "ray_tree", tree, changed(tree, bounces=0)
-    one = changed(tree, quality=rm.Quality(), bounces=4)
-    yield "4 bounces, a sample", "ray_tree", one, changed(one, bounces=0)
+    yield "tree of 4 bounces", "ray_tree", tree, tree.replace(bounces=0)
+    one = tree.replace(quality=rm.Quality(), bounces=4)
+    yield "4 bounces, a sample", "ray_tree", one, one.replace(bounces=0)
     many = load(FOLDER / "lights.py")
-    yield "64 lights for 1", "lights", many, with_lights(many, _nothing, 1)
+    yield "64 lights for 1", "lights", many, with_lights(many, _same, 1)
     yield "64 lights for 1, no shadows", "lights", with_lights(many, _shadowless), with_lights(many, _shadowless, 1)
     yield "64 shadows", "lights", many, with_lights(many, _shadowless)
 

@@ -10,7 +10,6 @@ budget of all steps makes that a pass of its own), interleaved in one run; media
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +38,8 @@ def compare(renderer: rm.Renderer, name: str) -> None:
     inner = np.isfinite(far) & (far < 1.05 * minimum_filter(truth, 3))  # silhouettes apart
 
     def draw(quality: rm.Quality) -> tuple[float, float, float]:
-        scene.quality = replace(quality, budget=quality.max_steps)
-        frame = renderer.render(scene, outputs=("depth",))
+        whole = scene.replace(quality=quality.replace(budget=quality.max_steps))
+        frame = renderer.render(whole, outputs=("depth",))
         both = inner & np.isfinite(frame.depth)
         error = float(np.sqrt(np.mean((frame.depth[both] - truth[both]) ** 2)))
         marched = sum(t.draw for t in frame.timings if t.name in ("cone", "march"))

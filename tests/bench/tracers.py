@@ -6,7 +6,6 @@ python -m tests.bench.tracers [NAME ...]     examples by name; all that are ther
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,9 +35,10 @@ def main() -> None:
             print(f"{file.stem}   N* {floor:.2f}")
             given = scene.quality
             for tracer, schedule in settings:
-                scene.quality = replace(
-                    given, tracer=tracer, schedule=schedule, max_steps=STEPS, trust=not certified, omega=None
+                quality = given.replace(
+                    tracer=tracer, schedule=schedule, max_steps=STEPS, trust=not certified, omega=None
                 )
+                scene = scene.replace(quality=quality)
                 frame = renderer.render(scene, outputs=("evaluations",))
                 mean, hit = float(frame.evaluations.mean()), np.isfinite(frame.depth)
                 missed, invented = int((true_hit & ~hit).sum()), int((hit & ~true_hit).sum())

@@ -47,7 +47,7 @@ class Verdict:
 def our_batches(renderer: rm.Renderer, scene: rm.Scene, batches: int, samples: int) -> Array:
     """Independent means of our picture, (batches, H, W, 3): frames that accumulate, taken apart again."""
     renderer.forget()
-    going = scene.changed(quality=replace(scene.quality, temporal="accumulate", samples=samples))
+    going = scene.replace(quality=replace(scene.quality, temporal="accumulate", samples=samples))
     sums = [np.zeros(())]
     for k in range(batches):
         sums.append(renderer.render(going).color.astype(np.float64) * (k + 1))

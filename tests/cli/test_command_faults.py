@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import json
 import os
+import resource
+import signal
 import stat
 import subprocess
 import sys
@@ -317,15 +319,111 @@ def test_explain_needs_no_driver(folder: Path) -> None:
     assert done.returncode == 0 and strict(done.stdout)["field"]["shapes"] == 2
 
 
-def test_a_closed_pipe_is_no_traceback(folder: Path) -> None:
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("explain", "hello.py"),
+        ("explain", "hello.py", "--glsl"),
+        ("explain", "hello.py", "--json"),
+        ("doctor",),
+        ("doctor", "--json"),
+        ("cost", "hello.py", "--size", "16x9", "--repeats", "1", "--cross", "tracer", "--samples", "1"),
+        ("--help",),
+    ],
+    ids=" ".join,
+)
+def test_a_closed_pipe_ends_a_command_quietly(folder: Path, words: tuple[str, ...]) -> None:
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "raymarch", "explain", "hello.py", "--glsl"]
     with subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder
+        [sys.executable, "-m", "raymarch", *words],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=folder,
+        text=True,
     ) as process:
         assert process.stdout is not None and process.stderr is not None
         process.stdout.close()
-        assert b"Traceback" not in process.stderr.read()
+        said = process.stderr.read()
+    assert process.returncode == 0, said
+    assert "Traceback" not in said and "Broken" not in said and "Exception" not in said
+
+
+# A disk that is full, a cache that is broken, Ctrl+C.
+
+
+def full_disk() -> None:
+    """No file of more than 1,000 bytes, from now on in this process."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+
+@pytest.mark.parametrize("ending", [".png", ".exr", ".bmp", ".tif"])
+def test_a_full_disk_is_said_in_one_line(folder: Path, ending: str) -> None:
+    cache = {"MESA_SHADER_CACHE_DISABLE": "true"}
+    words = ("render", "hello.py", "-o", f"a{ending}", "--size", "640x360")
+    done = spawn(*words, cwd=folder, preexec_fn=full_disk, env=cache)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith(f"raymarch: cannot write 'a{ending}': ") and len(done.stderr.splitlines()) == 1
+    assert names(folder) == {"hello.py"}
+
+
+MESH = """import raymarch as rm, trimesh
+trimesh.creation.box((1, 1, 1)).export("box.stl")
+scene = rm.mesh("box.stl", resolution=8, cache="cache")
+"""
+
+
+@pytest.mark.parametrize("content", [b"", b"broken", "half", "other", "nan"])
+def test_a_broken_mesh_cache_is_made_anew(folder: Path, content: Any) -> None:
+    (folder / "mesh.py").write_text(MESH)
+    whole = load("mesh.py").node
+    (kept,) = (folder / "cache").iterdir()
+    before = kept.read_bytes()
+    if content == "other":
+        np.savez_compressed(kept, values=np.zeros(3))
+    elif content == "nan":
+        np.savez_compressed(kept, values=np.full((8, 8, 8), np.nan), size=np.ones(3), centre=np.zeros(3))
+    else:
+        kept.write_bytes(before[: len(before) // 2] if content == "half" else content)
+    assert load("mesh.py").node == whole
+    with np.load(kept) as mended:
+        assert np.isfinite(mended["values"]).all() and mended["values"].ndim == 3
+
+
+@pytest.mark.parametrize("cache", ["hello.py/cache", "/proc/none"])
+def test_a_mesh_cache_that_cannot_be_written_is_not_used(folder: Path, cache: str) -> None:
+    (folder / "mesh.py").write_text(MESH.replace('"cache"', repr(cache)))
+    assert load("mesh.py").node.facts.bounded
+    assert names(folder) == {"hello.py", "mesh.py", "box.stl"}
+
+
+@pytest.mark.parametrize("module", ["pyrr", "typer", "PIL"])
+def test_ctrl_c_during_the_imports_ends_with_130(folder: Path, module: str) -> None:
+    """A module that the package imports waits, so that the signal comes in that moment."""
+    (folder / "first").mkdir()
+    text = "import sys, time\nprint('here', file=sys.stderr, flush=True)\ntime.sleep(60)\n"
+    (folder / "first" / f"{module}.py").write_text(text)
+    environment = os.environ | {"PYTHONPATH": f"{folder / 'first'}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-m", "raymarch", "explain", "hello.py"]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, cwd=folder, text=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "here\n"
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read() == ""
+    assert process.returncode == 130
+
+
+def test_ctrl_c_in_a_scene_file_ends_with_130(folder: Path) -> None:
+    text = "import sys, time\nprint('here', file=sys.stderr, flush=True)\ntime.sleep(60)\n"
+    (folder / "slow.py").write_text(text)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "raymarch", "explain", "slow.py"]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, cwd=folder, text=True) as process:
+        assert process.stderr is not None
+        assert process.stderr.readline() == "here\n"
+        process.send_signal(signal.SIGINT)
+        assert "Traceback" not in process.stderr.read()
+    assert process.returncode == 130
 
 
 # Faults of ours.

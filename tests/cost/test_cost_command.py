@@ -140,7 +140,7 @@ def drawn(monkeypatch):
 
 
 def test_a_preset_leaves_what_is_not_marching_as_the_scene_has_it(folder, drawn):
-    own = 'scene.quality = rm.Quality(ways="tree", samples=4)\n'
+    own = 'scene = scene.replace(quality=rm.Quality(ways="tree", samples=4))\n'
     (folder / "hello.py").write_text(HELLO + own)
     assert draw("--quality", "fine") == 0
     assert drawn == [replace(Quality.preset("fine"), ways="tree", samples=4)]

@@ -64,19 +64,19 @@ def other_scenes() -> dict[str, rm.Scene]:
         scene = make_scene()
         match name:
             case "lights":
-                scene.lights = (rm.Sun(shadow=False),)
+                scene = scene.replace(lights=(rm.Sun(shadow=False),))
             case "sky":
-                scene.sky = rm.Sky((1, 0, 0))
+                scene = scene.replace(sky=rm.Sky((1, 0, 0)))
             case "fog":
-                scene.fog = rm.Fog()
+                scene = scene.replace(fog=rm.Fog())
             case "camera":
-                scene.camera = rm.Camera(position=(1.5, 1.2, 4), target=(0, 0.5, 0), fov=45.0001)
+                scene = scene.replace(camera=rm.Camera(position=(1.5, 1.2, 4), target=(0, 0.5, 0), fov=45.0001))
             case "node":
-                scene.node = scene.node | rm.sphere(0.1).translate((0, 3, 0))
+                scene = scene.replace(node=scene.node | rm.sphere(0.1).translate((0, 3, 0)))
             case "material":
-                scene.node = scene.node.material(rm.Material(color=(1, 0, 0)))
+                scene = scene.replace(node=scene.node.material(rm.Material(color=(1, 0, 0))))
             case "barely":
-                scene.node = scene.node.translate((0, 1e-13, 0))
+                scene = scene.replace(node=scene.node.translate((0, 1e-13, 0)))
         made[name] = scene
     return made
 
@@ -89,13 +89,13 @@ def test_another_scene_has_another_key():
 
 def test_quality_and_place_in_the_file_do_not_count():
     other = make_scene()
-    other.quality = rm.Quality(tracer="plain")
+    other = other.replace(quality=rm.Quality(tracer="plain"))
     assert content_key(other) == content_key(make_scene())
 
 
 def test_a_model_that_the_truth_follows_counts():
     other = make_scene()
-    other.quality = rm.Quality(masking="separable")
+    other = other.replace(quality=rm.Quality(masking="separable"))
     assert content_key(other) != content_key(make_scene())
 
 
@@ -164,5 +164,5 @@ def test_geometry_is_that_of_every_quality(scene, known, monkeypatch):
     reference(scene, SIZE, samples=0)
     monkeypatch.setattr(room, "_compute", lambda *_: pytest.fail("computed again"))
     other = make_scene()
-    other.quality = rm.Quality.preset("exact")
+    other = other.replace(quality=rm.Quality.preset("exact"))
     assert np.array_equal(reference(other, SIZE, samples=0).depth, known.depth)

@@ -84,7 +84,7 @@ def test_color_against_truth(name, renderer):
 @pytest.mark.parametrize("name", PROVEN)
 def test_no_tracer_misses_a_hit(name, tracer, renderer):
     scene = load(FOLDER / f"{name}.py")
-    scene.quality = type(scene.quality)(tracer=tracer)
+    scene = scene.replace(quality=type(scene.quality)(tracer=tracer))
     frame = renderer.render(scene, outputs=("depth",))
     found = compare(frame.depth, None, expected(name))
     assert found.missed_hits == 0
@@ -95,7 +95,7 @@ def test_no_tracer_misses_a_hit(name, tracer, renderer):
 @pytest.mark.parametrize("normals", NORMALS)
 def test_the_other_normals_are_near(normals, renderer):
     scene = load(FOLDER / "hello.py")
-    scene.quality = type(scene.quality)(normals=normals)
+    scene = scene.replace(quality=type(scene.quality)(normals=normals))
     frame = renderer.render(scene, outputs=("depth", "normal"))
     assert compare(frame.depth, frame.normal, expected("hello")).normal_p95 <= 0.5
 
@@ -103,7 +103,7 @@ def test_the_other_normals_are_near(normals, renderer):
 def test_hello_needs_few_evaluations():
     """A peer's shader for such a scene takes 117 evaluations a pixel."""
     scene = load(FOLDER / "hello.py")
-    scene.quality = type(scene.quality)(tracer="plain")
+    scene = scene.replace(quality=type(scene.quality)(tracer="plain"))
     with Renderer((640, 360)) as renderer:
         assert renderer.render(scene, outputs=("evaluations",)).evaluations.mean() <= 40
 

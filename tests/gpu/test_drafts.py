@@ -75,7 +75,7 @@ def test_a_parameter_neither_plans_nor_compiles_again(renderer: Renderer, monkey
 def test_a_scene_whose_parts_were_exchanged_is_planned_again(renderer: Renderer) -> None:
     scene = rm.Scene(rm.sphere())
     red = renderer.render(scene).color
-    scene.sky = rm.Sky((1, 0, 0))
+    scene = scene.replace(sky=rm.Sky((1, 0, 0)))
     assert not np.array_equal(red, renderer.render(scene).color)
 
 

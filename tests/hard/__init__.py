@@ -3,5 +3,5 @@
 import sys
 from pathlib import Path
 
-for _folder in (".", "sdf", "render", "shader"):
+for _folder in (".", "sdf", "render", "scene", "shader"):
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / _folder))

@@ -6,7 +6,6 @@ first one's truth; where both must be the same bit for bit, that is checked as w
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -46,12 +45,7 @@ class Seen:
 
     def other(self, node: rm.Node | None = None, **parts: Any) -> rm.Scene:
         """The scene with some of its parts in the place of others."""
-        made = copy.copy(self.scene)
-        if node is not None:
-            made.node = node
-        for name, value in parts.items():
-            setattr(made, name, value)
-        return made
+        return self.scene.replace(**parts if node is None else {**parts, "node": node})
 
     def quality(self, **settings: Any) -> rm.Scene:
         return self.other(quality=replace(self.scene.quality, **settings))

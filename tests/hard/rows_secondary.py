@@ -113,9 +113,9 @@ def in_pieces(world: World) -> Iterator[Figure]:
     differing = 0
     for tracer in (name for name in TRACERS if name != "auto"):
         quality = rm.Quality(tracer=tracer, schedule="single", max_steps=100)
-        whole = world.draw(scene.changed(quality=quality), (96, 64), outputs=names)
+        whole = world.draw(scene.replace(quality=quality), (96, 64), outputs=names)
         for budget in (7, 32):
-            parts = world.draw(scene.changed(quality=replace(quality, budget=budget)), (96, 64), outputs=names)
+            parts = world.draw(scene.replace(quality=replace(quality, budget=budget)), (96, 64), outputs=names)
             off = [whole.array(name) != parts.array(name) for name in names]
             differing += int(np.sum(np.any(off, axis=0)))
     yield Figure("pixels that differ in any bit, of all tracers", differing, 0, "the state is all that a march knows")

@@ -231,7 +231,7 @@ def replace_shadow(pair: Pair) -> rm.Scene:
     plain: Any = rm.Sun(tuple(pair.light)) if pair.place == "sun" else None
     if plain is None:
         plain = rm.PointLight(tuple(10.0 * pair.distance * pair.light), **kept)
-    return scene.changed(lights=[plain])
+    return scene.replace(lights=[plain])
 
 
 def pairs(count: int, seed: int) -> Iterator[Pair]:

@@ -60,7 +60,7 @@ def soak(world: World, renders: int) -> tuple[State, State]:
             scene = rm.Scene(rm.box(0.5 + i % 41 / 41) - rm.sphere(0.3))
         else:
             scene, params = rm.Scene(rm.box(SIZE) - rm.sphere(0.3)), {"size": 0.5 + i % 41 / 41}
-        scene.quality = QUALITIES[i % len(QUALITIES)]
+        scene = scene.replace(quality=QUALITIES[i % len(QUALITIES)])
         frame = renderer.render(scene, params=params)
         if i % 3 == 0:
             assert frame.depth.shape == frame.color.shape[:2]

@@ -98,7 +98,9 @@ def shoot(world: World, seed: int, size: tuple[int, int], count: Count) -> None:
     if node.exactness == "estimate" or node.facts.empty:
         return
     scene = scene_of(node, seed)
-    scene.camera = rm.Camera(scene.camera.position, scene.camera.target, fov=36.0)  # the solid fills the picture
+    scene = scene.replace(
+        camera=rm.Camera(scene.camera.position, scene.camera.target, fov=36.0)
+    )  # the solid fills the picture
     referee = Referee(scene, size)
     frame = world.draw(referee.scene, size, ("depth", "normal"))
     first, known = first_contact(referee)

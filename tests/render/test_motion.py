@@ -80,7 +80,7 @@ def test_only_what_moves_pays(renderer: Renderer) -> None:
     assert "place_before" not in prepare(still).texts["color"]
     moving = rm.Scene(rm.sphere().translate((x, 0, 0)), rm.Camera((0, 1, 4)), quality=KEEP)
     assert passes(moving)[-3:] == ["sample", "before", "color"]
-    assert "before" not in passes(moving.changed(quality=rm.Quality()))
+    assert "before" not in passes(moving.replace(quality=rm.Quality()))
     renderer.forget()
     drawn = [[t.name for t in renderer.render(moving, params={"x": v}).timings] for v in (0.0, 0.0, 0.2, 0.2)]
     assert [names.count("before") for names in drawn] == [0, 0, 1, 0]
@@ -96,6 +96,6 @@ def test_many_lights_that_move_leave_no_ghost(renderer: Renderer) -> None:
     for _ in range(8):
         renderer.render(scene, params={"x": -1.0})
     after = renderer.render(scene, params={"x": 1.0}).color
-    truth = renderer.render(scene.changed(quality=rm.Quality(samples=64)), params={"x": 1.0}).color
-    alone = renderer.render(scene.changed(quality=rm.Quality()), params={"x": 1.0}).color
+    truth = renderer.render(scene.replace(quality=rm.Quality(samples=64)), params={"x": 1.0}).color
+    alone = renderer.render(scene.replace(quality=rm.Quality()), params={"x": 1.0}).color
     assert np.sqrt(np.mean((after - truth) ** 2)) <= np.sqrt(np.mean((alone - truth) ** 2))

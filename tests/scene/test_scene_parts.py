@@ -266,12 +266,12 @@ def test_values_replace_defaults() -> None:
 
 def test_a_changed_scene_keeps_all_other_parts():
     made = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5)), [rm.Sun()], (1, 0, 0), rm.Fog(), rm.Quality(max_steps=9))
-    other = made.changed(lights=[])
+    other = made.replace(lights=[])
     assert other.lights == () and other.where == made.where
     for name in set(made.__slots__) - {"lights"}:
         assert getattr(other, name) is getattr(made, name), name
     with pytest.raises(rm.SceneError, match="node"):
-        made.changed(node=3)
+        made.replace(node=3)
 
 
 def test_what_transmits_is_smooth_unless_a_roughness_is_given() -> None:
@@ -284,6 +284,6 @@ def test_what_transmits_is_smooth_unless_a_roughness_is_given() -> None:
         roughness(rm.Material(transmission=0.3)) == roughness(rm.Material(transmission=rm.Param("t", 0.0, 0, 1))) == 0.0
     )
     assert roughness(rm.Material(transmission=1, roughness=0.5)) == 0.5
-    assert roughness(rm.Material(albedo=(1, 0, 0)).replaced(transmission=1)) == 0.0
-    assert roughness(rm.Material(transmission=1).replaced(transmission=0)) == 0.5
-    assert roughness(rm.Material(roughness=0.7).replaced(transmission=1)) == 0.7
+    assert roughness(rm.Material(albedo=(1, 0, 0)).replace(transmission=1)) == 0.0
+    assert roughness(rm.Material(transmission=1).replace(transmission=0)) == 0.5
+    assert roughness(rm.Material(roughness=0.7).replace(transmission=1)) == 0.7

@@ -35,13 +35,13 @@ SIZE = (640, 360)
 
 def number(_: int) -> str:
     """An edit of a number, which no driver has seen."""
-    return f"scene.sky = rm.Sky(({random.uniform(0.1, 0.9):.9f}, 0.3, 0.5))\n"
+    return f"scene = scene.replace(sky=rm.Sky(({random.uniform(0.1, 0.9):.9f}, 0.3, 0.5)))\n"
 
 
 def shape(count: int) -> str:
     """An edit that makes another shader: so many new shapes."""
     places = [tuple(round(random.uniform(-1, 1), 9) for _ in range(3)) for _ in range(count + 1)]
-    return f"scene = scene.changed(node=rm.union(scene.node, *[rm.sphere(0.1).translate(at) for at in {places}]))\n"
+    return f"scene = scene.replace(node=rm.union(scene.node, *[rm.sphere(0.1).translate(at) for at in {places}]))\n"
 
 
 def reloads(session: Session, text: str, edit: Callable[[int], str], edits: int) -> list[dict[str, float]]:

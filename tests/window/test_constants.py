@@ -58,7 +58,7 @@ def test_a_number_that_is_edited_again_compiles_nothing_and_shows_the_same_pictu
     compiled = []
     with rm.Renderer(SIZE) as renderer, rm.Renderer(SIZE) as other:
         for radius, red in ((0.7, 0.8), (0.75, 0.8), (0.9, 0.8), (0.8, 0.8), (0.8, 0.3), (0.9, 0.6)):
-            scene = scene_of(radius, red).changed(quality=rm.Quality(schedule=schedule))
+            scene = scene_of(radius, red).replace(quality=rm.Quality(schedule=schedule))
             for_trial = Constants(json.loads(json.dumps(constants.as_json())))
             ready, fresh = constants.fit(prepare(scene, size=SIZE))
             assert for_trial.fit(prepare(scene, size=SIZE))[0].texts == ready.texts

@@ -139,7 +139,7 @@ def test_the_python_of_an_edited_glass_is_glass() -> None:
     scene = rm.Scene(rm.sphere().material(glass))
     text = Edits(materials={1: {**edits.editable_material(glass), "roughness": 0.3}}).python(scene, {})
     made = eval(text.partition("=")[2].partition("  #")[0], {"rm": rm})
-    assert made == glass.replaced(roughness=0.3)
+    assert made == glass.replace(roughness=0.3)
 
 
 def test_the_python_of_a_light_names_its_penumbra() -> None:

@@ -1,0 +1,153 @@
+"""Where values come in: Python's own types made plain, checked, and refused with what, the value and the legal range.
+
+Every public function and class takes its numbers, switches, names and arrays through these converters, so that odd
+ones fail in one way. Numbers must be finite in float32, because that is how they reach the shader.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import Location, RaymarchError, SceneError, is_users
+
+T = TypeVar("T")
+
+LARGEST = float(np.finfo(np.float32).max)
+"""The largest number that the shader can hold: values reach it as float32."""
+
+LONGEST = 80
+"""Characters of a value in a message."""
+
+
+def short(value: Any) -> str:
+    """A value for a message: its repr if that is short, else its beginning, its shape, or its type."""
+    if isinstance(value, np.ndarray) and value.size > 8:
+        return f"an array of shape {value.shape}, {value.dtype}"
+    if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 256:
+        return f"an integer of {value.bit_length()} bits"
+    if isinstance(value, tuple | list | dict | set | frozenset | str | bytes) and len(value) > 64:
+        return f"a {type(value).__name__} of {len(value)}"
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        return f"a {type(value).__name__}"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def plain(value: Any) -> Any:
+    """A NumPy scalar, or an array without axes, as Python's own number, switch or text; all else as it is."""
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
+        return value.item()
+    return value
+
+
+def holdable(value: Any) -> bool:
+    """True if every component is a number that float32 can hold; NaN and infinity are not."""
+    return bool(np.all(np.abs(value) <= LARGEST))
+
+
+def integer(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST, legal: str = "") -> int:
+    """A whole number within a range."""
+    given = plain(value)
+    if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
+        legal = legal or ("an integer" if high == LARGEST else f"an integer from {low:g} to {high:g}")
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
+    return given
+
+
+def real(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST, legal: str = "") -> float:
+    """A number within a range, both ends legal."""
+    given = plain(value)
+    if isinstance(given, int) and abs(given) > LARGEST:
+        given = None
+    if isinstance(given, bool) or not isinstance(given, int | float) or not low <= given <= high:
+        legal = legal or ("a finite number" if high == LARGEST else f"a number from {low:g} to {high:g}")
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
+    return float(given)
+
+
+def switch(what: str, value: Any) -> bool:
+    """True or False."""
+    given = plain(value)
+    if not isinstance(given, bool):
+        raise SceneError(f"{what} = {short(value)}", legal="True or False")
+    return given
+
+
+def choice(what: str, value: Any, among: Sequence[str], legal: str = "") -> str:
+    """One of some names."""
+    given = plain(value)
+    if not isinstance(given, str) or given not in among:
+        raise SceneError(f"{what} = {short(value)}", legal=legal or ", ".join(map(repr, among)))
+    return str(given)
+
+
+def instance(what: str, value: Any, kind: Any, legal: str) -> Any:
+    """What is of a kind."""
+    if not isinstance(value, kind):
+        raise SceneError(f"{what} = {short(value)} ({type(value).__name__})", legal=legal)
+    return value
+
+
+def optional(convert: Callable[..., T], what: str, value: Any, *more: Any) -> T | None:
+    """None, or what a converter makes of the value."""
+    return None if value is None else convert(what, value, *more)
+
+
+def numbers(what: str, value: Any, legal: str) -> NDArray[np.float64]:
+    """An array of real numbers in float64, of any shape, not checked for NaN and infinity."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biuf" or (array.dtype.kind == "O" and array.ndim and _holds_integers(array)):
+            with np.errstate(over="ignore"):
+                return np.asarray(array, np.float64)
+    except RaymarchError as fault:
+        raise SceneError(f"{what} = {short(value)}", legal=legal) from fault
+    except (TypeError, ValueError, OverflowError, MemoryError):
+        pass
+    raise SceneError(f"{what} = {short(value)}", legal=legal)
+
+
+def _holds_integers(array: NDArray[Any]) -> bool:
+    """True for integers too long for NumPy's own types."""
+    return all(isinstance(item, int) and not isinstance(item, bool) for item in array.flat)
+
+
+def file_path(what: str, value: Any, legal: str) -> str:
+    """The name of a file."""
+    try:
+        path = os.fspath(value)
+    except TypeError:
+        path = None
+    if not isinstance(path, str) or not path or "\0" in path or max(map(len, path.split(os.sep))) > 255:
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
+    return path
+
+
+def called(what: str, function: Callable[..., T], *args: Any, legal: str) -> T:
+    """What a user's function gives; what it raises is told as a fault of the function."""
+    try:
+        return function(*args)
+    except RaymarchError:
+        raise
+    except Exception as fault:
+        where = [
+            Location(code.co_filename, line)
+            for code, line in ((frame.f_code, line) for frame, line in traceback.walk_tb(fault.__traceback__))
+            if is_users(code.co_filename)
+        ]
+        raise SceneError(
+            f"{what}: the function fails: {short_fault(fault)}", legal=legal, where=where[-1] if where else None
+        ) from fault
+
+
+def short_fault(fault: BaseException) -> str:
+    """An exception of Python's for a message, in one line."""
+    text = " ".join(str(fault).split())
+    return text[:LONGEST] if isinstance(fault, TypeError) else f"{type(fault).__name__}: {text[:LONGEST]}"

@@ -1,0 +1,151 @@
+"""What all parts of a scene share: they are values. Nothing changes them; what is changed is another one.
+
+The parameters of a class's constructor are its fields. From them come comparison, hash, repr, copies, pickles and
+`replace`, each of which goes through the constructor, so that no value can be made that the constructor would refuse.
+"""
+
+from __future__ import annotations
+
+import inspect
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, NoReturn, Self, TypeVar, dataclass_transform
+
+import numpy as np
+
+from raymarch.errors import Location, RaymarchError, SceneError, user_location
+from raymarch.expr.convert import short
+from raymarch.expr.node import Expr
+
+T = TypeVar("T", bound="Value")
+
+
+class Value:
+    """Base of the parts of a scene."""
+
+    __slots__ = ("where",)
+    where: Location | None
+    """The user's line that made it, or what it was changed from; it does not count for equality."""
+
+    def _set(self, **values: Any) -> None:
+        """Give the fields of a value that is being made; the constructor's alone."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def _begin(self) -> None:
+        """Note the user's line; the constructor's first act."""
+        object.__setattr__(self, "where", user_location())
+
+    def arguments(self) -> dict[str, Any]:
+        """What the constructor needs to make an equal value, by the names of its parameters."""
+        return {name: getattr(self, name) for name in parameters_of(type(self))}
+
+    def replace(self, **changes: Any) -> Self:
+        """The same value with some fields exchanged, by the names of the constructor's parameters; checked as there."""
+        names = parameters_of(type(self))
+        for name, value in changes.items():
+            if name not in names:
+                raise SceneError(f"{type(self).__name__}.replace: {name} = {short(value)}", legal=", ".join(names))
+        made = type(self)(**{**self._unchanged(changes), **changes})
+        object.__setattr__(made, "where", self.where)
+        return made
+
+    def _unchanged(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """The arguments that stay when some are exchanged."""
+        return self.arguments()
+
+    def _identity(self) -> tuple[Any, ...]:
+        """What equal values have in common."""
+        return tuple(self.arguments().values())
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (type(self) is type(other) and self._identity() == other._identity())
+
+    def __hash__(self) -> int:
+        return hash((type(self), self._identity()))
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> Self:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _remade, (type(self), self.arguments(), self.where)
+
+    def __setstate__(self, state: Any) -> NoReturn:
+        raise SceneError(f"{type(self).__name__}: a state from outside", legal="values are made by their constructors")
+
+    def __repr__(self) -> str:
+        given = self.arguments()
+        try:
+            own = inspect.signature(type(self)).parameters
+            needed = {name: given[name] for name, p in own.items() if p.default is p.empty}
+            usual = type(self)(**needed).arguments()
+            given = {n: v for n, v in given.items() if n in needed or (v is not usual[n] and v != usual[n])}
+        except RaymarchError:
+            pass
+        return f"{type(self).__name__}({', '.join(f'{name}={_shown(value)}' for name, value in given.items())})"
+
+
+@dataclass_transform(frozen_default=True, eq_default=False)
+def value(cls: type[T]) -> type[T]:
+    """Decorator: a frozen dataclass with slots whose fields are the parameters of its constructor."""
+    made = dataclass(frozen=True, eq=False, repr=False, slots=True, init="__init__" not in cls.__dict__)(cls)
+    for name in ("__getstate__", "__setstate__", "__setattr__", "__delattr__"):
+        if name in made.__dict__:
+            delattr(made, name)
+    made.__setattr__ = _refuse_assignment  # type: ignore[method-assign,assignment]
+    made.__delattr__ = _refuse_assignment  # type: ignore[method-assign,assignment]
+    made.__setstate__ = Value.__setstate__  # type: ignore[method-assign]
+    names = inspect.signature(made).parameters
+    fields = {name: copy(field) for name, field in vars(made)["__dataclass_fields__"].items()}
+    for name in names:  # those that are properties
+        if name not in fields:
+            fields[name] = copy(next(iter(fields.values())))
+            fields[name].name = name
+    for name, field in fields.items():
+        field.init = name in names
+    made.__dataclass_fields__ = fields  # type: ignore[attr-defined]
+    return made
+
+
+def _refuse_assignment(self: Value, name: str, value: Any = None) -> None:
+    kind = type(self).__name__
+    raise SceneError(f"{kind}: {name} cannot be assigned", legal=f"another {kind}: .replace({name}=...)")
+
+
+_parameters: dict[type, tuple[str, ...]] = {}
+
+
+def parameters_of(cls: type[Value]) -> tuple[str, ...]:
+    """The names of the constructor's parameters, in their order."""
+    if cls not in _parameters:
+        _parameters[cls] = tuple(inspect.signature(cls).parameters)
+    return _parameters[cls]
+
+
+def _remade(cls: Any, arguments: Any, where: Any) -> Any:
+    """A pickled value, made by its constructor, which refuses what is not legal."""
+    if not (isinstance(cls, type) and issubclass(cls, Value)) or not isinstance(arguments, dict):
+        raise SceneError(f"unpickling: {short(cls)} of {short(arguments)}", legal="a part of a scene and its arguments")
+    unknown = [name for name in arguments if name not in parameters_of(cls)]
+    if unknown or not isinstance(where, Location | None):
+        raise SceneError(f"unpickling a {cls.__name__}: {short(unknown or where)}", legal="its arguments and a line")
+    try:
+        made = cls(**arguments)
+    except TypeError as fault:
+        raise SceneError(f"unpickling a {cls.__name__}: {fault}", legal="its arguments") from fault
+    object.__setattr__(made, "where", where)
+    return made
+
+
+def _shown(value: Any) -> str:
+    """A field in a repr: a constant as its number, anything else that is long by its kind."""
+    if isinstance(value, Expr):
+        if not value.is_constant:
+            return value.data.name if value.op == "param" else "<expression>"
+        return short(tuple(float(f"{v:.6g}") for v in value.data) if np.ndim(value.data) == 1 else float(value.data))
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_shown, value))}]" if len(value) <= 4 else f"[{len(value)}]"
+    return short(value)

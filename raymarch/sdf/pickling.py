@@ -1,0 +1,142 @@
+"""Nodes that leave a process and come back: as rows of a table, children first, each with the name of its definition.
+
+A row holds no facts. They are derived again, and the parameters checked again, so that a table that was made by hand
+cannot give a node that the definition would refuse.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from importlib import import_module
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
+
+from raymarch.errors import Location, SceneError
+from raymarch.expr.convert import short
+
+if TYPE_CHECKING:
+    from raymarch.sdf.definition import Definition
+    from raymarch.sdf.node import Node
+
+
+class Same:
+    """What equal nodes have in common: one object, so that trees of any depth are compared at once."""
+
+    __slots__ = ("__weakref__", "key")
+
+    def __init__(self, key: tuple[Any, ...]) -> None:
+        self.key = key
+
+
+_known: WeakValueDictionary[tuple[Any, ...], Same] = WeakValueDictionary()
+_knowing = threading.Lock()
+
+
+def same(*key: Any) -> Same:
+    """The one object for a definition, what the children have in common, the parameters and the label."""
+    with _knowing:  # two threads must not make two
+        try:
+            found = _known.get(key)
+        except TypeError:
+            raise SceneError(f"material = {short(key[-1])}", legal="Material(...)") from None
+        if found is None:
+            _known[key] = found = Same(key)
+    return found
+
+
+# Definitions by name
+
+
+def name_of(definition: Definition) -> tuple[str, str, bool]:
+    """Module, name in it, and whether the flat twin is meant; SceneError if the definition is not to be found there."""
+    module, name = definition.source.__module__, definition.source.__qualname__
+    found = _defined(sys.modules.get(module), name)
+    if found is None or definition not in (found, found.flat):
+        raise SceneError(
+            f"pickle: the definition '{definition.name}' ({definition.where}) is not found as {module}.{name}",
+            legal="a definition at the top level of a module that can be imported",
+        )
+    return module, name, definition is not found
+
+
+def _defined(module: Any, name: str) -> Definition | None:
+    found = module
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    definition: Definition | None = getattr(found, "definition", None)
+    return definition
+
+
+def _definition(name: Any) -> Definition:
+    """The definition of a name that `name_of` gave."""
+    try:
+        module, path, flat = name
+        found = _defined(import_module(module), path)
+    except (ImportError, TypeError, ValueError, AttributeError):
+        found, flat = None, False
+    made = found.flat if found is not None and flat else found
+    if made is None:
+        raise SceneError(
+            f"unpickling: no definition {short(name)}", legal="a definition at the top level of a module that is here"
+        )
+    return made
+
+
+def check_name(function: Any, what: str) -> None:
+    """SceneError for a Python function that is not to be found by its name."""
+    found: Any = sys.modules.get(str(getattr(function, "__module__", None)))
+    for part in str(getattr(function, "__qualname__", None)).split("."):
+        found = getattr(found, part, None)
+    if found is not function:
+        raise SceneError(
+            f"pickle: {what} {short(function)} is not found by its name",
+            legal="a function at the top level of a module that can be imported",
+        )
+
+
+# Tables
+
+
+def pickled(root: Node) -> list[tuple[Any, ...]]:
+    """The rows of a tree, the root last."""
+    numbers: dict[int, int] = {}
+    rows: list[tuple[Any, ...]] = []
+    pending = [root]
+    while pending:
+        node = pending[-1]
+        missing = [child for child in node.children if id(child) not in numbers]
+        if missing:
+            pending += missing
+            continue
+        pending.pop()
+        if id(node) not in numbers:
+            numbers[id(node)] = len(rows)
+            for name, value in node.params.items():
+                for each in (value, *getattr(value, "functions", ())):
+                    if isinstance(each, FunctionType):
+                        check_name(each, f"{node.name}: {name} =")
+            children = tuple(numbers[id(child)] for child in node.children)
+            rows.append((name_of(node.definition), children, dict(node.params), node.label, node.where))
+    return rows
+
+
+def remake(rows: Any) -> Node:
+    """The tree of some rows, its parameters checked and its facts derived."""
+    from raymarch.sdf.node import Node
+
+    made: list[Node] = []
+    try:
+        for name, below, params, label, where in rows:
+            definition = _definition(name)
+            children = tuple(made[i] for i in below)
+            plain = definition.make(children, (), params)
+            node = Node(plain.definition, plain.children, plain.params, plain.facts, label)
+            if not isinstance(where, Location | None):
+                raise ValueError(f"where = {where!r}")
+            node.where = where
+            made.append(node)
+        return made[-1]
+    except (TypeError, ValueError, IndexError, AttributeError) as fault:
+        raise SceneError(f"unpickling a node: {fault}", legal="what pickle made of a node") from fault
