@@ -82,7 +82,9 @@ class Found:
 def parse_error(text: str) -> tuple[str, float]:
     """ "0.5px" -> ("pixels_p99", 0.5); "flip:0.05" -> ("flip_p99", 0.05). CostError for anything else."""
     number = r"(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)"
-    match = re.fullmatch(rf"\s*(?:{number}\s*px|flip\s*:\s*{number})\s*", text if isinstance(text, str) else short(text))
+    match = re.fullmatch(
+        rf"\s*(?:{number}\s*px|flip\s*:\s*{number})\s*", text if isinstance(text, str) else short(text)
+    )
     value = float(match[1] or match[2]) if match else 0.0
     if match is None or value <= 0 or (match[2] and value > 1):
         raise CostError(f"error {short(text)}", legal="a distance in pixels such as 0.5px, or flip:X with 0 < X <= 1")
