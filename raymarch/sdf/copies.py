@@ -29,7 +29,7 @@ from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import rotation_matrix, translate
 from raymarch.sdf.registry import method
-from raymarch.sdf.repetition import INFINITE, MOST, repeat
+from raymarch.sdf.repetition import INFINITE, MOST, copies_of, repeat
 
 __all__ = ["polar", "repeat_interval", "repeat_mirrored"]
 
