@@ -82,7 +82,9 @@ class Found:
 def parse_error(text: str) -> tuple[str, float]:
     """ "0.5px" -> ("pixels_p99", 0.5); "flip:0.05" -> ("flip_p99", 0.05). CostError for anything else."""
     number = r"(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)"
-    match = re.fullmatch(rf"\s*(?:{number}\s*px|flip\s*:\s*{number})\s*", str(text))
+    match = re.fullmatch(
+        rf"\s*(?:{number}\s*px|flip\s*:\s*{number})\s*", text if isinstance(text, str) else short(text)
+    )
     value = float(match[1] or match[2]) if match else 0.0
     if match is None or value <= 0 or (match[2] and value > 1):
         raise CostError(f"error {short(text)}", legal="a distance in pixels such as 0.5px, or flip:X with 0 < X <= 1")
@@ -91,7 +93,7 @@ def parse_error(text: str) -> tuple[str, float]:
 
 def parse_time(text: str | float) -> float:
     """ "16ms" or 16 -> 16.0 milliseconds. CostError for anything that is no time above 0."""
-    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s)?\s*", str(text))
+    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s)?\s*", text if isinstance(text, str) else short(text))
     value = float(match[1]) * (1e3 if match[2] == "s" else 1.0) if match else 0.0
     if value <= 0:
         raise CostError(f"time {short(text)}", legal="milliseconds above 0, such as 16ms")

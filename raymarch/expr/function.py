@@ -60,7 +60,7 @@ class Function:
         if [a.type for a in values] != [p.type for p in self.params]:
             takes = ", ".join(f"{p.type} {p.data}" for p in self.params)
             gets = ", ".join(a.type.name for a in values)
-            raise SceneError(f"{self.name} was given ({gets})", legal=f"{self.name}({takes})")
+            raise SceneError(f"{self.name}({takes}) was given ({gets})", legal=f"({takes})")
         return make("call", self.type, values, self)
 
     def inline(self, *args: Expr) -> Expr:

@@ -105,7 +105,7 @@ class Material(Value):
         occlusion: Any = None,
     ) -> None:
         self._begin()
-        if color is not None and color is albedo:  # of a physical material that was changed
+        if isinstance(color, Expr) and color is albedo:  # of a physical material that was changed
             color = None
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
         physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}

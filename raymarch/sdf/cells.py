@@ -19,7 +19,7 @@ from uuid import uuid4
 import numpy as np
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import called, integer, short
+from raymarch.expr.convert import called, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr, make
 from raymarch.expr.types import FLOAT, VEC3
@@ -31,7 +31,7 @@ from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
-from raymarch.sdf.repetition import INFINITE, MOST
+from raymarch.sdf.repetition import INFINITE, copies_of
 
 __all__ = ["repeat_varied"]
 
@@ -153,8 +153,7 @@ def repeat_varied(
     numbers = []
     for step, number in zip(steps, counts, strict=True):
         n = 1 if step is None else INFINITE if number is None else number
-        least = 0 if number is None else 1
-        numbers.append(integer("repeat_varied: count", n, least, MOST, "integers >= 1, or None for no end"))
+        numbers.append(copies_of("repeat_varied", n, number is None, count))
     legal = "a number > 0, or None, or three"
     width = [expr(1.0) if step is None else as_length("repeat_varied: spacing", step, legal) for step in steps]
     low, high = ([float(end(n)) for n in numbers] for end in (_first, _last))

@@ -29,7 +29,7 @@ from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import rotation_matrix, translate
 from raymarch.sdf.registry import method
-from raymarch.sdf.repetition import INFINITE, MOST, repeat
+from raymarch.sdf.repetition import INFINITE, MOST, copies_of, repeat
 
 __all__ = ["polar", "repeat_interval", "repeat_mirrored"]
 
@@ -277,9 +277,7 @@ def repeat_mirrored(
     width, numbers = [], []
     for i, axis in enumerate("xyz"):
         n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
-        n = integer(
-            "repeat_mirrored: count", n, 0 if counts[i] is None else 1, MOST, "integers >= 1, or None for no end"
-        )
+        n = copies_of("repeat_mirrored", n, counts[i] is None, count)
         step = expr(1.0) if steps[i] is None else as_length("repeat_mirrored: spacing", steps[i])
         if n != 1:
             _check_fit(node, axis, step, i)

@@ -113,6 +113,14 @@ def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: boo
     return at_least(distance, balanced(gaps, max)) if guard and gaps else distance
 
 
+def copies_of(name: str, value: Any, endless: bool, given: Any) -> int:
+    """How many copies stand along an axis, 0 for no end; `given` is what the user wrote for all axes."""
+    try:
+        return integer("count", value, 0 if endless else 1, MOST)
+    except SceneError:
+        raise SceneError(f"{name}: count = {short(given)}", legal="integers >= 1, or None for no end") from None
+
+
 @method
 def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
     """Copies of a solid, or of a flat shape in its plane, at a spacing along the axes.
@@ -133,7 +141,7 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     width, centre, numbers, both, middles, halves = [], [], [], 0, [], []
     for i, axis in enumerate("xyz"[: node.dimension]):
         n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
-        n = integer("repeat: count", n, 0 if counts[i] is None else 1, MOST, "integers >= 1, or None for no end")
+        n = copies_of("repeat", n, counts[i] is None, count)
         numbers.append(n)
         step = expr(1.0) if steps[i] is None else as_length("repeat: spacing", steps[i])
         width.append(step)

@@ -20,8 +20,8 @@ def floor_picture(occluder: Any, light: Any, width: float = 1.2) -> tuple[Any, A
     camera = Camera((0, 0.2, 0.01), (0, 0, 0), up=(0, 0, 1), fov=np.degrees(2 * np.arctan(5 / 61 * width / 0.2)))
     pictures = []
     for shadow in (True, False):
-        light.shadow = shadow
-        pictures.append(truth(Scene((plane() | occluder).material(WHITE), camera=camera, lights=[light]), (61, 5)))
+        lights = [light.replace(shadow=shadow)]
+        pictures.append(truth(Scene((plane() | occluder).material(WHITE), camera=camera, lights=lights), (61, 5)))
     lit, free = pictures
     where = lit.position + lit.depth[..., None] * lit.direction
     return where[2], lit.color[2, :, 0] / free.color[2, :, 0]
