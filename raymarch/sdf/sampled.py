@@ -11,7 +11,7 @@ import os
 import warnings
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -158,7 +158,7 @@ def mesh(
         sampled = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
         values, size, centre = (unit * part for part in sampled)
         if kept is not None:
-            _to_cache(kept, values=values, size=size, centre=centre, repairs=np.array(repairs, np.str_))
+            _to_cache(kept, values, size, centre, repairs)
         found = sampled_grid(Samples(values), size, centre), repairs
     for repair in found[1]:
         warn(repair)
@@ -193,12 +193,12 @@ def _from_cache(kept: Path) -> tuple[Node, list[str]] | None:
         return None
 
 
-def _to_cache(kept: Path, **arrays: Any) -> None:
+def _to_cache(kept: Path, values: Any, size: Any, centre: Any, repairs: Sequence[str] = ()) -> None:
     """Keep samples for the next run. A cache that cannot be written is only not used."""
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
     try:
         kept.parent.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(partial, **arrays)
+        np.savez_compressed(partial, values=values, size=size, centre=centre, repairs=np.array(repairs, np.str_))
         partial.replace(kept)
     except OSError:
         with suppress(OSError):
