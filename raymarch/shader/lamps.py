@@ -168,7 +168,7 @@ def _loop(text: Lines, plan: Plan) -> None:
                 shown = "hard_shadow(surface, light)"
                 shown = f"{near.removesuffix(' && ')} ? {shown} : 1.0" if near else shown
                 add(f"        float seen = {shown};")
-                add(f"        color += {answer}(surface, light, seen) / {literal(samples)};", "hard_shadow")
+                add(f"        color += {call}, light, seen) / {literal(samples)};", "hard_shadow")
                 add("    }")
                 add("    continue;")
                 add("}")

@@ -74,6 +74,20 @@ def test_no_metal_or_no_wish_is_no_text_of_it() -> None:
         assert ("multiscatter" in assemble(plan(scene)).text()) == there
 
 
+@pytest.mark.parametrize("count", [2, 12])
+def test_rough_metal_gets_as_much_from_two_points_of_a_light_as_from_one(renderer: Renderer, count: int) -> None:
+    """Also where lights are rows of a texture: with two points they left out what several facets mirror."""
+    angles = np.linspace(0, 6, count)
+    lights = [rm.Sun((np.cos(a), 1, np.sin(a)), shadow=True, softness=0.05, penumbra="sampled") for a in angles]
+    metal = rm.Material(albedo=(1, 1, 1), metalness=1, roughness=1)
+    scene = rm.Scene(rm.sphere().material(metal), rm.Camera((0, 0, 4), fov=40), lights, sky=(0, 0, 0))
+    one, two = (
+        renderer.render(scene.replace(quality=rm.Quality(light_samples=n, samples=4))).color.mean() for n in (1, 2)
+    )
+    assert abs(two / one - 1) < 0.02
+
+
+
 def test_metal_answers_lights_alike_with_glass_in_the_scene(renderer: Renderer) -> None:
     """Glass beside it takes other code, for both ways to follow the light, and where models mix."""
     gold = rm.Material(albedo=(1, 0.8, 0.3), metalness=1, roughness=1)
