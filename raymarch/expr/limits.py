@@ -44,6 +44,8 @@ class Limit:
 
 def limited(value: Expr, limit: Limit) -> Expr:
     """The expression, marked with its range unless nothing can take it out of that."""
+    if value.op == "within" and value.data == limit:
+        return value  # of a value that exists already
     if value.is_constant or (limit.holds(value) and not may_overflow(value)):
         return value
     marked = Limit(limit.what, limit.legal, limit.low, limit.high, limit.nonzero, user_location())

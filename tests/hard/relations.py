@@ -348,7 +348,7 @@ def enlarged_with_its_lamp(seen: Seen) -> Verdict:
     larger = rm.PointLight(tuple(s * place), intensity=s * s * bright, shadow=True)
     frame = seen.draw(seen.other(lights=(lamp,)), ("color",))
     scene = _with_camera(seen, seen.scene.node.scale(s), lambda v: v * s, lambda v: v)
-    scene.lights = (larger,)
+    scene = scene.replace(lights=(larger,))
     return None, None, _near(frame, seen.draw(scene, ("color",)))
 
 

@@ -87,7 +87,6 @@ def test_rough_metal_gets_as_much_from_two_points_of_a_light_as_from_one(rendere
     assert abs(two / one - 1) < 0.02
 
 
-
 def test_metal_answers_lights_alike_with_glass_in_the_scene(renderer: Renderer) -> None:
     """Glass beside it takes other code, for both ways to follow the light, and where models mix."""
     gold = rm.Material(albedo=(1, 0.8, 0.3), metalness=1, roughness=1)

@@ -110,11 +110,11 @@ def test_a_module_without_its_header_or_of_no_such_name_is_refused(monkeypatch: 
 
 def test_names_that_are_given_twice_are_alternatives() -> None:
     """Two modules that give one name never stand in one shader: tracers, normals, passes, the two clippings,
-    structs of materials, ways of masking, and the two probes."""
+    structs of materials, ways of masking, the two probes, and pictures in which something moves or not."""
     givers: dict[str, list[str]] = {}
     for name in MODULES:
         for given in glsl.load(name).gives:
             givers.setdefault(given, []).append(name)
     rooms = {frozenset(name.split("/")[0] for name in names) for names in givers.values() if len(names) > 1}
-    alone = {frozenset({room}) for room in ("march", "normal", "view", "material", "light", "probe")}
+    alone = {frozenset({room}) for room in ("march", "normal", "view", "material", "light", "probe", "temporal")}
     assert rooms <= alone | {frozenset({"view", "temporal"})}

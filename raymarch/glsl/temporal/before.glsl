@@ -2,7 +2,7 @@
 // those of the frame before; what is read of this frame has names of its own. A point that was on no surface then was not
 // there.
 // needs: Ray Hit shade sky field surface_normal place_before u_surface u_camera_position u_pixel u_resolution
-// gives: main out_color out_way u_now_position u_now_frame u_now_slope u_jitter
+// gives: main out_color out_way u_now_position u_now_frame u_now_slope u_jitter on_surface
 layout(location = 0) out vec4 out_color;  // alpha is 0 if the point was not there
 layout(location = 1) out vec4 out_way;  // from where the point is now to where it was
 
