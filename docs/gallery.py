@@ -40,7 +40,7 @@ def name_of(file: Path) -> str:
 def draw(file: Path, renderer: rm.Renderer) -> dict[str, float]:
     """Draws a scene's picture; gives its evaluations a pixel and rays a pixel."""
     scene = load(file)
-    random = scene.bounces > 0 and scene.quality.ways == "random"
+    random = scene.bounces > 0 and scene.quality.integrator == "path"
     scene = scene.replace(quality=scene.quality.replace(samples=NOISY if random else SAMPLES))
     frame = renderer.render(scene)
     frame.image().save(PICTURES / f"{name_of(file)}.png", optimize=True)

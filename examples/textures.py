@@ -59,5 +59,5 @@ scene = rm.Scene(
     camera=rm.Camera((0.3, 1.2, 3.6), (-0.05, 0.55, 0), fov=42),
     lights=[rm.Sun((0.7, 0.9, 0.5), intensity=2.2, shadow=True, softness=0.03)],
     sky=rm.GradientSky(light=True),
-    tone=rm.Tone("aces"),
+    tone=rm.ToneMapping("aces"),
 )

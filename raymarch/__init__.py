@@ -22,12 +22,12 @@ from raymarch.errors import (
 from raymarch.gpu import Frame, Renderer, render
 from raymarch.gpu.probe import Probe, probe
 from raymarch.scene import (
+    AmbientOcclusion,
     Camera,
     Fog,
     GradientSky,
     ImageSky,
     Material,
-    Occlusion,
     Param,
     PointLight,
     Quality,
@@ -38,7 +38,7 @@ from raymarch.scene import (
     Sun,
     SunSky,
     Texture,
-    Tone,
+    ToneMapping,
     checker,
     noise,
     planar,
@@ -157,6 +157,7 @@ from raymarch.truth import Truth, truth
 __version__ = "0.1.0"
 
 __all__ = [
+    "AmbientOcclusion",
     "Camera",
     "CostError",
     "DeviceError",
@@ -166,7 +167,6 @@ __all__ = [
     "ImageSky",
     "Material",
     "Node",
-    "Occlusion",
     "Param",
     "PlanError",
     "PointLight",
@@ -185,7 +185,7 @@ __all__ = [
     "Sun",
     "SunSky",
     "Texture",
-    "Tone",
+    "ToneMapping",
     "Truth",
     "__version__",
     "apollonian",

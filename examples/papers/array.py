@@ -33,7 +33,7 @@ scene = rm.Scene(
     camera=rm.Camera(position=(0, 4.6, 7.6), target=(0, 0.25, 0.15), fov=27),
     lights=[rm.Sun(direction=(-0.6, 1.4, 0.8), intensity=1.6, shadow=True)],
     sky=rm.GradientSky(light=True),
-    occlusion=rm.Occlusion(reach=0.3),
+    occlusion=rm.AmbientOcclusion(reach=0.3),
     fog=rm.Fog((0.75, 0.82, 0.9), 0.01),
-    tone=rm.Tone("aces", exposure=0.2),
+    tone=rm.ToneMapping("aces", exposure=0.2),
 )

@@ -26,5 +26,5 @@ scene = rm.Scene(
     sky=rm.GradientSky(),
     bounces=8,
     quality=rm.Quality(samples=64),
-    tone=rm.Tone("agx", exposure=0.4),
+    tone=rm.ToneMapping("agx", exposure=0.4),
 )

@@ -21,12 +21,12 @@ for k in range(64):
     ring, turn = 1.0 + 0.5 * (k % 5), 2.399963 * k
     place = (ring * math.cos(turn), 1.1 + 0.5 * math.sin(1.7 * k), ring * math.sin(turn))
     tint = colorsys.hsv_to_rgb(k / 64, 0.6, 1.0)
-    lamps.append(rm.PointLight(place, color=tint, intensity=0.12, radius=2.5, shadow=True))
+    lamps.append(rm.PointLight(place, color=tint, intensity=0.12, range=2.5, shadow=True))
 
 scene = rm.Scene(
     rm.union(*parts) | floor,
     camera=rm.Camera(position=(2.2, 2.8, 5.2), target=(0, 0.2, 0), fov=45),
     lights=lamps,
     sky=(0.01, 0.012, 0.02),
-    tone=rm.Tone("aces", exposure=1),
+    tone=rm.ToneMapping("aces", exposure=1),
 )

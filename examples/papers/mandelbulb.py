@@ -13,6 +13,6 @@ scene = rm.Scene(
     camera=rm.Camera(position=(0, 0.5, 2.9), target=(0, 0, 0), fov=45),
     lights=[rm.Sun(direction=(1, 1.2, 0.8), color=(1, 0.95, 0.85), intensity=2, shadow=True)],
     sky=rm.GradientSky(zenith=(0.1, 0.16, 0.3), horizon=(0.35, 0.38, 0.45), light=True),
-    occlusion=rm.Occlusion(steps=6, reach=0.3),
-    tone=rm.Tone("agx", exposure=0.5),
+    occlusion=rm.AmbientOcclusion(steps=6, reach=0.3),
+    tone=rm.ToneMapping("agx", exposure=0.5),
 )

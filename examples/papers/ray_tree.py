@@ -28,6 +28,6 @@ scene = rm.Scene(
     sky=rm.GradientSky(light=True),
     fog=rm.Fog((0.75, 0.82, 0.9), 0.015),
     bounces=4,
-    quality=rm.Quality(ways="tree", samples=4),
-    tone=rm.Tone("aces", exposure=-0.3),
+    quality=rm.Quality(integrator="whitted", samples=4),
+    tone=rm.ToneMapping("aces", exposure=-0.3),
 )

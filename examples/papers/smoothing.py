@@ -16,6 +16,6 @@ scene = rm.Scene(
     camera=rm.Camera(position=(2.2, 1.9, 2.8), target=(0, 0.15, 0), fov=40),
     lights=[rm.Sun(direction=(0.4, 1.2, 0.9), intensity=1.1, shadow=True, softness=0.06)],
     sky=rm.GradientSky(light=True),
-    occlusion=rm.Occlusion(reach=0.4),
-    tone=rm.Tone("aces", exposure=0.3),
+    occlusion=rm.AmbientOcclusion(reach=0.4),
+    tone=rm.ToneMapping("aces", exposure=0.3),
 )

@@ -81,7 +81,7 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: ND
     """How far from the surface the hits of one setting lie, by the field in float64.
 
     A setting promises a field of at most `Quality.contact` pixel widths, or what rounding allows. With
-    correction="slope" it promises that of the ray's last sample, from which it takes one more step that is not asked:
+    refinement="slope" it promises that of the ray's last sample, from which it takes one more step that is not asked:
     then somewhere before the hit the field must be as small. Rays that ran out of steps promise nothing.
     """
     quality = point.setting.quality
@@ -99,12 +99,12 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: ND
         return np.asarray(np.maximum(promised * known.pixel * t, ULPS * size) + ULPS * size)
 
     beyond = rays.values(depth, ...) > allowed(depth, ...)
-    if quality.correction == "slope":
+    if quality.refinement == "slope":
         beyond[beyond] = ~rays.came_near(depth[beyond], np.flatnonzero(beyond), allowed)
     share = float(beyond.mean())
     lie = (
         "come no nearer to the surface before them than"
-        if quality.correction == "slope"
+        if quality.refinement == "slope"
         else "lie farther from it than"
     )
     words = f"{share:.2%} of the hits {lie} the {promised:g} pixel widths promised"

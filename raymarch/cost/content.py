@@ -27,7 +27,16 @@ ROOMS = ("expr", "sdf", "scene", "truth")
 
 MARCHING = {
     *("tracer", "max_steps", "epsilon", "normals", "omega", "beta", "step_scale", "step_variation", "schedule"),
-    *("correction", "trust", "samples", "temporal", "budget", "rays", "shadow_steps", "light_samples"),
+    *(
+        "refinement",
+        "assume_certified",
+        "samples",
+        "temporal",
+        "steps_per_pass",
+        "rays",
+        "shadow_steps",
+        "light_samples",
+    ),
 }
 """Fields of Quality that say how a picture is reached, not which. All others count: a model that truth follows too."""
 

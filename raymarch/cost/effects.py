@@ -100,9 +100,9 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
             yield f"light {i + 1}, {type(light).__name__}", scene.replace(lights=rest)
     if any(m.textured or m.relief for m in scene.materials):
         yield "maps", scene.replace(node=relabelled(scene.node, Material.without_maps))
-    if scene.wanders or scene.branches:
+    if scene.path_traced or scene.whitted:
         yield "bounces of light", scene.replace(bounces=0)
-    if scene.bounces > 1 and (scene.wanders or scene.branches):
+    if scene.bounces > 1 and (scene.path_traced or scene.whitted):
         yield f"bounce {scene.bounces}", scene.replace(bounces=scene.bounces - 1)
     if scene.quality.samples > 1:
         yield "anti-aliasing", scene.replace(quality=scene.quality.replace(samples=1))
@@ -201,7 +201,9 @@ def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mappi
 
     They are counted by the scene's own shader, with a counter written into it, at one ray a pixel and without cones.
     """
-    plain = with_quality(scene, replace(scene.quality, samples=1, temporal="off", schedule="single", budget=None))
+    plain = with_quality(
+        scene, replace(scene.quality, samples=1, temporal="off", schedule="single", steps_per_pass=None)
+    )
     ready = prepare(plain, ("color",), renderer.size)
     counting = replace(ready, texts={name: counting_text(text) for name, text in ready.texts.items()})
     with Renderer(renderer.size, context=renderer.context) as own:

@@ -141,10 +141,10 @@ def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]
 
 def check_followed(scene: Scene) -> None:
     """CostError for a scene whose true picture the truth does not know: it follows no random ways of light."""
-    if scene.wanders:
+    if scene.path_traced:
         raise CostError(
             "FLIP against the truth, which follows no light that goes random ways: there is no true picture",
-            legal="Quality(ways='tree'), or a distance in pixels such as 0.5px or pixels_p99",
+            legal="Quality(integrator='whitted'), or a distance in pixels such as 0.5px or pixels_p99",
             where=scene.where,
         )
 

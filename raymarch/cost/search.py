@@ -24,7 +24,7 @@ LADDER = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.002)
 """The epsilons that are tried, coarsest first."""
 STEPS = {0.02: 2048, 0.002: 8192}
 """Steps that a ray may take, from this epsilon down."""
-TRACERS = ("auto", "front", "enhanced", "plain")
+TRACERS = ("auto", "bracketing", "enhanced", "plain")
 SCHEDULES = ("single", "cone")
 SAMPLES = (1, 4, 16)
 """Rays a pixel that are tried where only they can make the picture better, from the scene's own on."""
@@ -299,7 +299,7 @@ def _nothing_keeps(metric: str, best: Point, doubt: float) -> CostError:
 
 def _sample_counts(base: Quality, metric: str) -> tuple[int, ...]:
     """Rays a pixel to try: the base's own, and for a picture's error more; with a budget there is but one."""
-    more = SAMPLES if metric == "flip_p99" and base.budget is None else ()
+    more = SAMPLES if metric == "flip_p99" and base.steps_per_pass is None else ()
     return (base.samples, *(n for n in more if n > base.samples))
 
 

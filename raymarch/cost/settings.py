@@ -28,11 +28,11 @@ class Axis:
 
 
 AXES = (
-    Axis("tracer", ("plain", "relaxed", "enhanced", "auto_relaxed", "front"), crossed=True),
+    Axis("tracer", ("plain", "relaxed", "enhanced", "auto_relaxed", "bracketing"), crossed=True),
     Axis("max_steps", (16, 32, 64, 128, 512), crossed=True),
     Axis("epsilon", (2.0, 0.5, 0.1, 0.02, 0.004)),
     Axis("schedule", ("single", "two", "four", "six", "cone", "cones")),
-    Axis("correction", ("proven", "slope", "none")),
+    Axis("refinement", ("proven", "slope", "none")),
     Axis("normals", ("analytic", "tetrahedron", "central", "forward")),
     Axis("beta", (0.15, 0.3, 0.6)),
     Axis("step_scale", (0.7, 1.0)),
@@ -171,7 +171,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
     shadowed = any(light.shadow for light in scene.lights)
     discs = any(light.soft and light.penumbra == "sampled" for light in scene.lights)
     omega = quality.omega if tracer == quality.tracer else None
-    beta = quality.beta if tracer in ("auto_relaxed", "front") else 0.3
+    beta = quality.beta if tracer in ("auto_relaxed", "bracketing") else 0.3
     return replace(
         quality,
         schedule=schedule,

@@ -22,14 +22,14 @@ from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 
 SCENES = ("mandelbulb", "primitives", "village")
-TRACERS = ("plain", "relaxed_again", "relaxed", "enhanced", "auto_relaxed", "front")
+TRACERS = ("plain", "relaxed_again", "relaxed", "enhanced", "auto_relaxed", "bracketing")
 """P1's relaxed tracer relaxes again after each step that proved too long; Keinert's, `relaxed`, does not."""
 SCHEDULED = ("plain", "relaxed_again", "enhanced")
 SCHEDULES = ("single", "two", "four", "six", "cone")
-PAIRED = ("plain", "enhanced", "auto_relaxed", "front")
+PAIRED = ("plain", "enhanced", "auto_relaxed", "bracketing")
 """Tracers that are tried for the front, each with and without cones."""
 EPSILONS = (0.5, 0.1, 0.02)
-BARE = Quality(correction="none", schedule="single", epsilon=0.05, trust=True)
+BARE = Quality(refinement="none", schedule="single", epsilon=0.05, assume_certified=True)
 """As P1 traces: a ray ends where it comes near enough, and no last step mends what is left."""
 OVERSTEPS = (16, 24)
 """P1's figure 5 counts the steps that were undone between these."""

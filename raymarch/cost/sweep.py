@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raymarch.cost.drawing import Draws, Renderers, brought_to, draw, nearest, timed
 from raymarch.cost.environment import environment
 from raymarch.cost.errors import Errors, measure
-from raymarch.cost.front import pareto
+from raymarch.cost.pareto import pareto
 from raymarch.cost.reference import Reference
 from raymarch.cost.settings import Setting
 from raymarch.cost.statistics import Median, median

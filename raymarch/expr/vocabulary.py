@@ -266,7 +266,7 @@ def all_of(first: Expr, *conditions: Expr) -> Expr:
     return first
 
 
-def held(x: Operand) -> Expr:
+def stop_gradient(x: Operand) -> Expr:
     """x itself, for derivatives a constant: where a distance is stationary, how x was found does not matter.
 
     Rounded to 2^-40, which is nothing in float32, and squared nothing in float64.

@@ -97,7 +97,7 @@ def project(a: Array, b: Array, pose: Pose, shape: tuple[int, ...]) -> tuple[NDA
     start, end = cut
 
     def screen(p: Array) -> Array:
-        flat = p[:2] / (-p[2] * pose.slope)
+        flat = p[:2] / (-p[2] * pose.tan_half_fov)
         return np.array([0.5 * (width + flat[0] * height), 0.5 * height * (1.0 - flat[1])])
 
     first, last = screen(start), screen(end)

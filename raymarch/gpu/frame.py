@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.scene.camera import Pose
-from raymarch.scene.tone import Tone, encode
+from raymarch.scene.tone import ToneMapping, encode
 
 Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 
@@ -46,7 +46,7 @@ class Frame:
     timings: list[Timing]
     _arrays: dict[str, NDArray[Any]]
     _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
-    tone: Tone = field(default_factory=Tone, repr=False)
+    tone: ToneMapping = field(default_factory=ToneMapping, repr=False)
     complete: bool = True
     """False if rays are still on their way, which the next frame of the same picture goes on with."""
     pose: Pose | None = field(default=None, repr=False)

@@ -17,7 +17,7 @@ from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, plan
-from raymarch.plan.moments import at_moment
+from raymarch.plan.hoisting import at_moment
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Value, Values
@@ -95,7 +95,7 @@ def frame_uniforms(
     uniforms: dict[str, Any] = {
         "u_camera_position": pose.position,
         "u_camera_frame": pose.frame,
-        "u_camera_slope": pose.slope,
+        "u_tan_half_fov": pose.tan_half_fov,
         "u_resolution": size,
         "u_pixel": pose.pixel(size[1]),
         "u_far": scene.far(pose),

@@ -29,7 +29,7 @@ from raymarch.sdf.node import Node
 Progress = Callable[[float], None]
 
 FOUR = 4
-"""Nodes whose slopes one draw yields; see probe/seen.glsl."""
+"""Nodes whose slopes one draw yields; see probe/watch.glsl."""
 
 ALL = frozenset(range(4096))
 """Numbers of nodes that can be heard one by one; the last stands for all beyond."""
@@ -215,8 +215,8 @@ class _Drawing:
         values = set_values(made.parameters, params, time, made.given.where)
         size = renderer.size
         self.uniforms = renderer.uniforms(self.ready, values, made.given.pose(values, size[0] / size[1]))
-        self.target: Target = renderer.store.target(self.chosen.name, size, self.chosen.textures)
-        self.program: Program = renderer.store.program(self.ready, self.chosen.name)[0]
+        self.target: Target = renderer.resources.target(self.chosen.name, size, self.chosen.textures)
+        self.program: Program = renderer.resources.program(self.ready, self.chosen.name)[0]
         self.clock = renderer.clock
 
     def draw(self, own: Mapping[str, Any], progress: Progress | None = None) -> list[NDArray[np.float32]]:

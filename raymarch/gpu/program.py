@@ -28,7 +28,7 @@ void main() {
 RAYS = """#version 330 core
 // As above, and the direction of the ray at each corner, not of length 1: it is linear over the picture.
 uniform mat3 u_camera_frame;
-uniform float u_camera_slope;
+uniform float u_tan_half_fov;
 uniform vec2 u_resolution;
 uniform vec2 u_jitter;
 out vec3 ray_direction;
@@ -36,7 +36,7 @@ out vec3 ray_direction;
 void main() {
     vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
     vec2 screen = corner * vec2(u_resolution.x / u_resolution.y, 1.0) + 2.0 * u_jitter / u_resolution.y;
-    ray_direction = u_camera_frame * vec3(screen * u_camera_slope, -1.0);
+    ray_direction = u_camera_frame * vec3(screen * u_tan_half_fov, -1.0);
     gl_Position = vec4(corner, 0.0, 1.0);
 }
 """

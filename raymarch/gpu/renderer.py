@@ -17,12 +17,12 @@ from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import BACKENDS, Context, open_context
-from raymarch.gpu.drafts import Draft, History, count_draws, drafts_of
+from raymarch.gpu.draw_calls import DrawCall, History, count_draws, draw_calls_of
 from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
+from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.slices import Slice
-from raymarch.gpu.store import Store
 from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.plan import lights
@@ -72,7 +72,7 @@ class Renderer:
             self._owns_context = False
         self.context: Context = context
         self.clock = Clock(self.context)
-        self.store = Store(self.context)
+        self.resources = ResourceCache(self.context)
         self.history = History()
         self.planned_for: tuple[int, int] | None = None
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
@@ -86,33 +86,33 @@ class Renderer:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
-        return self.store.target("color", self._size).size
+        return self.resources.target("color", self._size).size
 
     @property
     def kept(self) -> int:
         """How many compiled programs are kept, >= 1; the one used longest ago is freed first."""
-        return self.store.kept
+        return self.resources.kept
 
     @kept.setter
     def kept(self, programs: int) -> None:
-        self.store.kept = programs
+        self.resources.kept = programs
 
     @property
     def compiled(self) -> int:
         """How many programs the driver compiled so far."""
-        return self.store.compiled
+        return self.resources.compiled
 
     def resize(self, size: tuple[int, int]) -> None:
         """Draw at another size from now on; DeviceError, and the old size stays, if it is not possible."""
         with self.context.bound():
             self._refuse_while_drawing("resize")
             self._size = self._target_size(size)
-            self.store.free_targets("color")
+            self.resources.free_targets("color")
             self.forget()
 
     def _target_size(self, size: Any) -> tuple[int, int]:
         """A size that can be drawn."""
-        return self.store.target("color", size.tolist() if isinstance(size, np.ndarray | np.generic) else size).size
+        return self.resources.target("color", size.tolist() if isinstance(size, np.ndarray | np.generic) else size).size
 
     def forget(self) -> None:
         """Let the next frame take nothing from those before it."""
@@ -138,7 +138,7 @@ class Renderer:
         outputs : arrays to make now; "color" is a pass of its own, all others share one. The rest is made on access.
         progress : called with the share done, 0 to 1, after each tile; the picture is the same bit for bit.
         pose : a camera in place of the scene's.
-        within : milliseconds after which rays that are marched over several passes, by Quality(budget=...), wait for
+        within : milliseconds after which rays that are marched over several passes, by Quality(steps_per_pass=...), wait for
             the next frame. With temporal="accumulate" that goes on from there, while the picture stays the same;
             `frame.complete` says whether all rays have arrived.
         cut : the plane of the output "slice"; None is the one through the middle that faces the camera the most.
@@ -183,7 +183,7 @@ class Renderer:
         arrays, timings = self._render_passes(
             scene, values, outputs, pose, progress, np.inf if within is None else within, cut
         )
-        complete = scene.quality.budget is None or self.history.arrived
+        complete = scene.quality.steps_per_pass is None or self.history.arrived
         broken = violations(self._prepare(scene, outputs).plan.conditions, values)
 
         def doubts_of(frame: Frame, steps: bool) -> list[str]:
@@ -214,17 +214,17 @@ class Renderer:
     def _sparse(self, scene: Scene, values: Values, pose: Pose) -> dict[str, NDArray[Any]]:
         """The geometry of some of the rays of a picture, each as wide as there, evenly spread over it."""
         small = vouch.sparse_size(self.size)
-        plain = replace(scene.quality, schedule="single", budget=None, samples=1, temporal="off")
+        plain = replace(scene.quality, schedule="single", steps_per_pass=None, samples=1, temporal="off")
         ready, uniforms = self._ready(scene.replace(quality=plain), values, ("done",), pose, None)
         uniforms["u_resolution"] = small
-        drafts = list(_named(drafts_of(self.store, ready, uniforms, small, History()), ready))
-        for draft in drafts:
-            with in_pass(draft.chosen.name):
-                draft.draw()
-        target = drafts[-1].target
+        draw_calls = list(_named(draw_calls_of(self.resources, ready, uniforms, small, History()), ready))
+        for call in draw_calls:
+            with in_pass(call.chosen.name):
+                call.draw()
+        target = draw_calls[-1].target
         return unpack("geometry", [target.read(k) for k in range(target.attachments)])
 
-    def drafts(
+    def draw_calls(
         self,
         scene: Scene,
         time: float = 0.0,
@@ -232,15 +232,15 @@ class Renderer:
         outputs: Sequence[str] = ("color",),
         pose: Pose | None = None,
         cut: Slice | None = None,
-    ) -> list[Draft]:
+    ) -> list[DrawCall]:
         """The passes of a frame, ready to be drawn into textures that stay on the device: for a window.
 
         Parameters and errors are those of `render`. The textures hold what
-        was drawn until the next draft of as many textures is drawn.
+        was drawn until the next call of as many textures is drawn.
         """
-        return list(self.draft_by_draft(scene, time, params, outputs, pose, cut=cut))
+        return list(self.draw_call_by_draw_call(scene, time, params, outputs, pose, cut=cut))
 
-    def draft_by_draft(
+    def draw_call_by_draw_call(
         self,
         scene: Scene,
         time: float = 0.0,
@@ -249,17 +249,17 @@ class Renderer:
         pose: Pose | None = None,
         enough: Callable[[], bool] | None = None,
         cut: Slice | None = None,
-    ) -> Iterator[Draft]:
-        """`drafts`, each to be drawn before the next is asked for.
+    ) -> Iterator[DrawCall]:
+        """`draw_calls`, each to be drawn before the next is asked for.
 
-        enough : asked after each pass of a march that takes several, by Quality(budget=...), whether the rest may wait;
+        enough : asked after each pass of a march that takes several, by Quality(steps_per_pass=...), whether the rest may wait;
             `history.arrived` then says whether all rays have arrived.
         """
         values = self._values(scene, params, time, outputs)
         pose = pose or scene.pose(values, self.size[0] / self.size[1])
         ready, uniforms = self._ready(scene, values, outputs, pose, cut)
-        drafts = drafts_of(self.store, ready, uniforms, self.size, self.history, enough)
-        yield from _named(drafts, ready)
+        draw_calls = draw_calls_of(self.resources, ready, uniforms, self.size, self.history, enough)
+        yield from _named(draw_calls, ready)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
         """Take over a scene that was prepared elsewhere, such as in another thread."""
@@ -294,9 +294,9 @@ class Renderer:
         """The uniforms of all passes of a prepared scene for one frame, textures of data among them."""
         uniforms = frame_uniforms(ready, values, self.size, pose, cut)
         with in_pass(*(chosen.name for chosen in ready.plan.passes)):
-            uniforms.update({name: self.store.texture(data) for name, data in ready.shader.samples.items()})
+            uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
-                uniforms["u_lights"] = self.store.lights(lights.rows(ready.plan.scene, values))
+                uniforms["u_lights"] = self.resources.lights(lights.rows(ready.plan.scene, values))
         return uniforms
 
     def _refuse_closed(self) -> None:
@@ -361,16 +361,16 @@ class Renderer:
         timings: list[Timing] = []
         targets: dict[str, Target] = {}
         ready, uniforms = self._ready(scene, values, outputs, pose, cut)
-        drafts = drafts_of(
-            self.store, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within
+        draw_calls = draw_calls_of(
+            self.resources, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within
         )
         most = count_draws(ready)
-        for draft in _named(drafts, ready):
-            first = self.store.first_draw(draft.program)
-            with in_pass(draft.chosen.name):
-                drawn = self._draw(draft, None if progress is None else _part(progress, len(timings), most))
-            timings.append(Timing(draft.chosen.name, drawn, draft.compile, first))
-            targets[draft.chosen.name] = draft.target
+        for call in _named(draw_calls, ready):
+            first = self.resources.first_draw(call.program)
+            with in_pass(call.chosen.name):
+                drawn = self._draw(call, None if progress is None else _part(progress, len(timings), most))
+            timings.append(Timing(call.chosen.name, drawn, call.compile, first))
+            targets[call.chosen.name] = call.target
         if progress is not None and len(timings) < most:
             progress(1.0)
         arrays: dict[str, NDArray[Any]] = {}
@@ -380,23 +380,23 @@ class Renderer:
                     arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
         return arrays, timings
 
-    def _draw(self, draft: Draft, progress: Progress | None) -> float:
+    def _draw(self, call: DrawCall, progress: Progress | None) -> float:
         """Milliseconds of a pass, whole or tile by tile."""
-        width, height = draft.target.size
+        width, height = call.target.size
         if progress is None and width * height <= WHOLE:
-            return self.clock.time(draft.draw)
+            return self.clock.time(call.draw)
         return draw_in_tiles(
-            draft.target.size, lambda tile: self.clock.time(lambda: draft.draw(tile)), progress or (lambda share: None)
+            call.target.size, lambda tile: self.clock.time(lambda: call.draw(tile)), progress or (lambda share: None)
         )
 
     def close(self) -> None:
         """Free everything. Idempotent. In a forked process it frees nothing: that is the parent's."""
         if self.context.released:
-            self.store.release()
+            self.resources.release()
         else:
             with self.context.bound():
                 self._refuse_while_drawing("close")
-                self.store.release()
+                self.resources.release()
         self._prepared.clear()
         if self._owns_context:
             self.context.release()
@@ -425,15 +425,15 @@ def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
     return scene.planned, tuple(passes_for(outputs))
 
 
-def _named(drafts: Iterator[Draft], ready: Prepared) -> Iterator[Draft]:
+def _named(draw_calls: Iterator[DrawCall], ready: Prepared) -> Iterator[DrawCall]:
     """The same; what goes wrong while one is made names the passes."""
     names = tuple(chosen.name for chosen in ready.plan.passes)
     while True:
         with in_pass(*names):
-            draft = next(drafts, None)
-        if draft is None:
+            call = next(draw_calls, None)
+        if call is None:
             return
-        yield draft
+        yield call
 
 
 def _part(progress: Progress, i: int, n: int) -> Progress:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Surface, Target, confine
-from raymarch.scene.tone import Tone
+from raymarch.scene.tone import ToneMapping
 
 _SAMPLE = """#version 330 core
 uniform sampler2D picture;
@@ -105,7 +105,7 @@ class Screen:
         self._layer = Program(context, FULL_SCREEN, _LAYER, _ours, "overlay")
         self._mesh: Mesh | None = None
 
-    def show(self, picture: Target, tone: Tone | None = None) -> None:
+    def show(self, picture: Target, tone: ToneMapping | None = None) -> None:
         """Fill the window with a picture of linear colour, brought to the screen by `tone` (None clips it); smoothly
         where its size is another."""
         self._fill(self, picture, True, None, tone)
@@ -127,7 +127,7 @@ class Screen:
         picture: Target,
         encode: bool,
         tile: tuple[int, int, int, int] | None,
-        tone: Tone | None = None,
+        tone: ToneMapping | None = None,
     ) -> None:
         texture = picture.textures[0]
         smooth = picture.size != surface.size
@@ -138,7 +138,7 @@ class Screen:
             if smooth:
                 texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
-    def _sampler(self, tone: Tone | None) -> Program:
+    def _sampler(self, tone: ToneMapping | None) -> Program:
         """The program that copies pictures, or shows them by a tone."""
         text = _CLIPPED if tone is None else tone.glsl()
         if text not in self._samplers:

@@ -74,7 +74,9 @@ def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> boo
     height, width = color.shape[:2]
     rows, columns = (np.unique(np.linspace(0, n - 1, 48).astype(int)) for n in (height, width))
     x, y = np.meshgrid(2.0 * columns + 1.0 - width, height - 2.0 * rows - 1.0)
-    at_one = np.stack([x * pose.slope / height, y * pose.slope / height, -np.ones(x.shape)], axis=-1).reshape(-1, 3)
+    at_one = np.stack(
+        [x * pose.tan_half_fov / height, y * pose.tan_half_fov / height, -np.ones(x.shape)], axis=-1
+    ).reshape(-1, 3)
     directions = at_one @ pose.frame.T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     sky = scene.sky.seen(directions, values)

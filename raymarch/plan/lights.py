@@ -37,7 +37,7 @@ def traits_of(light: Light) -> set[str]:
     if isinstance(light, PointLight):
         own = light.attenuation is not None
         found.add("attenuated" if own else "point")
-        if light.radius is not None:
+        if light.range is not None:
             found.add("fade" if own else "window")
     else:
         found.add("sun")
@@ -94,7 +94,7 @@ def _texel(name: str, light: Light, kinds: list[str], values: Values) -> list[fl
         case "place" if local is not None:
             return [*of(local.position), POINT if local.attenuation is None else ATTENUATED]
         case "source":
-            return [*of(light.radiance), *of(local.radius if local is not None else None)]
+            return [*of(light.radiance), *of(local.range if local is not None else None)]
         case "terms" if local is not None:
             return of(local.attenuation)
         case "axis" if spot is not None:

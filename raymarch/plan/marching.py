@@ -14,7 +14,7 @@ from raymarch.scene.scene import Scene
 MODULES = {"relaxed_again": "relaxed"}
 """Tracers whose module has another name."""
 
-SECONDARY = ("light/shadow", "light/cone", "light/triangulated", "light/two_sided", "path/second")
+SECONDARY = ("light/shadow", "light/cone", "light/triangulated", "light/two_sided", "path/secondary")
 """Modules that march rays from one surface to the next, or to a light."""
 
 WORTH = 3e7
@@ -26,7 +26,7 @@ more than the evaluations that they save."""
 class Marching:
     """The tracer and the schedule of a scene, each with its reason.
 
-    steps : that a ray may take after its cones. budget : steps of one pass, None if all are taken in one.
+    steps : that a ray may take after its cones. steps_per_pass : of one pass, None if all are taken in one.
     """
 
     tracer: str
@@ -34,17 +34,17 @@ class Marching:
     schedule: Schedule
     schedule_reason: str
     steps: int
-    budget: int | None
+    steps_per_pass: int | None
 
     @property
     def resumed(self) -> bool:
         """True if rays are marched over many passes."""
-        return self.budget is not None
+        return self.steps_per_pass is not None
 
     @property
     def passes(self) -> int:
         """In how many passes a ray is marched at most."""
-        return 1 if self.budget is None else -(-self.steps // self.budget)
+        return 1 if self.steps_per_pass is None else -(-self.steps // self.steps_per_pass)
 
     @property
     def jittered(self) -> bool:
@@ -69,18 +69,18 @@ def choose(scene: Scene, operations: int, size: tuple[int, int] | None) -> March
     if (
         certified
         and not quality.shortened
-        and quality.budget is None
+        and quality.steps_per_pass is None
         and (quality.samples > 1 or quality.temporal != "off")
     ):
         schedule = Schedule((*schedule.levels, PIXEL), schedule.share)
         schedule_reason += "; the samples of a pixel start where the cone around it ended"
     steps = max(1, round(schedule.share * quality.max_steps))
-    return Marching(tracer, tracer_reason, schedule, schedule_reason, steps, quality.budget)
+    return Marching(tracer, tracer_reason, schedule, schedule_reason, steps, quality.steps_per_pass)
 
 
 def trusted(scene: Scene) -> bool:
     """True if the field is no larger than the distance, or is taken for such a one."""
-    return scene.node.exactness != "estimate" or scene.quality.trust
+    return scene.node.exactness != "estimate" or scene.quality.assume_certified
 
 
 def _choose_tracer(quality: Quality, certified: bool) -> tuple[str, str]:
@@ -144,16 +144,16 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
     cone = "_cone" * marching.cones
     add((f"march/epsilon{cone}", f"a ray looks for its hit within {epsilon:g} pixel widths of a surface"))
     add(("march/hit", "what a ray found"))
-    add((f"march/along{cone}", "the field is asked along rays" + " and cones" * marching.cones))
-    if quality.correction == "proven":
-        add(("march/settle", "the last steps towards a surface are along the measured slope, and proven"))
+    add((f"march/distance{cone}", "the field is asked along rays" + " and cones" * marching.cones))
+    if quality.refinement == "proven":
+        add(("march/refine", "the last steps towards a surface are along the measured slope, and proven"))
     else:
-        add((f"march/{'stop' if quality.correction == 'none' else 'slope'}", f"{quality.correction!r} correction"))
-    if marching.tracer != "front":
+        add((f"march/refine_{'none' if quality.refinement == 'none' else 'slope'}", f"{quality.refinement!r} correction"))
+    if marching.tracer != "bracketing":
         add(("march/loop", "a ray goes on until it is near a surface"))
-        aims = marching.tracer == "auto_relaxed" and quality.correction == "proven"
+        aims = marching.tracer == "auto_relaxed" and quality.refinement == "proven"
         add((f"march/aim{cone if aims else '_never'}", "where a step of a ray may lead" + " onto the surface" * aims))
-    add(("march/exhausted", f"a ray may take {quality.max_steps} steps"))
+    add(("march/on_exhausted", f"a ray may take {quality.max_steps} steps"))
     tracer = MODULES.get(marching.tracer, marching.tracer)
     add((f"march/{tracer}", marching.tracer_reason))
     if tracer == "plain":
@@ -174,7 +174,7 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
     if marching.cones or marching.resumed:
         add((f"march/begin{on}", "rays go on from where cones ended" if on else "rays start at the camera"))
     if marching.resumed:
-        add(("march/state", f"Quality(budget={quality.budget})"))
+        add(("march/state", f"Quality(steps_per_pass={quality.steps_per_pass})"))
         add(("march/resumed", "what passes before found"))
     else:
         add((f"march/trace{on}", marching.schedule_reason))

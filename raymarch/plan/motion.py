@@ -20,12 +20,12 @@ from raymarch.expr.node import Expr, const, construct, make
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import cross, dot, length, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite
-from raymarch.plan.moments import by_moment
+from raymarch.plan.hoisting import hoisted_from
 from raymarch.scene.camera import Camera
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import PARTS, Lowering
-from raymarch.sdf.shares import shares_of
+from raymarch.sdf.weights import weights_of
 
 STILL = const((0.0, 0.0, 0.0))
 
@@ -48,7 +48,7 @@ def motion_of(
 
     Also the expressions of time alone, those of this function among them, and what each twin stands for, by its name.
     """
-    marked, moments = by_moment(lowering.again().field(scene.node, label=PARTS), origins, moments)
+    marked, moments = hoisted_from(lowering.again().field(scene.node, label=PARTS), origins, moments)
     (p,) = marked.params
     twins = {leaf: _twin(leaf) for leaf in find([marked.body], "param", "time")}
     plain = {twin: leaf for leaf, twin in twins.items()}
@@ -65,9 +65,9 @@ def motion_of(
     if all(each is ways[0] for each in ways):
         way = ways[0]
     elif len(ways) <= MOST:
-        _, shares = shares_of(now)
-        total = sum_of(shares)
-        moved = [share * each for share, each in zip(shares, ways, strict=True) if each is not STILL]
+        _, weights = weights_of(now)
+        total = sum_of(weights)
+        moved = [share * each for share, each in zip(weights, ways, strict=True) if each is not STILL]
         way = sum_of(moved) / where(total <= 0.0, 1.0, total)
     used = {twin.data.name: plain[twin] for twin in find([way], "param") if twin in plain}
     return Function("place_before", (p,), p + way), moments, used

@@ -65,8 +65,8 @@ def passes_of(names: Sequence[str], quality: Quality, cones: bool, changes: bool
     changes : True if the scene reads time or parameters.
     """
     found = [CONE] if cones else []
-    found += [MARCH] if quality.budget is not None else []
-    sampled = quality.budget is None and (quality.samples > 1 or quality.temporal != "off")
+    found += [MARCH] if quality.steps_per_pass is not None else []
+    sampled = quality.steps_per_pass is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         drawn = DRAWN[name]
         if name == "color" and quality.temporal == "reproject":

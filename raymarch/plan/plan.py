@@ -20,9 +20,9 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import find, topological
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
-from raymarch.plan.looks import looks_of
+from raymarch.plan.hoisting import hoisted_from
 from raymarch.plan.marching import Marching
-from raymarch.plan.moments import by_moment
+from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
 from raymarch.plan.textures import Data, textures_of
@@ -133,7 +133,7 @@ def plan(
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
     lowering = lowering or Lowering()
-    definition, moments = by_moment(lowering.field(scene.node), lowering.origins)
+    definition, moments = hoisted_from(lowering.field(scene.node), lowering.origins)
     refuse_extent(given, origin, definition)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
@@ -176,7 +176,7 @@ def plan(
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
     if shaded or geometry:
-        looks = looks_of(scene, lowering, shaded, geometry)
+        looks = materials_of(scene, lowering, shaded, geometry)
         made.model, made.material, made.emission = looks.model, looks.record, looks.emission
         made.material_index, made.glass, made.relief = looks.index, looks.glass, looks.relief
     if BEFORE in drawn:

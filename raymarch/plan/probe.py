@@ -31,7 +31,9 @@ class Probing:
 
 def bare(scene: Scene) -> Scene:
     """The scene drawn by one sample a pixel, marched in one go."""
-    return scene.replace(quality=scene.quality.replace(samples=1, temporal="off", schedule="single", budget=None))
+    return scene.replace(
+        quality=scene.quality.replace(samples=1, temporal="off", schedule="single", steps_per_pass=None)
+    )
 
 
 def plan_faults(scene: Scene) -> Probing:
@@ -42,7 +44,7 @@ def plan_faults(scene: Scene) -> Probing:
     further = [_function("field_faults", made.field, field), _function("surface_faults", made.field, surface)]
     _strip(made, plain(made.field))
     made.further = further
-    modules = ["temporal/finite", "probe/note", "probe/noting"]
+    modules = ["temporal/finite", "probe/note", "probe/note_calls"]
     made.modules += [(name, FAULTS.reason) for name in modules if name not in dict(made.modules)]
     return Probing(made, nodes)
 
@@ -51,7 +53,7 @@ def plan_slopes(scene: Scene) -> Probing:
     """A plan that finds how steep each node is along the rays."""
     made, nodes = _planned(scene, SLOPES)
     _strip(made, made.field)
-    modules = ["temporal/finite", "probe/seen", "probe/asking"]
+    modules = ["temporal/finite", "probe/watch", "probe/watch_calls"]
     made.modules += [(name, SLOPES.reason) for name in modules if name not in dict(made.modules)]
     return Probing(made, nodes)
 

@@ -15,14 +15,14 @@ MODULES = {
     "sun": ("light/sun", "a light from infinitely far away"),
     "point": ("light/point", "a light falls off with the inverse square of the distance"),
     "attenuated": ("light/attenuated", "a light has an attenuation of its own"),
-    "window": ("light/window", "a light has a radius"),
-    "fade": ("light/fade", "a light with an attenuation has a radius"),
+    "window": ("light/window", "a light has a range"),
+    "fade": ("light/fade", "a light with an attenuation has a range"),
     "spot": ("light/spot", "a light shines into a cone"),
     "hard": ("light/shadow", "a light casts a hard shadow"),
     "two-sided": ("light/two_sided", "a light casts a soft shadow"),
     "cone": ("light/cone", "a light casts a soft shadow by its cone"),
     "triangulated": ("light/triangulated", "a light casts a triangulated soft shadow"),
-    "sampled": ("light/sampled", "a light casts the shadows of its points, one a sample"),
+    "sampled": ("light/sample_disc", "a light casts the shadows of its points, one a sample"),
 }
 """The module that each trait of lights calls for, and why."""
 
@@ -31,7 +31,7 @@ SOFT = ("two-sided", "cone", "triangulated")
 
 def surfaced(scene: Scene) -> bool:
     """True if light from elsewhere falls on surfaces, so that their normals and materials count."""
-    return bool(scene.lights) or scene.sky.light or scene.wanders or scene.branches or _glows_by_pattern(scene)
+    return bool(scene.lights) or scene.sky.light or scene.path_traced or scene.whitted or _glows_by_pattern(scene)
 
 
 def mapped(scene: Scene) -> bool:
@@ -55,18 +55,18 @@ def lit(scene: Scene) -> bool:
 
 
 def ambient_sky(scene: Scene) -> bool:
-    """True if the sky lights surfaces by its mean; where light wanders, ways that end in the sky bring its light."""
-    return scene.sky.light and not scene.wanders
+    """True if the sky lights surfaces by its mean; where light path_traced, ways that end in the sky bring its light."""
+    return scene.sky.light and not scene.path_traced
 
 
 def compensated(scene: Scene) -> bool:
     """True if there may be metal, which gives back the light that several of its facets mirror."""
     metal = scene.quality.energy_compensation and any(m.metallic for m in scene.materials)
-    return metal and (bool(scene.lights) or ambient_sky(scene) or scene.wanders)
+    return metal and (bool(scene.lights) or ambient_sky(scene) or scene.path_traced)
 
 
 def occluded(scene: Scene, model: str) -> bool:
-    """True if there is ambient light for an Occlusion to dim."""
+    """True if there is ambient light for an AmbientOcclusion to dim."""
     return scene.occlusion is not None and ambient(scene, model)
 
 
@@ -93,16 +93,16 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
         if ambient_sky(scene):
             found += _from_sky(scene, model)
         if any(light.shadow for light in scene.lights):
-            found += [("light/leaving", "a light casts a shadow"), _outward(scene)]
+            found += [("light/spawn_ray", "a light casts a shadow"), _outward(scene)]
         if "sampled" in lights.traits(scene):
             found.append(("random/pixel", "a point of a light is chosen at random"))
             found += [("light/shadow", "the shadow of a point")] if "hard" not in lights.traits(scene) else []
         if compensated(scene):
             found += _several(scene)
-        if scene.wanders or scene.branches:
-            found += _ways(scene, model) if scene.wanders else _tree(scene, model)
+        if scene.path_traced or scene.whitted:
+            found += _ways(scene, model) if scene.path_traced else _tree(scene, model)
         if occluded(scene, model):
-            found.append(("light/occlusion", "Scene(occlusion=...)"))
+            found.append(("light/ambient_occlusion", "Scene(occlusion=...)"))
     if colored:
         if scene.sky.constant:
             found.append(("sky/constant", "what is seen where nothing is hit"))
@@ -127,7 +127,10 @@ def _surfaces(scene: Scene) -> list[tuple[str, str]]:
 
 def _outward(scene: Scene) -> tuple[str, str]:
     """The module that knows the side on which rays leave a surface."""
-    return ("light/unbent" if mapped(scene) else "light/outward", "rays leave along the normal of the solid")
+    return (
+        "light/geometric_normal_mapped" if mapped(scene) else "light/geometric_normal",
+        "rays leave along the normal of the solid",
+    )
 
 
 def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
@@ -138,15 +141,15 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
     if model != "phong":
         found += [
             ("light/fresnel", "a material is physical"),
-            ("light/facets", "a material is physical"),
+            ("light/d_ggx", "a material is physical"),
             _by_masking(scene, "light/{}"),
-            ("light/grazing", "a material is physical"),
-            ("light/entering", "a material is physical"),
+            ("light/albedo_f90", "a material is physical"),
+            ("light/interface_transmittance", "a material is physical"),
             ("light/physical", "a material is physical"),
         ]
     if model == "mixed":
-        glass = (scene.wanders or scene.branches) and any(m.transmits for m in scene.materials)
-        name = "light/mixed_glazed" if glass else "light/mixed"
+        glass = (scene.path_traced or scene.whitted) and any(m.transmits for m in scene.materials)
+        name = "light/mixed_dielectric" if glass else "light/mixed"
         found.append((name, "some materials are physical and some after Phong"))
     return found
 
@@ -168,32 +171,32 @@ def _several(scene: Scene) -> list[tuple[str, str]]:
 def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which light bounces."""
     why = f"Scene(bounces={scene.bounces})"
-    found = [("path/second", why), ("light/leaving", why), ("path/lobes", why), ("random/pixel", why)]
+    found = [("path/secondary", why), ("light/spawn_ray", why), ("path/lobes", why), ("random/pixel", why)]
     found += [_outward(scene)] if mapped(scene) else []
     if model != "physical":
-        found.append(("path/matte", why))
+        found.append(("path/diffuse", why))
     if model != "phong":
-        physical = ("light/fresnel", "light/grazing", "light/entering")
+        physical = ("light/fresnel", "light/albedo_f90", "light/interface_transmittance")
         found += [*((name, "a material is physical") for name in physical), _by_masking(scene, "light/{}")]
         found.append(("path/glossy", why))
         found += [("path/metal", "a material is a metal")] if compensated(scene) else []
     if any(m.transmits for m in scene.materials):
         found += _glass(scene)
     if any(m.frosted for m in scene.materials):
-        found.append(("path/frosted", "glass is rough"))
+        found.append(("path/rough_dielectric", "glass is rough"))
     return found
 
 
 def _glass(scene: Scene) -> list[tuple[str, str]]:
     """The modules of what transmits."""
-    lights = [("path/glazed", "lights shine on glass")] if scene.lights else []
-    return [("path/glass", "a material transmits light"), *lights]
+    lights = [("path/dielectric", "lights shine on glass")] if scene.lights else []
+    return [("path/fresnel_dielectric", "a material transmits light"), *lights]
 
 
 def _tree(scene: Scene, model: str) -> list[tuple[str, str]]:
     """The modules by which all ways of mirrors and glass are followed."""
-    why = "Quality(ways='tree')"
-    found = [("path/second", why), ("light/leaving", why), ("path/faint", why)]
+    why = "Quality(integrator='whitted')"
+    found = [("path/secondary", why), ("light/spawn_ray", why), ("path/cutoff", why)]
     found += [_outward(scene)] if mapped(scene) else []
     if any(m.mirrors for m in scene.materials):
         found += [("light/fresnel", "a material mirrors"), ("path/mirror", "a material mirrors")]
@@ -207,10 +210,10 @@ def _from_sky(scene: Scene, model: str) -> list[tuple[str, str]]:
     why = f"{type(scene.sky).__name__}(light=True)"
     found = [("sky/mean", why)]
     if model != "physical":
-        found.append(("sky/matte", why))
+        found.append(("sky/diffuse", why))
     if model != "phong":
-        found += [("light/grazing", "a material is physical"), _by_masking(scene, "light/missing_{}")]
-        found += [("light/furnace", why), ("sky/glossy", why)]
+        found += [("light/albedo_f90", "a material is physical"), _by_masking(scene, "light/missing_{}")]
+        found += [("light/directional_albedo", why), ("sky/specular", why)]
     return found
 
 
@@ -255,15 +258,15 @@ def features(scene: Scene) -> list[Feature]:
     bent = next((m for m in others if m.transmits), None)
     feature("glass", bent is not None, "a material transmits light", "no material transmits light", _place(bent))
     rough = next((m for m in others if m.frosted), None)
-    why = "Quality(ways='tree') shows rough glass as clear" if scene.branches else "Scene has no bounces"
+    why = "Quality(integrator='whitted') shows rough glass as clear" if scene.whitted else "Scene has no bounces"
     why = "no glass is rough" if rough is None else why
-    used = rough is not None and scene.wanders
+    used = rough is not None and scene.path_traced
     feature("frosted glass", used, "a material is rough, and transmits", why, _place(rough))
     several = f"one way of up to {scene.bounces} more surfaces for each sample"
-    if scene.branches:
+    if scene.whitted:
         several = f"all ways of mirrors and glass to up to {scene.bounces} more surfaces"
-    why = "nothing mirrors or transmits, for Quality(ways='tree')" if scene.bounces else "Scene has no bounces"
-    feature("bounces of light", scene.wanders or scene.branches, several, why)
+    why = "nothing mirrors or transmits, for Quality(integrator='whitted')" if scene.bounces else "Scene has no bounces"
+    feature("bounces of light", scene.path_traced or scene.whitted, several, why)
     feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky lights nothing")
     shares = bool(every) and not all(m.physical for m in scene.materials)
     dimmed = scene.occlusion is not None and (ambient_sky(scene) or shares)

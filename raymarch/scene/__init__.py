@@ -1,10 +1,10 @@
 """The rest of a picture: camera, lights, materials, sky, parameters, quality, and the scene that holds them."""
 
+from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera
 from raymarch.scene.file import load
 from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
-from raymarch.scene.occlusion import Occlusion
 from raymarch.scene.parameter import Param, time
 from raymarch.scene.pattern import checker, noise, stripes
 from raymarch.scene.quality import Quality
@@ -12,16 +12,16 @@ from raymarch.scene.scene import Scene
 from raymarch.scene.skies import GradientSky, ImageSky, SunSky
 from raymarch.scene.sky import Fog, Sky
 from raymarch.scene.texture import Texture, planar, triplanar
-from raymarch.scene.tone import Tone
+from raymarch.scene.tone import ToneMapping
 
 __all__ = [
+    "AmbientOcclusion",
     "Camera",
     "Fog",
     "GradientSky",
     "ImageSky",
     "Light",
     "Material",
-    "Occlusion",
     "Param",
     "PointLight",
     "Quality",
@@ -32,7 +32,7 @@ __all__ = [
     "Sun",
     "SunSky",
     "Texture",
-    "Tone",
+    "ToneMapping",
     "checker",
     "load",
     "noise",

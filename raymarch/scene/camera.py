@@ -27,23 +27,25 @@ class Pose:
     ----------
     position : shape (3,).
     frame : shape (3, 3); columns are the right, up and backward axes in world space.
-    slope : tangent of half the vertical field of view.
+    tan_half_fov : tangent of half the vertical field of view.
     """
 
     position: NDArray[np.float64]
     frame: NDArray[np.float64]
-    slope: float
+    tan_half_fov: float
 
     def pixel(self, height: int) -> float:
         """Size of a pixel at distance 1 along the axis: the diameter of the pixel's cone over its length."""
-        return 2.0 * self.slope / height
+        return 2.0 * self.tan_half_fov / height
 
 
-def look_at(position: NDArray[np.float64], target: NDArray[np.float64], up: NDArray[np.float64], slope: float) -> Pose:
+def look_at(
+    position: NDArray[np.float64], target: NDArray[np.float64], up: NDArray[np.float64], tan_half_fov: float
+) -> Pose:
     """The pose of a camera at `position` that looks at `target`, each of shape (3,); not checked."""
     # pyrr's view matrix is for row vectors: its first three columns are the camera's axes.
     view = pyrr.matrix44.create_look_at(position, target, up, dtype=np.float64)
-    return Pose(position, np.array(view[:3, :3]), slope)
+    return Pose(position, np.array(view[:3, :3]), tan_half_fov)
 
 
 @value
@@ -76,7 +78,7 @@ class Camera(Value):
         )
         values = Values({})
         if self.fov.is_constant:
-            self._slope(values)
+            self._tan_half_fov(values)
         if self.position is not None and self.target is not None and self._constant:
             self.pose(values, None)
 
@@ -89,7 +91,7 @@ class Camera(Value):
         """All that may depend on parameters or time."""
         return [e for e in (self.position, self.target, self.up, self.fov) if e is not None]
 
-    def _slope(self, values: Values) -> float:
+    def _tan_half_fov(self, values: Values) -> float:
         fov = float(values.of(self.fov))
         if not 0.0 < fov < 180.0:
             raise SceneError(
@@ -103,18 +105,18 @@ class Camera(Value):
         subject : the box to look at where position or target is not given.
         aspect : width over height of the picture; an unplaced camera of a narrow one stands farther away.
         """
-        slope = self._slope(values)
+        tan_half_fov = self._tan_half_fov(values)
         centre, radius = _sphere_around(subject)
         target = centre if self.target is None else values.of(self.target)
         if self.position is None:
             away = VIEW / np.linalg.norm(VIEW)
             reach = radius + float(np.linalg.norm(centre - target))
-            position = target + away * reach * 1.1 * np.hypot(1.0, 1.0 / (slope * min(aspect, 1.0)))
+            position = target + away * reach * 1.1 * np.hypot(1.0, 1.0 / (tan_half_fov * min(aspect, 1.0)))
         else:
             position = values.of(self.position)
         up = values.of(self.up)
         self._refuse_degenerate(position, target, up)
-        return look_at(position, target, up, slope)
+        return look_at(position, target, up, tan_half_fov)
 
     def _refuse_degenerate(self, position: Any, target: Any, up: Any) -> None:
         if not all(np.all(np.isfinite(v)) for v in (position, target, up)):

@@ -103,7 +103,7 @@ def _said(length: float | None) -> str:
 def _lost(field: Function, pose: Pose, origin: NDArray[np.float64], near: float, far: float, values: Values) -> str:
     """What float32 makes of a field on some rays of the camera: in words, if it is another one."""
     random = np.random.default_rng(0)
-    screen = random.uniform(-1.0, 1.0, (24, 2)) * pose.slope
+    screen = random.uniform(-1.0, 1.0, (24, 2)) * pose.tan_half_fov
     directions = np.concatenate([screen, -np.ones((24, 1))], axis=1) @ pose.frame.T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     way = np.geomspace(near, far, 12)

@@ -110,15 +110,15 @@ class PointLight(Light):
     ----------
     position : vec3.
     color, intensity, shadow, softness, penumbra : see `Light`.
-    radius : nothing farther away is lit, > 0; the light fades towards it by (1 - (d/r)^4)^2, and costs nothing beyond.
+    range : nothing farther away is lit, > 0; the light fades towards it by (1 - (d/range)^4)^2, and costs nothing beyond.
         None is no end.
     shadow_radius : what is farther away gets no shadow, > 0; None is no end.
     attenuation : (constant, linear, quadratic), each >= 0, not all 0: the light is divided by their polynomial of the
-        distance in place of its square, and fades by 1 - d/r if there is a radius.
+        distance in place of its square, and fades by 1 - d/range if there is a range.
     """
 
     position: Expr
-    radius: Expr | None
+    range: Expr | None
     shadow_radius: Expr | None
     attenuation: Expr | None
 
@@ -130,7 +130,7 @@ class PointLight(Light):
         shadow: bool = False,
         softness: Any = 0.0,
         penumbra: str = "two-sided",
-        radius: Any = None,
+        range: Any = None,
         shadow_radius: Any = None,
         attenuation: Any = None,
     ) -> None:
@@ -138,7 +138,7 @@ class PointLight(Light):
         name = type(self).__name__
         self._set(
             position=as_vec3(f"{name}: position", position),
-            radius=_length(f"{name}: radius", radius),
+            range=_length(f"{name}: range", range),
             shadow_radius=_length(f"{name}: shadow_radius", shadow_radius),
             attenuation=None if attenuation is None else as_vec3(f"{name}: attenuation", attenuation, low=0.0),
         )
@@ -177,12 +177,12 @@ class SpotLight(PointLight):
         shadow: bool = False,
         softness: Any = 0.0,
         penumbra: str = "two-sided",
-        radius: Any = None,
+        range: Any = None,
         shadow_radius: Any = None,
         attenuation: Any = None,
     ) -> None:
         PointLight.__init__(
-            self, position, color, intensity, shadow, softness, penumbra, radius, shadow_radius, attenuation
+            self, position, color, intensity, shadow, softness, penumbra, range, shadow_radius, attenuation
         )
         self._set(
             direction=as_direction("SpotLight: direction", direction),
@@ -198,43 +198,43 @@ class SpotLight(PointLight):
 
 @value
 class SphereLight(PointLight):
-    """Light from a ball that itself is not seen: paint a node with an emission of intensity / size^2 to show it.
+    """Light from a ball that itself is not seen: paint a node with an emission of intensity / radius^2 to show it.
 
     Parameters
     ----------
-    position : of the ball's centre. size : its radius, > 0. It is what softens the shadow.
+    position : of the ball's centre. radius : of the ball, > 0. It is what softens the shadow.
     The rest : see `PointLight`; intensity is the brightness at distance 1 from the centre.
 
     A matte surface that sees the whole ball is lit exactly as by a point light. A highlight is that of a point too.
     """
 
-    size: Expr
+    radius: Expr
 
     def __init__(
         self,
         position: Any,
-        size: Any = 0.5,
+        radius: Any = 0.5,
         color: Any = (1.0, 1.0, 1.0),
         intensity: Any = 1.0,
         shadow: bool = False,
         penumbra: str = "two-sided",
-        radius: Any = None,
+        range: Any = None,
         shadow_radius: Any = None,
         attenuation: Any = None,
     ) -> None:
-        given = _length("SphereLight: size", size)
+        given = _length("SphereLight: radius", radius)
         if given is None:
-            raise SceneError("SphereLight: size = None", legal="a finite number > 0")
+            raise SceneError("SphereLight: radius = None", legal="a finite number > 0")
         PointLight.__init__(
-            self, position, color, intensity, shadow, given, penumbra, radius, shadow_radius, attenuation
+            self, position, color, intensity, shadow, given, penumbra, range, shadow_radius, attenuation
         )
-        self._set(size=given)
+        self._set(radius=given)
 
 
 def hard(light: Light) -> Light:
     """The same light with hard shadows; of a ball, its centre."""
     if isinstance(light, SphereLight):
-        return PointLight(**{name: value for name, value in light.arguments().items() if name != "size"})
+        return PointLight(**{name: value for name, value in light.arguments().items() if name != "radius"})
     return light.replace(softness=0.0)
 
 

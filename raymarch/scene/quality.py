@@ -9,14 +9,14 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, integer, optional, real, switch
 from raymarch.scene.value import Value, value
 
-TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "front")
+TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "bracketing")
 MASKINGS = ("correlated", "separable")
 NORMALS = ("analytic", "tetrahedron", "central", "forward")
 SCHEDULES = ("auto", "single", "two", "four", "six", "cone", "cones")
-CORRECTIONS = ("proven", "slope", "none")
+REFINEMENTS = ("proven", "slope", "none")
 TEMPORAL = ("off", "accumulate", "reproject")
 RAYS = ("computed", "interpolated")
-WAYS = ("random", "tree")
+INTEGRATORS = ("path", "whitted")
 
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 """What `omega` is where it is not given: what the tracers' authors use, and what was measured best for enhanced."""
@@ -33,14 +33,14 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """In what each preset differs from the default."""
 
 NOT_MARCHING = (
-    "trust",
+    "assume_certified",
     "samples",
     "temporal",
-    "budget",
+    "steps_per_pass",
     "rays",
     "masking",
     "energy_compensation",
-    "ways",
+    "integrator",
     "shadow_steps",
     "light_samples",
 )
@@ -70,9 +70,9 @@ class Quality(Value):
     tracer : how a ray is marched. "auto" lets the plan choose. "plain": each step is the distance (Hart 1996).
         "relaxed": steps longer by `omega` until one proves too long (Keinert et al. 2014); "relaxed_again" goes on
         relaxing after that. "enhanced": steps by the slope of the last two samples (Bálint and Valasek 2018).
-        "auto_relaxed": by an averaged slope (Bán and Valasek 2023). "front": by the averaged slope, keeping samples
-        that went too far. A field that is only an estimate is marched plainly, whatever is chosen, unless `trust`.
-    trust : take an estimate for a certified field, so that the tracer and schedule that are asked for are used on it;
+        "auto_relaxed": by an averaged slope (Bán and Valasek 2023). "bracketing": by the averaged slope, keeping samples
+        that went too far. A field that is only an estimate is marched plainly, whatever is chosen, unless `assume_certified`.
+    assume_certified : take an estimate for a certified field, so that the tracer and schedule that are asked for are used on it;
         to compare.
     max_steps : steps that a ray of the camera may take, 1 to 60,000 (software renderers end loops at 65,535). Rays that
         leave a surface may take eight times as many: they begin on it, and those along it grow slowly.
@@ -80,7 +80,7 @@ class Quality(Value):
         "two", "four" and "six" resolutions: those of Bálint and Valasek 2018, each with its share of `max_steps`.
         "cone": cones of 4 by 4 pixels, marched until they can go on no more; "cones": of 16 by 16, then 4 by 4,
         then 2 by 2. "auto" lets the plan weigh what they save against their own cost.
-    correction : how a ray ends that came within `epsilon`. "proven": it steps along the slope and asks the field
+    refinement : how a ray ends that came within `epsilon`. "proven": it steps along the slope and asks the field
         whether that is nearer; a ray that only passes goes on. "slope": one such step, not asked. "none": where it is.
     epsilon : a ray looks for its hit where the field falls below this many pixel widths at that distance, 0.001 to 10.
         None is 0.1 for a certified field, whose hit is then settled to a sixteenth of it; and 0.5 for an estimate,
@@ -102,7 +102,7 @@ class Quality(Value):
     temporal : what one frame takes from those before. "off": nothing. "accumulate": while the picture stays the same,
         each frame adds its samples to the mean of all. "reproject": so too, and while the camera or the scene moves,
         what was seen before is found again where it went. Frames of one `Renderer` only.
-    budget : steps that a ray may take in one pass, 4 to 60,000; the march goes on in the next pass from where it
+    steps_per_pass : steps that a ray may take in one pass, 4 to 60,000; the march goes on in the next pass from where it
         stood, until it ends or has taken `max_steps`; with temporal="accumulate" also in the next frame, while the
         picture stays the same. None: one pass. For one ray a pixel.
     shadow_steps : steps that a ray towards a light may take, 1 to 60,000; one that runs out goes on in a straight line,
@@ -110,8 +110,8 @@ class Quality(Value):
     light_samples : points of a light's disc that each ray takes, with penumbra="sampled", 1 to 64. Each costs a ray
         towards the light, one of `samples` a ray of the camera too.
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
-    ways : how light bounces, where a Scene has `bounces`. "random": each sample follows one way, from surfaces of all
-        kinds, so it takes `samples` or frames. "tree": every sample follows both the mirrored and the bent way at each
+    integrator : how light bounces, where a Scene has `bounces`. "path": each sample follows one random path, from surfaces of all
+        kinds, so it takes `samples` or frames. "whitted": every sample follows both the reflected and the refracted ray at each
         smooth surface, so that one shows mirrors and glass without noise; rough and matte surfaces end it with the
         light of lights and `Sky(light=True)`. For up to 4 bounces.
     """
@@ -125,15 +125,15 @@ class Quality(Value):
     step_scale: float = 1.0
     step_variation: float = 0.0
     schedule: str = "auto"
-    correction: str = "proven"
-    trust: bool = False
+    refinement: str = "proven"
+    assume_certified: bool = False
     samples: int = 1
     temporal: str = "off"
-    budget: int | None = None
+    steps_per_pass: int | None = None
     rays: str = "computed"
     masking: str = "correlated"
     energy_compensation: bool = True
-    ways: str = "random"
+    integrator: str = "path"
     shadow_steps: int | None = None
     light_samples: int = 1
 
@@ -143,15 +143,15 @@ class Quality(Value):
             **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in _CHOICES.items()},
             **{n: optional(_whole, n, getattr(self, n), *ends) for n, ends in _WHOLE.items()},
             **{n: optional(_within, n, getattr(self, n), *ends) for n, ends in _WITHIN.items()},
-            trust=switch("Quality: trust", self.trust),
+            assume_certified=switch("Quality: assume_certified", self.assume_certified),
             energy_compensation=switch("Quality: energy_compensation", self.energy_compensation),
         )
         for name in _NEEDED:
             if getattr(self, name) is None:
                 raise SceneError(f"Quality: {name} = None", legal="a number")
-        if self.budget is not None and (self.samples > 1 or self.temporal == "reproject"):
+        if self.steps_per_pass is not None and (self.samples > 1 or self.temporal == "reproject"):
             raise SceneError(
-                f"Quality: budget = {self.budget} with samples = {self.samples}, temporal = {self.temporal!r}",
+                f"Quality: steps_per_pass = {self.steps_per_pass} with samples = {self.samples}, temporal = {self.temporal!r}",
                 legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'",
             )
         if self.shortened and self.tracer not in ("auto", "plain"):
@@ -221,25 +221,25 @@ class Quality(Value):
 
     def contact(self, certified: bool) -> float:
         """The field, in pixel widths, at which a ray has met a surface: what a hit promises."""
-        return self.near(certified) * (CONTACT if certified and self.correction == "proven" else 1.0)
+        return self.near(certified) * (CONTACT if certified and self.refinement == "proven" else 1.0)
 
 
 _CHOICES = {
     "tracer": TRACERS,
     "normals": NORMALS,
     "schedule": SCHEDULES,
-    "correction": CORRECTIONS,
+    "refinement": REFINEMENTS,
     "temporal": TEMPORAL,
     "rays": RAYS,
     "masking": MASKINGS,
-    "ways": WAYS,
+    "integrator": INTEGRATORS,
 }
 _WHOLE = {
     "max_steps": (1, 60000),
     "samples": (1, 4096),
     "light_samples": (1, 64),
     "shadow_steps": (1, 60000),
-    "budget": (4, 60000),
+    "steps_per_pass": (4, 60000),
 }
 _WITHIN = {"epsilon": (1e-3, 10.0), "beta": (1e-3, 1.0), "step_scale": (1e-3, 1.0), "step_variation": (0.0, 0.9)}
 _NEEDED = ("max_steps", "samples", "light_samples", "beta", "step_scale", "step_variation")

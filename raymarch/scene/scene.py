@@ -11,14 +11,14 @@ import numpy as np
 from raymarch.errors import Location, SceneError
 from raymarch.expr.convert import integer, optional, short
 from raymarch.expr.node import Expr
+from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.light import Light, Sun
 from raymarch.scene.material import Material
-from raymarch.scene.occlusion import Occlusion
 from raymarch.scene.parameter import Spec, Values, specs_in
 from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
-from raymarch.scene.tone import Tone
+from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.labels import seen_labels
@@ -32,7 +32,7 @@ DEFAULT, PHYSICAL_DEFAULT = Material(), Material(albedo=(0.8, 0.8, 0.8))
 """What parts without a material of their own are made of; the second where all given materials are physical."""
 
 
-DEEPEST = {"random": 16, "tree": 4}
+DEEPEST = {"path": 16, "whitted": 4}
 """Bounces that each of the ways of light may have."""
 
 
@@ -48,13 +48,13 @@ class Scene(Value):
         at all.
     sky : Sky, or a colour (linear RGB); None is a plain blue.
     fog : Fog, or None.
-    occlusion : Occlusion of ambient light, or None.
+    occlusion : AmbientOcclusion of ambient light, or None.
     bounces : how many more surfaces light may come from, 0 to 16: reflections of the scene, light between surfaces
         and from the sky, glass. A sample follows one way at random, so it takes `Quality(samples=...)` or frames to
         make it smooth. Lights mirrored onto matte surfaces are blurred, lest they turn to specks. With
-        `Quality(ways="tree")`, 0 to 4, and all ways of mirrors and glass are followed, without chance. None is 0, or 6
+        `Quality(integrator="whitted")`, 0 to 4, and all ways of mirrors and glass are followed, without chance. None is 0, or 6
         where a material transmits (4 for a tree). The truth has the tree, but no random ways.
-    tone : Tone, how light becomes a picture; None clips what is above 1.
+    tone : ToneMapping, how light becomes a picture; None clips what is above 1.
     quality : Quality; None is the default.
 
     Raises SceneError for what is not one of these.
@@ -66,9 +66,9 @@ class Scene(Value):
     sky: Sky
     fog: Fog | None
     quality: Quality
-    occlusion: Occlusion | None
+    occlusion: AmbientOcclusion | None
     bounces: int
-    tone: Tone = field(metadata={"planned": False})  # a picture is made of a frame afterwards
+    tone: ToneMapping = field(metadata={"planned": False})  # a picture is made of a frame afterwards
 
     def __init__(
         self,
@@ -78,8 +78,8 @@ class Scene(Value):
         sky: Sky | Any = None,
         fog: Fog | None = None,
         quality: Quality | None = None,
-        occlusion: Occlusion | None = None,
-        tone: Tone | None = None,
+        occlusion: AmbientOcclusion | None = None,
+        tone: ToneMapping | None = None,
         bounces: int | None = None,
     ) -> None:
         self._begin()
@@ -99,12 +99,12 @@ class Scene(Value):
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)
         chosen = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
-        count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["random"], "an integer from 0 to 16, or None")
-        deepest = DEEPEST[chosen.ways]
+        count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["path"], "an integer from 0 to 16, or None")
+        deepest = DEEPEST[chosen.integrator]
         if count is not None and count > deepest:
             raise SceneError(
-                f"Scene: bounces = {count} with Quality(ways='tree'): {2 ** (count + 1) - 1} rays a pixel",
-                legal=f"up to {deepest}, or Quality(ways='random')",
+                f"Scene: bounces = {count} with Quality(integrator='whitted'): {2 ** (count + 1) - 1} rays a pixel",
+                legal=f"up to {deepest}, or Quality(integrator='path')",
             )
         if count is None:
             count = min(6, deepest) if any(material.transmits for material in _labels(solid)) else 0
@@ -117,8 +117,8 @@ class Scene(Value):
             quality=chosen,
             occlusion=None
             if occlusion is None
-            else _instance("occlusion", occlusion, Occlusion, "Occlusion(...) or None"),
-            tone=Tone() if tone is None else _instance("tone", tone, Tone, "Tone(...)"),
+            else _instance("occlusion", occlusion, AmbientOcclusion, "AmbientOcclusion(...) or None"),
+            tone=ToneMapping() if tone is None else _instance("tone", tone, ToneMapping, "ToneMapping(...)"),
             bounces=count,
         )
 
@@ -136,15 +136,15 @@ class Scene(Value):
         return (default, *(m for m in given if m != default))
 
     @property
-    def wanders(self) -> bool:
+    def path_traced(self) -> bool:
         """True if light bounces along random ways."""
-        return self.bounces > 0 and self.quality.ways == "random"
+        return self.bounces > 0 and self.quality.integrator == "path"
 
     @property
-    def branches(self) -> bool:
+    def whitted(self) -> bool:
         """True if a tree of ways is followed: it is asked for, and something mirrors or transmits."""
         smooth = any(m.transmits or m.mirrors for m in _labels(self.node))
-        return self.bounces > 0 and self.quality.ways == "tree" and smooth
+        return self.bounces > 0 and self.quality.integrator == "whitted" and smooth
 
     @property
     def parameters(self) -> dict[str, Spec]:

@@ -35,7 +35,7 @@ class Sky(Value):
     color : linear RGB, each >= 0; or a function of the unit direction that gives such a colour.
     light : whether it lights surfaces: matte ones by its mean over their half of the sky (the first nine spherical
         harmonics, Ramamoorthi and Hanrahan 2001), mirrors by what they face, and all between by a mix. Nothing is in
-        its way but `Occlusion`, if the scene has one. False costs nothing.
+        its way but `AmbientOcclusion`, if the scene has one. False costs nothing.
     """
 
     color: Expr

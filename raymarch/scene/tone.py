@@ -70,7 +70,7 @@ CURVES: Mapping[str, Callable[[Expr], Expr]] = {"linear": _linear, "reinhard": _
 
 
 @value
-class Tone(Value):
+class ToneMapping(Value):
     """How linear light becomes a picture.
 
     Parameters
@@ -89,9 +89,9 @@ class Tone(Value):
     def __init__(self, curve: str = "linear", exposure: float = 0.0, dither: bool = False) -> None:
         self._begin()
         self._set(
-            curve=choice("Tone: curve", curve, tuple(CURVES)),
-            exposure=real("Tone: exposure", exposure, -30, 30, "a number of stops from -30 to 30"),
-            dither=switch("Tone: dither", dither),
+            curve=choice("ToneMapping: curve", curve, tuple(CURVES)),
+            exposure=real("ToneMapping: exposure", exposure, -30, 30, "a number of stops from -30 to 30"),
+            dither=switch("ToneMapping: dither", dither),
         )
 
     def apply(self, color: NDArray[Any]) -> NDArray[np.float64]:

@@ -26,7 +26,6 @@ from raymarch.expr.vocabulary import (
     cos,
     dot,
     floor,
-    held,
     length,
     max,
     min,
@@ -34,6 +33,7 @@ from raymarch.expr.vocabulary import (
     round,
     sin,
     sqrt,
+    stop_gradient,
     vec2,
     vec3,
     where,
@@ -157,7 +157,7 @@ def bezier_tube(
         return [low, high, max(low - s, t - high)]
 
     s, t, _ = loop(24, [0.0, 1.0, 1.0], newton, until=lambda i, s, t, step: step < 1e-6)
-    s, t = held(s), held(t)
+    s, t = stop_gradient(s), stop_gradient(t)
     to_s = from_p + s * (2.0 * speed + s * bend)
     to_t = from_p + t * (2.0 * speed + t * bend)
     return sqrt(min(dot(to_s, to_s), dot(to_t, to_t))) - radius
@@ -212,6 +212,6 @@ def helix(p: Expr, major: Positive = 0.7, minor: Positive = 0.12, pitch: Positiv
 
     s, _ = loop(24, [vec2(0.0), 1.0], newton, until=lambda i, s, step: step < 1e-6)
     turned = first + s * vec2(*[where(level < start, -1.0, 1.0) for start in first])
-    found = held(clamp(turned, -last, last))
+    found = stop_gradient(clamp(turned, -last, last))
     away = [p - vec3(major * cos(t), rise * t, -major * sin(t)) for t in (found.x, found.y, last, -last)]
     return sqrt(min(*[dot(v, v) for v in away])) - minor

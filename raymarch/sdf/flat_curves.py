@@ -21,7 +21,6 @@ from raymarch.expr.vocabulary import (
     clamp,
     cos,
     dot,
-    held,
     length,
     max,
     min,
@@ -29,6 +28,7 @@ from raymarch.expr.vocabulary import (
     sin,
     sqrt,
     square,
+    stop_gradient,
     vec2,
     where,
 )
@@ -225,7 +225,7 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
 
     (s,) = loop(24, [max(b * y, a * x - c)], lambda i, s: [climb(s)], until=arrived)  # s = t + b^2
     s = climb(s)  # the last step squares what error is left
-    n = normalize(held(normalize(vec2(x / (s + c), y / s))))
+    n = normalize(stop_gradient(normalize(vec2(x / (s + c), y / s))))
     return dot(vec2(x, y), n) - length(vec2(a, b) * n)
 
 
@@ -367,5 +367,5 @@ def bezier(
 
     low, high = loop(32, [0.0, 1.0], lambda i, low, high: approach(low, high), until=arrived)
     low, high = approach(low, high)  # the last step squares what error is left
-    apart = [w + (2.0 * first + bend * t) * t for t in (held(low), held(high))]
+    apart = [w + (2.0 * first + bend * t) * t for t in (stop_gradient(low), stop_gradient(high))]
     return sqrt(min(*[dot(v, v) for v in apart])) - 0.5 * thickness

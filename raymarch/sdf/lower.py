@@ -22,7 +22,7 @@ from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, construct, make, var
 from raymarch.expr.types import FLOAT, VEC3, vector
-from raymarch.expr.vocabulary import cross, dot, held, normalize, where
+from raymarch.expr.vocabulary import cross, dot, normalize, stop_gradient, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
 from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened
@@ -203,7 +203,7 @@ class Lowering:
                 marked = yield from self._ask(deciding[0], point, label)
             else:
                 marked = yield from self._body(node, deciding, point, label)
-            return distance + (marked - held(marked))
+            return distance + (marked - stop_gradient(marked))
         return (yield from self._body(node, children, point, label))
 
     def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:

@@ -25,9 +25,9 @@ from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
 from raymarch.shader.bounds import box_ends, scene_cone
 from raymarch.shader.chunk import Chunk, Mapped, Values
-from raymarch.shader.lamps import light_rows
+from raymarch.shader.lights import light_rows
 from raymarch.shader.shade import shading
-from raymarch.shader.units import refuse_too_many
+from raymarch.shader.texture_units import refuse_too_many
 
 HEADERS = {
     "330 core": ["#version 330 core"],

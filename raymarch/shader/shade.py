@@ -7,10 +7,10 @@ from raymarch.plan import Plan
 from raymarch.plan.shading import ambient, ambient_sky, compensated, occluded, patterned
 from raymarch.scene.sky import DIRECTION
 from raymarch.shader.chunk import Chunk, Lines, Values
-from raymarch.shader.lamps import all_lights, metal_answer
-from raymarch.shader.looks import place_of, surface_of
-from raymarch.shader.tree import tree
-from raymarch.shader.ways import ways
+from raymarch.shader.lights import all_lights, metal_bsdf
+from raymarch.shader.path import path_tracing
+from raymarch.shader.surface import place_of, surface_of
+from raymarch.shader.whitted import tree
 
 
 def shading(plan: Plan, values: Values) -> Chunk:
@@ -22,11 +22,11 @@ def shading(plan: Plan, values: Values) -> Chunk:
     text = Lines("the scene's lights")
     text.needs |= {"Ray", "Hit"}
     if plan.material is not None and compensated(scene) and scene.lights:
-        metal_answer(text, plan)
-    if plan.material is not None and (scene.wanders or scene.branches):
+        metal_bsdf(text, plan)
+    if plan.material is not None and (scene.path_traced or scene.whitted):
         _lit(text, plan, values)
-        if scene.wanders:
-            ways(text, plan)
+        if scene.path_traced:
+            path_tracing(text, plan)
         else:
             tree(text, plan)
         return _chunk(text, plan, values)
@@ -46,7 +46,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
     if lit:
         all_lights(text, plan, values)
     if scene.fog is not None:
-        text.add("    color = through_fog(color, hit.t);", "through_fog", by="Scene(fog=...)", where=scene.where)
+        text.add("    color = apply_fog(color, hit.t);", "apply_fog", by="Scene(fog=...)", where=scene.where)
     text.add("    return color;")
     text.add("}")
     return _chunk(text, plan, values)
@@ -54,24 +54,24 @@ def shading(plan: Plan, values: Values) -> Chunk:
 
 def _lit(text: Lines, plan: Plan, values: Values) -> None:
     """The light that a surface gets from the sources, and gives off. `followed` is the share of its reflection that
-    other ways bring, `through` that of the light that goes through glass, which still mirrors lights."""
-    followed = ", float followed" if plan.scene.branches else ""
-    glazed = plan.glass is not None and bool(plan.scene.lights)
-    glass = ", Glass glass, float through" if glazed else ""
-    text.add(f"vec3 lit(Surface surface{followed}{glass}) {{", "Surface")
+    other path_tracing bring, `through` that of the light that goes through glass, which still mirrors lights."""
+    followed = ", float followed" if plan.scene.whitted else ""
+    dielectric = plan.glass is not None and bool(plan.scene.lights)
+    glass = ", Glass glass, float through" if dielectric else ""
+    text.add(f"vec3 direct_light(Surface surface{followed}{glass}) {{", "Surface")
     text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if plan.emission is not None else 'vec3(0.0)'};")
     text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
-    if glazed:
+    if dielectric:
         kept = f" + through * emission_at({place_of(plan)})" if plan.emission is not None else ""
         text.add(f"    color = (1.0 - through) * color{kept};", "Glass")
         if compensated(plan.scene):
             text.add("    several *= 1.0 - through;")
         if plan.model == "mixed":  # Phong's share keeps its colour
             text.add("    surface.material.physical = mix(surface.material.physical, 1.0, through);")
-            text.add("    glaze(glass, through / max(surface.material.physical, 1.0e-6));", "glaze")
+            text.add("    set_dielectric(glass, through / max(surface.material.physical, 1.0e-6));", "set_dielectric")
         else:
-            text.add("    surface.material = glazed(surface.material, glass, through);", "glazed")
+            text.add("    surface.material = as_dielectric(surface.material, glass, through);", "as_dielectric")
     if plan.scene.lights:
         all_lights(text, plan, values)
     for line in ("    return color;", "}", ""):
@@ -92,9 +92,9 @@ def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
 
 
 FROM_SKY = {
-    "phong": "matte_sky(surface)",
-    "physical": "glossy_sky(surface, {followed})",
-    "mixed": "mix(matte_sky(surface), glossy_sky(surface, {followed}), surface.material.physical)",
+    "phong": "diffuse_sky(surface)",
+    "physical": "specular_sky(surface, {followed})",
+    "mixed": "mix(diffuse_sky(surface), specular_sky(surface, {followed}), surface.material.physical)",
 }
 """What the sky adds to a surface, by model, but for the share of its reflection that is followed."""
 
@@ -113,19 +113,21 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
         assert scene.occlusion is not None
         for name in ("reach", "strength", "decay"):
             values.add(f"occlusion_{name}", getattr(scene.occlusion, name), scene.where)
-        share = "surface.open * " if shares else ""
-        text.add(f"    float open = {share}openness(surface);", "openness", by=by, where=scene.where)
+        share = "surface.ambient_visibility * " if shares else ""
+        text.add(f"    float open = {share}ambient_occlusion(surface);", "ambient_occlusion", by=by, where=scene.where)
     elif shares:
-        text.add("    float open = surface.open;", by=by, where=scene.where)
+        text.add("    float open = surface.ambient_visibility;", by=by, where=scene.where)
     if dimmed and scene.lights and plan.model != "physical":
         text.add("    surface.material.ambient *= open;", by=by, where=scene.where)
     if ambient_sky(scene):
-        needs = {"phong": ("matte_sky",), "physical": ("glossy_sky",), "mixed": ("matte_sky", "glossy_sky")}[plan.model]
+        needs = {"phong": ("diffuse_sky",), "physical": ("specular_sky",), "mixed": ("diffuse_sky", "specular_sky")}[
+            plan.model
+        ]
         factor = "open * " if dimmed else ""
-        light = FROM_SKY[plan.model].format(followed="followed" if scene.branches else "0.0")
+        light = FROM_SKY[plan.model].format(followed="followed" if scene.whitted else "0.0")
         if several:
             needs = (*needs, "sky_mean")
-            rest = "(1.0 - followed) * " if scene.branches else ""
+            rest = "(1.0 - followed) * " if scene.whitted else ""
             light = f"({light} + {rest}several * sky_mean(surface.normal))"
         text.add(f"    color += {factor}{light};", *needs, by="the sky's light", where=scene.where)
 

@@ -1,4 +1,4 @@
-"""The field of a scene at one moment, in float64: distances, gradients, shares of the materials."""
+"""The field of a scene at one moment, in float64: distances, gradients, weights of the materials."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.lower import SEEN, Lowering, look_of, lower
-from raymarch.sdf.shares import shares_of
+from raymarch.sdf.weights import weights_of
 
 Array: TypeAlias = NDArray[Any]
 Evaluate: TypeAlias = Callable[..., tuple[Array, ...]]
@@ -58,7 +58,7 @@ class Field:
         self.plane_normals: NDArray[np.float64] = np.array(normals, np.float64).reshape(-1, 3)
         slope = companion(whole)
         self._gradient = evaluator([slope.body], slope.params)
-        self._marks, self._shares = _material_shares(scene)
+        self._marks, self._weights = _material_weights(scene)
         self._looks = evaluator([number for mark in self._marks for number in _numbers_of(look_of(mark))], [p, *SEEN])
 
     def distance(self, points: Array) -> NDArray[np.float64]:
@@ -95,7 +95,7 @@ class Field:
         """
         materials = self._scene.materials
         weights = np.zeros((points.shape[0], len(materials)))
-        for mark, share in zip(self._marks, self._run(self._shares, points, ()), strict=True):
+        for mark, share in zip(self._marks, self._run(self._weights, points, ()), strict=True):
             weights[:, materials.index(mark.data)] += np.abs(share)
         total = weights.sum(axis=1)
         weights[~((total > 0.0) & np.isfinite(total))] = np.eye(len(materials))[0]
@@ -112,18 +112,18 @@ class Field:
         return self.mapped or any(m.patterned for m in self._scene.materials)
 
     def looks(self, points: Array, *frame: Array) -> dict[str, NDArray[np.float64]]:
-        """The values of the surface's material, mixed by the shares: by name, (N, 3) -> (N, 1) or (N, 3).
+        """The values of the surface's material, mixed by the weights: by name, (N, 3) -> (N, 1) or (N, 3).
 
         frame : unit normals and the two axes of the footprint, (N, 3) each; they may be left out if nothing is mapped.
         """
         default = self._scene.materials[0]
         usual = np.array([self._values.of(number) for number in _numbers_of(default.expressions)])
         shape = (len(self._marks), len(usual), len(points))
-        shares = np.abs(np.array(self._run(self._shares, points, ()))).reshape(shape[0], shape[2])
+        weights = np.abs(np.array(self._run(self._weights, points, ()))).reshape(shape[0], shape[2])
         values = np.array(self._run(self._looks, points, (), *(frame or 3 * (points,)))).reshape(shape)
-        total = shares.sum(axis=0)
+        total = weights.sum(axis=0)
         seen = (total > 0.0) & np.isfinite(total)
-        mixed = np.einsum("mn,mkn->nk", np.where(seen, shares, 0.0) / np.where(seen, total, 1.0), values)
+        mixed = np.einsum("mn,mkn->nk", np.where(seen, weights, 0.0) / np.where(seen, total, 1.0), values)
         mixed = np.where(seen[:, None], mixed, usual)
         ends = np.cumsum([value.type.size for value in default.expressions])
         return dict(zip(FIELDS, np.split(mixed, ends[:-1], axis=1), strict=True))
@@ -187,8 +187,8 @@ def _numbers_of(look: Sequence[Expr]) -> list[Expr]:
     return [number for value in look for number in (value if value.type.is_vector else (value,))]
 
 
-def _material_shares(scene: Scene) -> tuple[list[Expr], Evaluate]:
+def _material_weights(scene: Scene) -> tuple[list[Expr], Evaluate]:
     """The marked parts, and an evaluator of how much the distance of each moves the field."""
     marked = Lowering().field(scene.node, label=scene.materials[0])
-    marks, shares = shares_of(marked)
-    return marks, evaluator(shares, marked.params)
+    marks, weights = weights_of(marked)
+    return marks, evaluator(weights, marked.params)

@@ -54,7 +54,7 @@ def incoming(light: Light, values: Values, points: Array, far: float) -> Incomin
 
 def _falloff(light: PointLight, values: Values, distance: Array) -> Array:
     """What is left of a light at a distance; a light that touches the surface adds nothing to it."""
-    share = np.inf if light.radius is None else values.of(light.radius)
+    share = np.inf if light.range is None else values.of(light.range)
     if light.attenuation is not None:
         constant, linear, quadratic = values.of(light.attenuation)
         divisor = np.maximum(constant + distance * (linear + distance * quadratic), 1e-300)
@@ -187,33 +187,33 @@ def microfacets(
     `Quality`. compensated : metal gives back what several facets mirror, see `multiscatter_albedo`.
 
     D after GGX (Walter et al. 2007), F after Schlick (1994), masking after Smith, correlated by height
-    (Heitz 2014) or separable; the diffuse part is what gets in between the facets, see `entering`. Below 0 of either
+    (Heitz 2014) or separable; the diffuse part is what gets in between the facets, see `interface_transmittance`. Below 0 of either
     cosine it is 0.
     """
-    facing = np.einsum("ij,ij->i", normal, light)[:, None]
-    seen = np.maximum(np.einsum("ij,ij->i", normal, view)[:, None], 1e-4)
-    lit = facing > 0.0
-    facing = np.where(lit, facing, 1.0)
-    middle = unit(light + view)
+    n_dot_l = np.einsum("ij,ij->i", normal, light)[:, None]
+    n_dot_v = np.maximum(np.einsum("ij,ij->i", normal, view)[:, None], 1e-4)
+    lit = n_dot_l > 0.0
+    n_dot_l = np.where(lit, n_dot_l, 1.0)
+    half_vector = unit(light + view)
     alpha = np.maximum(roughness * roughness, 1e-3)
     square, rest = alpha**2, 1.0 - alpha**2
-    cosine = np.einsum("ij,ij->i", normal, middle)[:, None]
-    sine = np.sum(np.cross(normal, middle) ** 2, axis=1, keepdims=True)
+    cosine = np.einsum("ij,ij->i", normal, half_vector)[:, None]
+    sine = np.sum(np.cross(normal, half_vector) ** 2, axis=1, keepdims=True)
     density = square / (sine + square * cosine**2) ** 2  # times pi
-    to_eye, to_light = (np.sqrt(c * c * rest + square) for c in (seen, facing))
+    to_eye, to_light = (np.sqrt(c * c * rest + square) for c in (n_dot_v, n_dot_l))
     if masking == "correlated":
-        hidden = 0.5 / (facing * to_eye + seen * to_light)
+        hidden = 0.5 / (n_dot_l * to_eye + n_dot_v * to_light)
     else:
-        hidden = 1.0 / ((facing + to_light) * (seen + to_eye))
+        hidden = 1.0 / ((n_dot_l + to_light) * (n_dot_v + to_eye))
     base = f0 * (1.0 - metalness) + color * metalness
-    tilt = np.clip(1.0 - np.einsum("ij,ij->i", middle, view)[:, None], 0.0, 1.0)
+    tilt = np.clip(1.0 - np.einsum("ij,ij->i", half_vector, view)[:, None], 0.0, 1.0)
     mirrored = (base + (1.0 - base) * tilt**5) * density * hidden
-    inside = entering(facing, seen, roughness) * (1.0 - metalness)
+    inside = interface_transmittance(n_dot_l, n_dot_v, roughness) * (1.0 - metalness)
     several: Any = 0.0
     if compensated:
-        lobe = missing_albedo(facing, roughness, masking) / mean_missing_albedo(roughness, masking)
-        several = lobe * multiscatter_albedo(seen, color, metalness, roughness, masking)
-    result: Array = np.where(lit, facing * (mirrored + several + inside * (1.0 - f0) * color), 0.0)
+        lobe = missing_albedo(n_dot_l, roughness, masking) / mean_missing_albedo(roughness, masking)
+        several = lobe * multiscatter_albedo(n_dot_v, color, metalness, roughness, masking)
+    result: Array = np.where(lit, n_dot_l * (mirrored + several + inside * (1.0 - f0) * color), 0.0)
     return result
 
 
@@ -276,7 +276,7 @@ def multiscatter_albedo(v: Array, color: Array, metalness: Any, r: Any, masking:
     return result
 
 
-def grazing(v: Array, r: Array) -> Array:
+def albedo_f90(v: Array, r: Array) -> Array:
     """The share of even light from all around that facets of roughness r, seen under the cosine v, give back beyond
     f0 (1 - this): what Schlick's (1 - v)^5 comes to on a rough surface. A fit to the integral of `microfacets`: at most
     0.003 below it, 0.03 above, and 0.1 above where v < 0.1."""
@@ -288,20 +288,20 @@ def _power(r: Array) -> Array:
     return 5.0 + r * (6.06 * r - 7.04)
 
 
-def entering(to_light: Array, v: Array, r: Array) -> Array:
+def interface_transmittance(to_light: Array, v: Array, r: Array) -> Array:
     """The light that gets in between the facets under the cosine `to_light` and out under v, over the share (1 - f0).
 
     After Kelemen and Szirmay-Kalos (2001): what is not given back on either way, over what is not given back on the
-    mean, 2 times the integral of v times `grazing`. At roughness 0 the diffuse part of Ashikhmin and Shirley (2000).
+    mean, 2 times the integral of v times `albedo_f90`. At roughness 0 the diffuse part of Ashikhmin and Shirley (2000).
     """
     power = _power(r)
-    mean = 2.0 * grazing(np.zeros_like(power), r) / ((power + 1.0) * (power + 2.0))
-    return (1.0 - grazing(to_light, r)) * (1.0 - grazing(v, r)) / (1.0 - mean)
+    mean = 2.0 * albedo_f90(np.zeros_like(power), r) / ((power + 1.0) * (power + 2.0))
+    return (1.0 - albedo_f90(to_light, r)) * (1.0 - albedo_f90(v, r)) / (1.0 - mean)
 
 
-def furnace(v: Array, r: Array, masking: str) -> tuple[Array, Array]:
+def directional_albedo(v: Array, r: Array, masking: str) -> tuple[Array, Array]:
     """What facets of roughness r, seen under the cosine v, give back of even light from all around, mirroring it once:
     f0 times the first value plus the second."""
     whole = 1.0 - missing_albedo(v, r, masking)
-    edge = np.minimum(grazing(v, r), whole)
+    edge = np.minimum(albedo_f90(v, r), whole)
     return whole - edge, edge

@@ -50,8 +50,8 @@ class Rays:
 def camera_rays(pose: Pose, width: int, height: int, rows: range | None = None) -> Rays:
     """Rays through the centres of all pixels, row by row from the top of the picture; or of some `rows` alone."""
     row = np.arange(height) if rows is None else np.array(rows)
-    x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * (width / height) * pose.slope
-    y = (1.0 - 2.0 * (row + 0.5) / height) * pose.slope
+    x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * (width / height) * pose.tan_half_fov
+    y = (1.0 - 2.0 * (row + 0.5) / height) * pose.tan_half_fov
     inside = np.stack([*np.meshgrid(x, y), np.full((len(row), width), -1.0)], axis=-1).reshape(-1, 3)
     return Rays(pose.position[None, :], unit(inside @ pose.frame.T))
 

@@ -18,7 +18,7 @@ from raymarch.truth.footprint import footprint
 from raymarch.truth.light import (
     PARTS,
     Incoming,
-    furnace,
+    directional_albedo,
     incoming,
     microfacets,
     multiscatter_albedo,
@@ -139,7 +139,7 @@ class Surface:
             sky.seen(mirrored, self.values) * (1.0 - rough) + np.maximum(harmonics_at(mirrored) @ light, 0.0) * rough
         )
         base = f0 * (1.0 - metal) + color * metal
-        share, edge = furnace(seen, rough, masking)
+        share, edge = directional_albedo(seen, rough, masking)
         back = base * share + edge
         inside = (1.0 - edge) * (1.0 - f0) * (1.0 - metal)
         several: Any = 0.0
@@ -183,7 +183,7 @@ class Surface:
         return np.where(self._away, -normals, normals) if self.inside else normals
 
     @property
-    def unbent(self) -> Array:
+    def geometric_normals(self) -> Array:
         """Normals of the solid, on the side of the shading normals, (N, 3)."""
         return np.where(self._away, -self.normals, self.normals) if self.inside else self.normals
 
@@ -204,12 +204,12 @@ class Surface:
 
     def _answered(self, light: Light, come: Incoming) -> Array:
         """What comes from one direction: the answers of the two models, each by its share."""
-        facing = np.einsum("ij,ij->i", self.shading_normals, come.direction)
-        visible = self._visible(light, come, (facing > 0.0) & come.radiance.any(axis=1))[:, None]
+        n_dot_l = np.einsum("ij,ij->i", self.shading_normals, come.direction)
+        visible = self._visible(light, come, (n_dot_l > 0.0) & come.radiance.any(axis=1))[:, None]
         share = self.look["physical"]
         added = np.zeros_like(self.points)
         if np.any(share < 1.0):
-            added += (1.0 - share) * self._phong(come, facing[:, None], visible)
+            added += (1.0 - share) * self._phong(come, n_dot_l[:, None], visible)
         if np.any(share > 0.0):
             look = self.look
             answer = microfacets(
@@ -226,12 +226,12 @@ class Surface:
             added += share * come.radiance * visible * answer
         return added
 
-    def _phong(self, come: Incoming, facing: Array, visible: Array) -> Array:
+    def _phong(self, come: Incoming, n_dot_l: Array, visible: Array) -> Array:
         look = self.look
-        reflected = 2.0 * facing * self.shading_normals - come.direction
+        reflected = 2.0 * n_dot_l * self.shading_normals - come.direction
         seen = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
-        gloss = look["specular"] * seen ** look["shininess"] * (facing > 0.0)
-        direct = visible * (look["color"] * np.maximum(facing, 0.0) + gloss)
+        gloss = look["specular"] * seen ** look["shininess"] * (n_dot_l > 0.0)
+        direct = visible * (look["color"] * np.maximum(n_dot_l, 0.0) + gloss)
         result: Array = come.radiance * (look["open"] * self._open * look["ambient"] * look["color"] + direct)
         return result
 

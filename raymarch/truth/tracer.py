@@ -18,8 +18,8 @@ from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth.field import Field
 from raymarch.truth.rays import Rays, camera_rays
 from raymarch.truth.shading import Surface
-from raymarch.truth.tree import light_of
 from raymarch.truth.visibility import first_hits, is_inside
+from raymarch.truth.whitted import light_of
 
 OUTPUTS = ("depth", "normal", "material", "color")
 
@@ -69,7 +69,7 @@ class Truth:
     def color(self) -> NDArray[np.float64]:
         """(H, W, 3), linear RGB, >= 0 and without an upper end; the colour of the sky where nothing was hit."""
         surface = self._surface
-        light = light_of(surface) if surface.scene.branches else surface.light()
+        light = light_of(surface) if surface.scene.whitted else surface.light()
         return self._picture(surface.through_fog(light), self._sky)
 
     def _picture(self, values: Any, background: Any) -> NDArray[Any]:

@@ -100,7 +100,7 @@ def _overlay(viewer: Viewer) -> None:
     shown = viewer.state.live
     ready, _ = viewer.overlaid.fit(viewer.renderer.prepared(shown))
     viewer.renderer.adopt(shown, ready)
-    if not viewer.renderer.store.knows(ready):
+    if not viewer.renderer.resources.knows(ready):
         viewer.announce(Card("compiling", "busy", "bottom left"))
 
 

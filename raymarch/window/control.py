@@ -36,7 +36,7 @@ class View:
     reach: float
 
     @property
-    def slope(self) -> float:
+    def tan_half_fov(self) -> float:
         """Tangent of half the vertical field of view."""
         return float(np.tan(np.radians(self.fov) / 2))
 
@@ -57,13 +57,13 @@ class View:
 
     def pose(self) -> Pose:
         """What the renderer takes."""
-        return look_at(self.position, self.target, self.up, self.slope)
+        return look_at(self.position, self.target, self.up, self.tan_half_fov)
 
     def ray(self, x: float, y: float, size: tuple[int, int]) -> Vector:
         """Direction of the ray through a point of a picture, of length 1; x to the right and y down, in its pixels."""
         width, height = size
-        across = (2.0 * x - width) / height * self.slope
-        upward = (height - 2.0 * y) / height * self.slope
+        across = (2.0 * x - width) / height * self.tan_half_fov
+        upward = (height - 2.0 * y) / height * self.tan_half_fov
         return _unit(self.forward + across * self.right + upward * np.cross(self.right, self.forward))
 
 
@@ -71,7 +71,7 @@ def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
     """The view that stands at a pose; without a target it turns about a point at distance 1."""
     forward = -pose.frame[:, 2]
     distance = 1.0 if target is None else float(np.linalg.norm(target - pose.position))
-    fov = float(np.degrees(2 * np.arctan(pose.slope)))
+    fov = float(np.degrees(2 * np.arctan(pose.tan_half_fov)))
     return View(pose.position.copy(), pose.position + distance * forward, _unit(up), fov, distance)
 
 
@@ -90,7 +90,7 @@ def orbit(view: View, dx: float, dy: float, height: int) -> View:
 
 def turn(view: View, dx: float, dy: float, height: int) -> View:
     """Look about from where the camera stands; what is under the cursor stays nearly under it."""
-    angle = 2 * np.arctan(view.slope) / height
+    angle = 2 * np.arctan(view.tan_half_fov) / height
     ahead = _turned(view.target - view.position, view.up, angle * dx)
     elevation = np.pi / 2 - _angle(ahead, view.up)
     limit = max(np.pi / 2 - POLE, abs(elevation))
@@ -101,7 +101,7 @@ def turn(view: View, dx: float, dy: float, height: int) -> View:
 
 def pan(view: View, dx: float, dy: float, height: int) -> View:
     """Shift the camera across the view; points at the target's distance stay under the cursor."""
-    length = 2 * view.slope * view.distance / height
+    length = 2 * view.tan_half_fov * view.distance / height
     shift = length * (-dx * view.right + dy * np.cross(view.right, view.forward))
     return replace(view, position=view.position + shift, target=view.target + shift)
 

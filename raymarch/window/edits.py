@@ -42,7 +42,7 @@ KINDS: dict[str, tuple[type[Light], dict[str, Range]]] = {
 }
 """The kinds of light, with the values of each that can be moved and their ranges."""
 
-KEPT = ("radius", "shadow_radius", "attenuation")
+KEPT = ("range", "shadow_radius", "attenuation")
 """Values of lights that stay as the scene has them."""
 
 SOFT = 0.1

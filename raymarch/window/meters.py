@@ -6,7 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from raymarch.plan import explain
-from raymarch.window.asking import evaluations
+from raymarch.window.inspection import evaluations
 from raymarch.window.theme import ACCENT, FAINT, WARNING, shade
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
-from raymarch.sdf.shares import shares_of
+from raymarch.sdf.weights import weights_of
 from raymarch.truth import truth
 from raymarch.window.control import View
 from raymarch.window.overlay import near
@@ -180,15 +180,15 @@ def part_at(scene: Scene, values: Values, point: Vector) -> Node:
     """
     shapes = _labelled(scene.node)
     marked = Lowering().field(shapes, label=scene.node)
-    marks, shares = shares_of(marked)
+    marks, weights = weights_of(marked)
     if not marks:
         return scene.node
-    weigh = evaluator(shares, marked.params)
+    weigh = evaluator(weights, marked.params)
     with bound(values.params, values.time):
-        weights: dict[Node, float] = {}
+        found: dict[Node, float] = {}
         for mark, weight in zip(marks, weigh(point[None, :]), strict=True):
-            weights[mark.data] = weights.get(mark.data, 0.0) + float(np.ravel(weight)[0])
-    return max(weights, key=lambda node: weights[node])
+            found[mark.data] = found.get(mark.data, 0.0) + float(np.ravel(weight)[0])
+    return max(found, key=lambda node: found[node])
 
 
 def _labelled(root: Node) -> Node:

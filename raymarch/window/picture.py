@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.gpu.drafts import Draft
+from raymarch.gpu.draw_calls import DrawCall
 from raymarch.gpu.frame import Frame, unpack
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.screen import Screen
@@ -43,7 +43,7 @@ class Shot:
             return False
         mine, its = self.pose, other.pose
         poses = np.array_equal(mine.position, its.position) and np.array_equal(mine.frame, its.frame)
-        return poses and mine.slope == its.slope and self.params == other.params
+        return poses and mine.tan_half_fov == its.tan_half_fov and self.params == other.params
 
 
 @dataclass(slots=True)
@@ -64,7 +64,7 @@ class Drawn:
 class _Part:
     """A pass that is being drawn: the tiles of it that are left."""
 
-    draft: Draft
+    call: DrawCall
     tiles: list[Tile]
 
 
@@ -86,7 +86,7 @@ class Picture:
         self._canvas: Target | None = None
         self._shot: Shot | None = None
         self._rest: list[_Part] | None = None
-        self._drawing: list[Draft] = []
+        self._drawing: list[DrawCall] = []
         self._done = 0
         self._spent = 0.0
 
@@ -104,7 +104,7 @@ class Picture:
         """Bring the canvas nearer to a shot at a size, for about the time of a frame; False if nothing was left to do.
 
         still : nothing has moved for a while, so that the picture may be refined.
-        Raises what `Renderer.drafts` raises; the canvas then holds what it held.
+        Raises what `Renderer.draw_calls` raises; the canvas then holds what it held.
         """
         if not shot.same(self._shot) or self._canvas is None or self._canvas.size != size:
             self._coarse(shot, size)
@@ -117,7 +117,7 @@ class Picture:
     def _coarse(self, shot: Shot, size: tuple[int, int]) -> None:
         """The whole shot at the resolution that the budget allows."""
         small = scaled(size, self.pace.scale(size), self._scales(shot))
-        spent, compiled, drafts, share = self._sketch(shot, small)
+        spent, compiled, draw_calls, share = self._sketch(shot, small)
         if compiled == 0.0:  # the first draw of a program includes work of the driver
             self.pace.drawn(spent / share, small[0] * small[1])
         if self._canvas is None or self._canvas.size != size:
@@ -125,11 +125,11 @@ class Picture:
             if self._canvas is not None:
                 self._canvas.release()
             self._canvas = fresh
-        self._put(shot, drafts, None)
+        self._put(shot, draw_calls, None)
         self._shot, self._rest, self._done = shot, None, 1 if small == size else 0
         self._say(spent, small, compiled, moving=True)
 
-    def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[Draft], float]:
+    def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
         """Draw a whole picture. Rays that are marched over several passes stop where they are once the budget is spent.
 
         Returns the milliseconds that it took, those of compiling, what was drawn, and the share of it that was.
@@ -140,16 +140,16 @@ class Picture:
         if quality.temporal == "accumulate":
             renderer.forget()  # where only the file's text changed, its samples would go on being gathered
         spent, compiled = [0.0], 0.0
-        drawn: list[Draft] = []
+        drawn: list[DrawCall] = []
         passes = renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.passes
-        for draft in renderer.draft_by_draft(
+        for call in renderer.draw_call_by_draw_call(
             shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > room
         ):
-            compiled += draft.compile
-            spent.append(self._clocked(draft.draw, wait=passes > 1))
-            drawn.append(draft)
+            compiled += call.compile
+            spent.append(self._clocked(call.draw, wait=passes > 1))
+            drawn.append(call)
         spent.append(self._clocked(lambda: None, wait=True))
-        marched = sum(draft.chosen.name == "march" for draft in drawn)
+        marched = sum(call.chosen.name == "march" for call in drawn)
         whole = renderer.history.arrived or marched == 0
         return sum(spent), compiled, drawn, 1.0 if whole else marched / passes
 
@@ -165,16 +165,16 @@ class Picture:
         """Tiles of the full picture, the middle first, until the budget of a frame is spent; then further samples."""
         compiled = 0.0
         if self._rest is None:
-            drafts = self._drafts(shot, size)
-            compiled = sum(draft.compile for draft in drafts)
+            draw_calls = self._drafts(shot, size)
+            compiled = sum(call.compile for call in draw_calls)
             self._spent = 0.0
-            self._rest, self._drawing = [_Part(draft, self._tiles(draft.target.size)) for draft in drafts], drafts
+            self._rest, self._drawing = [_Part(call, self._tiles(call.target.size)) for call in draw_calls], draw_calls
         rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
         part = rest[0]
         done: list[Tile] = []
         while part.tiles and spent + spent / max(len(done), 1) <= self.pace.budget:  # the next one will fit
             tile = part.tiles.pop(0)
-            part.draft.draw(tile)
+            part.call.draw(tile)
             self._renderer.context.finish()
             done.append(tile)
             spent = 1e3 * (clock_time.perf_counter() - start)
@@ -205,9 +205,9 @@ class Picture:
         middle = np.array(size) / 2
         return sorted(tiles_of(size, edge), key=lambda t: float(np.hypot(*(np.array(t[:2]) + edge / 2 - middle))))
 
-    def _drafts(self, shot: Shot, size: tuple[int, int]) -> list[Draft]:
+    def _drafts(self, shot: Shot, size: tuple[int, int]) -> list[DrawCall]:
         self._fit(size)
-        return self._renderer.drafts(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
+        return self._renderer.draw_calls(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
 
     def _fit(self, size: tuple[int, int]) -> None:
         if self._renderer.size != size:
@@ -218,16 +218,18 @@ class Picture:
         levels = self._renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.schedule.levels
         return tuple(level.scale for level in levels)
 
-    def _put(self, shot: Shot, drafts: list[Draft], tile: Tile | None) -> None:
+    def _put(self, shot: Shot, draw_calls: list[DrawCall], tile: Tile | None) -> None:
         """What was drawn onto the canvas, as linear colour."""
         assert self._canvas is not None
-        last = drafts[-1]
+        last = draw_calls[-1]
         if shot.view == "final":
             self._screen.copy(last.target, self._canvas, tile)
             return
         arrays: dict[str, NDArray[Any]] = {}
-        for draft in {d.chosen.name: d for d in drafts if d.chosen.name not in ("cone", "sample", "before")}.values():
-            arrays |= unpack(draft.chosen.name, [draft.target.read(k) for k in range(draft.chosen.textures)])
+        for call in {
+            d.chosen.name: d for d in draw_calls if d.chosen.name not in ("cone", "sample", "before")
+        }.values():
+            arrays |= unpack(call.chosen.name, [call.target.read(k) for k in range(call.chosen.textures)])
         if "evaluations" in arrays:
             self.drawn.evaluations = float(arrays["evaluations"].mean())
         frame = Frame(last.target.size, shot.time, [], arrays, _nothing, shot.scene.tone, pose=shot.pose)
@@ -236,16 +238,16 @@ class Picture:
 
     def probe(self, shot: Shot, size: tuple[int, int], x: int, row: int) -> dict[str, NDArray[Any]]:
         """Depth, normal, counts and material of one pixel, each of shape (1, 1, ...)."""
-        *before, draft = self.at(size).drafts(shot.scene, shot.time, shot.params, ("depth",), shot.pose)
+        *before, call = self.at(size).draw_calls(shot.scene, shot.time, shot.params, ("depth",), shot.pose)
         for cone in before:
             cone.draw()
-        draft.draw((x, size[1] - 1 - row, 1, 1))
-        texels = [draft.target.read_texel(x, row, k)[None, None] for k in range(draft.chosen.textures)]
-        return unpack(draft.chosen.name, texels)
+        call.draw((x, size[1] - 1 - row, 1, 1))
+        texels = [call.target.read_texel(x, row, k)[None, None] for k in range(call.chosen.textures)]
+        return unpack(call.chosen.name, texels)
 
     def at(self, size: tuple[int, int]) -> Renderer:
         """The renderer at a size, for somebody else's picture."""
-        # Its drafts draw into textures that may go, and their history may be forgotten: from the first sample again.
+        # Its draw_calls draw into textures that may go, and their history may be forgotten: from the first sample again.
         if self._rest is not None or not self.drawn.whole:
             self._rest, self._done = None, 0
         self._fit(size)

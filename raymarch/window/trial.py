@@ -182,10 +182,10 @@ def _draw(renderer: Renderer, scene: Scene, params: dict[str, Any], outputs: tup
     compilation changes how the next ones are named in its cache on disk: only the first is found again by others.
     """
     ready = renderer.prepared(scene, outputs)
-    for draft in renderer.drafts(scene, params=params, outputs=outputs):
-        text = ready.texts[draft.chosen.name]
-        with Program(renderer.context, ready.vertex, text, ready.shader.locate, draft.chosen.name) as fresh:
-            fresh.draw(draft.target, draft.uniforms)
+    for call in renderer.draw_calls(scene, params=params, outputs=outputs):
+        text = ready.texts[call.chosen.name]
+        with Program(renderer.context, ready.vertex, text, ready.shader.locate, call.chosen.name) as fresh:
+            fresh.draw(call.target, call.uniforms)
     renderer.context.finish()
 
 

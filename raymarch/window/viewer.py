@@ -14,15 +14,15 @@ from raymarch.gpu.screen import Screen
 from raymarch.plan import Plan
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
-from raymarch.window.cards import cards_of
 from raymarch.window.changes import change, hear, titled, trouble
 from raymarch.window.constants import Constants
 from raymarch.window.control import fly
 from raymarch.window.edits import Edits
-from raymarch.window.hands import Hands
+from raymarch.window.input import Input
 from raymarch.window.interrupt import Interrupt
 from raymarch.window.keys import Keys
 from raymarch.window.log import Log
+from raymarch.window.messages import messages_of
 from raymarch.window.overlay import Card, Overlay
 from raymarch.window.pace import Pace
 from raymarch.window.panel import Panel
@@ -107,7 +107,7 @@ class Viewer:
         imgui = find_imgui()
         self.panel: Panel | None = None if imgui is None else Panel(imgui, self)
         self.keys = Keys(self)
-        self.hands = Hands(self)
+        self.hands = Input(self)
         self.fault: Fault | None = None
         self.pick: Pick | None = None
         self.picks = 0
@@ -199,7 +199,7 @@ class Viewer:
             trouble(self, fault)
         if drew and self.picture.drawn.moving:
             self.changed_at = now
-        cards = cards_of(self, now)
+        cards = messages_of(self, now)
         live = self.panel is not None and self.panel.busy
         if not (drew or resized or live or cards != self._cards or self.window.take_stale()):
             if self.picture.whole and not self._idle:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.cost.effects import ablations
-from raymarch.gpu.effort import effort
+from raymarch.gpu.evaluation_counts import effort
 from raymarch.plan import lights
 from raymarch.scene import load
 from raymarch.scene.light import hard

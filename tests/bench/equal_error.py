@@ -4,7 +4,7 @@ python -m tests.bench.equal_error [NAME ...] [WIDTHxHEIGHT]      examples by nam
 
 The enhanced tracer ends where its ray came within epsilon, as published; its epsilon is made smaller until its error
 is that of the default. Beside it stands the enhanced tracer with our last steps. Times are of the passes that march (a
-budget of all steps makes that a pass of its own), interleaved in one run; medians of the ratios, with their quartiles.
+steps_per_pass of all steps makes that a pass of its own), interleaved in one run; medians of the ratios, with their quartiles.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def compare(renderer: rm.Renderer, name: str) -> None:
     inner = np.isfinite(far) & (far < 1.05 * minimum_filter(truth, 3))  # silhouettes apart
 
     def draw(quality: rm.Quality) -> tuple[float, float, float]:
-        whole = scene.replace(quality=quality.replace(budget=quality.max_steps))
+        whole = scene.replace(quality=quality.replace(steps_per_pass=quality.max_steps))
         frame = renderer.render(whole, outputs=("depth",))
         both = inner & np.isfinite(frame.depth)
         error = float(np.sqrt(np.mean((frame.depth[both] - truth[both]) ** 2)))
@@ -72,7 +72,7 @@ def compare(renderer: rm.Renderer, name: str) -> None:
 
 def published(epsilon: float) -> rm.Quality:
     """The tracer as its authors give it."""
-    return rm.Quality(tracer="enhanced", omega=0.95, schedule="single", correction="none", epsilon=epsilon)
+    return rm.Quality(tracer="enhanced", omega=0.95, schedule="single", refinement="none", epsilon=epsilon)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ SETTINGS = [
     Setting("base", rm.Quality()),
     *(Setting(name, rm.Quality(tracer=name)) for name in quality.TRACERS if name != "auto"),
     *(Setting(f"epsilon {e}", rm.Quality(epsilon=e)) for e in (2.0, 0.5, 0.01)),
-    *(Setting(f"correction {name}", rm.Quality(correction=name)) for name in quality.CORRECTIONS),
+    *(Setting(f"correction {name}", rm.Quality(refinement=name)) for name in quality.CORRECTIONS),
     Setting("few steps", rm.Quality(max_steps=12)),
 ]
 
@@ -46,7 +46,7 @@ def test_what_is_sound_passes(scene, known, renderer):
 
 
 @pytest.mark.parametrize("epsilon", [0.01, 0.1, 1.0])
-@pytest.mark.parametrize("tracer", ["plain", "auto_relaxed", "front"])
+@pytest.mark.parametrize("tracer", ["plain", "auto_relaxed", "bracketing"])
 def test_a_tracer_that_stops_at_ten_times_epsilon(scene, known, renderer, monkeypatch, tracer, epsilon):
     right = prepare.assemble
 
@@ -71,7 +71,7 @@ def test_a_tracer_that_stops_at_ten_times_epsilon(scene, known, renderer, monkey
 
 def test_a_step_that_is_not_asked_is_held_to_where_it_began(scene, known, renderer):
     """With "slope" a hit may lie deeper than epsilon, but not without a sample within epsilon before it."""
-    slope = rm.Quality(correction="slope", epsilon=2.0)
+    slope = rm.Quality(refinement="slope", epsilon=2.0)
     point = sweep(scene, [Setting("slope", slope)], known, renderer, repeats=1).points[0]
     assert point.errors.pixels_max > 4.0, "some hit lies deep"
     made, failed = measured(scene, known, [Setting("slope", slope)], renderer)

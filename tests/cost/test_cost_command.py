@@ -52,7 +52,7 @@ def test_table_json_and_csv(folder, capsys):
 
 
 def test_what_is_shown_and_what_only_by_all(folder, capsys):
-    asked = ("--cross", "tracer,max_steps", "--axis", "max_steps=3,512", "--axis", "tracer=plain,front")
+    asked = ("--cross", "tracer,max_steps", "--axis", "max_steps=3,512", "--axis", "tracer=plain,bracketing")
     assert run("hello.py", *QUICK, *asked) == 0
     assert "plain, 3 steps" not in capsys.readouterr().out
     assert run("hello.py", *QUICK, *asked, "--all") == 0
@@ -108,7 +108,7 @@ def test_flip_is_refused_where_light_goes_random_ways(folder, capsys):
     own = "scene = rm.Scene(scene.node, bounces=2)\n"
     (folder / "hello.py").write_text(HELLO + own)
     assert run("hello.py", *QUICK, "--by", "flip_mean") == 2
-    assert "Quality(ways='tree')" in " ".join(capsys.readouterr().err.split())
+    assert "Quality(integrator='whitted')" in " ".join(capsys.readouterr().err.split())
 
 
 # raymarch render --quality, --error, --within
@@ -140,10 +140,10 @@ def drawn(monkeypatch):
 
 
 def test_a_preset_leaves_what_is_not_marching_as_the_scene_has_it(folder, drawn):
-    own = 'scene = scene.replace(quality=rm.Quality(ways="tree", samples=4))\n'
+    own = 'scene = scene.replace(quality=rm.Quality(integrator="whitted", samples=4))\n'
     (folder / "hello.py").write_text(HELLO + own)
     assert draw("--quality", "fine") == 0
-    assert drawn == [replace(Quality.preset("fine"), ways="tree", samples=4)]
+    assert drawn == [replace(Quality.preset("fine"), integrator="whitted", samples=4)]
 
 
 @pytest.mark.parametrize("asked", [("--error", "0.5px"), ("--within", "60s")])

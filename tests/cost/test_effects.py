@@ -22,7 +22,7 @@ def rich() -> rm.Scene:
         lights=[rm.Sun(shadow=True, softness=0.05), rm.PointLight(position=(3, 3, 3), intensity=4)],
         sky=rm.Sky(light=True),
         fog=rm.Fog(density=0.02),
-        occlusion=rm.Occlusion(),
+        occlusion=rm.AmbientOcclusion(),
         quality=rm.Quality(samples=2),
     )
 
@@ -53,15 +53,15 @@ def test_each_effect_is_left_out_alone():
     assert scene.fog is not None
 
 
-@pytest.mark.parametrize("ways", ["random", "tree"])
-def test_bounces_are_left_out_all_and_the_last(renderer, ways):
+@pytest.mark.parametrize("integrator", ["path", "tree"])
+def test_bounces_are_left_out_all_and_the_last(renderer, integrator):
     glass = rm.Material(transmission=1, ior=1.5)
-    scene = rm.Scene(rm.sphere().material(glass), lights=[], bounces=3, quality=rm.Quality(ways=ways))
+    scene = rm.Scene(rm.sphere().material(glass), lights=[], bounces=3, quality=rm.Quality(integrator=integrator))
     names = dict(ablations(scene))
     assert {name: made.bounces for name, made in names.items()} == {"bounces of light": 0, "bounce 3": 2}
     found = {e.name: e.evaluations for e in ablate(scene, renderer, repeats=2)}
     assert found["bounces of light"] > found["bounce 3"] > 0
-    matte = rm.Scene(rm.sphere(), bounces=2, quality=rm.Quality(ways="tree"))
+    matte = rm.Scene(rm.sphere(), bounces=2, quality=rm.Quality(integrator="whitted"))
     assert not list(ablations(matte)), "nothing mirrors"
 
 

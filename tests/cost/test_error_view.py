@@ -52,7 +52,7 @@ def test_colours() -> None:
 @pytest.mark.parametrize(("epsilon", "least", "most"), [(1e-3, 0.0, 0.02), (10.0, 0.05, 40.0)])
 def test_a_coarser_tracer_has_larger_errors(egl, epsilon, least, most) -> None:
     scene = make_scene()
-    scene = scene.replace(quality=rm.Quality(epsilon=epsilon, correction="none"))
+    scene = scene.replace(quality=rm.Quality(epsilon=epsilon, refinement="none"))
     with rm.Renderer(SIZE, context=egl) as renderer:
         found = errors_of(renderer.render(scene, outputs=("depth",)), scene)
     middle = np.median(found[np.isfinite(found) & (found > 0)])

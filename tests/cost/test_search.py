@@ -36,12 +36,20 @@ def test_an_unknown_preset_is_refused():
 
 
 def test_a_preset_changes_the_marching_alone():
-    own = rm.Quality(ways="tree", samples=4, temporal="accumulate", masking="separable", tracer="plain", epsilon=2)
-    own = replace(own, rays="interpolated", shadow_steps=9, light_samples=3, trust=True)
+    own = rm.Quality(
+        integrator="whitted", samples=4, temporal="accumulate", masking="separable", tracer="plain", epsilon=2
+    )
+    own = replace(own, rays="interpolated", shadow_steps=9, light_samples=3, assume_certified=True)
     fine = rm.Quality.preset("fine")
-    kept = {"ways": "tree", "samples": 4, "temporal": "accumulate", "masking": "separable", "rays": "interpolated"}
-    assert own.to_preset("fine") == replace(fine, **kept, shadow_steps=9, light_samples=3, trust=True)
-    assert replace(rm.Quality(), budget=64).to_preset("fine") == replace(fine, budget=64)
+    kept = {
+        "integrator": "whitted",
+        "samples": 4,
+        "temporal": "accumulate",
+        "masking": "separable",
+        "rays": "interpolated",
+    }
+    assert own.to_preset("fine") == replace(fine, **kept, shadow_steps=9, light_samples=3, assume_certified=True)
+    assert replace(rm.Quality(), steps_per_pass=64).to_preset("fine") == replace(fine, steps_per_pass=64)
     assert rm.Quality(tracer="plain").to_preset("normal") == rm.Quality()
     scene = rm.Scene(rm.sphere(), quality=own.to_preset("fine"))
     assert [m.name for m in meanings(scene) if m.own] == ["fine"]
@@ -160,17 +168,17 @@ def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known):
     found = for_error(with_quality(scene, rm.Quality(samples=5)), "flip:0.5", SIZE, renderer=renderer)
     assert found.quality.samples == 5
     with pytest.raises(CostError):
-        for_error(with_quality(scene, rm.Quality(budget=64)), "flip:1e-9", SIZE, renderer=renderer)
+        for_error(with_quality(scene, rm.Quality(steps_per_pass=64)), "flip:1e-9", SIZE, renderer=renderer)
 
 
 def test_there_is_no_true_picture_of_light_that_goes_random_ways(known):
-    def glass(ways):
-        return rm.Scene(rm.sphere().material(rm.Material(transmission=1.0)), quality=rm.Quality(ways=ways))
+    def glass(integrator):
+        return rm.Scene(rm.sphere().material(rm.Material(transmission=1.0)), quality=rm.Quality(integrator=integrator))
 
-    with pytest.raises(CostError, match=r"random ways.*ways='tree'.*in pixels"):
-        for_error(glass("random"), "flip:0.5", SIZE, renderer=FakeRenderer(known))
-    for_error(glass("random"), "0.3px", SIZE, renderer=FakeRenderer(reference(glass("random"), SIZE, samples=0)))
-    check_followed(glass("tree"))
+    with pytest.raises(CostError, match=r"random integrator.*integrator='whitted'.*in pixels"):
+        for_error(glass("path"), "flip:0.5", SIZE, renderer=FakeRenderer(known))
+    for_error(glass("path"), "0.3px", SIZE, renderer=FakeRenderer(reference(glass("path"), SIZE, samples=0)))
+    check_followed(glass("whitted"))
 
 
 class Blind(FakeRenderer):

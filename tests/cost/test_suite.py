@@ -34,7 +34,7 @@ from raymarch.cost.sweep import sweep
 from raymarch.errors import CostError
 
 SCALE = Scale((64, 36), 6, (8, 64, 128), ("plain", "enhanced"), (64, 128))
-ERRORS = {"plain": 4.0, "relaxed_again": 3.0, "relaxed": 3.0, "enhanced": 2.0, "auto_relaxed": 1.5, "front": 1.0}
+ERRORS = {"plain": 4.0, "relaxed_again": 3.0, "relaxed": 3.0, "enhanced": 2.0, "auto_relaxed": 1.5, "bracketing": 1.0}
 TIMES = {"single": 10.0, "two": 8.0, "four": 12.0, "six": 13.0, "cone": 6.0}
 
 

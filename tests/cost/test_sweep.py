@@ -11,7 +11,7 @@ import pytest
 from cost_samples import FakeRenderer
 
 import raymarch as rm
-from raymarch.cost.front import behind, pareto
+from raymarch.cost.pareto import behind, pareto
 from raymarch.cost.settings import AXES, Axis, Setting, axes, grid, parse_values
 from raymarch.cost.statistics import median
 from raymarch.cost.sweep import Sweep, sweep
@@ -78,13 +78,13 @@ def test_the_grid_has_the_base_first_and_no_setting_twice(scene):
     drawn = {(s.quality, s.frames, s.scale, s.variations) for s in found}
     assert len(drawn) == len(found) == len({s.name for s in found})
     tracers = {(s.quality.tracer, s.quality.max_steps) for s in found}
-    assert {("plain", 16), ("front", 128)} <= tracers
+    assert {("plain", 16), ("bracketing", 128)} <= tracers
     assert any(s.quality.epsilon == 2.0 and s.quality.tracer == "auto" for s in found)
 
 
 def test_what_comes_to_the_same_is_tried_once():
     estimate = rm.Scene(rm.mandelbulb())
-    names = [s.name for s in grid(estimate, [Axis("tracer", ("plain", "front", "relaxed"), crossed=True)])]
+    names = [s.name for s in grid(estimate, [Axis("tracer", ("plain", "bracketing", "relaxed"), crossed=True)])]
     assert names == ["base", "fine", "exact"]
 
 

@@ -25,8 +25,8 @@ def lit() -> rm.Scene:
     return rm.Scene(
         solid,
         camera=rm.Camera((1, 1.5, 4), (0, 0, 0)),
-        lights=[rm.SphereLight((1.5, 2.5, 1), size=1.2, intensity=5, shadow=True)],
-        occlusion=rm.Occlusion(steps=4, decay=0.5),
+        lights=[rm.SphereLight((1.5, 2.5, 1), radius=1.2, intensity=5, shadow=True)],
+        occlusion=rm.AmbientOcclusion(steps=4, decay=0.5),
         sky=rm.Sky(light=True),
     )
 
@@ -60,7 +60,7 @@ def test_more_samples_of_occlusion_count_what_is_near_as_before():
     """The share of the weight that lies in the nearer half of the reach."""
     scene = lit()
 
-    def near(occlusion: rm.Occlusion) -> float:
+    def near(occlusion: rm.AmbientOcclusion) -> float:
         decay, steps = float(occlusion.decay.data), occlusion.steps
         weights = decay ** np.arange(steps)
         return float(weights[: steps // 2].sum() / weights.sum())

@@ -23,7 +23,7 @@ ESTIMATES = ["mandelbulb"]
 PROVEN = [name for name in EXAMPLES if name not in ESTIMATES]
 CAMERAS = ["mandelbulb", "primitives", "village"]
 """Those with a camera whose rays all hit, and one that sees a horizon."""
-TRACERS = ("plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "front")
+TRACERS = ("plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "bracketing")
 
 
 def size_of(name: str) -> tuple[int, int]:

@@ -83,9 +83,9 @@ vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
     given(a, b, c, d);
     marched = e.xy;
     Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0));
-    March at = begun(e.x);
-    at.slope = at.last = e.w;
-    Hit hit = missed(e.x);
+    March at = start_march(e.x);
+    at.derivative = at.last_derivative = e.w;
+    Hit hit = no_hit(e.x);
     march(ray, at, hit, e.y);
     if (e.z == 0.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
     if (e.z == 1.0) return vec4(hit.done, hit.found, hit.fallbacks, asked);
@@ -100,12 +100,12 @@ TRACERS: Mapping[str, tuple[str, ...]] = {
     "relaxed_again": ("march/aim_never", "march/relaxed", "march/loop"),
     "enhanced": ("march/aim_never", "march/enhanced", "march/loop"),
     "auto_relaxed": ("march/aim", "march/auto_relaxed", "march/loop"),
-    "front": ("march/front",),
+    "bracketing": ("march/bracketing",),
 }
 
 
 def text_of(
-    tracer: str, settle: str = "settle", after: str = AFTER, scale: float = 1.0, trace: tuple[str, ...] = ("trace",)
+    tracer: str, settle: str = "refine", after: str = AFTER, scale: float = 1.0, trace: tuple[str, ...] = ("trace",)
 ) -> str:
     """The functions of a tracer, on the field of a profile."""
     constants = CONSTANTS.format(
@@ -114,7 +114,7 @@ def text_of(
         scale=scale,
         variation=0.5,
     )
-    names = ("epsilon", "hit", "along", settle, "exhausted")
+    names = ("epsilon", "hit", "distance", settle, "on_exhausted")
     whole = (*(f"march/{name}" for name in names), *TRACERS[tracer], *(f"march/{name}" for name in trace))
     return modules(*whole, before=FIELD + constants, after=after)
 

@@ -28,7 +28,7 @@ AFTER = """
 Surface seen(vec3 n, vec3 view, vec3 off) {
     solid = n;
     tilt = off;
-    return surface_seen(Ray(vec3(0.0), -view), Hit(0.0), 2.0);
+    return surface_interaction_mapped(Ray(vec3(0.0), -view), Hit(0.0), 2.0);
 }
 """
 WIDTH = 0.125 * 2.0 * 2.0
@@ -52,7 +52,7 @@ def test_a_footprint_lies_in_the_surface(egl: Context, facing: float) -> None:
     beside = np.cross(normals, helper)
     beside /= np.linalg.norm(beside, axis=1, keepdims=True)
     views = facing * normals + np.sqrt(1 - facing**2) * beside
-    across, along = (seen(egl, part, normals, views, 0 * views) for part in ("across", "along"))
+    across, along = (seen(egl, part, normals, views, 0 * views) for part in ("dpdx", "dpdy"))
     np.testing.assert_allclose(np.linalg.norm(across, axis=1), WIDTH, rtol=8 * ULP)
     np.testing.assert_allclose(np.sum(across * normals, axis=1), 0.0, atol=WIDTH * 8 * ULP)
     long = WIDTH / max(abs(facing), 1e-4)
@@ -82,8 +82,8 @@ def test_a_normal_is_bent_no_farther_than_it_is_seen(egl: Context) -> None:
 
 
 def test_the_normal_of_the_solid_is_on_the_side_of_the_bent_one(egl: Context) -> None:
-    before = "struct Surface { vec3 normal; vec3 outward; };"
+    before = "struct Surface { vec3 normal; vec3 geometric_normal; };"
     bent = np.array([[0.6, 0.0, 0.8], [0.6, 0.0, -0.8]])
-    call = "unbent(Surface({0}, vec3(0.0, 0.0, 1.0)))"
-    found = run(egl, modules("light/unbent", before=before), call, [(VEC3, bent)], 3)
+    call = "geometric_normal(Surface({0}, vec3(0.0, 0.0, 1.0)))"
+    found = run(egl, modules("light/geometric_normal_mapped", before=before), call, [(VEC3, bent)], 3)
     np.testing.assert_array_equal(found, [[0, 0, 1], [0, 0, -1]])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
 from raymarch.gpu.context import Context
 from raymarch.truth.light import microfacets
-from raymarch.truth.tree import FAINT, reflectance
+from raymarch.truth.whitted import FAINT, reflectance
 
 ULP = 2.0**-24
 LAST = 1 - ULP
@@ -28,13 +28,15 @@ def slanted(cosines: ArrayLike, turn: float = 0.0) -> NDArray[np.float64]:
 def test_a_way_is_faint_by_its_brightest_colour(egl: Context) -> None:
     low, high = 0.999 * FAINT, 1.001 * FAINT
     weights = np.array([[low, low, low], [high, 0, 0], [0, high, 0], [0, 0, high], [1, 1, 1], [0, 0, 0]])
-    found = run(egl, modules("path/faint"), "float(faint({0}))", [(VEC3, weights)])
+    found = run(egl, modules("path/cutoff"), "float(below_cutoff({0}))", [(VEC3, weights)])
     np.testing.assert_array_equal(found, [1, 0, 0, 0, 0, 1])
 
 
 def test_all_is_mirrored_beyond_the_critical_angle(egl: Context) -> None:
     cosine, ratio = (a.ravel() for a in np.meshgrid([1e-3, 0.3, 0.6, 0.9, 1.0], [1 / 1.5, 1.5, 4.0]))
-    found = run(egl, modules("path/glass"), "reflectance({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)])
+    found = run(
+        egl, modules("path/fresnel_dielectric"), "fresnel_dielectric({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)]
+    )
     np.testing.assert_allclose(found, reflectance(cosine, ratio), rtol=1e-5, atol=8 * ULP)
     assert np.all(found[(ratio * ratio * (1 - cosine**2)) > 1] == 1.0)
 
@@ -47,9 +49,9 @@ def test_a_tree_follows_what_is_smooth(egl: Context) -> None:
     """All up to a roughness of 0.1, nothing from 0.2 on."""
     text = modules("material/physical") + modules("light/fresnel", "path/mirror", before=SURFACE)
     rough = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.5, 1.0])
-    found = run(egl, text, "followed_of(Material(vec3(1), 0.0, {0}, vec3(0.04)))", [(FLOAT, rough)])
+    found = run(egl, text, "mirror_weight(Material(vec3(1), 0.0, {0}, vec3(0.04)))", [(FLOAT, rough)])
     np.testing.assert_allclose(found, [1, 1, 1, 0.5, 0, 0, 0], atol=32 * ULP)
-    call = "mirrored_by(Surface(vec3(0), vec3(0, 0, 1), {0}, 1.0, Material(vec3(1), 0.0, 0.0, vec3(0.04))))"
+    call = "mirror_reflectance(Surface(vec3(0), vec3(0, 0, 1), {0}, 1.0, Material(vec3(1), 0.0, 0.0, vec3(0.04))))"
     found = run(egl, text, call, [(VEC3, slanted([1.0, 0.5, 0.0, -0.1, -1.0]))], 3)
     known = 0.04 + 0.96 * np.array([0, 0.5, 1, 1, 1]) ** 5  # away from the eye as edge on
     np.testing.assert_allclose(found, np.repeat(known[:, None], 3, axis=1), rtol=16 * ULP)
@@ -58,7 +60,7 @@ def test_a_tree_follows_what_is_smooth(egl: Context) -> None:
 def test_a_basis_is_one_about_each_axis(egl: Context) -> None:
     """Also where one of the two formulas divides by 0."""
     for local in np.eye(3):
-        call = f"aligned({{0}}, vec3({local[0]}, {local[1]}, {local[2]}))"
+        call = f"to_world({{0}}, vec3({local[0]}, {local[1]}, {local[2]}))"
         found = run(egl, modules("path/lobes"), call, [(VEC3, AXES)], 3)
         np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
         np.testing.assert_allclose(np.sum(found * AXES, axis=1), local[2], atol=8 * ULP)
@@ -67,7 +69,7 @@ def test_a_basis_is_one_about_each_axis(egl: Context) -> None:
 def test_a_matte_way_leaves_the_surface(egl: Context) -> None:
     """Up to the last random number; its cosine is sqrt(1 - u)."""
     for u in (0.0, 0.5, LAST):
-        call = f"cosine_lobe({{0}}, vec2({u!r}, 0.3))"
+        call = f"sample_cosine({{0}}, vec2({u!r}, 0.3))"
         found = run(egl, modules("path/lobes"), call, [(VEC3, AXES)], 3)
         np.testing.assert_allclose(np.sum(found * AXES, axis=1), np.sqrt(1 - u), atol=8 * ULP)
         assert np.all(np.sum(found * AXES, axis=1) > 0.0)
@@ -81,7 +83,7 @@ def test_a_facet_is_on_the_side_of_the_surface(egl: Context, alpha: float) -> No
     for u in (0.0, 2 * ULP, 0.25, 0.5, LAST):
         for turn in (0.0, 0.3, 0.5):
             drawn = np.broadcast_to([turn, u], (len(views), 2))  # as inputs, lest the compiler know them
-            call = f"facet_of(vec3(0, 0, 1), {{0}}, {alpha}, {{1}})"
+            call = f"sample_visible_normal(vec3(0, 0, 1), {{0}}, {alpha}, {{1}})"
             found = run(egl, modules("path/lobes"), call, [(VEC3, views), (VEC2, drawn)], 3)
             np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
             assert np.all(found[:, 2] > 0.0)
@@ -91,12 +93,23 @@ def test_a_facet_seen_from_behind_is_that_of_the_surface(egl: Context) -> None:
     """There is none to choose from; a mirror's are all along its normal."""
     for view in ([0.0, 0.0, -1.0], [0.6, 0.0, -0.8]):
         found = run(
-            egl, modules("path/lobes"), "facet_of(vec3(0, 0, 1), {0}, 0.0001, vec2(0.3, 0.5))", [(VEC3, [view])], 3
+            egl,
+            modules("path/lobes"),
+            "sample_visible_normal(vec3(0, 0, 1), {0}, 0.0001, vec2(0.3, 0.5))",
+            [(VEC3, [view])],
+            3,
         )
         assert found[0, 2] > 0.99
 
 
-GLOSSY = ("light/fresnel", "light/correlated", "light/grazing", "light/entering", "path/lobes", "path/glossy")
+GLOSSY = (
+    "light/fresnel",
+    "light/correlated",
+    "light/albedo_f90",
+    "light/interface_transmittance",
+    "path/lobes",
+    "path/glossy",
+)
 
 
 def glossy(
@@ -108,7 +121,7 @@ def glossy(
             u_now = drawn;
             vec3 direction = vec3(0.0), weight = vec3(1.0);
             Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), view, 1.0, {material});
-            bool goes = from_glossy(surface, 0, direction, weight);
+            bool goes = sample_microfacet(surface, 0, direction, weight);
             return vec4(direction, goes ? weight.r : -1.0);
         }}"""
     text = modules("material/physical") + modules(*GLOSSY, before=SURFACE + DRAWN, after=after)
@@ -218,7 +231,7 @@ def met(egl: Context, body: str, start: float, ends: tuple[float, float], side: 
     after = f"""
         float field(vec3 p) {{ return {body}; }}
         vec3 met(float start) {{
-            Hit hit = second(Ray(vec3(0.0), vec3(0.0, 0.0, 1.0)), start, 1.0, {side});
+            Hit hit = trace_secondary(Ray(vec3(0.0), vec3(0.0, 0.0, 1.0)), start, 1.0, {side});
             return vec3(hit.found ? 1.0 : 0.0, hit.t, hit.evaluations);
         }}"""
     declared = "float field(vec3 p);\n"
@@ -227,7 +240,7 @@ def met(egl: Context, body: str, start: float, ends: tuple[float, float], side: 
         "march/hit",
         "march/safe_step",
         "march/extrapolate",
-        "path/second",
+        "path/secondary",
         before=SECOND + declared,
         after=after,
     )
@@ -257,7 +270,14 @@ def test_glass_thinner_than_where_a_ray_starts_has_an_end(egl: Context) -> None:
 
 METAL = (
     *("light/missing_correlated", "light/missing_mean_correlated", "light/multiscatter_albedo", "light/fresnel"),
-    *("light/correlated", "light/grazing", "light/entering", "path/lobes", "path/glossy", "path/metal"),
+    *(
+        "light/correlated",
+        "light/albedo_f90",
+        "light/interface_transmittance",
+        "path/lobes",
+        "path/glossy",
+        "path/metal",
+    ),
 )
 
 

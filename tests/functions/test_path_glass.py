@@ -27,7 +27,7 @@ vec4 gone(vec3 view, vec3 drawn, bool weighed) {
     Material skin = Material(vec3(0.0), 0.0, u_roughness, vec3(0.0));
     Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), view, 1.0, skin);
     float side = u_side;
-    bool goes = from_frosted(surface, Glass(1.0, u_ior, vec3(0.0)), 0, side, direction, weight);
+    bool goes = sample_rough_dielectric(surface, Glass(1.0, u_ior, vec3(0.0)), 0, side, direction, weight);
     return weighed ? vec4(goes ? weight.r : -1.0, side, 0.0, 0.0) : vec4(direction, 0.0);
 }"""
 
@@ -37,7 +37,9 @@ def frosted(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Directions, weights, and whether the side changed, for eyes and random numbers, (N, 3); z is the normal. A way
     that does not go on has the weight 0."""
-    text = modules("material/physical") + modules("path/glass", "path/lobes", "path/frosted", before=GIVEN, after=AFTER)
+    text = modules("material/physical") + modules(
+        "path/fresnel_dielectric", "path/lobes", "path/rough_dielectric", before=GIVEN, after=AFTER
+    )
     inputs, uniforms = [(VEC3, views), (VEC3, drawn)], {"u_roughness": roughness, "u_side": side, "u_ior": ior}
     where = run(egl, text, "gone({0}, {1}, false)", inputs, 4, uniforms).astype(np.float64)
     weighed = run(egl, text, "gone({0}, {1}, true)", inputs, 4, uniforms).astype(np.float64)
@@ -149,11 +151,11 @@ def test_a_glazed_material_answers_by_its_shares(egl: Context) -> None:
     """What it mirrors at right angles, and what it spreads, are the sums of the two; also if all is mirrored."""
     text = modules(
         "material/physical",
-        "path/glass",
-        "path/glazed",
+        "path/fresnel_dielectric",
+        "path/dielectric",
         before="uniform float u_metalness, u_f0;",
         after="""Material made(vec3 color, float share) {
-            return glazed(Material(color, u_metalness, 0.3, vec3(u_f0)), Glass(1.0, 1.6, vec3(0.0)), share);
+            return as_dielectric(Material(color, u_metalness, 0.3, vec3(u_f0)), Glass(1.0, 1.6, vec3(0.0)), share);
         }""",
     )
     color = np.random.default_rng(2).random((64, 3))

@@ -74,7 +74,7 @@ def test_nodes_beyond_the_last_bit_share_it(egl: Context) -> None:
 def slopes(egl: Context, a: np.ndarray, b: np.ndarray, cells: object = (0, 0), node: int = 4) -> np.ndarray:
     """The slopes of nodes 4 to 7, after one of them was asked at two points."""
     given = [(VEC4, a), (VEC4, b), (VEC2, np.broadcast_to(np.asarray(cells, float), (len(a), 2)))]
-    text = modules("temporal/finite", "probe/seen", after=ASKED)
+    text = modules("temporal/finite", "probe/watch", after=ASKED)
     return run(egl, text, "slopes_between({0}, {1}, {2})", given, 4, {"u_first": 4, "u_node": node})
 
 
@@ -129,7 +129,7 @@ def test_what_is_not_comparable_has_no_slope(egl: Context) -> None:
 
 
 def test_the_place_is_that_of_the_steepest_of_the_first_node(egl: Context) -> None:
-    text = modules("temporal/finite", "probe/seen", after=ASKED)
+    text = modules("temporal/finite", "probe/watch", after=ASKED)
     a, b = [(1.0, 0, 0, 0), (1, 2, 3, 4)], [(1.0, 4, 0, 2), (1, 2, 3, 4)]
     for node, known in ((4, [1, 4, 0, 4]), (5, [0] * 4)):
         uniforms = {"u_first": 4, "u_node": node}
@@ -141,7 +141,7 @@ def test_the_steepest_of_many_is_kept_and_its_place_with_it(egl: Context) -> Non
     """A walk along x whose slope rises and falls again: |x| < 1 has slope 3, the rest 1."""
     text = modules(
         "temporal/finite",
-        "probe/seen",
+        "probe/watch",
         after="""vec4 walked(float start) {
             watch();
             for (int i = 0; i < 8; i++) {
@@ -163,7 +163,7 @@ def test_an_answer_that_is_not_finite_is_as_if_never_given(egl: Context, where: 
     """The two answers beside it are compared with each other."""
     text = modules(
         "temporal/finite",
-        "probe/seen",
+        "probe/watch",
         after=f"""uniform float u_bad;
         vec4 interrupted(float x) {{
             watch();

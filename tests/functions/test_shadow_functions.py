@@ -25,7 +25,7 @@ const float u_side = 1.0;
 int asked = 0;
 vec2 scene_box(Ray ray, vec2 range) { return range; }
 vec2 scene_cone(Ray ray, vec2 range, float width) { return range; }
-vec3 unbent(Surface surface) { return surface.normal; }
+vec3 geometric_normal(Surface surface) { return surface.normal; }
 float body(vec3 p);
 float field(vec3 p) { asked++; return body(p); }
 """
@@ -52,7 +52,7 @@ def shadows(
             return vec2(share, float(asked));
         }}"""
     text = modules(
-        "march/epsilon", "march/safe_step", "march/extrapolate", "light/leaving", kind, before=BEFORE, after=after
+        "march/epsilon", "march/safe_step", "march/extrapolate", "light/spawn_ray", kind, before=BEFORE, after=after
     )
     found = run(egl, text, "seen({0})", [(VEC3, ways)], 2, {"u_pixel": PIXEL})
     return found[:, 0], found[:, 1]
@@ -151,10 +151,10 @@ def test_a_leaving_ray_clears_the_surface_and_stays_on_its_line(egl: Context) ->
     after = """
         vec4 left(vec3 way) {
             float start;
-            Ray ray = leaving(vec3(0.0), vec3(0.0, 0.0, 1.0), way, 1.0, start);
+            Ray ray = spawn_ray(vec3(0.0), vec3(0.0, 0.0, 1.0), way, 1.0, start);
             return vec4(ray.origin, start);
         }"""
-    text = modules("march/epsilon", "light/leaving", before=before, after=after)
+    text = modules("march/epsilon", "light/spawn_ray", before=before, after=after)
     found = run(egl, text, "left({0})", [(VEC3, ways)], 4, {"u_pixel": PIXEL}).astype(np.float64)
     origin, start = found[:, :3], found[:, 3]
     off = 2 * PIXEL
@@ -187,7 +187,7 @@ float occlusion_decay() { return 0.5; }
     ],
 )
 def test_openness_is_a_share(egl: Context, body: str, strength: float, known: float) -> None:
-    text = modules("light/occlusion", before=f"{OPEN}float field(vec3 p) {{ return {body}; }}")
-    call = "openness(Surface(vec3({0}), vec3(0.0, 0.0, 1.0)))"
+    text = modules("light/ambient_occlusion", before=f"{OPEN}float field(vec3 p) {{ return {body}; }}")
+    call = "ambient_occlusion(Surface(vec3({0}), vec3(0.0, 0.0, 1.0)))"
     found = run(egl, text, call, [(FLOAT, [0.0])], 1, {"u_strength": strength})
     np.testing.assert_allclose(found, known, rtol=8 * ULP)

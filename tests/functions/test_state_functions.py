@@ -29,11 +29,11 @@ def test_a_state_comes_back_from_its_texels_as_it_was(egl: Context) -> None:
         vec4 march = packed_march(at, hit, more.y > 0.5), found = packed_hit(hit), rest = packed_more(at);
         at = unpack_march(march, rest);
         hit = unpack_hit(march, found);
-        if (part == 0.0) return vec4(at.t, at.r, at.slope, hit.fallbacks);
+        if (part == 0.0) return vec4(at.t, at.r, at.derivative, hit.fallbacks);
         if (part == 1.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
-        if (part == 2.0) return vec4(at.last, at.front);
+        if (part == 2.0) return vec4(at.last_derivative, at.front);
         if (part == 3.0) return vec4(at.asked, at.passing, hit.done, hit.found);
-        return vec4(at.leaving, flag(march, 32.0), 0.0, 0.0);
+        return vec4(at.must_step, flag(march, 32.0), 0.0, 0.0);
     }"""
     text = modules("march/hit", "march/state", before=RAY, after=after)
     more = flags[:, 4:]
@@ -45,10 +45,10 @@ def test_a_state_comes_back_from_its_texels_as_it_was(egl: Context) -> None:
 
 CARRY = """
 vec4 carried(float t) {
-    March at = begun(t);
+    March at = start_march(t);
     vec2 spent = vec2(0.0);
     bool open = carry_on(at, spent);
-    return vec4(open, at.t, at.slope, spent.x);
+    return vec4(open, at.t, at.derivative, spent.x);
 }"""
 
 

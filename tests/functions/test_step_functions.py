@@ -27,11 +27,11 @@ def test_the_front_asks_hardly_anything_twice(egl: Context) -> None:
     """Nothing up to the front, and next to nothing of what the kept sphere has proven: so that it takes less than the
     tracer that forgets where a step led that was too long."""
     of = random(np.random.default_rng(6), 8 * MANY)
-    front, forgets = (march(egl, text_of(tracer, "stop"), of, far=FAR) for tracer in ("front", "enhanced"))
+    front, forgets = (march(egl, text_of(tracer, "refine_none"), of, far=FAR) for tracer in ("bracketing", "enhanced"))
     assert np.all(front.wasted <= 1) and np.all(front.done | (front.twice == 0))
     assert np.sum(front.known) < 0.007 * np.sum(front.evaluations)
     assert np.mean(front.evaluations) < np.mean(forgets.evaluations)
-    steep = march(egl, text_of("front", "stop"), of, far=FAR, slope=1.02)
+    steep = march(egl, text_of("bracketing", "refine_none"), of, far=FAR, slope=1.02)
     assert np.all(steep.wasted <= 1)
 
 
@@ -43,13 +43,13 @@ def test_a_wall_met_head_on_ends_the_gap_before_it(egl: Context) -> None:
     slopes = np.full((count, 7), -1.0)
     slopes[:, 0] = rng.uniform(0, 1, count)
     of = Profiles.of(rng.uniform(0.1, 2, (count, 7)), slopes, 10 ** rng.uniform(-2, 0, count))
-    got = march(egl, text_of("front"), of, far=FAR)
+    got = march(egl, text_of("bracketing"), of, far=FAR)
     assert_true(of, got, FAR, 512)
     assert np.all(got.done & got.found)
     assert got.evaluations.max() < 100
 
 
-@pytest.mark.parametrize("tracer", ["enhanced", "auto_relaxed", "front"])
+@pytest.mark.parametrize("tracer", ["enhanced", "auto_relaxed", "bracketing"])
 def test_a_slope_of_cones_is_forgotten(egl: Context, tracer: str) -> None:
     """It may be above 1, by the width of the cone; a ray that recedes still ends soon."""
     slope = np.linspace(0.9, 1, 400)
@@ -64,12 +64,16 @@ def test_a_step_is_never_shorter_than_the_distance(egl: Context, tracer: str) ->
     """Whatever the slope: cones hand on slopes above 1. From inside the ray steps back by no more than it is deep."""
     slope, r = (a.ravel() for a in np.meshgrid([-1, -0.5, 0, 0.5, 0.999, 1.0, 1.02, 1.5], [1e-4, 0.1, 3.0]))
     inputs = [(FLOAT, r), (FLOAT, slope)]
-    found = run(egl, text_of(tracer), "stride(March(5.0, {0}, {1}, {1}, vec3(0.0), true, false, false), 20.0)", inputs)
+    found = run(
+        egl, text_of(tracer), "step_length(March(5.0, {0}, {1}, {1}, vec3(0.0), true, false, false), 20.0)", inputs
+    )
     assert np.all(found >= r.astype(np.float32)) and np.all(found <= np.float32(15 + r))
     if tracer == "enhanced":  # where the ray recedes the plane is never met
         assert np.all(found[(slope >= 1) & (r > 1e-3)] >= 15)
     inputs = [(FLOAT, -r), (FLOAT, np.minimum(slope, 0.999))]
-    back = run(egl, text_of(tracer), "stride(March(5.0, {0}, {1}, {1}, vec3(0.0), true, true, false), 20.0)", inputs)
+    back = run(
+        egl, text_of(tracer), "step_length(March(5.0, {0}, {1}, {1}, vec3(0.0), true, true, false), 20.0)", inputs
+    )
     assert np.all(back >= -1.6 * r.astype(np.float32) - 1e-6) and np.all(back < 0)
 
 
@@ -77,6 +81,6 @@ def test_a_step_is_never_shorter_than_the_distance(egl: Context, tracer: str) ->
 def test_a_slope_that_no_distance_has_is_not_believed(egl: Context, tracer: str) -> None:
     """Rounding and estimates have slopes beyond 1; steps would turn round."""
     before, slope = (a.ravel() for a in np.meshgrid([-1, 0, 0.9, 1.0], [-7.0, -1.0, 0.5, 1.0, 1.1, 7.0, 1e6]))
-    found = run(egl, text_of(tracer), "remembered({0}, {1})", [(FLOAT, before), (FLOAT, slope)])
+    found = run(egl, text_of(tracer), "averaged_derivative({0}, {1})", [(FLOAT, before), (FLOAT, slope)])
     assert np.all(np.abs(found) <= 1)
     assert tracer == "enhanced" or np.all(found <= np.float32(0.999))

@@ -191,7 +191,7 @@ def seen_text(after: str, outside: str = "") -> str:
         "}\n#define texelFetch checked\n"
     )
     before = OUT + "uniform sampler2D u_history;\n" + (checked if outside else "")
-    return modules("temporal/finite", "temporal/seen", before=before, after=after)
+    return modules("temporal/finite", "temporal/reproject", before=before, after=after)
 
 
 def test_unfolded_is_the_vector_that_was_folded(egl: Context) -> None:
@@ -200,7 +200,7 @@ def test_unfolded_is_the_vector_that_was_folded(egl: Context) -> None:
     low = p[:, 2] < 0
     folded = np.where(low[:, None], (1 - np.abs(p[:, 1::-1])) * np.where(n[:, :2] < 0, -1, 1), p[:, :2])
     text = seen_text("").replace(OUT, "")
-    found = run(egl, text, "unfolded({0})", [(VEC2, folded)], 3)
+    found = run(egl, text, "decode_octahedral({0})", [(VEC2, folded)], 3)
     np.testing.assert_allclose(found, n, atol=16 * ULP)
 
 
@@ -241,7 +241,7 @@ def test_a_surface_is_known_by_its_distance_its_normal_and_its_material(egl: Con
 @pytest.mark.parametrize("face", ["x", "-x", "y", "-z"])
 def test_a_flat_picture_has_no_edge_and_a_fold_has_one(egl: Context, face: str) -> None:
     """Not at the ends of the picture either, where there is nothing around."""
-    after = "void main() { c = vec4(is_edge(unfolded(texelFetch(u_surface, ivec2(gl_FragCoord.xy), 0).yz))); }"
+    after = "void main() { c = vec4(is_edge(decode_octahedral(texelFetch(u_surface, ivec2(gl_FragCoord.xy), 0).yz))); }"
     flat = np.broadcast_to(np.float32(facing(face, 5.0)), (6, 8, 4)).copy()
     assert not draw(egl, seen_text(after), (8, 6), {"u_surface": flat})[0].any()
     for other in (facing("z", 5.0), SKY):
@@ -260,7 +260,7 @@ uniform vec3 u_position;
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
     vec2 pixel = vec2(-7.0);
-    bool found = seen_before(texelFetch(u_point, at, 0), u_position, texelFetch(u_way, at, 0).xyz, pixel);
+    bool found = find_in_history(texelFetch(u_point, at, 0), u_position, texelFetch(u_way, at, 0).xyz, pixel);
     c = vec4(found ? 1.0 : 0.0, pixel, 0.0);
 }
 """
@@ -287,7 +287,7 @@ def seen(egl: Context, points: np.ndarray, sky: bool = False, outside: str = "",
         "u_history_surface": history,
         "u_before_position": before,
         "u_before_frame": FRAME,
-        "u_before_slope": 0.75,
+        "u_before_tan_half_fov": 0.75,
     }
     return draw(egl, seen_text(SEEN, outside), (len(points), 1), given)[0][0, :, :3]
 
@@ -351,7 +351,7 @@ uniform sampler2D u_history;
 uniform bool u_known;
 vec4 asked_for;
 Ray camera_ray(vec2 pixel) { return Ray(vec3(0.0), vec3(pixel, 1.0)); }
-bool seen_before(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
+bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
     asked_for = surface;
     pixel = direction.xy;
     return u_known;

@@ -13,7 +13,7 @@ from profiles import NEAR, PIXEL, TRACED, TRACERS, Profiles, contact, march, pla
 
 from raymarch.gpu.context import Context
 
-LONG = ("enhanced", "auto_relaxed", "front")
+LONG = ("enhanced", "auto_relaxed", "bracketing")
 """The tracers whose steps go to where the spheres touch."""
 
 
@@ -61,7 +61,7 @@ def test_a_ray_that_recedes_ends_soon(egl: Context, tracer: str) -> None:
     assert np.all(got.done & ~got.found)
     part = 0.5 if tracer == "varied" else 1.0
     plain = 1 + np.ceil(np.log1p(slope * FAR / of.values[:, 0]) / np.log1p(part * slope))
-    assert np.all(got.evaluations <= plain + (tracer == "front"))
+    assert np.all(got.evaluations <= plain + (tracer == "bracketing"))
     if tracer in ("relaxed", "relaxed_again"):
         assert np.all(got.evaluations <= 2 + np.ceil(np.log1p(slope * FAR / of.values[:, 0]) / np.log1p(1.6 * slope)))
     if tracer in LONG:
@@ -129,8 +129,8 @@ PASSES = """
 vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
     given(a, b, c, d);
     Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0));
-    March at = begun(e.x);
-    Hit hit = missed(e.x);
+    March at = start_march(e.x);
+    Hit hit = no_hit(e.x);
     hit.done = false;
     for (int k = 0; k < 100 && !hit.done; k++) march(ray, at, hit, e.y);
     if (e.z == 0.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);

@@ -61,7 +61,7 @@ def test_a_pixel_has_the_colour_of_what_it_meets_or_of_the_sky(egl: Context, nam
         needs_clock(egl)
         start = f"#extension {CLOCK} : require\n"
     if name == "lipschitz":
-        others, count, at = (*others, "probe/seen"), 3, 2
+        others, count, at = (*others, "probe/watch"), 3, 2
     if name == "nonfinite":
         others, count, at, start, extra = (*others, "probe/note"), 3, 2, "uniform bool u_broken;\n", PROBED
     if name == "sample":
@@ -137,8 +137,10 @@ def test_the_sample_of_a_pixel_holds_what_it_saw(egl: Context) -> None:
     assert np.abs(e).max() <= 1 + 4 * ULP
     upper = np.abs(e).sum(axis=1) <= 1 + 4 * ULP
     assert np.array_equal(upper, n[..., 2].ravel() >= 0), "the upper half is the inner square"
-    text = modules("temporal/finite", "temporal/seen", before="uniform sampler2D u_history;")
-    np.testing.assert_allclose(run(egl, text, "unfolded({0})", [(VEC2, e)], 3), n.reshape(-1, 3), atol=16 * ULP)
+    text = modules("temporal/finite", "temporal/reproject", before="uniform sampler2D u_history;")
+    np.testing.assert_allclose(
+        run(egl, text, "decode_octahedral({0})", [(VEC2, e)], 3), n.reshape(-1, 3), atol=16 * ULP
+    )
     missed = passed(egl, "view/sample", count=2, u_met=0 * met)[1]
     assert np.all(missed == (-1, 0, 0, -1))
 
@@ -161,7 +163,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec4 known = texelFetch(u_march, ivec2(gl_FragCoord.xy), 0);
     at.t = known.x;
     at.r = known.y;
-    at.slope = known.z;
+    at.derivative = known.z;
     hit.found = known.w > 0.0;
     hit.iterations = 7.0;
     hit.evaluations = 12.0;

@@ -20,7 +20,7 @@ RED = np.array(WHOLE)
 
 def pixel_of(point: tuple[float, float, float], pose: Pose = POSE) -> tuple[float, float]:
     """Column and row of a point, for a camera on the z axis that looks along -z."""
-    scale = SIZE[1] / 2 / pose.slope / (pose.position[2] - point[2])
+    scale = SIZE[1] / 2 / pose.tan_half_fov / (pose.position[2] - point[2])
     return SIZE[0] / 2 + point[0] * scale, SIZE[1] / 2 - point[1] * scale
 
 

@@ -30,33 +30,33 @@ def renderer(egl: Context) -> Iterator[Renderer]:
 
 def test_a_draft_draws_what_render_gives(renderer: Renderer) -> None:
     frame = renderer.render(SCENE)
-    (draft,) = renderer.drafts(SCENE)
-    draft.target.clear()
+    (call,) = renderer.draw_calls(SCENE)
+    call.target.clear()
     for tile in tiles_of(SIZE):
-        draft.draw(tile)
-    assert np.array_equal(draft.target.read()[..., :3], frame.color)
+        call.draw(tile)
+    assert np.array_equal(call.target.read()[..., :3], frame.color)
 
 
 def test_a_pose_takes_the_place_of_the_camera(renderer: Renderer) -> None:
     other = rm.Camera(position=(0, 0, -5), target=(0, 0, 0))
     pose = other.pose(Values({}), None)
-    (draft,) = renderer.drafts(SCENE, pose=pose)
-    draft.draw()
-    seen = draft.target.read()[..., :3]
+    (call,) = renderer.draw_calls(SCENE, pose=pose)
+    call.draw()
+    seen = call.target.read()[..., :3]
     expected = renderer.render(rm.Scene(SCENE.node, camera=other)).color
     assert np.array_equal(seen, expected)
     assert not np.array_equal(seen, renderer.render(SCENE).color)
 
 
 def test_one_texel_is_that_of_the_picture(renderer: Renderer) -> None:
-    (draft,) = renderer.drafts(SCENE, outputs=("depth",))
-    draft.target.clear((9.0, 9.0, 9.0, 9.0))
-    draft.draw((20, SIZE[1] - 1 - 15, 1, 1))
-    whole = draft.target.read(0)
-    assert np.array_equal(draft.target.read_texel(20, 15), whole[15, 20])
+    (call,) = renderer.draw_calls(SCENE, outputs=("depth",))
+    call.target.clear((9.0, 9.0, 9.0, 9.0))
+    call.draw((20, SIZE[1] - 1 - 15, 1, 1))
+    whole = call.target.read(0)
+    assert np.array_equal(call.target.read_texel(20, 15), whole[15, 20])
     assert np.count_nonzero(np.any(whole != 9.0, axis=-1)) == 1
     with pytest.raises(IndexError, match="40 x 30"):
-        draft.target.read_texel(40, 0)
+        call.target.read_texel(40, 0)
 
 
 def test_a_parameter_neither_plans_nor_compiles_again(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-from raymarch.gpu.effort import effort
+from raymarch.gpu.evaluation_counts import effort
 
 WHITE = rm.Material((1, 1, 1), specular=0, ambient=1)
 
@@ -24,11 +24,11 @@ def test_effects_cost_what_they_ask(egl: Context) -> None:
 
         assert not counted().any()
         assert not counted(sky=rm.GradientSky(light=True)).any()
-        assert np.all(counted(occlusion=rm.Occlusion(steps=4)) == 4)
+        assert np.all(counted(occlusion=rm.AmbientOcclusion(steps=4)) == 4)
         hard = counted(lights=[rm.Sun(shadow=True)])
         soft = counted(lights=[rm.Sun(shadow=True, softness=0.1)])
         assert 1 < hard.mean() < soft.mean()
-        assert not counted(lights=[rm.PointLight((0, 5, 0), radius=0.5, shadow=True)]).any()
+        assert not counted(lights=[rm.PointLight((0, 5, 0), range=0.5, shadow=True)]).any()
         assert counted(lights=[], bounces=1).mean() > 1
 
 

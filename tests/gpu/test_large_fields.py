@@ -7,7 +7,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import PlanError, SceneWarning
-from raymarch.gpu import Renderer, store
+from raymarch.gpu import Renderer
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
 
@@ -39,7 +39,7 @@ def test_ordinary_fields_and_loops_compile_soon() -> None:
 
 
 def test_a_long_compilation_is_announced_on_the_users_line(egl: Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "LONG", 1e-3)
+    monkeypatch.setattr(resource_cache, "LONG", 1e-3)
     scene = rm.Scene(chain(8))
     with Renderer((8, 6), context=egl) as renderer:
         with pytest.warns(

@@ -266,7 +266,7 @@ def test_every_call_of_moderngl_is_made_with_our_context(
     cloud = rm.Scene(
         rm.sphere(0.5).material(rm.Material(albedo=rm.planar(np.full((4, 4), 0.5)))) | rm.box(0.4),
         rm.Camera((1, 2, 3), (0, 0, 0)),
-        quality=rm.Quality(temporal="accumulate", budget=16, schedule="cone"),
+        quality=rm.Quality(temporal="accumulate", steps_per_pass=16, schedule="cone"),
     )
     with Renderer(SIZE, context=egl) as renderer:
         renderer.kept = 1
@@ -274,7 +274,7 @@ def test_every_call_of_moderngl_is_made_with_our_context(
             frame = renderer.render(some, within=1e-3, progress=lambda share: None)
             assert frame.depth.shape == SIZE[::-1]
         renderer.resize((20, 10))
-        for draft in renderer.drafts(scene()):
+        for draft in renderer.draw_calls(scene()):
             draft.draw((0, 0, 4, 4))
             draft.target.read_texel(1, 1)
     assert current.current() == other.seen and len(calls) > 100
@@ -321,7 +321,7 @@ refused(lambda: frame.depth.tobytes())
 refused(lambda: renderer.resize((8, 8)))
 refused(lambda: rm.render(SCENE, SIZE).tobytes())
 refused(lambda: rm.Renderer(SIZE, "osmesa"))
-assert forked(lambda: (renderer.close(), renderer.store.release(), b"closed")[-1])[1] == b"closed"
+assert forked(lambda: (renderer.close(), renderer.resources.release(), b"closed")[-1])[1] == b"closed"
 def in_a_frame():
     told = []
     def progress(share):

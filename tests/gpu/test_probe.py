@@ -69,7 +69,7 @@ def here() -> int:
 def off_ray(camera: rm.Camera, pixel: tuple[int, int], position: Any) -> float:
     """Sine of the angle between the ray of a pixel and a position, as seen from the camera."""
     pose = camera.pose(rm.scene.parameter.Values({}), None, SIZE[0] / SIZE[1])
-    screen = (2 * np.array([pixel[0] + 0.5, SIZE[1] - pixel[1] - 0.5]) - SIZE) / SIZE[1] * pose.slope
+    screen = (2 * np.array([pixel[0] + 0.5, SIZE[1] - pixel[1] - 0.5]) - SIZE) / SIZE[1] * pose.tan_half_fov
     direction = pose.frame @ np.array([*screen, -1.0])
     away = np.asarray(position) - pose.position
     return float(np.linalg.norm(np.cross(away, direction)) / np.linalg.norm(away) / np.linalg.norm(direction))

@@ -1,4 +1,4 @@
-"""Tone curves, exposure, dithering, and pictures that keep the light as it is."""
+"""ToneMapping curves, exposure, dithering, and pictures that keep the light as it is."""
 
 from __future__ import annotations
 
@@ -17,40 +17,42 @@ from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 from raymarch.scene.images import read_image
-from raymarch.scene.tone import COLOR, CURVES, Tone, encode
+from raymarch.scene.tone import COLOR, CURVES, ToneMapping, encode
 
 LIGHT = np.concatenate([np.linspace(0, 2, 50), np.geomspace(2, 1e4, 50)])[:, None] * np.ones(3)
 
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_a_curve_rises_and_stays_in_range(curve: str) -> None:
-    shown = Tone(curve).apply(LIGHT)
+    shown = ToneMapping(curve).apply(LIGHT)
     assert shown.min() >= 0 and shown.max() <= 1 and np.all(np.diff(shown[:, 0]) >= -2e-3)
     assert shown[0].max() < 0.01 and shown[-1].min() > 0.9
-    assert np.all(np.isfinite(Tone(curve).apply(np.array([[np.nan, np.inf, -1.0]]))))
+    assert np.all(np.isfinite(ToneMapping(curve).apply(np.array([[np.nan, np.inf, -1.0]]))))
 
 
 def test_greys_of_the_known_curves() -> None:
     """18 % grey and white; figures worked out from the published formulas by hand."""
     grey, white = np.full((1, 3), 0.18), np.full((1, 3), 1.0)
-    assert np.allclose(Tone("reinhard").apply(grey), 0.18 / 1.18) and np.allclose(Tone("reinhard").apply(white), 0.5)
+    assert np.allclose(ToneMapping("reinhard").apply(grey), 0.18 / 1.18) and np.allclose(
+        ToneMapping("reinhard").apply(white), 0.5
+    )
     for value, x in ((grey, 0.18), (white, 1.0)):
         fit = (x * (x + 0.0245786) - 0.000090537) / (x * (0.983729 * x + 0.432951) + 0.238081)
-        assert np.allclose(Tone("aces").apply(value), fit, atol=2e-3)
-    assert np.allclose(Tone("agx").apply(grey), 0.18, atol=0.04)  # AgX leaves middle grey about where it is
+        assert np.allclose(ToneMapping("aces").apply(value), fit, atol=2e-3)
+    assert np.allclose(ToneMapping("agx").apply(grey), 0.18, atol=0.04)  # AgX leaves middle grey about where it is
 
 
 def test_exposure_counts_stops() -> None:
     light = np.array([[0.05, 0.1, 0.2]])
-    assert np.allclose(Tone(exposure=2).apply(light), 4 * light) and np.allclose(
-        Tone(exposure=-1).apply(light), light / 2
+    assert np.allclose(ToneMapping(exposure=2).apply(light), 4 * light) and np.allclose(
+        ToneMapping(exposure=-1).apply(light), light / 2
     )
 
 
 def test_agx_turns_the_brightest_colours_white() -> None:
-    dull, bright = (Tone("agx").apply(light * np.array([[1.0, 0.01, 0.01]]))[0] for light in (0.2, 20.0))
+    dull, bright = (ToneMapping("agx").apply(light * np.array([[1.0, 0.01, 0.01]]))[0] for light in (0.2, 20.0))
     assert dull[1] < 0.2 * dull[0] and bright[1] > 0.5 * bright[0]
-    clipped = Tone().apply(np.array([[20.0, 0.2, 0.2]]))[0]
+    clipped = ToneMapping().apply(np.array([[20.0, 0.2, 0.2]]))[0]
     assert clipped[1] < 0.3 * clipped[0]
 
 
@@ -59,7 +61,7 @@ def test_the_window_shows_what_the_picture_has(egl: Context, curve: str) -> None
     text = f"""#version 330 core
 uniform sampler2D light;
 out vec4 color;
-{Tone(curve, 0.5).glsl()}
+{ToneMapping(curve, 0.5).glsl()}
 void main() {{ color = vec4(toned(texelFetch(light, ivec2(gl_FragCoord.xy), 0).rgb), 1.0); }}
 """
     light = np.random.default_rng(1).uniform(0, 1, (8, 16, 4)) * np.geomspace(1e-3, 1e3, 16)[:, None]
@@ -67,26 +69,26 @@ void main() {{ color = vec4(toned(texelFetch(light, ivec2(gl_FragCoord.xy), 0).r
         source.write(light)
         Program(egl, FULL_SCREEN, text, lambda line: ("", None), "test").draw(target, {"light": source})
         shown = np.clip(target.read()[..., :3], 0, 1)
-    known = Tone(curve, 0.5).apply(light[..., :3])
+    known = ToneMapping(curve, 0.5).apply(light[..., :3])
     np.testing.assert_allclose(encode(shown).astype(int), encode(known).astype(int), atol=1)
 
 
 def test_dithering_keeps_the_mean_and_repeats() -> None:
     ramp = np.broadcast_to(np.linspace(0.2, 0.21, 64)[None, :, None], (256, 64, 3))
-    first, second = (Tone(dither=True).image(ramp) for _ in range(2))
+    first, second = (ToneMapping(dither=True).image(ramp) for _ in range(2))
     assert np.array_equal(first, second)
     exact = 255 * (1.055 * ramp[0, :, 0] ** (1 / 2.4) - 0.055)
     assert np.abs(first.mean(axis=(0, 2)) - exact).max() < 0.06
-    assert np.abs(Tone().image(ramp).mean(axis=(0, 2)) - exact).max() > 0.3
+    assert np.abs(ToneMapping().image(ramp).mean(axis=(0, 2)) - exact).max() > 0.3
     assert set(np.unique(first)) <= set(range(int(exact.min()), int(exact.max()) + 2))
 
 
 def test_a_frame_is_shown_by_its_scenes_tone(egl: Context) -> None:
-    scene = rm.Scene(rm.sphere(), sky=(4.0, 1.0, 0.2), tone=Tone("reinhard"))
+    scene = rm.Scene(rm.sphere(), sky=(4.0, 1.0, 0.2), tone=ToneMapping("reinhard"))
     with rm.Renderer((16, 12), context=egl) as renderer:
         frame = renderer.render(scene)
         assert frame.color.max() == 4.0
-        assert np.array_equal(np.asarray(frame.image()), Tone("reinhard").image(frame.color))
+        assert np.array_equal(np.asarray(frame.image()), ToneMapping("reinhard").image(frame.color))
 
 
 def test_light_is_written_as_it_is(tmp_path: Path) -> None:
@@ -110,7 +112,7 @@ def test_light_is_written_as_it_is(tmp_path: Path) -> None:
 )
 def test_a_tone_that_cannot_be_is_refused(parts: dict[str, Any], words: tuple[str, ...]) -> None:
     with pytest.raises(SceneError) as caught:
-        Tone(**parts)
+        ToneMapping(**parts)
     assert all(word in str(caught.value) for word in words) and "test_tone.py:" in str(caught.value)
 
 

@@ -29,7 +29,7 @@ def resized_with_a_history(renderer: Renderer, i: int) -> None:
 
 def resized_while_it_marches_in_passes(renderer: Renderer, i: int) -> None:
     renderer.resize(SIZES[i])
-    renderer.render(rm.Scene(rm.sphere(), quality=rm.Quality(budget=8)))
+    renderer.render(rm.Scene(rm.sphere(), quality=rm.Quality(steps_per_pass=8)))
 
 
 def with_another_schedule(renderer: Renderer, i: int) -> None:
@@ -61,7 +61,7 @@ def of_another_text(renderer: Renderer, i: int) -> None:
 def closed(renderer: Renderer, i: int) -> None:
     with Renderer((9 + i, 8), context=renderer.context) as other:
         other.render(rm.Scene(rm.sphere(), lights=LAMPS[:20], quality=rm.Quality(temporal="accumulate")))
-        other.render(rm.Scene(rm.sphere(), quality=rm.Quality(budget=8)))
+        other.render(rm.Scene(rm.sphere(), quality=rm.Quality(steps_per_pass=8)))
         other.render(rm.Scene(rm.heightmap(np.eye(4))), outputs=("color", "depth"))
 
 
@@ -89,9 +89,9 @@ def looked_at(renderer: Renderer, i: int) -> None:
 def test_what_is_dropped_is_freed(
     act: Callable[[Renderer, int], None], egl: Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("raymarch.gpu.store.KEPT", 4)
+    monkeypatch.setattr("raymarch.gpu.resource_cache.KEPT", 4)
     with Renderer((8, 9), context=egl) as renderer:
-        renderer.store.kept = 4
+        renderer.resources.kept = 4
         for i in range(6):
             act(renderer, i)
         before = alive(egl)

@@ -1,7 +1,7 @@
 """Seeds faults into the hand-written GLSL, one at a time, and counts how many the suite notices.
 
 python -m tests.hard.faults               # all that docs/figures/glsl_faults.json does not hold yet, some hours in all
-python -m tests.hard.faults march/settle  # of some modules, anew
+python -m tests.hard.faults march/refine  # of some modules, anew
 python -m tests.hard.faults --functions   # by the functions alone, some minutes; leaves the ledger as it is
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks

@@ -123,11 +123,11 @@ class Text:
         if spec.fog is not None:
             rest.append(f"fog=rm.Fog({tuple(spec.fog[0])!r}, {spec.fog[1]!r})")
         if spec.occlusion is not None:
-            rest.append(f"occlusion=rm.Occlusion{spec.occlusion!r}")
+            rest.append(f"occlusion=rm.AmbientOcclusion{spec.occlusion!r}")
         quality = "max_steps=2048"
         if spec.bounces:
             rest.append(f"bounces={spec.bounces}")
-            quality += ", ways='tree'"
+            quality += ", integrator='whitted'"
         lines.append(f"scene = rm.Scene(node, camera, lights, {', '.join(rest)}, quality=rm.Quality({quality}))")
         return "\n".join(lines) + "\n"
 

@@ -56,7 +56,7 @@ def marches() -> Iterator[Pair]:
     yield Pair(1, "thin shell", rm.Scene(shell, ABOVE, quality=rm.Quality(tracer="auto_relaxed")), unmended=always)
     columns = rm.cylinder(0.025, 3.0).repeat((0.7, None, 0.7)) | rm.plane(offset=-0.5)
     cones = rm.Scene(columns, rm.Camera((0.35, 0.9, 3.0), (0, 0.3, 0), fov=60.0), quality=rm.Quality(schedule="cones"))
-    narrow = without("march/along_cone", "(r - u_cone * t) / (1.0 + u_cone)", "r")
+    narrow = without("march/distance_cone", "(r - u_cone * t) / (1.0 + u_cone)", "r")
     yield Pair(54, "cone pass", cones, unmended=narrow)
     low = rm.Camera((0, 0.4, 3.0), (0, 0.38, 0), fov=40.0)
     floor = rm.plane() | rm.sphere(0.3).translate((0, 0.3, 0))
@@ -65,16 +65,16 @@ def marches() -> Iterator[Pair]:
         58,
         "infinite plane at the horizon",
         horizon,
-        unmended=without("march/exhausted", "hit.residual < u_pixel * hit.t", "false"),
+        unmended=without("march/on_exhausted", "hit.residual < u_pixel * hit.t", "false"),
     )
     bulb = rm.Scene(rm.mandelbulb(), rm.Camera((1.6, 1.2, 2.2), (0, 0, 0), fov=38.0), [SUN])
-    relaxed = replace(bulb.quality, tracer="relaxed", trust=True, omega=1.9)
+    relaxed = replace(bulb.quality, tracer="relaxed", assume_certified=True, omega=1.9)
     yield Pair(55, "relaxed tracer on an estimate", bulb, rm.Scene(bulb.node, bulb.camera, [SUN], quality=relaxed))
     room = rm.Scene(
         rm.box(4.0) - rm.sphere(0.5).translate((-0.4, -0.8, -1.6)),
         rm.Camera((0.9, 0.3, 1.6), (-0.2, -0.3, -1), fov=70.0),
     )
-    yield Pair(27, "camera inside a solid", room, unmended=without("march/along", "u_side * field", "field"))
+    yield Pair(27, "camera inside a solid", room, unmended=without("march/distance", "u_side * field", "field"))
 
 
 def fields() -> Iterator[Pair]:
@@ -171,7 +171,7 @@ def far_away() -> Iterator[Pair]:
 
 def lit() -> Iterator[Pair]:
     ring = rm.Scene(rm.torus(0.8, 0.3) | rm.plane(offset=-0.5), ABOVE, [SUN])
-    yield Pair(29, "secondary rays", ring, unmended=without("light/leaving", "2.0 *", "0.0 *"))
+    yield Pair(29, "secondary rays", ring, unmended=without("light/spawn_ray", "2.0 *", "0.0 *"))
 
 
 def histories() -> Iterator[Pair]:
@@ -195,7 +195,7 @@ def histories() -> Iterator[Pair]:
 
     def after_a_nan(renderer: Renderer, scene: rm.Scene) -> rm.Frame:
         renderer.render(scene)
-        pair = renderer.store.pair("history", renderer.size)
+        pair = renderer.resources.pair("history", renderer.size)
         for target in (pair.front, pair.back):
             texels = target.read()
             high, wide = texels.shape[:2]

@@ -254,7 +254,7 @@ def symmetric_with_its_camera(seen: Seen) -> Verdict:
 
 @relation
 def by_another_tracer(seen: Seen) -> Verdict:
-    name = ("plain", "relaxed", "relaxed_again", "enhanced", "front")[seen.seed % 5]
+    name = ("plain", "relaxed", "relaxed_again", "enhanced", "bracketing")[seen.seed % 5]
     return _judged(seen.marched(seen.quality(tracer=name)))
 
 
@@ -271,7 +271,7 @@ def with_interpolated_rays(seen: Seen) -> Verdict:
 @relation
 def in_tiles(seen: Seen) -> Verdict:
     world = seen.world
-    for draft in world.renderer.drafts(seen.scene):
+    for draft in world.renderer.draw_calls(seen.scene):
         for tile in tiles_of(draft.target.size, 8):
             draft.draw(tile)
         shown = draft.target.read()[..., :3]

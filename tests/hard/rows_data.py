@@ -177,10 +177,10 @@ def _indirect() -> Iterator[tuple[str, rm.Scene, Array, Array]]:
     yield "of a step", rm.Scene(floor.material(step), camera_of(view), sun), ~below, seen
     pane = rm.Material(albedo=(1, 1, 1), transmission=1.0, ior=1.0, f0=0.0)
     glazed = floor.material(GLOWING) | rm.box((20, 0.1, 20)).material(pane)
-    for ways in ("random", "tree"):
-        quality = rm.Quality(ways=ways)
+    for integrator in ("path", "whitted"):
+        quality = rm.Quality(integrator=integrator)
         scene = rm.Scene(glazed, camera_of(view), [], sky=(0, 0, 0), bounces=4, quality=quality)
-        yield f"through glass, {ways}", scene, red, seen
+        yield f"through glass, {integrator}", scene, red, seen
     wall = rm.Material(albedo=(1, 1, 1), metalness=1.0, roughness=0.0)
     mirrored = floor.material(GLOWING) | rm.plane((0, 0, 1), -2.0).material(wall)
     view = view_of((0.3, 0.2, 2.0), (0.0, -0.3, -2.0), 40.0, SIZE)
@@ -190,10 +190,10 @@ def _indirect() -> Iterator[tuple[str, rm.Scene, Array, Array]]:
     t = hit_plane(at, back, -1.0)
     seen = (reach > 0) & (at[..., 1] > -1.0) & np.isfinite(t) & (t < 30.0)
     red = checkered(points(at, back, t) - (0, 1e-9, 0), 0.8)
-    for ways in ("random", "tree"):
-        quality = rm.Quality(ways=ways)
+    for integrator in ("path", "whitted"):
+        quality = rm.Quality(integrator=integrator)
         scene = rm.Scene(mirrored, camera_of(view), [], sky=(0, 0, 0), bounces=2, quality=quality)
-        yield f"in a mirror, {ways}", scene, red, seen
+        yield f"in a mirror, {integrator}", scene, red, seen
 
 
 @case(68, "letters that the font lacks", before="a crossed box for each, exit code 0, no warning")

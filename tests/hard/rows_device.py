@@ -21,7 +21,7 @@ def loops(world: World) -> Iterator[Figure]:
     yield Figure("iterations by which doctor misses the known limit", abs(found.reached - known), 1, "it counts")
     yield refusals(
         (lambda: rm.Quality(max_steps=60_001), ("max_steps = 60001", "60000")),
-        (lambda: rm.Quality(budget=70_000), ("budget", "60000")),
+        (lambda: rm.Quality(steps_per_pass=70_000), ("steps_per_pass", "60000")),
     )
 
 

@@ -130,7 +130,7 @@ def _values(t: Any, d: Any, a: Any) -> list[Callable[[], Any]]:
         lambda: rm.Scene(rm.union(ball, rm.box(), k=0.2 - 0.1 * t)),
         lambda: rm.Scene(ball, lights=[rm.Sun(d)]),
         lambda: rm.Scene(ball, lights=[rm.Sun(intensity=t)]),
-        lambda: rm.Scene(ball, lights=[rm.PointLight((0, 2, 0), radius=2 - t)]),
+        lambda: rm.Scene(ball, lights=[rm.PointLight((0, 2, 0), range=2 - t)]),
         lambda: rm.Scene(ball, lights=[rm.SpotLight((0, 2, 0), d, angle=0.5 + 0.1 * t)]),
         lambda: rm.Scene(ball, lights=[rm.PointLight((0, 2, 0), attenuation=(0 * t + a, a, a))]),
         lambda: rm.Scene(ball, lights=[rm.SphereLight((0, 3, 0), 1 + 0.5 * t)]),
@@ -142,7 +142,7 @@ def _values(t: Any, d: Any, a: Any) -> list[Callable[[], Any]]:
         lambda: rm.Scene(ball, sky=rm.Sky((a, 1 + t, 1))),
         lambda: rm.Scene(ball, sky=rm.SunSky(d, turbidity=4 + t)),
         lambda: rm.Scene(ball, sky=rm.GradientSky(zenith=(a, a, t))),
-        lambda: rm.Scene(ball, occlusion=rm.Occlusion(strength=1 + t, reach=a)),
+        lambda: rm.Scene(ball, occlusion=rm.AmbientOcclusion(strength=1 + t, reach=a)),
     ]
 
 

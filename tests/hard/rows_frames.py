@@ -29,7 +29,7 @@ def fresh(world: World, scene: rm.Scene, size: tuple[int, int] = SIZE) -> Frame:
 
 def poison(world: World, size: tuple[int, int] = SIZE, texel: tuple[int, int] | None = None) -> None:
     """Write NaN over the history, or over one texel of it."""
-    pair = world.renderer.store.pair("history", size)
+    pair = world.renderer.resources.pair("history", size)
     for target in (pair.front, pair.back):
         for k in range(target.attachments):
             texels = target.read(k)
@@ -120,7 +120,7 @@ def _sample(world: World, i: int) -> np.ndarray:
     """Sample i alone, by a history that is told to be empty."""
     world.renderer.forget()
     scene = rm.Scene(NODE, HERE, quality=KEEP)
-    *cones, draft = world.renderer.drafts(scene)
+    *cones, draft = world.renderer.draw_calls(scene)
     for each in cones:
         each.draw()
     from dataclasses import replace
@@ -159,7 +159,7 @@ def tiles(world: World) -> Iterator[Figure]:
         known = world.draw(scene, size, ("color",))
         wrong = 0
         for edge in (32, 64):
-            for draft in world.renderer.drafts(scene):
+            for draft in world.renderer.draw_calls(scene):
                 for tile in tiles_of(draft.target.size, edge):
                     draft.draw(tile)
                 shown = draft.target.read()[..., :3]

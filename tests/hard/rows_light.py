@@ -51,7 +51,9 @@ def refraction(world: World) -> Iterator[Figure]:
     """Total internal reflection gives a zero vector, and inside the sign turns. In a white room glass must be as white
     as the room, whatever way the light takes through it."""
     cosine, ratio = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 201), [1 / 4, 1 / 1.5, 1.0, 1.5, 4.0]))
-    found = run(world.context, module("path/glass"), "reflectance({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)])
+    found = run(
+        world.context, module("path/fresnel_dielectric"), "reflectance({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)]
+    )
     outside = int(np.sum(~((found >= 0) & (found <= 1 + 8 * ULP))))
     yield Figure("reflectances that are no share", outside, 0, "0 to 1, and 1 beyond the critical angle")
     glass = rm.Material(albedo=(1, 1, 1), transmission=1.0, roughness=0.0)
@@ -104,7 +106,7 @@ def mirror(world: World) -> Iterator[Figure]:
         cosine, sine = h[:, 2], np.hypot(h[:, 0], h[:, 1])
         true = alpha**2 / (np.pi * (sine**2 + (alpha * cosine) ** 2) ** 2)
         call = f"facets(vec3(0.0, 0.0, 1.0), {{0}}, {alpha!r})"
-        found = run(world.context, module("light/facets"), call, [(VEC3, h)])
+        found = run(world.context, module("light/d_ggx"), call, [(VEC3, h)])
         bad += int(np.sum(~np.isfinite(found)))
         worst = max(worst, float(np.max(np.abs(found / true - 1))))
     yield Figure("densities that are not finite", bad, 0, "a floor under the spread")

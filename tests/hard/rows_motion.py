@@ -82,7 +82,7 @@ MOTIONS = _motions()
 
 def quality_of(name: str, **parts: Any) -> rm.Quality:
     """Mirrors are followed without noise."""
-    return rm.Quality(ways="tree", **parts) if name == "mirrored" else rm.Quality(**parts)
+    return rm.Quality(integrator="whitted", **parts) if name == "mirrored" else rm.Quality(**parts)
 
 
 def rms(a: NDArray[Any], b: NDArray[Any], where: NDArray[Any]) -> float:

@@ -289,7 +289,7 @@ def enhanced(world: World) -> Iterator[Figure]:
     """As printed, its first step is 0/0, and a receding ray takes an infinite one."""
     node = rm.sphere() | rm.plane(offset=-1.0) | rm.sphere(0.2).translate((0.3, 0.2, 2.5))
     camera = rm.Camera((0.8, 0.5, 3.5), (0, 0, 0))
-    for tracer in ("enhanced", "auto_relaxed", "front"):
+    for tracer in ("enhanced", "auto_relaxed", "bracketing"):
         plain, other = (
             world.draw(rm.Scene(node, camera, quality=rm.Quality(tracer=name))) for name in ("plain", tracer)
         )

@@ -78,9 +78,11 @@ def shortened(world: World) -> Iterator[Figure]:
 
     for name, steep in (("an estimate", _steep()), ("a bound that is none", _false())):
         for what, bounces in (("hard shadow", 0), ("mirror", 2)):
-            way = "tree" if bounces else "random"
-            known = world.draw(scene(_plain(), rm.Quality(ways=way), bounces), (96, 64), outputs=("color", "depth"))
-            quality = rm.Quality(ways=way, step_scale=1 / 3, max_steps=2048)
+            way = "whitted" if bounces else "path"
+            known = world.draw(
+                scene(_plain(), rm.Quality(integrator=way), bounces), (96, 64), outputs=("color", "depth")
+            )
+            quality = rm.Quality(integrator=way, step_scale=1 / 3, max_steps=2048)
             found = world.draw(scene(steep, quality, bounces), (96, 64), outputs=("color", "depth"))
             off = np.abs(found.color - known.color).max(axis=-1) > 0.1
             # borders of shadows and silhouettes may shift by a pixel: what stands alone is an edge
@@ -114,8 +116,10 @@ def in_pieces(world: World) -> Iterator[Figure]:
     for tracer in (name for name in TRACERS if name != "auto"):
         quality = rm.Quality(tracer=tracer, schedule="single", max_steps=100)
         whole = world.draw(scene.replace(quality=quality), (96, 64), outputs=names)
-        for budget in (7, 32):
-            parts = world.draw(scene.replace(quality=replace(quality, budget=budget)), (96, 64), outputs=names)
+        for steps_per_pass in (7, 32):
+            parts = world.draw(
+                scene.replace(quality=replace(quality, steps_per_pass=steps_per_pass)), (96, 64), outputs=names
+            )
             off = [whole.array(name) != parts.array(name) for name in names]
             differing += int(np.sum(np.any(off, axis=0)))
     yield Figure("pixels that differ in any bit, of all tracers", differing, 0, "the state is all that a march knows")

@@ -9,7 +9,7 @@ import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.vocabulary import cos, sin
 from raymarch.plan import plan
-from raymarch.plan.moments import at_moment
+from raymarch.plan.hoisting import at_moment
 from raymarch.scene.parameter import set_values
 from raymarch.shader import assemble
 

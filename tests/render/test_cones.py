@@ -9,7 +9,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-from raymarch.gpu.drafts import cells, widest
+from raymarch.gpu.draw_calls import cells, widest
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
 from raymarch.plan.schedule import PIXEL, SCHEDULES, Level
@@ -66,12 +66,12 @@ def test_every_hit_is_found_and_where_it_is(renderer: Renderer, truth: rm.Truth,
 def test_no_cone_goes_on_beyond_what_it_holds(renderer: Renderer, truth: rm.Truth, schedule: str, samples: int) -> None:
     """Row 54 of the hard cases: whatever lies in a cell of any level lies behind where its cone ended."""
     made = scene(rm.Quality(schedule=schedule, samples=samples))
-    for draft in renderer.drafts(made):
+    for draft in renderer.draw_calls(made):
         draft.draw()
     levels = plan(made, size=SIZE).marching.schedule.levels
     assert len(levels) == len(SCHEDULES[schedule].levels) + (samples > 1)
     for i, level in enumerate(levels):
-        ended = renderer.store.target(f"cone {i}", level.size(SIZE)).read()[..., 0]
+        ended = renderer.resources.target(f"cone {i}", level.size(SIZE)).read()[..., 0]
         rows = np.minimum((np.arange(SIZE[1]) + 0.5) / SIZE[1] * ended.shape[0], ended.shape[0] - 1).astype(int)
         columns = np.minimum((np.arange(SIZE[0]) + 0.5) / SIZE[0] * ended.shape[1], ended.shape[1] - 1).astype(int)
         free = ended[rows][:, columns]
@@ -110,11 +110,11 @@ def _direction(x: np.ndarray, y: np.ndarray, size: tuple[int, int], slope: float
 @pytest.mark.parametrize("outputs", [("color",), ("depth",), ("color", "depth")])
 def test_cones_of_samples_hold_the_whole_pixel(renderer: Renderer, outputs: tuple[str, ...]) -> None:
     """Also where a picture is not asked for: what it then leaves for the next one must hold all its rays."""
-    drafts = renderer.drafts(scene(rm.Quality(samples=4, schedule="cone")), outputs=outputs)
-    *_, pixel = (d for d in drafts if d.chosen.name == "cone")
+    draw_calls = renderer.draw_calls(scene(rm.Quality(samples=4, schedule="cone")), outputs=outputs)
+    *_, pixel = (d for d in draw_calls if d.chosen.name == "cone")
     assert pixel.uniforms["u_cell"] == (1.0, 1.0) and pixel.uniforms["u_footprint"] == (0.5, 0.5)
     assert pixel.uniforms["u_cone"] >= 0.99 * np.hypot(0.5, 0.5) * pixel.uniforms["u_pixel"]
-    rays = [d for d in drafts if d.chosen.name != "cone"]
+    rays = [d for d in draw_calls if d.chosen.name != "cone"]
     assert rays and all(d.uniforms["u_footprint"] == (0.5, 0.5) for d in rays)
 
 
@@ -142,5 +142,5 @@ def test_the_plan_marches_cones_only_where_they_pay_and_are_safe() -> None:
     assert not plan(rm.Scene(costly), size=(16, 9)).marching.cones and not plan(rm.Scene(costly)).marching.cones
     guess = rm.Scene(rm.mandelbulb(), quality=rm.Quality(schedule="cones"))
     assert not plan(guess, size=(640, 360)).marching.cones
-    trusting = rm.Scene(rm.mandelbulb(), quality=rm.Quality(schedule="cones", trust=True))
+    trusting = rm.Scene(rm.mandelbulb(), quality=rm.Quality(schedule="cones", assume_certified=True))
     assert plan(trusting, size=(640, 360)).marching.cones

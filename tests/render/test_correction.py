@@ -37,7 +37,7 @@ def test_the_correction_takes_out_nearly_all_of_the_error(renderer: Renderer, na
     epsilon = float(np.clip(distance / (pixel * np.median(truth.depth[hit])), 1e-3, 10))
 
     def error(correction: str) -> tuple[float, float]:
-        quality = rm.Quality(correction=correction, epsilon=epsilon, schedule="single")
+        quality = rm.Quality(refinement=correction, epsilon=epsilon, schedule="single")
         frame = renderer.render(scene.replace(quality=quality), outputs=("depth",))
         both = hit & np.isfinite(frame.depth)
         return float(np.median(np.abs(frame.depth[both] - truth.depth[both]))), float(frame.evaluations.mean())

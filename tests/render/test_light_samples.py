@@ -17,7 +17,7 @@ def scene(lights: int, **quality: object) -> rm.Scene:
         lights=[
             rm.SphereLight(
                 (1.5 + 0.1 * i, 2.5, 1),
-                size=0.8,
+                radius=0.8,
                 intensity=4 / lights,
                 shadow=True,
                 penumbra="sampled",

@@ -88,7 +88,7 @@ def test_rough_metal_gets_as_much_from_two_points_of_a_light_as_from_one(rendere
 
 
 def test_metal_answers_lights_alike_with_glass_in_the_scene(renderer: Renderer) -> None:
-    """Glass beside it takes other code, for both ways to follow the light, and where models mix."""
+    """Glass beside it takes other code, for both integrator to follow the light, and where models mix."""
     gold = rm.Material(albedo=(1, 0.8, 0.3), metalness=1, roughness=1)
     away = rm.sphere(0.1).translate((40, 0, 0))
     matte = away.translate((0, 9, 0)).material(rm.Material((1, 0, 0)))
@@ -102,8 +102,8 @@ def test_metal_answers_lights_alike_with_glass_in_the_scene(renderer: Renderer) 
     known = drawn(ball)
     assert known.max() > 0.5
     for node in (ball | glass, ball | glass | matte, ball | matte):
-        for ways in ("random", "tree"):
-            found = drawn(node, bounces=2, quality=rm.Quality(ways=ways))
+        for integrator in ("path", "whitted"):
+            found = drawn(node, bounces=2, quality=rm.Quality(integrator=integrator))
             np.testing.assert_allclose(found[6:12, 9:15], known[6:12, 9:15], rtol=2e-3, atol=1e-4)
 
 

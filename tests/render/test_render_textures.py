@@ -61,13 +61,13 @@ def test_a_checkered_floor_is_that_of_the_truth_up_to_its_horizon(renderer: Rend
 
 
 def test_equal_pictures_are_one_texture_on_the_device(renderer: Renderer) -> None:
-    before = renderer.store.objects["data"]
+    before = renderer.resources.objects["data"]
     ball = rm.sphere()
     made = [rm.Material(rm.triplanar(tiles(24).copy())), rm.Material(rm.planar(tiles(24), 2, rotation=1))]
     scene = rm.Scene(ball.material(made[0]) | ball.translate((2, 0, 0)).material(made[1]))
     renderer.render(scene)
     renderer.render(scene, time=1.0)
-    assert renderer.store.objects["data"] == before + 1
+    assert renderer.resources.objects["data"] == before + 1
     (picture,) = renderer.prepared(scene).plan.textures
     assert picture.size == (24, 24) and picture.nbytes == 2 * 3 * (24**2 + 12**2 + 6**2 + 3**2 + 1)
 
@@ -93,7 +93,7 @@ def test_a_bent_mirror_shows_what_the_truth_shows(renderer: Renderer) -> None:
 
 
 def test_textures_are_read_wherever_light_goes(renderer: Renderer) -> None:
-    """Light that wanders over a red and a blue half of a floor brings both colours to a white ball."""
+    """Light that path_traced over a red and a blue half of a floor brings both colours to a white ball."""
     halves = np.concatenate([np.tile((1.0, 0.05, 0.05), (2, 2, 1)), np.tile((0.05, 0.05, 1.0), (2, 2, 1))], axis=1)
     floor = rm.plane(offset=-1).material(rm.Material(albedo=rm.planar(halves, 20, "y", wrap="clamp"), roughness=1.0))
     ball = rm.sphere().material(rm.Material(albedo=(0.9, 0.9, 0.9), roughness=1.0))
@@ -137,7 +137,12 @@ def test_a_mirror_shows_a_floor_as_from_behind_it(renderer: Renderer) -> None:
     checks = np.kron(np.array([[0.1, 0.9], [0.9, 0.1]]), np.ones((16, 16)))
     floor = rm.plane().material(rm.Material(albedo=(0, 0, 0), f0=0, emission=rm.planar(checks, 0.6, "y")))
     silver = rm.Material(albedo=(1, 1, 1), metalness=1, roughness=0)
-    dark: dict[str, object] = {"lights": [], "sky": (0, 0, 0), "bounces": 1, "quality": rm.Quality(ways="tree")}
+    dark: dict[str, object] = {
+        "lights": [],
+        "sky": (0, 0, 0),
+        "bounces": 1,
+        "quality": rm.Quality(integrator="whitted"),
+    }
     eye, to, seen = np.array([0.1, 1.0, 4.0]), np.array([0.1, 0.7, 0.0]), (1, 1, -1)
     mirrored = rm.Scene(floor | rm.plane((0, 0, 1)).material(silver), rm.Camera(tuple(eye), tuple(to)), **dark)
     behind = rm.Scene(floor, rm.Camera(tuple(eye * seen), tuple(to * seen)), **dark)
@@ -180,10 +185,10 @@ def test_what_glows_beside_a_map_needs_no_light(egl: Context) -> None:
 
 
 def test_pictures_of_scenes_gone_by_are_freed_by_their_size(egl: Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("raymarch.gpu.store.HELD", 20_000)
-    monkeypatch.setattr("raymarch.gpu.store.UNITS", 2)
+    monkeypatch.setattr("raymarch.gpu.resource_cache.HELD", 20_000)
+    monkeypatch.setattr("raymarch.gpu.resource_cache.UNITS", 2)
     with Renderer((8, 8), context=egl) as renderer:
         for k in range(6):
             map_ = rm.planar(np.full((32, 32, 3), 0.1 * k), 1.0)  # some 8 kB with its smaller ones
             renderer.render(rm.Scene(rm.plane().material(rm.Material(albedo=map_))))
-        assert renderer.store.objects["data"] == 2
+        assert renderer.resources.objects["data"] == 2

@@ -1,4 +1,4 @@
-"""Mirrors and glass without chance: the tree of ways against the float64 truth, and against random ways."""
+"""Mirrors and glass without chance: the tree of integrator against the float64 truth, and against random integrator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from raymarch.shader import assemble
 from raymarch.truth import silhouettes, truth
 
 SIZE = (64, 48)
-TREE = rm.Quality(ways="tree")
+TREE = rm.Quality(integrator="whitted")
 CLEAR = rm.Material(transmission=1, ior=1.5)
 GREEN = rm.Material(transmission=1, ior=1.6, absorption=(1.6, 0.25, 0.9))
 SILVER = rm.Material(albedo=(0.95, 0.93, 0.9), metalness=1, roughness=0)
@@ -92,19 +92,19 @@ def test_lights_shine_on_glass(renderer: Renderer) -> None:
     assert np.mean(off > 1 / 255) < 0.002 and known.color.max() > 0.3
 
 
-@pytest.mark.parametrize("ways", ["tree", "random"])
+@pytest.mark.parametrize("integrator", ["whitted", "path"])
 @pytest.mark.parametrize("share", [1.0, 0.5])
 @pytest.mark.parametrize("lamp", [None, rm.Sun(intensity=1e-9)])
-def test_glass_glows(ways: str, share: float, lamp: rm.Sun | None, renderer: Renderer) -> None:
+def test_glass_glows(integrator: str, share: float, lamp: rm.Sun | None, renderer: Renderer) -> None:
     """What it gives off comes from its outside, however much light goes through."""
     renderer.resize((24, 18))
     glow = rm.Material(albedo=(0, 0, 0), f0=0, transmission=share, ior=1.0, emission=(0.5, 0.25, 0.0))
     camera, lights = rm.Camera((0, 0, 9), (0, 0, 0), fov=6), [lamp] if lamp else []
-    quality = rm.Quality(ways=ways, samples=4)
+    quality = rm.Quality(integrator=integrator, samples=4)
     made = rm.Scene(rm.sphere().material(glow), camera, lights, (0, 0, 0), bounces=2, quality=quality)
     found = renderer.render(made).color
     np.testing.assert_allclose(found, np.broadcast_to((0.5, 0.25, 0.0), found.shape), atol=1e-5)
-    if ways == "tree":
+    if integrator == "whitted":
         np.testing.assert_allclose(truth(made, (24, 18)).color, found, atol=1e-5)
 
 
@@ -121,11 +121,11 @@ def test_a_tree_is_the_mean_of_random_ways(name: str, renderer: Renderer) -> Non
     node = balls | rm.plane(offset=-0.9).material(wall)
     parts = {"camera": rm.Camera((0.3, 1.2, 4.2), (0, 0, 0)), "lights": [], "sky": rm.GradientSky(), "bounces": 4}
 
-    def drawn(ways: str) -> Any:
-        quality = rm.Quality(samples=128, ways=ways)
+    def drawn(integrator: str) -> Any:
+        quality = rm.Quality(samples=128, integrator=integrator)
         return renderer.render(rm.Scene(node, quality=quality, **parts)).color.astype(np.float64).mean(axis=-1)
 
-    apart = drawn("random") - drawn("tree")
+    apart = drawn("path") - drawn("whitted")
     error = apart.std() / np.sqrt(apart.size)
     assert error < 5e-4 and abs(apart.mean()) <= 3 * error
 
@@ -148,5 +148,5 @@ def test_a_tree_is_no_deeper_than_four() -> None:
     assert rm.Scene(rm.sphere().material(CLEAR), quality=TREE).bounces == 4
     with pytest.raises(SceneError, match=r"bounces = 5 .*63 rays.*up to 4.*random"):
         rm.Scene(rm.sphere().material(CLEAR), bounces=5, quality=TREE)
-    with pytest.raises(SceneError, match="ways = 'bush'"):
-        rm.Quality(ways="bush")
+    with pytest.raises(SceneError, match="integrator = 'bush'"):
+        rm.Quality(integrator="bush")

@@ -13,7 +13,7 @@ from analytic import ULP, View, edges, hit_sphere
 import raymarch as rm
 from raymarch.cost.reference import reference
 from raymarch.errors import DeviceError, SceneError
-from raymarch.gpu import store as module
+from raymarch.gpu import resource_cache as module
 from raymarch.gpu import tiles
 from raymarch.gpu.context import Context
 from raymarch.gpu.frame import srgb

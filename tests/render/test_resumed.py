@@ -38,13 +38,15 @@ def renderer(egl: Context) -> Iterator[Renderer]:
 
 @pytest.mark.parametrize("tracer", [t for t in TRACERS if t != "auto"])
 @pytest.mark.parametrize("schedule", ["single", "cones"])
-@pytest.mark.parametrize("budget", [4, 7])
-def test_many_passes_draw_the_picture_of_one(renderer: Renderer, tracer: str, schedule: str, budget: int) -> None:
+@pytest.mark.parametrize("steps_per_pass", [4, 7])
+def test_many_passes_draw_the_picture_of_one(
+    renderer: Renderer, tracer: str, schedule: str, steps_per_pass: int
+) -> None:
     """Bit for bit: the state that is carried from pass to pass is all that a march knows. Counts take in the shares of
     cones, which are summed in another order."""
     everything = (*EVERYTHING, "iterations", "evaluations", "residual", "fallbacks", "done", "reach")
     whole = renderer.render(scene(tracer=tracer, schedule=schedule), outputs=everything)
-    parts = renderer.render(scene(tracer=tracer, schedule=schedule, budget=budget), outputs=everything)
+    parts = renderer.render(scene(tracer=tracer, schedule=schedule, steps_per_pass=steps_per_pass), outputs=everything)
     assert parts.complete and sum(t.name == "march" for t in parts.timings) > 1
     for name in everything:
         ulps = 2 if schedule == "cones" and name in ("iterations", "evaluations") else 0
@@ -52,7 +54,7 @@ def test_many_passes_draw_the_picture_of_one(renderer: Renderer, tracer: str, sc
 
 
 def test_the_passes_end_when_all_rays_have_arrived(renderer: Renderer) -> None:
-    few = renderer.render(scene(budget=16))
+    few = renderer.render(scene(steps_per_pass=16))
     marched = [t for t in few.timings if t.name == "march"]
     assert len(marched) < 512 / 16
     assert few.iterations.max() > 16 * (len(marched) - 1)
@@ -67,7 +69,7 @@ def test_a_still_picture_goes_on_and_a_moved_one_begins_anew(
         return 10.0
 
     monkeypatch.setattr(Clock, "time", slow)
-    given = {"budget": 4, "temporal": "accumulate", "schedule": "single"}
+    given = {"steps_per_pass": 4, "temporal": "accumulate", "schedule": "single"}
     whole = renderer.render(scene(schedule="single"), outputs=EVERYTHING)
     frames = []
     for _ in range(40):
@@ -88,14 +90,14 @@ def test_a_still_picture_goes_on_and_a_moved_one_begins_anew(
 
 def test_progress_is_told_to_the_end(renderer: Renderer) -> None:
     told: list[float] = []
-    renderer.render(scene(budget=8), progress=told.append)
+    renderer.render(scene(steps_per_pass=8), progress=told.append)
     assert told == sorted(told) and told[-1] == 1.0
 
 
-def test_a_budget_is_for_one_ray_a_pixel() -> None:
+def test_steps_per_pass_are_for_one_ray_a_pixel() -> None:
     for other in ({"samples": 2}, {"temporal": "reproject"}):
-        with pytest.raises(SceneError, match="budget = 8 with"):
-            rm.Quality(budget=8, **other)  # type: ignore[arg-type]
+        with pytest.raises(SceneError, match="steps_per_pass = 8 with"):
+            rm.Quality(steps_per_pass=8, **other)  # type: ignore[arg-type]
     for wrong in (3, 60001, 1.5, True):
-        with pytest.raises(SceneError, match=f"budget = {wrong}"):
-            rm.Quality(budget=wrong)  # type: ignore[arg-type]
+        with pytest.raises(SceneError, match=f"steps_per_pass = {wrong}"):
+            rm.Quality(steps_per_pass=wrong)  # type: ignore[arg-type]

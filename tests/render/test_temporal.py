@@ -12,7 +12,7 @@ import pytest
 import raymarch as rm
 from raymarch import glsl
 from raymarch.expr.hashing import _mixed
-from raymarch.gpu import drafts
+from raymarch.gpu import draw_calls
 from raymarch.gpu.context import Context
 from raymarch.gpu.jitter import halton, r2
 from raymarch.gpu.program import FULL_SCREEN, Program
@@ -48,7 +48,7 @@ def mean(egl: Context) -> np.ndarray:
     random = np.random.default_rng(3)
     places = [((i % 16 + x) / 16 - 0.5, (i // 16 + y) / 16 - 0.5) for i, (x, y) in enumerate(random.random((256, 2)))]
     with pytest.MonkeyPatch.context() as patch, Renderer(SIZE, "egl") as made:
-        patch.setattr(drafts, "r2", places.__getitem__)
+        patch.setattr(draw_calls, "r2", places.__getitem__)
         choose = marching.choose
         patch.setattr(marching, "choose", lambda *given: replace(choose(*given), schedule=SINGLE))
         return made.render(scene(samples=256)).color
@@ -90,7 +90,7 @@ def test_a_poisoned_history_leaves_no_trace(renderer: Renderer, kept: str, angle
     """Rows 42 and 44 of the hard cases."""
     for _ in range(3):
         renderer.render(scene(temporal=kept))
-    pair = renderer.store.pair("history", SIZE, 2 if kept == "reproject" else 1)
+    pair = renderer.resources.pair("history", SIZE, 2 if kept == "reproject" else 1)
     for k in range(pair.front.attachments):
         spoilt = pair.front.read(k)
         spoilt[5:20, 10:30] = poison
@@ -148,12 +148,12 @@ def test_a_moving_camera_finds_what_it_saw_again(renderer: Renderer) -> None:
 
 def test_what_asks_for_none_of_it_has_none_of_it(renderer: Renderer) -> None:
     renderer.render(scene())
-    assert renderer.store.objects == {"programs": 1, "targets": 1, "data": 0}
-    (draft,) = renderer.drafts(scene())
+    assert renderer.resources.objects == {"programs": 1, "targets": 1, "data": 0}
+    (draft,) = renderer.draw_calls(scene())
     assert not {"u_history", "u_carried", "u_jitter"} & set(draft.program.uniforms)
     renderer.render(scene(temporal="reproject"))
     cones = 1 + 1  # and what the first level has in place of a coarser one
-    assert renderer.store.objects["targets"] == 1 + cones + 2 + 2 * 2
+    assert renderer.resources.objects["targets"] == 1 + cones + 2 + 2 * 2
 
 
 def test_sequences_spread_over_the_pixel() -> None:

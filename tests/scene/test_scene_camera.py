@@ -56,7 +56,7 @@ def test_a_bad_camera_is_refused_where_it_is_made(make: Any, what: str, legal: s
 @pytest.mark.parametrize("fov", [1e-3, 1, 179, 179.999])
 def test_any_angle_between_is_legal(fov: float) -> None:
     pose = rm.Scene(rm.sphere(), camera=rm.Camera(fov=fov)).pose(Values({}))
-    assert pose.slope == pytest.approx(math.tan(math.radians(fov) / 2), rel=4 * EPS)
+    assert pose.tan_half_fov == pytest.approx(math.tan(math.radians(fov) / 2), rel=4 * EPS)
 
 
 def test_what_only_a_scene_shows_is_refused_at_the_cameras_line() -> None:
@@ -111,13 +111,13 @@ def test_an_unplaced_camera_frames_the_box(solid: Any, size: tuple[int, int], fo
     corners = np.array(list(itertools.product(*zip(subject.lower, subject.upper, strict=True))))
     x, y, z = ((corners - pose.position) @ pose.frame).T
     assert np.all(z < 0), "a corner lies behind the camera"
-    across, up = x / -z / (pose.slope * aspect), y / -z / pose.slope
+    across, up = x / -z / (pose.tan_half_fov * aspect), y / -z / pose.tan_half_fov
     largest = max(np.abs(across).max(), np.abs(up).max())
     assert largest <= 1, "a corner lies outside the picture"
     if np.ptp(subject.size) == 0:
         # Of a cube in a ball of radius 1, a corner is 1/sqrt(3) off the axis at least, to one side or up or down,
         # and no more than 1 behind the middle. The ball may stand 1.1 times as far as where it fills the picture.
-        half = math.atan(pose.slope * min(aspect, 1.0))
+        half = math.atan(pose.tan_half_fov * min(aspect, 1.0))
         least = math.cos(half) / (1.1 + math.sin(half)) / math.sqrt(3)
         assert max(np.abs(x / z).max(), np.abs(y / z).max()) >= math.tan(half) * least, "it stands too far away"
 
@@ -128,7 +128,7 @@ def test_an_unplaced_camera_with_a_target_still_sees_everything(target: tuple[fl
     pose = scene.pose(Values({}))
     corners = np.array(list(itertools.product((-0.5, 0.5), (-1, 1), (-0.5, 0.5))))
     x, y, z = ((corners - pose.position) @ pose.frame).T
-    assert np.all(z < 0) and np.all(np.abs(x) <= -z * pose.slope) and np.all(np.abs(y) <= -z * pose.slope)
+    assert np.all(z < 0) and np.all(np.abs(x) <= -z * pose.tan_half_fov) and np.all(np.abs(y) <= -z * pose.tan_half_fov)
     ahead = np.array(target) - pose.position
     assert np.allclose(ahead / np.linalg.norm(ahead), -pose.frame[:, 2], atol=4 * EPS)
 
@@ -199,7 +199,7 @@ def test_parameters_and_time_move_the_camera() -> None:
     moved = scene.pose(set_values(scene.parameters, {"distance": 8, "tilt": (1, 0, 0)}, time=2.0))
     assert still.position.tolist() == [0, 0, 5] and np.array_equal(still.frame, np.eye(3))
     assert moved.position.tolist() == [2, 0, 8] and moved.frame[:, 1].tolist() == [1, 0, 0]
-    assert moved.slope == pytest.approx(math.tan(math.radians(30)), rel=4 * EPS)
+    assert moved.tan_half_fov == pytest.approx(math.tan(math.radians(30)), rel=4 * EPS)
 
 
 def test_a_pixel_is_the_pictures_height_over_its_rows() -> None:

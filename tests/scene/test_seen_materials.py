@@ -41,10 +41,10 @@ def test_materials_are_those_that_are_marked(name: str) -> None:
     assert scene.bounces == (6 if any(m.transmits for m in others) else 0)
 
 
-@pytest.mark.parametrize("ways", ["random", "tree"])
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
 @pytest.mark.parametrize("name", SOLIDS)
-def test_all_that_is_called_for_is_there(name: str, ways: str) -> None:
-    made = plan(rm.Scene(SOLIDS[name], bounces=2, quality=rm.Quality(ways=ways)))
+def test_all_that_is_called_for_is_there(name: str, integrator: str) -> None:
+    made = plan(rm.Scene(SOLIDS[name], bounces=2, quality=rm.Quality(integrator=integrator)))
     text = assemble(made).text()
     assert ("Glass" in text) == (made.glass is not None)
 

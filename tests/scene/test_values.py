@@ -34,9 +34,9 @@ VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
     "Camera": (lambda: rm.Camera((0, 1, 5), (0, 0, 0), fov=30), {"fov": 180, "position": (0, 0, 0), "up": NAN}),
     "Light": (lambda: rm.scene.light.Light((1, 1, 1), 1, True, 0, "cone"), {"intensity": -1, "penumbra": "wide"}),
     "Sun": (lambda: rm.Sun((1, 2, 3), shadow=True), {"direction": (0, 0, 0), "shadow": 1, "color": "red"}),
-    "PointLight": (lambda: rm.PointLight((0, 3, 0), radius=9), {"position": None, "attenuation": (0, 0, 0)}),
+    "PointLight": (lambda: rm.PointLight((0, 3, 0), range=9), {"position": None, "attenuation": (0, 0, 0)}),
     "SpotLight": (lambda: rm.SpotLight((0, 3, 0), angle=0.3), {"angle": 4.0, "blend": -0.1, "direction": "down"}),
-    "SphereLight": (lambda: rm.SphereLight((0, 3, 0), 0.2), {"size": 0, "radius": -1}),
+    "SphereLight": (lambda: rm.SphereLight((0, 3, 0), 0.2), {"radius": 0, "radius": -1}),
     "Material": (
         lambda: rm.Material(albedo=rm.checker(0.1, 0.9), roughness=0.3, height=lambda p: 0.01 * sin(9 * p.x)),
         {"roughness": 2, "shininess": 5, "color": "red", "height": 3},
@@ -47,9 +47,12 @@ VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
     "GradientSky": (lambda: rm.GradientSky(zenith=(0, 0, 1)), {"zenith": "blue", "ground": (0, 0, NAN)}),
     "SunSky": (lambda: rm.SunSky((1, 1, 0), 5), {"turbidity": 11, "direction": (0, 0, 0)}),
     "Fog": (lambda: rm.Fog((1, 1, 1), 0.2), {"density": -1, "color": 5}),
-    "Tone": (lambda: rm.Tone("aces", 1.5), {"curve": "film", "exposure": 31, "dither": "yes"}),
-    "Occlusion": (lambda: rm.Occlusion(7, 0.4), {"steps": 33, "reach": 0, "decay": 2}),
-    "Quality": (lambda: rm.Quality(samples=4), {"max_steps": 131071, "tracer": "fast", "budget": 8, "samples": None}),
+    "ToneMapping": (lambda: rm.ToneMapping("aces", 1.5), {"curve": "film", "exposure": 31, "dither": "yes"}),
+    "AmbientOcclusion": (lambda: rm.AmbientOcclusion(7, 0.4), {"steps": 33, "reach": 0, "decay": 2}),
+    "Quality": (
+        lambda: rm.Quality(samples=4),
+        {"max_steps": 131071, "tracer": "fast", "steps_per_pass": 8, "samples": None},
+    ),
     "Texture": (lambda: rm.planar(PICTURE, 2.0, channel="g"), {"wrap": "round", "channel": "a", "picture": "none.png"}),
     "Layout": (lambda: Layout("x", (1, 2)), {"axis": "w", "extents": (0, 1), "hardness": 0}),
 }
@@ -126,7 +129,7 @@ def test_a_value_comes_back(name: str) -> None:
 
 
 def test_a_change_of_one_field_leaves_the_others() -> None:
-    light = rm.SpotLight((0, 3, 0), (1, -1, 0.3), angle=0.3, radius=rm.Param("end", 5, 1, 9), shadow=True)
+    light = rm.SpotLight((0, 3, 0), (1, -1, 0.3), angle=0.3, range=rm.Param("end", 5, 1, 9), shadow=True)
     moved = light.replace(position=(1, 2, 3))
     assert moved.where == light.where and moved != light
     same = [n for n in parameters_of(rm.SpotLight) if n != "position"]
@@ -151,7 +154,9 @@ def test_equal_scenes_have_one_plan() -> None:
 
     assert make(1.0) == make(1.0) and make(1.0).planned == make(1.0).planned
     assert make(1.0).planned != make(1.1).planned
-    assert make(1.0).planned == make(1.0).replace(tone=rm.Tone("agx")).planned  # asked for after a frame is drawn
+    assert (
+        make(1.0).planned == make(1.0).replace(tone=rm.ToneMapping("agx")).planned
+    )  # asked for after a frame is drawn
     for change in ({"fog": rm.Fog()}, {"camera": rm.Camera(fov=30)}, {"quality": rm.Quality(samples=2)}):
         assert make(1.0).planned != make(1.0).replace(**change).planned
 

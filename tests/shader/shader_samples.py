@@ -22,9 +22,9 @@ def lamps() -> list[rm.PointLight | rm.Sun]:
     """One of each kind."""
     return [
         rm.Sun((1, 2, 1), shadow=True, softness=0.05),
-        rm.PointLight((0, 3, 0), radius=5, shadow=True, softness=0.2, shadow_radius=GAP, penumbra="cone"),
+        rm.PointLight((0, 3, 0), range=5, shadow=True, softness=0.2, shadow_radius=GAP, penumbra="cone"),
         rm.PointLight((3, 0, GAP), attenuation=(1, 0.1, 0.5), shadow=True),
-        rm.PointLight((0, 0, 3), attenuation=(1, 0.1, 0.5), radius=6, color=TINT),
+        rm.PointLight((0, 0, 3), attenuation=(1, 0.1, 0.5), range=6, color=TINT),
         rm.SpotLight((0, 4, 0), angle=GAP, blend=0.5),
         rm.SphereLight((2, 4, 2), 0.4, shadow=True, penumbra="triangulated"),
     ]
@@ -59,14 +59,14 @@ def maps() -> dict[str, rm.Scene]:
         "relief in corners": rm.Scene(
             rm.union(rm.sphere().material(bumpy), rm.box().material(tiled).translate((0.8, 0, 0)), k=0.3),
             sky=rm.GradientSky(light=True),
-            occlusion=rm.Occlusion(3),
+            occlusion=rm.AmbientOcclusion(3),
         ),
         "matte relief": rm.Scene(rm.rectangle((2, 1.5)).material(matte).extrude(1) | solid().translate((0, 0, 2))),
         "glow of a texture": rm.Scene(rm.sphere().material(glow), lights=[], bounces=0),
         "textures in a tree": rm.Scene(
             rm.sphere().material(dented) | rm.plane(offset=-1.2).material(tiled),
             bounces=2,
-            quality=rm.Quality(ways="tree"),
+            quality=rm.Quality(integrator="whitted"),
             sky=rm.GradientSky(light=True),
         ),
         "textures in bounces": rm.Scene(rm.sphere().material(glow) | rm.plane(offset=-1).material(bumpy), bounces=2),
@@ -119,20 +119,22 @@ def scenes() -> dict[str, rm.Scene]:
     for name, sky in skies.items():
         made[f"{name} sky"] = rm.Scene(rm.union(rm.sphere().material(gold), solid(), k=0.2), lights=[], sky=sky)
     made["matte under a sky"] = rm.Scene(solid(), lights=[], sky=skies["gradient"])
-    made["gold under a sky"] = rm.Scene(rm.sphere().material(gold), sky=skies["sun"], occlusion=rm.Occlusion())
+    made["gold under a sky"] = rm.Scene(rm.sphere().material(gold), sky=skies["sun"], occlusion=rm.AmbientOcclusion())
     made["sky seen only"] = rm.Scene(rm.sphere(), sky=rm.GradientSky((GAP, 1, 1)), fog=rm.Fog())
-    made["occlusion"] = rm.Scene(solid() | rm.plane(offset=-1), occlusion=rm.Occlusion(4, GAP))
-    made["occlusion in vain"] = rm.Scene(rm.sphere().material(gold), occlusion=rm.Occlusion(4, GAP))
+    made["occlusion"] = rm.Scene(solid() | rm.plane(offset=-1), occlusion=rm.AmbientOcclusion(4, GAP))
+    made["occlusion in vain"] = rm.Scene(rm.sphere().material(gold), occlusion=rm.AmbientOcclusion(4, GAP))
     glass = rm.Material(transmission=1, ior=1.5, absorption=(0.1, 0.2, 0.3))
     made["matte bounces"] = rm.Scene(solid() | rm.plane(offset=-1), bounces=1, sky=rm.GradientSky())
     made["glossy bounces"] = rm.Scene(rm.sphere().material(gold), bounces=2, lights=[])
     made["glass"] = rm.Scene(rm.sphere().material(glass) | rm.plane(offset=-1).material(gold), fog=rm.Fog())
-    made["glass and phong"] = rm.Scene(rm.union(rm.sphere().material(glass), solid(), k=0.2), occlusion=rm.Occlusion())
+    made["glass and phong"] = rm.Scene(
+        rm.union(rm.sphere().material(glass), solid(), k=0.2), occlusion=rm.AmbientOcclusion()
+    )
     frosted = rm.Material(transmission=0.9, roughness=GAP, emission=(0.1, 0, 0))
     made["frosted glass"] = rm.Scene(rm.sphere().material(frosted), sky=rm.GradientSky())
     made["frosted glass and phong"] = rm.Scene(rm.union(rm.sphere().material(frosted), solid(), k=0.2), bounces=2)
     made["frosted glass unlit"] = rm.Scene(rm.sphere().material(frosted), lights=[], sky=rm.GradientSky())
-    tree, mirror = rm.Quality(ways="tree"), rm.Material(albedo=(0.9, 0.9, 0.9), metalness=1, roughness=0)
+    tree, mirror = rm.Quality(integrator="whitted"), rm.Material(albedo=(0.9, 0.9, 0.9), metalness=1, roughness=0)
     row = rm.sphere().material(glass) | rm.sphere().material(mirror).translate((3, 0, 0))
     sky = rm.GradientSky(light=True)
     made["tree"] = rm.Scene(row | solid().translate((0, 0, -3)), bounces=3, quality=tree, sky=sky, fog=rm.Fog())

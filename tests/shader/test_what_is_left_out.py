@@ -80,8 +80,8 @@ def test_deleted_modules_that_a_scene_does_not_call_for_change_no_byte(tmp_path:
         ({"lights": [raymarch.Sun()]}, {"lights": [raymarch.Sun(softness=0.3, penumbra="cone")]}),
         ({"lights": [raymarch.Sun(shadow=True)]}, {"lights": [raymarch.Sun(shadow=True, softness=0)]}),
         ({"sky": (0.1, 0.2, 0.3)}, {"sky": raymarch.Sky((0.1, 0.2, 0.3), light=False)}),
-        ({}, {"tone": raymarch.Tone("agx", 2, dither=True)}),
-        ({"lights": []}, {"lights": [], "occlusion": raymarch.Occlusion()}),
+        ({}, {"tone": raymarch.ToneMapping("agx", 2, dither=True)}),
+        ({"lights": []}, {"lights": [], "occlusion": raymarch.AmbientOcclusion()}),
     ],
 )
 def test_an_effect_turned_off_is_one_never_had(plain: dict[str, object], with_it: dict[str, object]) -> None:
@@ -96,9 +96,9 @@ def test_a_plain_scene_has_no_texture_and_no_uniform_of_an_effect() -> None:
         "u_lights",
         "u_sky_light",
         "sampler",
-        "openness",
-        "physical",
-        "facets",
+        "ambient_occlusion",
+        "microfacet",
+        "d_ggx",
         "emission",
         "shadow",
         "light_0",
@@ -106,4 +106,4 @@ def test_a_plain_scene_has_no_texture_and_no_uniform_of_an_effect() -> None:
         assert word not in text
     assert not shader.samples and len(plan(raymarch.Scene(raymarch.sphere())).passes) == 1
     assert "light/physical" not in {name for name, _ in plan(raymarch.Scene(raymarch.sphere())).modules}
-    assert glsl.load("light/physical").gives == {"physical"}
+    assert glsl.load("light/physical").gives == {"eval_microfacet"}

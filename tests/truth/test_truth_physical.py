@@ -12,7 +12,7 @@ from raymarch.expr.vocabulary import step
 from raymarch.scene import Camera, Material, PointLight, Quality, Scene, SphereLight, SpotLight, Sun
 from raymarch.sdf import box, plane, sphere, union
 from raymarch.truth import truth
-from raymarch.truth.light import furnace, grazing, microfacets
+from raymarch.truth.light import albedo_f90, directional_albedo, microfacets
 
 ABOVE = Camera((0, 5, 0), (0, 0, 0), up=(0, 0, 1))
 ROUGH, METAL, SEEN = (0.05, 0.2, 0.5, 0.8, 1.0), (0.0, 0.5, 1.0), (0.02, 0.1, 0.3, 0.6, 0.95)
@@ -79,7 +79,7 @@ def test_white_metal_gives_back_what_it_gets(masking: str) -> None:
             for seen in SEEN:
                 found = albedo(seen, 1.0, metal, rough, masking)
                 assert found <= 1.005, (rough, metal, seen)
-                # The matte part of dielectrics is a fit that keeps a rim: see `grazing`.
+                # The matte part of dielectrics is a fit that keeps a rim: see `albedo_f90`.
                 assert found >= (0.97 if metal == 1.0 or seen > 0.02 else 0.88), (rough, metal, seen)
     assert albedo(0.95, 1.0, 1.0, 1.0, masking, several=False) < 0.33
 
@@ -139,7 +139,7 @@ def test_the_furnace_as_a_fit() -> None:
     """What the sky's light uses in place of the integral, at every roughness and angle."""
     for rough in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
         for seen in (0.05, 0.15, 0.3, 0.6, 0.95):
-            share, edge = (float(x) for x in furnace(np.float64(seen), np.float64(rough), "correlated"))
+            share, edge = (float(x) for x in directional_albedo(np.float64(seen), np.float64(rough), "correlated"))
             assert abs(share + edge - albedo(seen, 1.0, 1.0, rough, "correlated", several=False)) < 0.012, (rough, seen)
             assert abs(0.04 * share + edge - albedo(seen, 0.04, 1.0, rough, "correlated", several=False)) < 0.06, (
                 rough,
@@ -151,7 +151,7 @@ def test_what_facets_give_back_at_grazing_angles_as_a_fit() -> None:
     """Of a surface whose f0 is 0; too little would let a white one give back more than it gets."""
     for rough in (0.05, 0.2, 0.4, 0.6, 0.8, 1.0):
         for seen in (0.05, 0.15, 0.3, 0.6, 0.95):
-            over = float(grazing(np.float64(seen), np.float64(rough))) - albedo(
+            over = float(albedo_f90(np.float64(seen), np.float64(rough))) - albedo(
                 seen, 0.0, 1.0, rough, "correlated", False
             )
             assert -0.003 <= over <= (0.03 if seen > 0.1 else 0.1), (rough, seen)
@@ -287,7 +287,7 @@ def test_masking_is_a_choice() -> None:
         (lambda: Material(roughness=lambda p: 2.0 + p.x * p.x), ("roughness: the function gives",)),
         (lambda: Material(roughness=lambda p: p), ("roughness: the function gives a vec3",)),
         (lambda: PointLight((0, 0, 0), intensity=-1), ("intensity = -1",)),
-        (lambda: PointLight((0, 0, 0), radius=0), ("radius = 0",)),
+        (lambda: PointLight((0, 0, 0), range=0), ("radius = 0",)),
         (lambda: PointLight((0, 0, 0), attenuation=(0, 0, 0)), ("attenuation", "not all zero")),
         (lambda: Sun(softness=-1), ("softness = -1",)),
         (lambda: Sun(penumbra="fuzzy"), ("penumbra = 'fuzzy'", "'two-sided'")),

@@ -12,11 +12,11 @@ from PIL import Image
 
 from raymarch.errors import SceneError
 from raymarch.scene import (
+    AmbientOcclusion,
     Camera,
     GradientSky,
     ImageSky,
     Material,
-    Occlusion,
     Param,
     Scene,
     Sky,
@@ -105,7 +105,7 @@ def test_the_time_of_day_may_be_a_parameter() -> None:
     assert not np.allclose(*(scene.sky.harmonics(v) for v in values))
 
 
-# Occlusion
+# AmbientOcclusion
 
 
 def test_occlusion_leaves_a_plane_alone_and_darkens_a_corner() -> None:
@@ -113,7 +113,11 @@ def test_occlusion_leaves_a_plane_alone_and_darkens_a_corner() -> None:
     wall = box((2, 4, 8)).translate((-1, 0, 0))
     white = Material((1, 1, 1), specular=0, ambient=0)
     scene = Scene(
-        (plane() | wall).material(white), camera=ABOVE, lights=[], sky=sky, occlusion=Occlusion(4, 1.0, decay=1.0)
+        (plane() | wall).material(white),
+        camera=ABOVE,
+        lights=[],
+        sky=sky,
+        occlusion=AmbientOcclusion(4, 1.0, decay=1.0),
     )
     made = truth(scene, (60, 3))
     where = made.position + made.depth[..., None] * made.direction
@@ -132,7 +136,7 @@ def test_occlusion_dims_the_ambient_share_of_phong() -> None:
     light = [Sun((0, -1, 0))]  # from below: only the ambient share is seen
     plain, dimmed = (
         truth(Scene(node, camera=ABOVE, lights=light, occlusion=o), (9, 3)).color
-        for o in (None, Occlusion(strength=0.5))
+        for o in (None, AmbientOcclusion(strength=0.5))
     )
     assert np.all(dimmed <= plain + 1e-12) and dimmed.min() < 0.9 * plain.min()
 
@@ -254,8 +258,8 @@ def test_a_picture_beyond_the_limit_is_refused(tmp_path: Path) -> None:
         (lambda: GradientSky(zenith=3), ("GradientSky: zenith",)),
         (lambda: SunSky(turbidity=1), ("turbidity = 1",)),
         (lambda: SunSky((0, 0, 0)), ("direction",)),
-        (lambda: Occlusion(steps=0), ("steps = 0", "1 to 32")),
-        (lambda: Occlusion(reach=0), ("reach = 0",)),
+        (lambda: AmbientOcclusion(steps=0), ("steps = 0", "1 to 32")),
+        (lambda: AmbientOcclusion(reach=0), ("reach = 0",)),
         (lambda: Scene(sphere(), occlusion=3), ("occlusion = 3",)),
         (lambda: checker((1, 0, 0), (1, 0)), ("checker", "two numbers")),
         (lambda: stripes(0, 1, axis="w"), ("axis = 'w'",)),

@@ -27,7 +27,9 @@ def pixel_of(view: View, point: Any) -> Any:
     pose = view.pose()
     x, y, z = pose.frame.T @ (np.asarray(point, np.float64) - pose.position)
     height = SIZE[1]
-    return np.array([SIZE[0] / 2 + x / -z / pose.slope * height / 2, height / 2 - y / -z / pose.slope * height / 2])
+    return np.array(
+        [SIZE[0] / 2 + x / -z / pose.tan_half_fov * height / 2, height / 2 - y / -z / pose.tan_half_fov * height / 2]
+    )
 
 
 places = st.tuples(*[st.floats(-5, 5)] * 3).filter(lambda p: np.hypot(p[0], p[2]) > 0.5)
@@ -151,7 +153,7 @@ def test_a_view_of_a_pose_is_that_pose() -> None:
     pose = camera.pose(Values({}), None)
     view = control.view_of(pose, np.array([0, 0.5, 0]), np.array([0.1, 1, 0]))
     mine = view.pose()
-    assert np.allclose(mine.frame, pose.frame) and np.isclose(mine.slope, pose.slope)
+    assert np.allclose(mine.frame, pose.frame) and np.isclose(mine.slope, pose.tan_half_fov)
     assert np.allclose(view.target, (0, 0.5, 0))
 
 

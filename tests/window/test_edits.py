@@ -25,9 +25,9 @@ def scene() -> rm.Scene:
         camera=rm.Camera((2, 2, 4), (0, 0, 0)),
         lights=[
             rm.Sun((1, 2, 1), shadow=True),
-            rm.PointLight((-2, 2, 2), color=(0.2, 0.4, 0.9), intensity=5, radius=9),
+            rm.PointLight((-2, 2, 2), color=(0.2, 0.4, 0.9), intensity=5, range=9),
             rm.SpotLight((0, 4, 0), angle=0.4, intensity=9),
-            rm.SphereLight((2, 3, 2), size=0.4, intensity=3, shadow=True),
+            rm.SphereLight((2, 3, 2), radius=0.4, intensity=3, shadow=True),
         ],
     )
 

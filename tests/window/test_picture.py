@@ -32,7 +32,7 @@ def shot_of(scene: rm.Scene, *, moved: float = 0.0) -> Shot:
 def test_no_draw_depends_on_what_was_bound_before_it(renderer: rm.Renderer) -> None:
     """Each sampler is given a texture of one kind, so that a driver compiles a program once."""
     scene = rm.Scene(rm.sphere(1), CAMERA, quality=rm.Quality(schedule="cones"))
-    for draft in renderer.drafts(scene):
+    for draft in renderer.draw_calls(scene):
         given = {name for name, value in draft.uniforms.items() if hasattr(value, "textures")}
         assert {name for name in draft.program.uniforms if name == "u_carried"} <= given
         for name in given:
@@ -41,7 +41,9 @@ def test_no_draw_depends_on_what_was_bound_before_it(renderer: rm.Renderer) -> N
 
 def test_a_moving_picture_marches_no_longer_than_its_budget(renderer: rm.Renderer) -> None:
     """Rays that are marched over several passes wait where they are, and end once nothing moves."""
-    scene = live(rm.Scene(rm.sphere(1) | rm.plane(offset=-1), CAMERA, quality=rm.Quality(budget=4, max_steps=512)))
+    scene = live(
+        rm.Scene(rm.sphere(1) | rm.plane(offset=-1), CAMERA, quality=rm.Quality(steps_per_pass=4, max_steps=512))
+    )
     screen = Screen(renderer.context, SIZE)
     picture = Picture(renderer, screen, Pace(budget=1e-3))
     try:

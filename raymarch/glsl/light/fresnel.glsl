@@ -1,12 +1,12 @@
 // The share of light that a surface mirrors, after Schlick (1994). Powers are products: pow of a negative base is
 // undefined, and rounding makes one of 1 - cosine.
 // needs:
-// gives: fifth fresnel
-float fifth(float x) {
+// gives: pow5 fresnel_schlick
+float pow5(float x) {
     float square = x * x;
     return square * square * x;
 }
 
-vec3 fresnel(vec3 f0, float cosine) {
-    return f0 + (1.0 - f0) * fifth(clamp(1.0 - cosine, 0.0, 1.0));
+vec3 fresnel_schlick(vec3 f0, float cosine) {
+    return f0 + (1.0 - f0) * pow5(clamp(1.0 - cosine, 0.0, 1.0));
 }

@@ -1,6 +1,6 @@
 // A surface point that is to be lit, of materials with patterns, and the light that comes to it from one source.
 // needs: Ray Hit Material surface_normal material_at inner_point u_side
-// gives: Surface Light surface_patterned
+// gives: Surface Light surface_interaction_patterned
 struct Surface {
     vec3 p;
     vec3 normal;  // on the side that is seen
@@ -17,7 +17,7 @@ struct Light {
 };
 
 // `travelled` is the way of the light from the surface to the eye.
-Surface surface_patterned(Ray ray, Hit hit, float travelled) {
+Surface surface_interaction_patterned(Ray ray, Hit hit, float travelled) {
     vec3 p = ray.origin + hit.t * ray.direction;
     vec3 n = surface_normal(p, ray.direction);
     vec3 inner = inner_point(p, n, hit, travelled);

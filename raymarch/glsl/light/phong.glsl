@@ -1,8 +1,8 @@
 // The light of one source that a surface sends to the eye, after Phong: ambient, diffuse and highlight share the
 // colour of the source.
 // needs: Surface Light
-// gives: phong
-vec3 phong(Surface surface, Light light, float visibility) {
+// gives: eval_phong
+vec3 eval_phong(Surface surface, Light light, float visibility) {
     float diffuse = max(dot(surface.normal, light.direction), 0.0);
     float highlight = diffuse > 0.0 ? dot(reflect(-light.direction, surface.normal), surface.view) : 0.0;
     float gloss = highlight > 0.0 ? pow(highlight, surface.material.shininess) : 0.0;

@@ -1,9 +1,9 @@
 // The part of the microfacets that is lit and seen, over 4 times both cosines: Smith's form for GGX, as if the one had
 // nothing to do with the other (Walter et al. 2007).
 // needs:
-// gives: masking
-float masking(float facing, float seen, float alpha) {
+// gives: v_smith
+float v_smith(float n_dot_l, float n_dot_v, float alpha) {
     float square = alpha * alpha;
     float rest = 1.0 - square;
-    return 1.0 / ((facing + sqrt(facing * facing * rest + square)) * (seen + sqrt(seen * seen * rest + square)));
+    return 1.0 / ((n_dot_l + sqrt(n_dot_l * n_dot_l * rest + square)) * (n_dot_v + sqrt(n_dot_v * n_dot_v * rest + square)));
 }

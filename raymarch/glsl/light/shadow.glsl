@@ -3,12 +3,12 @@
 // that it comes from; or at half of the field's value where it starts, if that is less, because a bound may be flat there.
 // The coordinates grow along the ray, and with them what float32 can tell apart.
 // A surface that faces away from the light, or that it does not reach, needs no ray.
-// needs: field Ray Surface Light leaving unbent contact GROWTH safe_step meets_ahead shadow_steps scene_box u_side
+// needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_box u_side
 // gives: hard_shadow
 float hard_shadow(Surface surface, Light light) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;
-    Ray ray = leaving(surface.p, unbent(surface), light.direction, surface.t, start);
+    Ray ray = spawn_ray(surface.p, geometric_normal(surface), light.direction, surface.t, start);
     vec2 range = scene_box(ray, vec2(start, light.distance));
     float near = 0.5 * contact(surface.p, surface.t);
     float s = range.x;
@@ -22,6 +22,6 @@ float hard_shadow(Surface surface, Light light) {
         if (r <= near + GROWTH * s) return 0.0;
         s += safe_step(r);
     }
-    float slope = (r - last) / safe_step(last);
-    return meets_ahead(r, slope, range.y - s + safe_step(r)) ? 0.0 : 1.0;
+    float derivative = (r - last) / safe_step(last);
+    return meets_ahead(r, derivative, range.y - s + safe_step(r)) ? 0.0 : 1.0;
 }

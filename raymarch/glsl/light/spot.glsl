@@ -1,7 +1,7 @@
 // The cone of a spot light: 0 at the cosine `outer` to its axis and 1 from `inner` on.
 // needs:
-// gives: spot
-float spot(vec3 to_light, vec3 axis, float outer, float inner) {
+// gives: spot_falloff
+float spot_falloff(vec3 to_light, vec3 axis, float outer, float inner) {
     float rise = clamp((dot(-to_light, axis) - outer) / max(inner - outer, 1.0e-6), 0.0, 1.0);
     return rise * rise;
 }

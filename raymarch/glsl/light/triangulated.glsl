@@ -1,11 +1,11 @@
 // Soft shadow as by a cone, with the clearance where the ray passes nearest between two samples (Aaltonen 2018): the
 // spheres of two steps meet in a circle, and the obstacle is taken to be on it. The first step knows no other.
-// needs: field Ray Surface Light leaving unbent contact GROWTH safe_step meets_ahead shadow_steps scene_cone u_side
+// needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_cone u_side
 // gives: triangulated_shadow
 float triangulated_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;
-    Ray ray = leaving(surface.p, unbent(surface), light.direction, surface.t, start);
+    Ray ray = spawn_ray(surface.p, geometric_normal(surface), light.direction, surface.t, start);
     vec2 range = scene_cone(ray, vec2(start, light.distance), width);
     float near = 0.5 * contact(surface.p, surface.t);
     float least = 1.0;
@@ -22,6 +22,6 @@ float triangulated_shadow(Surface surface, Light light, float width) {
         least = min(least, sqrt(r * r - back * back) / (width * (s - back)));
         s += safe_step(r);
     }
-    float slope = (r - last) / safe_step(last);
-    return meets_ahead(r, slope, range.y - s + safe_step(r)) ? 0.0 : least;
+    float derivative = (r - last) / safe_step(last);
+    return meets_ahead(r, derivative, range.y - s + safe_step(r)) ? 0.0 : least;
 }

@@ -6,12 +6,12 @@
 // Steps pass what cannot matter and are half the distance elsewhere, so that the smallest clearance between two samples
 // is known to a thirtieth of itself. A disc is never narrower than 64 ulp of the coordinates: the field is known to a few.
 // A ray that runs out of steps goes on straight, as its last two samples lead.
-// needs: field Ray Surface Light leaving unbent GROWTH safe_step shadow_steps scene_cone u_side
+// needs: field Ray Surface Light spawn_ray geometric_normal GROWTH safe_step shadow_steps scene_cone u_side
 // gives: two_sided_shadow
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;
-    Ray ray = leaving(surface.p, unbent(surface), light.direction, surface.t, start);
+    Ray ray = spawn_ray(surface.p, geometric_normal(surface), light.direction, surface.t, start);
     vec2 range = scene_cone(ray, vec2(start, light.distance), width);
     width = max(width, 64.0 * GROWTH);
     float least = 1.0;

@@ -1,11 +1,11 @@
 // Whether to step to the surface itself: if a step to where the spheres touch would end within an epsilon of it, and the
-// slope is steep enough for what lies between, r (1 + slope) / -slope, to be no more than a few epsilons.
+// derivative is steep enough for what lies between, r (1 + derivative) / -derivative, to be no more than a few epsilons.
 // A cone never does: it has no surface to meet.
 // needs:
-// gives: aims
-bool aims(float r, float slope, float near) {
+// gives: aims_at_surface
+bool aims_at_surface(float r, float derivative, float near) {
 #ifdef CONE
     return false;
 #endif
-    return slope < -0.25 && r * (1.0 + slope) < near * (1.0 - slope);
+    return derivative < -0.25 && r * (1.0 + derivative) < near * (1.0 - derivative);
 }

@@ -1,9 +1,9 @@
 // Where the march of a pixel's ray begins and ends; false if there is nothing to meet.
-// needs: Ray March begun range_of
+// needs: Ray March start_march range_of
 // gives: begins
 bool begins(Ray ray, out March at, out float far, out vec2 spent) {
     vec2 range = range_of(ray);
-    at = begun(range.x);
+    at = start_march(range.x);
     far = range.y;
     spent = vec2(0.0);
     return range.x <= range.y;

@@ -7,7 +7,7 @@ float steep(float direction) {
 }
 
 vec2 below(vec2 range, float origin, float direction, float upper) {
-    float slope = steep(direction);
-    float t = (upper - origin) / slope;
-    return slope > 0.0 ? vec2(range.x, min(range.y, t)) : vec2(max(range.x, t), range.y);
+    float rate = steep(direction);
+    float t = (upper - origin) / rate;
+    return rate > 0.0 ? vec2(range.x, min(range.y, t)) : vec2(max(range.x, t), range.y);
 }

@@ -1,5 +1,5 @@
 // Where the march of a pixel goes on: at the least distance of the coarser cones that it may lie in.
-// A texel of the coarser level: distance up to which its cone is free (negative if to the end of the range), slope of the
+// A texel of the coarser level: distance up to which its cone is free (negative if to the end of the range), derivative of the
 // field there, steps and evaluations up to there, these shared out among the cone's pixels.
 // needs: March
 // gives: carry_on u_carried u_carried_cell u_cell u_footprint
@@ -22,7 +22,7 @@ bool carry_on(inout March at, inout vec2 spent) {
             vec4 cone = texelFetch(u_carried, ivec2(x, y), 0);
             if (cone.x >= 0.0 && cone.x < free) {
                 free = cone.x;
-                at.slope = at.last = cone.y;
+                at.derivative = at.last_derivative = cone.y;
             }
             spent += cone.zw;
         }

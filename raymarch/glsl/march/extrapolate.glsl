@@ -2,6 +2,6 @@
 // that a ray that comes nearer and nearer to a wall is stopped by it, and one that recedes or runs beside a wall is not.
 // needs:
 // gives: meets_ahead
-bool meets_ahead(float r, float slope, float rest) {
-    return r < -slope * rest;
+bool meets_ahead(float r, float derivative, float rest) {
+    return r < -derivative * rest;
 }

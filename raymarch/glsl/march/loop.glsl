@@ -1,13 +1,13 @@
 // The march of a ray: steps as long as the tracer says, until one ends near a surface. A step that is longer than the
-// spheres around both of its ends may have passed a surface: it is undone, and the tracer told by a slope of `UNDONE`.
+// spheres around both of its ends may have passed a surface: it is undone, and the tracer told by a derivative of `UNDONE`.
 // `at` and `hit` hold all that a march needs to go on, so that one in pieces asks the field at the same points.
-// needs: along Ray Hit March nearer settle aims exhausted epsilon contact march_steps stride remembered UNDONE
+// needs: march_distance Ray Hit March keep_closest refine_hit aims_at_surface on_exhausted epsilon contact march_steps step_length averaged_derivative UNDONE
 // gives: march
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     hit.done = true;
     hit.found = false;
     if (!at.asked) {
-        at.r = along(ray, at.t);
+        at.r = march_distance(ray, at.t);
         at.asked = true;
         hit.evaluations += 1.0;
         hit.t = at.t;
@@ -20,40 +20,40 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         for (; i < march_steps; i++) {
             vec3 p = ray.origin + at.t * ray.direction;
             float reach = at.passing ? contact(p, at.t) : epsilon(p, at.t);
-            if (at.r < reach && !at.leaving) {
+            if (at.r < reach && !at.must_step) {
                 near = true;
                 break;
             }
-            bool aiming = aims(at.r, at.last, reach);
-            float z = aiming ? at.r / -at.last : stride(at, far);
+            bool aiming = aims_at_surface(at.r, at.last_derivative, reach);
+            float z = aiming ? at.r / -at.last_derivative : step_length(at, far);
             if (at.t + min(z, at.r) > far) return;
-            at.leaving = false;
+            at.must_step = false;
             hit.iterations += 1.0;
             hit.evaluations += 1.0;
-            float next = along(ray, at.t + z);
+            float next = march_distance(ray, at.t + z);
             if (aiming && next < reach) {  // in front of it, or behind it: then it lies between
                 near = true;
                 to = vec2(at.t + z, next);
-                at.last = (next - at.r) / z;
+                at.last_derivative = (next - at.r) / z;
                 i++;
                 break;
             }
             if (z > at.r + abs(next)) {
-                at.last = at.slope = UNDONE;
+                at.last_derivative = at.derivative = UNDONE;
                 hit.fallbacks += 1.0;
                 continue;
             }
-            at.last = (next - at.r) / z;
-            at.slope = remembered(at.slope, at.last);
+            at.last_derivative = (next - at.r) / z;
+            at.derivative = averaged_derivative(at.derivative, at.last_derivative);
             at.t += z;
             at.r = next;
-            nearer(hit, at.t, at.r);
+            keep_closest(hit, at.t, at.r);
         }
         if (!near) break;
         if (to.x < 0.0) to = vec2(at.t, at.r);
-        if (settle(hit, ray, to.x, to.y, at.last)) return;
+        if (refine_hit(hit, ray, to.x, to.y, at.last_derivative)) return;
         at.passing = true;
-        at.leaving = true;
+        at.must_step = true;
     }
-    exhausted(hit);
+    on_exhausted(hit);
 }

@@ -2,9 +2,9 @@
 // needs: Hit March
 // gives: packed_march packed_hit packed_more unpack_march unpack_hit flag
 vec4 packed_march(March at, Hit hit, bool under_way) {
-    float flags = (at.asked ? 1.0 : 0.0) + (at.passing ? 2.0 : 0.0) + (at.leaving ? 4.0 : 0.0);
+    float flags = (at.asked ? 1.0 : 0.0) + (at.passing ? 2.0 : 0.0) + (at.must_step ? 4.0 : 0.0);
     flags += (hit.done ? 8.0 : 0.0) + (hit.found ? 16.0 : 0.0) + (under_way ? 32.0 : 0.0);
-    return vec4(at.t, at.r, at.slope, flags + 64.0 * hit.fallbacks);
+    return vec4(at.t, at.r, at.derivative, flags + 64.0 * hit.fallbacks);
 }
 
 vec4 packed_hit(Hit hit) {
@@ -12,7 +12,7 @@ vec4 packed_hit(Hit hit) {
 }
 
 vec4 packed_more(March at) {
-    return vec4(at.last, at.front);
+    return vec4(at.last_derivative, at.front);
 }
 
 bool flag(vec4 march, float bit) {

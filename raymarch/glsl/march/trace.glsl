@@ -1,11 +1,11 @@
 // What the ray of a pixel hits, marched in one go.
-// needs: Ray Hit March begun missed march range_of
+// needs: Ray Hit March start_march no_hit march range_of
 // gives: trace
 Hit trace(Ray ray) {
     vec2 range = range_of(ray);
-    if (range.x > range.y) return missed(0.0);
-    March at = begun(range.x);
-    Hit hit = missed(at.t);
+    if (range.x > range.y) return no_hit(0.0);
+    March at = start_march(range.x);
+    Hit hit = no_hit(at.t);
     march(ray, at, hit, range.y);
     return hit;
 }

@@ -1,13 +1,13 @@
 // What the ray of a pixel hits, marched on from where the cones that hold it ended.
-// needs: Ray Hit March missed march begins
+// needs: Ray Hit March no_hit march begins
 // gives: trace
 Hit trace(Ray ray) {
     March at;
     float far;
     vec2 spent;
-    Hit hit = missed(0.0);
+    Hit hit = no_hit(0.0);
     if (begins(ray, at, far, spent)) {
-        hit = missed(at.t);
+        hit = no_hit(at.t);
         march(ray, at, hit, far);
     }
     hit.iterations += spent.x;

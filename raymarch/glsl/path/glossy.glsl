@@ -1,31 +1,31 @@
 // Where the light that a surface of microfacets sends to the eye came from: one direction, by chance from the mirrored or
 // from the matte part, each with its share of the light. False if no light comes that way.
-// needs: Surface Material fresnel masking grazing entering facet_of cosine_lobe random_of_pixel
-// gives: from_glossy
-bool from_glossy(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
+// needs: Surface Material fresnel_schlick v_smith albedo_f90 interface_transmittance sample_visible_normal sample_cosine random_of_pixel
+// gives: sample_microfacet
+bool sample_microfacet(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
     Material material = surface.material;
-    float seen = max(dot(surface.normal, surface.view), 1.0e-4);
+    float n_dot_v = max(dot(surface.normal, surface.view), 1.0e-4);
     float alpha = max(material.roughness * material.roughness, 1.0e-4);
     vec3 f0 = mix(material.f0, material.color, material.metalness);
     vec3 matte = (1.0 - material.metalness) * (1.0 - material.f0) * material.color;
-    float mirrored = dot(fresnel(f0, seen), vec3(0.33333333));
-    float inside = (1.0 - grazing(seen, material.roughness)) * dot(matte, vec3(0.33333333));
+    float mirrored = dot(fresnel_schlick(f0, n_dot_v), vec3(0.33333333));
+    float inside = (1.0 - albedo_f90(n_dot_v, material.roughness)) * dot(matte, vec3(0.33333333));
     // A little of both, lest black divide by nothing.
     float chance = clamp((mirrored + 1.0e-6) / (mirrored + inside + 2.0e-6), 0.05, 0.95);
     if (material.metalness >= 1.0) chance = 1.0;
     vec2 u = vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2));
     if (random_of_pixel(dimension) < chance) {
-        vec3 h = facet_of(surface.normal, surface.view, alpha, u);
+        vec3 h = sample_visible_normal(surface.normal, surface.view, alpha, u);
         direction = reflect(-surface.view, h);
-        float facing = dot(surface.normal, direction);
-        if (facing <= 0.0) return false;
-        float to_eye = sqrt(alpha * alpha + (1.0 - alpha * alpha) * seen * seen);
-        float unhidden = 2.0 * facing * (seen + to_eye) * masking(facing, seen, alpha);  // G2 / G1
-        weight *= fresnel(f0, dot(surface.view, h)) * (unhidden / chance);
+        float n_dot_l = dot(surface.normal, direction);
+        if (n_dot_l <= 0.0) return false;
+        float to_eye = sqrt(alpha * alpha + (1.0 - alpha * alpha) * n_dot_v * n_dot_v);
+        float unhidden = 2.0 * n_dot_l * (n_dot_v + to_eye) * v_smith(n_dot_l, n_dot_v, alpha);  // G2 / G1
+        weight *= fresnel_schlick(f0, dot(surface.view, h)) * (unhidden / chance);
     } else {
-        direction = cosine_lobe(surface.normal, u);
-        float facing = dot(surface.normal, direction);
-        weight *= matte * (entering(facing, seen, material.roughness) / (1.0 - chance));
+        direction = sample_cosine(surface.normal, u);
+        float n_dot_l = dot(surface.normal, direction);
+        weight *= matte * (interface_transmittance(n_dot_l, n_dot_v, material.roughness) / (1.0 - chance));
     }
     return true;
 }

@@ -1,7 +1,7 @@
 // Directions at random, each with the density that its name says, about a normal.
 // needs:
-// gives: aligned cosine_lobe facet_of
-vec3 aligned(vec3 normal, vec3 local) {
+// gives: to_world sample_cosine sample_visible_normal
+vec3 to_world(vec3 normal, vec3 local) {
     // the branchless basis of Duff et al. (2017)
     float s = normal.z < 0.0 ? -1.0 : 1.0;
     float a = -1.0 / (s + normal.z);
@@ -12,16 +12,16 @@ vec3 aligned(vec3 normal, vec3 local) {
 }
 
 // cosine / pi; u in [0, 1)
-vec3 cosine_lobe(vec3 normal, vec2 u) {
+vec3 sample_cosine(vec3 normal, vec2 u) {
     float r = sqrt(u.x);
     float turn = 6.2831853 * u.y;
-    return aligned(normal, vec3(r * cos(turn), r * sin(turn), sqrt(1.0 - u.x)));
+    return to_world(normal, vec3(r * cos(turn), r * sin(turn), sqrt(1.0 - u.x)));
 }
 
 // A microfacet's normal among those that are seen from `view`: GGX, by spherical caps (Dupuy and Benyoub 2023).
-vec3 facet_of(vec3 normal, vec3 view, float alpha, vec2 u) {
-    vec3 across = aligned(normal, vec3(1.0, 0.0, 0.0));
-    vec3 along = aligned(normal, vec3(0.0, 1.0, 0.0));
+vec3 sample_visible_normal(vec3 normal, vec3 view, float alpha, vec2 u) {
+    vec3 across = to_world(normal, vec3(1.0, 0.0, 0.0));
+    vec3 along = to_world(normal, vec3(0.0, 1.0, 0.0));
     vec3 v = vec3(dot(view, across), dot(view, along), dot(view, normal));
     vec3 stretched = normalize(vec3(alpha * v.xy, v.z));
     float turn = 6.2831853 * u.x;

@@ -1,6 +1,6 @@
 // Where the light that metal sends to the eye came from: by chance from one of its facets or its matte part, or from several
 // facets after each other. The lobe of these is narrow at the horizon where the surface is smooth; so are the directions.
-// needs: Surface Material from_glossy multiscatter_albedo missing_albedo mean_missing_albedo aligned random_of_pixel
+// needs: Surface Material sample_microfacet multiscatter_albedo missing_albedo mean_missing_albedo to_world random_of_pixel
 // gives: from_metal
 bool from_metal(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
     Material material = surface.material;
@@ -10,14 +10,14 @@ bool from_metal(Surface surface, int dimension, out vec3 direction, inout vec3 w
     float chance = several / (several + once);
     if (random_of_pixel(dimension + 6) >= chance) {
         weight /= 1.0 - chance;
-        return from_glossy(surface, dimension, direction, weight);
+        return sample_microfacet(surface, dimension, direction, weight);
     }
     float u = max(random_of_pixel(dimension + 1), 1.0e-6);
     float turn = 6.2831853 * random_of_pixel(dimension + 2);
     float power = 1.5 - material.roughness;
     float cosine = pow(u, power);
     float sine = sqrt(1.0 - cosine * cosine);
-    direction = aligned(surface.normal, vec3(sine * cos(turn), sine * sin(turn), cosine));
+    direction = to_world(surface.normal, vec3(sine * cos(turn), sine * sin(turn), cosine));
     float lobe = missing_albedo(cosine, material.roughness) / mean_missing_albedo(material.roughness);
     weight *= albedo * (lobe * 2.0 * power * pow(u, 2.0 * power - 1.0) / chance);
     return true;

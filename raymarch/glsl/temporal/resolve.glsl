@@ -1,7 +1,7 @@
 // Pass: the new sample of each pixel joined to what earlier frames saw there. While the picture stays the same, the mean
 // of all. While the camera moves, the history is fetched from where the point was, if it was seen there; it is clipped to
 // the colours around the new sample, and forgets after some frames.
-// needs: Ray camera_ray finite u_color u_surface u_history history_at seen_before clipped way_before samples_kept at_middle
+// needs: Ray camera_ray finite u_color u_surface u_history history_at find_in_history clipped way_before samples_kept at_middle
 // gives: main out_color out_surface u_keep u_still u_jitter MEMORY nearest_around
 layout(location = 0) out vec4 out_color;  // alpha counts the samples
 layout(location = 1) out vec4 out_surface;
@@ -44,7 +44,7 @@ void main() {
         vec3 way = way_before(nearest);
         float kept = samples_kept(at, MEMORY);
         vec2 pixel;
-        if (seen_before(texelFetch(u_surface, nearest, 0), ray.origin + way, ray.direction, pixel)) {
+        if (find_in_history(texelFetch(u_surface, nearest, 0), ray.origin + way, ray.direction, pixel)) {
             // the sample lies beside the pixel's middle, and so does where it was
             before = history_at(pixel - u_jitter);
             if (finite(before)) before = vec4(clipped(before.rgb), min(before.a, kept));

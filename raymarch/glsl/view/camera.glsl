@@ -1,6 +1,6 @@
 // The ray through a point of the picture; a right-handed camera that looks along its own -z.
 // needs:
-// gives: Ray camera_ray u_camera_position u_camera_frame u_camera_slope u_resolution
+// gives: Ray camera_ray u_camera_position u_camera_frame u_tan_half_fov u_resolution
 struct Ray {
     vec3 origin;
     vec3 direction;
@@ -8,10 +8,10 @@ struct Ray {
 
 uniform vec3 u_camera_position;
 uniform mat3 u_camera_frame;  // columns: right, up, backward
-uniform float u_camera_slope;  // tangent of half the vertical field of view
+uniform float u_tan_half_fov;  // tangent of half the vertical field of view
 uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile of it is drawn
 
 Ray camera_ray(vec2 pixel) {
-    vec2 screen = (2.0 * pixel - u_resolution) / u_resolution.y * u_camera_slope;
+    vec2 screen = (2.0 * pixel - u_resolution) / u_resolution.y * u_tan_half_fov;
     return Ray(u_camera_position, normalize(u_camera_frame * vec3(screen, -1.0)));
 }

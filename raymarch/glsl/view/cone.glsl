@@ -1,21 +1,21 @@
 // Pass: how far the cones around the rays of a cell of pixels are free. See march/carry for what a texel holds.
-// needs: Ray Hit March begun missed camera_ray range_of carry_on march u_cone u_cell
+// needs: Ray Hit March start_march no_hit camera_ray range_of carry_on march u_cone u_cell
 // gives: main out_state
 layout(location = 0) out vec4 out_state;
 
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy * u_cell);
     vec2 range = range_of(ray);
-    March at = begun(range.x);
+    March at = start_march(range.x);
     vec2 spent = vec2(0.0);
     bool open = range.x <= range.y && carry_on(at, spent) && at.t <= range.y;
     if (open) {
-        Hit hit = missed(at.t);
+        Hit hit = no_hit(at.t);
         march(ray, at, hit, range.y);
         spent += vec2(hit.iterations, hit.evaluations / (u_cell.x * u_cell.y));
         open = hit.found || at.t + at.r <= range.y;
     }
     // of the field itself, from that of what a cone may go on
-    float slope = at.slope * (1.0 + u_cone) + u_cone;
-    out_state = vec4(open ? max(at.t + at.r, 0.0) : -1.0, at.slope > -1.0 ? slope : -1.0, spent);
+    float derivative = at.derivative * (1.0 + u_cone) + u_cone;
+    out_state = vec4(open ? max(at.t + at.r, 0.0) : -1.0, at.derivative > -1.0 ? derivative : -1.0, spent);
 }

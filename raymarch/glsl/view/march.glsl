@@ -1,5 +1,5 @@
 // Pass: some more steps of each ray that is still on its way.
-// needs: Ray Hit March camera_ray range_of begins march missed packed_march packed_hit packed_more unpack_march unpack_hit flag u_march u_found
+// needs: Ray Hit March camera_ray range_of begins march no_hit packed_march packed_hit packed_more unpack_march unpack_hit flag u_march u_found
 // gives: main out_march out_found out_more u_more u_begin u_end
 layout(location = 0) out vec4 out_march;
 layout(location = 1) out vec4 out_found;
@@ -19,7 +19,7 @@ void main() {
     if (u_begin) {
         vec2 spent;
         under_way = begins(ray, at, far, spent);
-        hit = missed(under_way ? at.t : 0.0);
+        hit = no_hit(under_way ? at.t : 0.0);
         hit.iterations = spent.x;
         hit.evaluations = spent.y;
     } else {

@@ -1,13 +1,13 @@
 // Pass: one sample of each pixel, its linear colour, and what it saw there, by which a later frame knows it again.
 // needs: Ray Hit camera_ray trace shade sky surface_normal material_index
-// gives: main out_color out_surface u_jitter octahedral
+// gives: main out_color out_surface u_jitter encode_octahedral
 layout(location = 0) out vec4 out_color;
 layout(location = 1) out vec4 out_surface;  // depth along the ray, -1 for the sky; normal; material
 
 uniform vec2 u_jitter;  // from the pixel's middle, in pixels
 
 // A unit vector as two numbers: the octahedron unfolded to a square (Meyer et al. 2010).
-vec2 octahedral(vec3 n) {
+vec2 encode_octahedral(vec3 n) {
     n /= abs(n.x) + abs(n.y) + abs(n.z);
     vec2 folded = (1.0 - abs(n.yx)) * vec2(n.x < 0.0 ? -1.0 : 1.0, n.y < 0.0 ? -1.0 : 1.0);
     return n.z < 0.0 ? folded : n.xy;
@@ -20,6 +20,6 @@ void main() {
     out_surface = vec4(-1.0, 0.0, 0.0, -1.0);
     if (hit.found) {
         vec3 p = ray.origin + hit.t * ray.direction;
-        out_surface = vec4(hit.t, octahedral(surface_normal(p, ray.direction)), material_index(p));
+        out_surface = vec4(hit.t, encode_octahedral(surface_normal(p, ray.direction)), material_index(p));
     }
 }

@@ -1,0 +1,10 @@
+// Density of microfacets that face along a direction: GGX (Walter et al. 2007). The sine comes from a cross product: near
+// a mirror, 1 - cosine^2 would lose all its digits.
+// needs:
+// gives: d_ggx
+float d_ggx(vec3 normal, vec3 half_vector, float alpha) {
+    vec3 side = cross(normal, half_vector);
+    float cosine = dot(normal, half_vector) * alpha;
+    float spread = alpha / (dot(side, side) + cosine * cosine);
+    return 0.31830989 * spread * spread;
+}

@@ -1,0 +1,8 @@
+// What facets give back of even light from all around, as f0 times the first value plus the second, mirroring it once.
+// needs: albedo_f90 missing_albedo
+// gives: directional_albedo
+vec2 directional_albedo(float v, float r) {
+    float whole = 1.0 - missing_albedo(v, r);
+    float edge = min(albedo_f90(v, r), whole);
+    return vec2(whole - edge, edge);
+}

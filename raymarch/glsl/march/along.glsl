@@ -1,6 +1,0 @@
-// The field along a ray, with the sign that it has at the camera: a camera inside a solid sees its inner wall.
-// needs: field Ray u_side
-// gives: along
-float along(Ray ray, float t) {
-    return u_side * field(ray.origin + t * ray.direction);
-}

@@ -1,7 +1,0 @@
-// A ray that runs out of steps takes the point where it came nearest, if that is within a pixel.
-// needs: Hit u_pixel
-// gives: exhausted
-void exhausted(inout Hit hit) {
-    hit.done = false;
-    hit.found = hit.residual < u_pixel * hit.t;
-}

@@ -1,0 +1,12 @@
+// A material that answers lights as the outside of glass does in one share, and as its own in the rest: reflectance after
+// Schlick is linear in what it is at right angles, and the diffuse part in its colour.
+// needs: Material Glass fresnel_dielectric
+// gives: as_dielectric
+Material as_dielectric(Material material, Glass glass, float share) {
+    vec3 own = mix(material.f0, material.color, material.metalness);
+    vec3 matte = (1.0 - share) * (1.0 - material.metalness) * (1.0 - material.f0) * material.color;
+    material.f0 = mix(own, vec3(fresnel_dielectric(1.0, 1.0 / glass.ior)), share);
+    material.color = matte / max(1.0 - material.f0, 1.0e-6);
+    material.metalness = 0.0;
+    return material;
+}

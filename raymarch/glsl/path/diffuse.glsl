@@ -1,0 +1,8 @@
+// Where the light that a surface after Phong sends to the eye came from: one direction of the matte part. False if none.
+// needs: Surface sample_cosine random_of_pixel
+// gives: sample_diffuse
+bool sample_diffuse(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
+    direction = sample_cosine(surface.normal, vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2)));
+    weight *= surface.material.color;
+    return true;
+}

@@ -1,0 +1,30 @@
+// What a ray meets that leaves a surface: plain steps from where it starts, inside of the solid if `side` is -1. `travelled`
+// is the way of the light before it, by which its precision is measured.
+// needs: field Ray Hit no_hit contact safe_step meets_ahead secondary_steps scene_box u_side u_far
+// gives: trace_secondary
+Hit trace_secondary(Ray ray, float start, float travelled, float side) {
+    Hit hit = no_hit(0.0);
+    vec2 range = scene_box(ray, vec2(start, 2.0 * u_far));
+    float t = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before where it starts
+    float r = 0.0;
+    float last = 0.0;
+    for (int i = 0; i < secondary_steps; i++) {
+        if (t > range.y) return hit;
+        vec3 p = ray.origin + t * ray.direction;
+        last = r;
+        r = side * u_side * field(p);
+        hit.evaluations += 1.0;
+        if (r < contact(p, travelled + t)) {
+            hit.found = true;
+            hit.t = t + r;
+            hit.residual = max(r, 0.0);  // at most
+            return hit;
+        }
+        t += safe_step(r);
+    }
+    t -= safe_step(r);
+    float derivative = (r - last) / safe_step(last);
+    hit.found = meets_ahead(r, derivative, range.y - t);
+    if (hit.found) hit.t = t + r / -derivative;
+    return hit;
+}

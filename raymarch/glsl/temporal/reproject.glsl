@@ -1,0 +1,59 @@
+// Where a point of this picture was in that of the history; false if it was not seen there: if it was beside the picture,
+// or what was seen lies at another distance, faces another way or is of another material.
+// needs: u_history finite
+// gives: u_surface u_history_surface u_before_position u_before_frame u_before_tan_half_fov decode_octahedral is_same is_edge find_in_history
+uniform sampler2D u_surface;
+uniform sampler2D u_history_surface;
+uniform vec3 u_before_position;  // the camera of the history
+uniform mat3 u_before_frame;
+uniform float u_before_tan_half_fov;
+
+// The unit vector that view/sample folded.
+vec3 decode_octahedral(vec2 e) {
+    vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
+    float below = max(-n.z, 0.0);
+    n.xy += vec2(n.x < 0.0 ? below : -below, n.y < 0.0 ? below : -below);
+    return normalize(n);
+}
+
+// True if the history's surface is this one: as far away, facing the same way, of the same material; or both the sky.
+bool is_same(vec4 before, vec4 surface, float depth, vec3 direction, bool edge) {
+    if (before.x < 0.0 || surface.x < 0.0) return before.x < 0.0 && surface.x < 0.0;
+    vec3 normal = decode_octahedral(surface.yz);
+    float slant = max(abs(dot(normal, direction)), 0.05);
+    return abs(depth - before.x) * slant <= 0.02 * depth
+        && (edge || dot(normal, decode_octahedral(before.yz)) >= 0.9) && before.w == surface.w;
+}
+
+// True if surfaces around a pixel face other ways than its own: there the normal does not tell whether it was seen.
+bool is_edge(vec3 normal) {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    ivec2 last = textureSize(u_surface, 0) - 1;
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
+            vec4 around = texelFetch(u_surface, clamp(at + ivec2(x, y), ivec2(0), last), 0);
+            if (around.x < 0.0 || dot(normal, decode_octahedral(around.yz)) < 0.9) return true;
+        }
+    }
+    return false;
+}
+
+bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
+    bool hit = surface.x >= 0.0;
+    vec3 way = hit ? position + surface.x * direction - u_before_position : direction;
+    vec3 view = way * u_before_frame;  // the frame is orthonormal: this is its transpose times the way
+    if (view.z >= 0.0) return false;
+    vec2 size = vec2(textureSize(u_history, 0));
+    pixel = 0.5 * (view.xy / -view.z / u_before_tan_half_fov * size.y + size);
+    if (any(lessThan(pixel, vec2(0.0))) || any(greaterThanEqual(pixel, size))) return false;
+    // along edges, the samples of one pixel see now one surface and now the other: any texel around will do
+    bool edge = hit && is_edge(decode_octahedral(surface.yz));
+    ivec2 last = textureSize(u_history_surface, 0) - 1;
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
+            vec4 before = texelFetch(u_history_surface, clamp(ivec2(pixel) + ivec2(x, y), ivec2(0), last), 0);
+            if (finite(before) && is_same(before, surface, length(way), direction, edge)) return true;
+        }
+    }
+    return false;
+}

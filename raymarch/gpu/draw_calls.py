@@ -1,0 +1,358 @@
+"""The draws of a frame, in their order: cones from coarse to fine, then what was asked for, once for each sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from raymarch.gpu.jitter import halton, r2
+from raymarch.gpu.prepare import Prepared
+from raymarch.gpu.program import Program
+from raymarch.gpu.resource_cache import ResourceCache
+from raymarch.gpu.targets import Target
+from raymarch.plan import Pass
+from raymarch.plan.schedule import Level
+
+
+@dataclass(frozen=True, slots=True)
+class DrawCall:
+    """A pass with its program, target and uniforms, ready to be drawn, whole or tile by tile.
+
+    `compile` is what the driver took to compile the program for it, in milliseconds; 0 if it had been.
+    """
+
+    chosen: Pass
+    program: Program
+    target: Target
+    uniforms: Mapping[str, Any]
+    compile: float
+
+    def draw(self, tile: tuple[int, int, int, int] | None = None) -> None:
+        """Draw without waiting for the device; `tile` as in `Program.draw`."""
+        self.program.draw(self.target, self.uniforms, tile)
+
+
+@dataclass(slots=True)
+class History:
+    """What earlier frames left for the next one.
+
+    Attributes
+    ----------
+    view : all that the cones depend on, of those that were drawn last. text : the shader of the last picture.
+    samples : how many of a pixel were averaged since the picture changed.
+    cones : whether the last picture drew its cones itself.
+    before : the camera of the last picture, as uniforms; None if there is none.
+    values : all uniforms of the last picture but for textures of data. shader : its text.
+    frames : pictures since all was forgotten.
+    marched : passes that the rays of the picture were marched in so far. arrived : whether none is on its way.
+    """
+
+    view: Any = None
+    text: str | None = None
+    samples: int = 0
+    cones: bool = True
+    before: Mapping[str, Any] | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+    shader: str | None = None
+    frames: int = 0
+    marched: int = 0
+    arrived: bool = False
+
+    def begin(self, view: Any, text: str | None, keep: bool) -> bool:
+        """Begin a frame; True if its cones are still there.
+
+        view, text : as above; no text for a frame without a picture. keep : False to take nothing from before.
+        """
+        kept = keep and view == self.view
+        if text is not None:
+            if not kept or text != self.text:
+                self.samples = 0
+            self.marched = self.marched if kept else 0
+            self.text, self.cones = text, not kept
+        self.view = view
+        return kept
+
+
+def draw_calls_of(
+    resources: ResourceCache,
+    ready: Prepared,
+    uniforms: Mapping[str, Any],
+    size: tuple[int, int],
+    history: History,
+    enough: Callable[[], bool] | None = None,
+) -> Iterator[DrawCall]:
+    """All draws of a frame. `history` is brought up to date as if they had been drawn.
+
+    enough : asked after each pass of a march that takes several, whether the rest may wait for the next frame. Then
+        each call is to be drawn before the next is asked for. None makes as many passes as there can be.
+    """
+    keep = ready.plan.scene.quality.temporal != "off"
+    kept = history.begin(_view(ready, uniforms, size), ready.texts.get("color"), keep)
+    rays = dict(uniforms)
+    if ready.plan.marching.cones:
+        cones, carried = _cones(resources, ready, uniforms, size)
+        yield from [] if kept else cones
+        rays.update(carried, u_spent=1.0 if history.cones or not keep else 0.0)
+    for chosen in ready.plan.passes:
+        if chosen.module == "view/accumulate":
+            yield from _samples(resources, ready, chosen, rays, size, history)
+        elif chosen.module == "temporal/resolve":
+            yield from _joined(resources, ready, chosen, rays, size, history)
+            history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
+            history.shader = history.text
+        elif chosen.name == "march":
+            if not (kept and "color" not in ready.texts):
+                history.marched = history.marched if kept else 0
+                yield from _marched(resources, ready, chosen, rays, size, history, enough)
+            state = resources.pair("march", size, chosen.textures).front
+            rays |= {"u_march": (state, 0), "u_found": (state, 1)}
+        elif chosen.name not in ("cone", "sample", "before"):
+            yield _call(resources, ready, chosen, resources.target(chosen.name, size, chosen.textures), rays)
+
+
+def _marched(
+    resources: ResourceCache,
+    ready: Prepared,
+    chosen: Pass,
+    uniforms: Mapping[str, Any],
+    size: tuple[int, int],
+    history: History,
+    enough: Callable[[], bool] | None,
+) -> Iterator[DrawCall]:
+    """Some steps of all rays a draw, in turn into one pair of textures and the other, until all have arrived."""
+    plan = ready.plan
+    steps_per_pass = plan.scene.quality.steps_per_pass
+    assert steps_per_pass is not None
+    passes = plan.marching.passes
+    pair = resources.pair("march", size, chosen.textures)
+    while history.marched < passes:
+        steps = min(steps_per_pass, plan.marching.steps - history.marched * steps_per_pass)
+        own = {
+            **uniforms,
+            "march_steps": steps,
+            "u_begin": history.marched == 0,
+            "u_end": history.marched == passes - 1,
+        }
+        own |= {"u_march": (pair.front, 0), "u_found": (pair.front, 1), "u_more": (pair.front, 2)}
+        yield _call(resources, ready, chosen, pair.back, own)
+        pair.swap()
+        history.marched += 1
+        if enough is not None and history.marched < passes:
+            if not resources.on_their_way(pair):
+                history.marched = passes
+            elif enough():
+                break
+    history.arrived = history.marched >= passes
+
+
+def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
+    """What is seen and from where, to compare: the field, the quality, the camera and all values."""
+    read = {name: value for name, value in uniforms.items() if name != "u_time" or ready.shader.uses_time}
+    numbers = tuple((name, _content(value)) for name, value in sorted(read.items()))
+    constants = tuple((name, *sorted(values.items())) for name, values in sorted(ready.constants.items()))
+    return ready.plan.field.body, ready.plan.scene.quality, numbers, constants, size
+
+
+def _content(value: Any) -> Any:
+    """A uniform's value, to compare: numbers by their bits, textures by their identity."""
+    if isinstance(value, int | float | tuple | list | np.ndarray):
+        return np.asarray(value, np.float64).tobytes()
+    return id(value)
+
+
+def _call(
+    resources: ResourceCache, ready: Prepared, chosen: Pass, target: Target, uniforms: Mapping[str, Any]
+) -> DrawCall:
+    program, compiling = resources.program(ready, chosen.name)
+    own = ready.constants.get(chosen.name)
+    return DrawCall(chosen, program, target, {**uniforms, **own} if own else uniforms, compiling)
+
+
+def _samples(
+    resources: ResourceCache,
+    ready: Prepared,
+    chosen: Pass,
+    uniforms: Mapping[str, Any],
+    size: tuple[int, int],
+    history: History,
+) -> Iterator[DrawCall]:
+    """A draw for each sample, in turn into one target and the other."""
+    pair = resources.pair("history", size)
+    for _ in range(ready.plan.scene.quality.samples):
+        own = {
+            **uniforms,
+            "u_history": pair.front,
+            "u_keep": history.samples > 0,
+            "u_jitter": r2(history.samples),
+            "u_sample": history.samples,
+        }
+        yield _call(resources, ready, chosen, pair.back, own)
+        pair.swap()
+        history.samples += 1
+
+
+def _joined(
+    resources: ResourceCache,
+    ready: Prepared,
+    chosen: Pass,
+    uniforms: Mapping[str, Any],
+    size: tuple[int, int],
+    history: History,
+) -> Iterator[DrawCall]:
+    """Two draws for each sample: what it sees, and that joined to what earlier frames saw.
+
+    Where something but the camera changed since the last frame, a draw between them, with the values of that one.
+    """
+    sample = next(p for p in ready.plan.passes if p.name == "sample")
+    pair = resources.pair("history", size, chosen.textures)
+    target = resources.target(sample.name, size, sample.textures)
+    before = next((p for p in ready.plan.passes if p.name == "before"), None)
+    camera = {name: uniforms[f"u_camera_{name}"] for name in ("position", "frame", "slope")}
+    known = history.before is not None and not _is_cut(history.before, camera, uniforms["u_far"])
+    for _ in range(ready.plan.scene.quality.samples):
+        still = history.samples > 0
+        jitter = r2(history.samples) if still or not known else halton(history.frames % PERIOD)
+        own = {**uniforms, "u_jitter": jitter, "u_sample": history.samples if still else history.frames}
+        yield _call(resources, ready, sample, target, own)
+        joined = {
+            **own,
+            "u_color": (target, 0),
+            "u_surface": (target, 1),
+            "u_history": (pair.front, 0),
+            "u_history_surface": (pair.front, 1),
+            "u_keep": still or known,
+            "u_still": still,
+            **{f"u_before_{name}": value for name, value in (history.before or camera).items()},
+        }
+        if before is not None:
+            changed = known and not still and _changed(ready, uniforms, history)
+            earlier = resources.target(before.name, size, before.textures)
+            if changed:
+                there = {**own, **_earlier(resources, ready, own, history), "u_surface": (target, 1)}
+                there |= {f"u_now_{name}": value for name, value in camera.items()}
+                yield _call(resources, ready, before, earlier, there)
+            joined |= {"u_changed": changed, "u_earlier_color": (earlier, 0), "u_earlier_way": (earlier, 1)}
+        yield _call(resources, ready, chosen, pair.back, joined)
+        pair.swap()
+        history.samples += 1
+    history.before = camera
+    history.frames += 1
+
+
+def _scene_values(ready: Prepared) -> set[str]:
+    """The uniforms by which a scene can change, the camera apart."""
+    names = {uniform for name, uniform in ready.shader.parameters.items() if name not in ready.plan.twins}
+    return names | {"u_lights", "u_sky_light"} | ({"u_time"} if ready.shader.uses_time else set())
+
+
+def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> bool:
+    """True if the scene is not as it was in the last picture."""
+    names = _scene_values(ready) & set(uniforms)
+    return history.shader == history.text and any(
+        _content(uniforms[name]) != _content(history.values[name]) for name in names
+    )
+
+
+def _earlier(
+    resources: ResourceCache, ready: Prepared, uniforms: Mapping[str, Any], history: History
+) -> dict[str, Any]:
+    """The uniforms of the last picture, in place of those of this one."""
+    twins = {ready.shader.parameters[name] for name in ready.plan.twins}
+    lost = {"u_lights"} if not resources.has_lights(history.values.get("u_lights")) else set()
+    return {name: value for name, value in history.values.items() if name in uniforms and name not in twins | lost}
+
+
+PERIOD = 16
+"""Samples after which the jitter of a moving picture repeats: about what its history remembers."""
+
+
+def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) -> bool:
+    """True if the camera went so far between two frames that nothing of the history is of use: turned by more than a
+    third of a radian, or moved by more than a tenth of the scene's depth, or zoomed by half."""
+    turned = float(np.dot(np.asarray(before["frame"])[:, 2], np.asarray(camera["frame"])[:, 2])) < math.cos(1 / 3)
+    moved = float(np.linalg.norm(np.subtract(before["position"], camera["position"]))) > 0.1 * far
+    zoomed = not 2 / 3 < before["slope"] / camera["slope"] < 3 / 2
+    return turned or moved or zoomed
+
+
+# Cones
+
+UNREAD = (3, 3)
+"""Size of a texture that is bound and not read. Edges that are powers of two make another kind of texture."""
+
+
+def _cones(
+    resources: ResourceCache, ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]
+) -> tuple[list[DrawCall], dict[str, Any]]:
+    """The draws of the levels, and what the rays take over from the last."""
+    plan = ready.plan
+    (chosen,) = (p for p in plan.passes if p.name == "cone")
+    steps = plan.scene.quality.max_steps
+    jittered = plan.marching.jittered
+    # Mesa's software renderer compiles a program anew for each kind of texture that it finds bound, read or not: the
+    # first level gets one like those of the others, and not whatever was bound last.
+    carried: dict[str, Any] = {"u_carried": resources.target("no cone", UNREAD), "u_carried_cell": (0.0, 0.0)}
+    draw_calls = []
+    for i, level in enumerate(plan.marching.schedule.levels):
+        target = resources.target(f"cone {i}", level.size(size), chosen.textures)
+        cell, footprint = cells(level, size, jittered)
+        own = {
+            **uniforms,
+            **carried,
+            "u_cell": cell,
+            "u_footprint": footprint,
+            "u_cone": widest(footprint, uniforms["u_pixel"]),
+            "march_steps": max(1, round(level.share * steps)),
+        }
+        draw_calls.append(_call(resources, ready, chosen, target, own))
+        carried = {"u_carried": target, "u_carried_cell": cell}
+    rays = {
+        "u_cell": (1.0, 1.0),
+        "u_footprint": (0.5, 0.5) if jittered else (0.0, 0.0),
+        "u_cone": 0.0,
+        "march_steps": plan.marching.steps,
+    }
+    return draw_calls, {**carried, **rays}
+
+
+def cells(level: Level, size: tuple[int, int], jittered: bool) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Width and height in pixels of a level's cells, and half the part of a cell that rays come from.
+
+    Rays come from the middles of pixels unless they are jittered. Where cells hold whole pixels, no ray comes
+    from the outer half pixel of a cell.
+    """
+    cell, footprint = [], []
+    for pixels, count in zip(size, level.size(size), strict=True):
+        edge = pixels / count
+        cell.append(edge)
+        footprint.append(0.5 * (edge - 1.0) if pixels % count == 0 and not jittered else 0.5 * edge)
+    return (cell[0], cell[1]), (footprint[0], footprint[1])
+
+
+def widest(footprint: tuple[float, float], pixel: float) -> float:
+    """The largest distance between the direction in a cell's middle and another of its rays, both of length 1.
+
+    footprint : half of the part that rays come from, in pixels. pixel : width of a pixel at distance 1.
+
+    A chord of the unit sphere; for an offset h in the plane of the picture it is the longest, 2 sin(atan(h / 2)), where
+    the camera's axis halves it. Padded by 2 ulp, by which directions are rounded.
+    """
+    offset = math.hypot(*footprint) * pixel
+    return 2.0 * math.sin(math.atan(0.5 * offset)) + 2.0**-22
+
+
+def count_draws(ready: Prepared) -> int:
+    """How many draws a frame can take at most."""
+    plan = ready.plan
+    quality = plan.scene.quality
+    several = {
+        "cone": len(plan.marching.schedule.levels),
+        "march": plan.marching.passes,
+        "sample": quality.samples,
+    }
+    joined = {"view/accumulate", "temporal/resolve"}
+    return sum(several.get(p.name, quality.samples if p.module in joined else 1) for p in plan.passes)

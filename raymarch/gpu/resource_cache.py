@@ -1,0 +1,218 @@
+"""What a renderer keeps on its context between frames: compiled programs, targets, textures of data."""
+
+from __future__ import annotations
+
+import os
+import time as clock_time
+from collections import OrderedDict
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import PlanError, SceneError, warn
+from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
+from raymarch.gpu.context import Context
+from raymarch.gpu.failure import in_pass
+from raymarch.gpu.prepare import Prepared
+from raymarch.gpu.program import FULL_SCREEN, Program
+from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
+from raymarch.plan import Plan
+
+KEPT = 32
+"""Programs, at first, and textures of data, that are kept; the one used longest ago is freed first."""
+HELD, UNITS = 512 * 2**20, 16
+"""Bytes of data from which the oldest is freed, and how many textures stay in any case: what one frame may read."""
+
+
+_REST = """#version 330 core
+// Lets the rays through that are on their way, for the device to count.
+uniform sampler2D u_march;
+out vec4 color;
+void main() {
+    float flags = texelFetch(u_march, ivec2(gl_FragCoord.xy), 0).w;
+    if (mod(floor(flags / 32.0), 2.0) == 0.0) discard;
+    color = vec4(0.0);
+}
+"""
+
+
+LONG = 10.0
+"""Estimated seconds of compilation from which a warning says so."""
+LONGEST = 600.0
+"""Estimated seconds beyond which a scene is refused, unless RAYMARCH_COMPILE_LIMIT says otherwise."""
+
+
+def _weigh(plan: Plan, renderer: str) -> None:
+    """Warn of a field that a software renderer takes long to compile; PlanError beyond the limit."""
+    seconds = plan.compile_seconds
+    if seconds < LONG:
+        return
+    given = os.environ.get("RAYMARCH_COMPILE_LIMIT", "")
+    try:
+        limit = float(given or LONGEST)
+    except ValueError:
+        raise SceneError(f"RAYMARCH_COMPILE_LIMIT = {given!r}", legal="a number of seconds") from None
+    what = (
+        f"the field has {plan.operations:,} operations in {plan.shapes:,} shapes: compiling takes about {seconds:.0f} s"
+    )
+    cure = (
+        "`repeat` and `repeat_varied` compile one copy; `grid` and `image` sample a shape once; a GPU compiles faster"
+    )
+    where = plan.given.node.where or plan.given.where
+    if seconds > limit:
+        legal = f"up to {limit:g} s, or a higher RAYMARCH_COMPILE_LIMIT in the environment; {cure}"
+        raise PlanError(f"{what} on {renderer}", legal=legal, where=where)
+    warn(f"{what} on {renderer}; {cure}", where)
+
+
+class ResourceCache:
+    """Programs by their text, targets by what they are for, textures by their content.
+
+    `compiled` counts the programs that the driver compiled so far, `kept` is how many are kept.
+    """
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self.compiled = 0
+        self.kept = KEPT
+        self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
+        self._drawn: set[Program] = set()
+        self._targets: dict[str, Target] = {}
+        self._pairs: dict[str, PingPong] = {}
+        self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
+        self._bytes: dict[str, int] = {}
+        self._rest: Program | None = None
+        self._lights: list[tuple[bytes, moderngl.Texture]] = []
+
+    def program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
+        """A pass ready to draw, and the milliseconds that the driver took to compile it now."""
+        key = (ready.vertex, ready.texts[chosen])
+        found = self._programs.get(key)
+        if found is not None:
+            self._programs.move_to_end(key)
+            return found, 0.0
+        if self.context.driver.is_software:
+            _weigh(ready.plan, self.context.driver.renderer)
+        start = clock_time.perf_counter()
+        program = Program(self.context, *key, ready.shader.locate, chosen)
+        spent = 1e3 * (clock_time.perf_counter() - start)
+        self.compiled += 1
+        self._programs[key] = program
+        while len(self._programs) > self.kept:
+            _, oldest = self._programs.popitem(last=False)
+            self._drawn.discard(oldest)
+            oldest.release()
+        return program, spent
+
+    def knows(self, ready: Prepared) -> bool:
+        """Whether all programs of a scene are compiled."""
+        return all((ready.vertex, text) in self._programs for text in ready.texts.values())
+
+    def first_draw(self, program: Program) -> bool:
+        """True once for each program: drivers finish their work in its first draw."""
+        first = program not in self._drawn
+        self._drawn.add(program)
+        return first
+
+    def target(self, name: str, size: tuple[int, int], textures: int = 1) -> Target:
+        """A target for one purpose; made anew where its size changed."""
+        found = self._targets.get(name)
+        if found is None or (found.size, found.attachments) != (size, textures):
+            with in_pass(name):
+                fresh = Target(self.context, size, textures)
+            if found is not None:
+                found.release()
+            self._targets[name] = found = fresh
+        return found
+
+    def pair(self, name: str, size: tuple[int, int], textures: int = 1) -> PingPong:
+        """A pair of targets for one purpose; made anew where its size changed."""
+        found = self._pairs.get(name)
+        if found is None or (found.size, found.front.attachments) != (size, textures):
+            with in_pass(name):
+                fresh = PingPong(self.context, size, textures)
+            if found is not None:
+                found.release()
+            self._pairs[name] = found = fresh
+        return found
+
+    def on_their_way(self, march: PingPong) -> int:
+        """How many rays of a march have not arrived; waits for the device. Overwrites the pair's back."""
+        if self._rest is None:
+            self._rest = Program(self.context, FULL_SCREEN, _REST, lambda line: ("the count of rays", None), "rest")
+        with self.context.bound():
+            query = self.context.gl.query(samples=True)
+            with query:
+                self._rest.draw(march.back, {"u_march": (march.front, 0)})
+            return int(query.samples)
+
+    def texture(self, data: Samples | Texels) -> moderngl.Texture | moderngl.Texture3D:
+        """Sampled data or a picture on the device."""
+        if data.key not in self._textures:
+            made = upload_pyramid(self.context, data) if isinstance(data, Texels) else upload(self.context, data)
+            self._textures[data.key] = made
+            self._bytes[data.key] = data.nbytes
+            while len(self._textures) > KEPT or (len(self._textures) > UNITS and sum(self._bytes.values()) > HELD):
+                key, oldest = self._textures.popitem(last=False)
+                del self._bytes[key]
+                with self.context.bound():
+                    oldest.release()
+        self._textures.move_to_end(data.key)
+        return self._textures[data.key]
+
+    def lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
+        """The texture of many lights, with the rows of this frame. That of the frame before stays as it is."""
+        size, content = rows.shape[1::-1], rows.tobytes()
+        found = next((t for known, t in self._lights if known == content and t.size == size), None)
+        if found is not None:
+            return found
+        with self.context.bound():
+            if len(self._lights) == 2:
+                self._lights.pop(0)[1].release()
+            made = self.context.gl.texture(size, 4, content, dtype="f4")
+            made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._lights.append((content, made))
+        return made
+
+    def has_lights(self, texture: object) -> bool:
+        """Whether a texture of many lights is still there."""
+        return any(kept is texture for _, kept in self._lights)
+
+    def free_targets(self, *keep: str) -> None:
+        """Free all targets but some, by name; they are made anew when next asked for."""
+        for name in set(self._targets) - set(keep):
+            self._targets.pop(name).release()
+        for name in set(self._pairs) - set(keep):
+            self._pairs.pop(name).release()
+
+    @property
+    def objects(self) -> dict[str, int]:
+        """How many programs, textures of targets, and textures of data are alive."""
+        pairs = sum(2 * pair.front.attachments for pair in self._pairs.values())
+        return {
+            "programs": len(self._programs),
+            "targets": sum(target.attachments for target in self._targets.values()) + pairs,
+            "data": len(self._textures) + len(self._lights),
+        }
+
+    def release(self) -> None:
+        """Free everything. Idempotent."""
+        self.free_targets()
+        for program in self._programs.values():
+            program.release()
+        if not self.context.released:
+            with self.context.bound():
+                for texture in self._textures.values():
+                    texture.release()
+                for _, made in self._lights:
+                    made.release()
+        self._lights.clear()
+        self._textures.clear()
+        self._bytes.clear()
+        if self._rest is not None:
+            self._rest.release()
+        self._rest = None
+        self._programs.clear()
+        self._drawn.clear()

@@ -1,0 +1,168 @@
+"""What of a field depends on time alone is worked out in float64, once a frame.
+
+A day after the start one unit in the last place of float32 is .0078 s: an angle of `time` would turn in jerks. Sines,
+angles and offsets of time reach the shader as uniforms instead, which is also less work for every evaluation. A wave
+such as sin(x + time), in which time meets the point, is the same wave after each turn: there the turns are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from raymarch.errors import Location
+from raymarch.expr.function import Function
+from raymarch.expr.node import Expr, make
+from raymarch.expr.types import FLOAT, Type
+from raymarch.expr.walk import find, rebuild, rewrite, topological
+from raymarch.scene.parameter import Spec, Value, Values
+
+HELD = {"var", "apply", "cell", "loop", "item", "mark", "sample", "sample_slope", "texture", "raw", "raw_slope"}
+"""Operations that depend on the point, or that only the shader can do."""
+
+
+def hoisted_from(
+    field: Function, origins: dict[Expr, Location], known: Mapping[str, Expr] = MappingProxyType({})
+) -> tuple[Function, dict[str, Expr]]:
+    """The field with new parameters in place of what depends on time alone, and the expression of each parameter.
+
+    `origins`, the user's line of each expression, is continued for the new ones. `known` are the parameters of another
+    field of the scene, which this one shares; they are among those that are given back.
+    """
+    moments = dict(known)
+    leaves = {node: _leaf(name, node, origins) for name, node in known.items()}
+    made: dict[Function, Function] = {}
+    for old in topological([field], _called):
+        body = _calling(old.body, made, origins)
+        body = _replaced(body, _phases(body), origins)
+        for node in _largest(body):
+            if node not in leaves:
+                name = f"moment {len(moments)}"
+                moments[name] = node
+                leaves[node] = _leaf(name, node, origins)
+        body = _replaced(body, leaves, origins)
+        made[old] = old if body is old.body else Function(old.name, old.params, body, old.names, old.where)
+    return made[field], moments
+
+
+def _leaf(name: str, node: Expr, origins: Mapping[Expr, Location]) -> Expr:
+    spec = Spec(name, _plain(Values({}).of(node)), None, None, origins.get(node))
+    return make("param", node.type, (), spec)
+
+
+def _called(definition: Function) -> tuple[Function, ...]:
+    """The functions in which time may meet the point."""
+    still, _ = _of_time(definition.body)
+    calls = [node for node in topological([definition.body]) if node.op == "call" and node not in still]
+    return tuple(node.data for node in calls if find([node.data.body], "time"))
+
+
+def _calling(body: Expr, made: Mapping[Function, Function], origins: dict[Expr, Location]) -> Expr:
+    """The body with calls of other functions in place of those that were made anew."""
+    still, _ = _of_time(body)
+
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        if node.op == "call" and node not in still and node.data in made:
+            return make("call", node.type, args, made[node.data])
+        return rebuild(node, args)
+
+    return _rewritten(body, rule, origins)
+
+
+def _replaced(body: Expr, leaves: Mapping[Expr, Expr], origins: dict[Expr, Location]) -> Expr:
+    """The body with others in place of some expressions."""
+    return _rewritten(body, lambda node, args: leaves[node] if node in leaves else rebuild(node, args), origins)
+
+
+def _rewritten(body: Expr, rule: Callable[[Expr, tuple[Expr, ...]], Expr], origins: dict[Expr, Location]) -> Expr:
+    """The body after a rule for each of its expressions, whose lines stay theirs."""
+    new = rewrite([body], rule)
+    for old, changed in new.items():
+        if changed is not old and old in origins:
+            origins.setdefault(changed, origins[old])
+    return new[body]
+
+
+def at_moment(moments: Mapping[str, Expr], values: Values) -> Values:
+    """The values of a frame, with those of the new parameters."""
+    if not moments:
+        return values
+    known = {name: _plain(values.of(node)) for name, node in moments.items()}
+    return Values({**values.params, **known}, values.time)
+
+
+def _largest(body: Expr) -> list[Expr]:
+    """The expressions of time that something other uses, but not time itself: float32 holds that as well as can be."""
+    still, moving = _of_time(body)
+    found = {arg: None for node in topological([body]) if node not in still for arg in node.args if arg in moving}
+    if body in moving:
+        found[body] = None
+    return [node for node in found if node.op != "time"]
+
+
+def _of_time(body: Expr) -> tuple[set[Expr], set[Expr]]:
+    """What does not depend on the point and can be a parameter, which no matrix and no truth can; and of that, what
+    depends on time."""
+    still: set[Expr] = set()
+    moving: set[Expr] = set()
+    for node in topological([body]):
+        if node.op in HELD or not _has_leaf(node.type) or not all(arg in still for arg in node.args):
+            continue
+        still.add(node)
+        if node.op == "time" or any(arg in moving for arg in node.args) or (node.op == "call" and find([node], "time")):
+            moving.add(node)
+    return still, moving
+
+
+def _phases(body: Expr) -> dict[Expr, Expr]:
+    """The waves in which a term of time is added to one of the point, and the same with whole turns left out."""
+    still, moving = _of_time(body)
+    waves = {}
+    for node in topological([body]):
+        if node.op in ("sin", "cos") and node not in still:
+            (phase,) = node.args
+            turned = _turned(phase, 2.0 * math.pi, moving)
+            if turned is not phase:
+                waves[node] = rebuild(node, (turned,))
+    return waves
+
+
+def _turned(phase: Expr, period: float, moving: set[Expr]) -> Expr:
+    """A sum whose terms of time are taken to within a period; a factor of the sum shortens it."""
+    done: dict[tuple[Expr, float], Expr] = {}
+    pending = [(phase, period)]
+    while pending:
+        term, turn = key = pending[-1]
+        if key in done:
+            pending.pop()
+            continue
+        factor = _factor(term)
+        if term in moving:
+            done[key] = term % turn
+        elif factor is None and term.op not in ("add", "sub", "neg", "swizzle"):
+            done[key] = term
+        else:
+            inner = turn if factor is None else turn / abs(float(factor.data))
+            waiting = [(arg, inner) for arg in term.args if arg is not factor and (arg, inner) not in done]
+            pending += waiting
+            if not waiting:
+                done[key] = rebuild(term, tuple(a if a is factor else done[a, inner] for a in term.args))
+    return done[phase, period]
+
+
+def _factor(term: Expr) -> Expr | None:
+    """The number that a product is a multiple of; None for all else."""
+    if term.op != "mul":
+        return None
+    return next((arg for arg in term.args if arg.is_constant and arg.type is FLOAT and arg.data != 0), None)
+
+
+def _has_leaf(type: Type) -> bool:
+    return not type.is_matrix and type.name in ("float", "vec2", "vec3", "vec4")
+
+
+def _plain(value: np.ndarray) -> Value:
+    return float(value) if value.shape == () else tuple(float(v) for v in value)

@@ -1,0 +1,126 @@
+"""The generated part of bounces: one way of light from surface to surface, by chance."""
+
+from __future__ import annotations
+
+from raymarch.plan import Plan
+from raymarch.plan.shading import compensated
+from raymarch.shader.chunk import Lines
+from raymarch.shader.surface import normal_of, place_of, surface_of
+
+
+def path_tracing(text: Lines, plan: Plan) -> None:
+    """The colour of a hit where light bounces: a way from surface to surface, and the light that joins it at each."""
+    scene, add, glass = plan.scene, text.add, plan.glass is not None
+    shines = bool(scene.lights) and plan.model != "phong"
+    add("vec3 shade(Ray ray, Hit hit) {")
+    add("    vec3 color = vec3(0.0);")
+    add("    vec3 weight = vec3(1.0);")
+    add("    float first = hit.t;")
+    add("    float travelled = 0.0;")
+    if shines:
+        # Seen from a matte surface, a light in a mirror is a speck that chance finds too seldom (Kaplanyan 2013).
+        add("    float dull = 0.0;  // roughness below which surfaces no longer mirror lights")
+    if glass:
+        add("    float side = 1.0;  // -1 inside of glass")
+        add("    vec3 absorption = vec3(0.0);")
+        add("    vec3 before = ray.origin;  // where the light comes to last")
+    side = "side" if glass else "1.0"
+    add(f"    for (int bounce = 0; bounce <= {scene.bounces}; bounce++) {{")
+    add("        travelled += hit.t;")
+    call, name = surface_of(plan, "ray", "travelled")
+    add(f"        Surface surface = {call};", name)
+    add("        surface.t = travelled;")
+    if glass:
+        add("        if (side < 0.0) weight *= exp(-absorption * distance(before, surface.p));")
+        add("        before = surface.p;")
+        add("        surface.normal *= side;")
+    add("        int dimension = 16 + 8 * bounce;", "random_of_pixel")
+    add("        vec3 direction;")
+    indent = "        "
+    if glass:
+        _into_glass(text, plan)
+    if shines:
+        add(f"{indent}Surface shown = surface;")
+        add(f"{indent}shown.material.roughness = max(surface.material.roughness, dull);")
+    seen = "shown" if shines else "surface"
+    if glass and shines:
+        add(f"{indent}if (side > 0.0) color += weight * direct_light({seen}, glass, enters ? 1.0 : 0.0);")
+    else:
+        add(f"{indent}{'if (!enters) ' if glass else ''}color += weight * direct_light({seen});")
+        if glass and plan.emission is not None:
+            add(f"{indent}else if (side > 0.0) color += weight * emission_at({place_of(plan)});", "emission_at")
+    if glass:
+        _glass(text, plan, shines)
+        indent += "    "
+    last = f"bounce == {scene.bounces}"
+    physical = "from_metal" if compensated(scene) else "sample_microfacet"
+    need = {"phong": {"sample_diffuse"}, "physical": {physical}, "mixed": {"sample_diffuse", physical}}[plan.model]
+    given = "(surface, dimension, direction, weight)"
+    if plan.model == "mixed":
+        add(f"{indent}bool goes = random_of_pixel(dimension + 5) < surface.material.physical", *need)
+        add(f"{indent}    ? {physical}{given} : sample_diffuse{given};")
+        add(f"{indent}if ({last} || !goes) break;")
+    else:
+        add(f"{indent}if ({last} || !{next(iter(need))}{given}) break;", *need)
+    if shines:
+        matte = "surface.material.metalness < 1.0 ? max(surface.material.roughness, 0.4) : surface.material.roughness"
+        add(f"{indent}dull = max(dull, {matte});")
+    if glass:
+        add("        }")
+    add("        float start;")
+    solid, needs = normal_of(plan)
+    add(f"        vec3 outwards = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
+    add("        ray = spawn_ray(surface.p, outwards, direction, travelled, start);", "spawn_ray")
+    add(f"        hit = trace_secondary(ray, start, travelled, {side});", "trace_secondary")
+    add("        if (!hit.found) {")
+    add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);", "sky")
+    add("            break;")
+    add("        }")
+    add("    }")
+    if scene.fog is not None:
+        add("    color = apply_fog(color, first);", "apply_fog", by="Scene(fog=...)", where=scene.where)
+    add("    return color;")
+    add("}")
+
+
+def _into_glass(text: Lines, plan: Plan) -> None:
+    """Whether a way goes on through glass, by its share."""
+    text.add(f"        Glass glass = glass_at({place_of(plan)});", "Glass", "glass_at")
+    text.add("        bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;")
+
+
+def _glass(text: Lines, plan: Plan, shines: bool) -> None:
+    """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
+    frosted = any(material.frosted for material in plan.scene.materials)
+    for line in (
+        "if (enters) {",
+        f"    if (bounce == {plan.scene.bounces}) {{",  # what would still come is the sky's, lest glass end in black
+        "        color += weight * sky(ray.direction);",
+        "        break;",
+        "    }",
+        *(f"    {line}" for line in (FROSTED if frosted else CLEAR)),
+        *(["    dull = max(dull, surface.material.roughness);"] if frosted and shines else []),
+        "} else {",
+    ):
+        text.add(f"        {line}", "sample_rough_dielectric" if frosted else "fresnel_dielectric")
+
+
+CLEAR = (
+    "float ratio = side > 0.0 ? 1.0 / glass.ior : glass.ior;",
+    "float cosine = clamp(dot(surface.normal, surface.view), 0.0, 1.0);",
+    "if (random_of_pixel(dimension + 4) < fresnel_dielectric(cosine, ratio)) {",
+    "    direction = reflect(ray.direction, surface.normal);",
+    "} else {",
+    "    direction = refract(ray.direction, surface.normal, ratio);",
+    "    side = -side;",
+    "    absorption = glass.absorption;",
+    "}",
+)
+"""How a way goes on where all glass is smooth."""
+
+FROSTED = (
+    "float inside = side;",
+    "if (!sample_rough_dielectric(surface, glass, dimension, side, direction, weight)) break;",
+    "if (side != inside) absorption = glass.absorption;",
+)
+"""How it goes on where some is not."""
