@@ -116,6 +116,7 @@ class Viewer:
         self.help = False
         self.sequence: Sequence | None = None
         self._idle = False
+        self._unshown = 1  # frames that must be shown, whatever they hold
         self._rest = 0.0
         self.notices: list[tuple[float, str]] = []
         self._cards: list[Card] = []
@@ -192,6 +193,7 @@ class Viewer:
             self.screen.size = size
             self.state.aspect = size[0] / size[1]
             self.log.say("resize", size=size)
+            self._unshown = 2  # drivers give the window's buffers their new size with the next swap
         drew = False
         try:
             drew = self.picture.step(self.state.shot(), size, now - self.changed_at > SETTLED)
@@ -201,7 +203,7 @@ class Viewer:
             self.changed_at = now
         cards = messages_of(self, now)
         live = self.panel is not None and self.panel.busy
-        if not (drew or resized or live or cards != self._cards or self.window.take_stale()):
+        if not (drew or self._unshown or live or cards != self._cards or self.window.take_stale()):
             if self.picture.whole and not self._idle:
                 self.log.say("idle")
                 self._idle = True
@@ -221,6 +223,7 @@ class Viewer:
         self.window.take_stale()
         rest = 1e3 * (clock_time.perf_counter() - start)
         self.window.swap()
+        self._unshown = max(self._unshown - 1, 0)
         self._rest = 1e3 * (clock_time.perf_counter() - start)
         self.frames += 1
         self.picture.pace.other(rest)

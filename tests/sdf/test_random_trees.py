@@ -140,5 +140,9 @@ def test_twins_agree(egl: Context, node: Node) -> None:
     text = print_functions([lower(node)])
     twin: Any = run(egl, node.glsl(), "field({0})", [(VEC3, points)], samples=text.samples)
     scale = 2.0**-23 * max(field.size, float(np.abs(points).max()))
-    wrong = np.abs(twin - values) > 256 * scale
+    allowed = np.full(len(points), 256 * scale)
+    if node.exactness == "estimate":  # a fractal may change by much where a point moves by an ulp, also in float64
+        ulps = np.random.default_rng(5).uniform(-4, 4, (8, *points.shape)) * scale
+        allowed += 4 * np.max([np.abs(field.value(points + step) - values) for step in ulps], axis=0)
+    wrong = np.abs(twin - values) > allowed
     assert wrong.mean() <= (0.02 if node.exactness == "estimate" else 0.001), node
