@@ -39,8 +39,8 @@ def pair() -> tuple[Node, Node]:
 
 def tile(index: Expr) -> Node:
     """One cell: its height and colour are its own."""
-    height = 0.2 + 0.9 * rm.random_of(index)
-    color = vec3(0.2 + 0.7 * rm.random_of(index + vec3(7.0, 0.0, 0.0)), 0.5, 0.8 - 0.6 * rm.random_of(index))
+    height = 0.2 + 0.9 * rm.hash(index)
+    color = vec3(0.2 + 0.7 * rm.hash(index + vec3(7.0, 0.0, 0.0)), 0.5, 0.8 - 0.6 * rm.hash(index))
     return rm.box((0.4, height, 0.4)).round(0.03).material(rm.Material(color=color, shininess=60))
 
 

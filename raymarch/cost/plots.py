@@ -104,9 +104,7 @@ def draw_front(axes: Any, made: Sweep, metric: str) -> None:
         style = {"fmt": "o", "ms": 4, "lw": 0.6, "alpha": 0.75, "color": COLORS.get(tracer), "label": tracer}
         axes.errorbar(x, [at(p) for p in some], xerr=spread, **style)
     front = made.front(metric)
-    axes.step(
-        [p.time.value for p in front], [at(p) for p in front], where="post", color="black", lw=1, label="front"
-    )
+    axes.step([p.time.value for p in front], [at(p) for p in front], where="post", color="black", lw=1, label="front")
     for point in sound:
         if point is made.base:
             axes.plot(point.time.value, at(point), "*", ms=13, mfc="none", mec="black", label="the scene's own")

@@ -159,7 +159,7 @@ RULES: Mapping[str, Rule] = {
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,
     "texture": textures.evaluate,
-    "random_of": hashing.evaluate,
+    "hash": hashing.evaluate,
     "finite": lambda node, x: np.isfinite(x).all(axis=-1) if node.args[0].type.shape else np.isfinite(x),
     "probe": lambda _node, value, *_: value,
     "within": lambda _node, value: value,

@@ -93,7 +93,7 @@ PARTIALS: Mapping[str, Partials] = {
     "ceil": (None,),
     "round": (None,),
     "fract": (lambda e: ONE,),
-    "random_of": (None,),
+    "hash": (None,),
     "texture": (None, None, None, None),  # heights are read as slopes instead, see `raymarch.scene.relief`
     "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
     "exp": (lambda e: e,),

@@ -22,15 +22,15 @@ FARTHEST = 1.0e9
 """Cells beyond this are taken as this one; a float32 that large and an integer of 32 bits both hold it."""
 
 
-def random_of(cell: Operand) -> Expr:
+def hash(cell: Operand) -> Expr:
     """A number from 0 to 1, less than 1, for each cell of the lattice of whole numbers.
 
     cell : vec3 of whole numbers; others are rounded.
     """
     value = expr(cell)
     if value.type is not VEC3:
-        raise SceneError(f"random_of({value.type})", legal="the index of a cell, a vec3")
-    return simplify("random_of", FLOAT, (value,))
+        raise SceneError(f"hash({value.type})", legal="the index of a cell, a vec3")
+    return simplify("hash", FLOAT, (value,))
 
 
 def _mixed(v: Array) -> Array:
@@ -40,7 +40,7 @@ def _mixed(v: Array) -> Array:
 
 
 def evaluate(_node: Expr, cell: Array) -> Array:
-    """NumPy row of "random_of"."""
+    """NumPy row of "hash"."""
     whole = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
     n = np.atleast_2d(whole).astype(np.int64).astype(np.uint32)
     bits = _mixed(n[..., 0] + _mixed(n[..., 1] + _mixed(n[..., 2])))
@@ -54,7 +54,7 @@ GLSL_HELPERS = {
     v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
     return (v >> 22) ^ v;
 }""",
-    "random_of": """float random_of(vec3 cell) {
+    "hash": """float hash(vec3 cell) {
     // one number in [0, 1) for each cell
     uvec3 n = uvec3(ivec3(floor(clamp(cell, -1.0e9, 1.0e9) + 0.5)));
     return float(lattice_mixed(n.x + lattice_mixed(n.y + lattice_mixed(n.z))) >> 8) * 5.9604645e-8;

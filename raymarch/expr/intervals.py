@@ -241,7 +241,7 @@ RULES: Mapping[str, Rule] = {
     "finite": lambda _node, _x: (np.asarray(False), np.asarray(True)),
     "probe": lambda _node, value, *_: value,
     "within": lambda _node, value: value,
-    "random_of": lambda _node, _cell: (np.zeros(()), np.ones(())),
+    "hash": lambda _node, _cell: (np.zeros(()), np.ones(())),
 }
 
 

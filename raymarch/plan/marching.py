@@ -148,7 +148,12 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
     if quality.refinement == "proven":
         add(("march/refine", "the last steps towards a surface are along the measured slope, and proven"))
     else:
-        add((f"march/refine_{'none' if quality.refinement == 'none' else 'slope'}", f"{quality.refinement!r} correction"))
+        add(
+            (
+                f"march/refine_{'none' if quality.refinement == 'none' else 'slope'}",
+                f"{quality.refinement!r} correction",
+            )
+        )
     if marching.tracer != "bracketing":
         add(("march/loop", "a ray goes on until it is near a surface"))
         aims = marching.tracer == "auto_relaxed" and quality.refinement == "proven"

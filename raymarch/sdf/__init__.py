@@ -37,7 +37,7 @@ from raymarch.sdf.fractals import apollonian, julia, mandelbox, mandelbulb, meng
 from raymarch.sdf.joints import complement, engrave, groove, morph, pipe, tongue, xor
 from raymarch.sdf.lettering import image, text
 from raymarch.sdf.node import Node
-from raymarch.sdf.noise import displace_by, displace_by_noise, random_of, value_noise
+from raymarch.sdf.noise import displace_by, displace_by_noise, hash, value_noise
 from raymarch.sdf.periodic import gyroid, lidinoid, neovius, schwarz_d, schwarz_p
 from raymarch.sdf.placing import material, mirror, rotate, scale, transform, translate
 from raymarch.sdf.polyhedra import (
@@ -126,6 +126,7 @@ __all__ = [
     "grid",
     "groove",
     "gyroid",
+    "hash",
     "heart",
     "heightmap",
     "helix",
@@ -163,7 +164,6 @@ __all__ = [
     "polyline_tube",
     "pyramid",
     "quad",
-    "random_of",
     "rectangle",
     "regular_polygon",
     "repeat",

@@ -74,40 +74,52 @@ def _exact_if_apart(*children: Facts) -> Exactness:
     return worst(*[c.exactness for c in children]) if disjoint(*children) else "bound"
 
 
-@combination(bounds=_hull, exactness=_exact_if_apart, spread=_widest, associative=True, dimension="any")
+@combination(bounds=_hull, exactness=_exact_if_apart, spread=_widest, associative=True, dimension="any", called="union")
 def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
     """All solids together."""
     return balanced([child(p) for child in children], min)
 
 
-@combination(bounds=_overlap, spread=_widest, convex=True, associative=True, cuts=True, dimension="any")
+@combination(
+    bounds=_overlap, spread=_widest, convex=True, associative=True, cuts=True, dimension="any", called="intersection"
+)
 def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
     """What all solids share."""
     return balanced([child(p) for child in children], max)
 
 
 @combination(
-    bounds=lambda children: (children[0].lower, children[0].upper), spread=_of_the_first, cuts=True, dimension="any"
+    bounds=lambda children: (children[0].lower, children[0].upper),
+    spread=_of_the_first,
+    cuts=True,
+    dimension="any",
+    called="difference",
 )
 def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
     """The first solid without the others."""
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
 
 
-@combination(bounds=_grown_hull, spread=_widest, dimension="any")
+@combination(bounds=_grown_hull, spread=_widest, dimension="any", called="union")
 def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """All solids together, joined by a fillet."""
     return balanced([child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
-@combination(bounds=lambda children, k: _overlap(children), spread=_widest, cuts=True, dimension="any")
+@combination(
+    bounds=lambda children, k: _overlap(children), spread=_widest, cuts=True, dimension="any", called="intersection"
+)
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """What all solids share, its new edges rounded."""
     return -balanced([-child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
 @combination(
-    bounds=lambda children, k: (children[0].lower, children[0].upper), spread=_of_the_first, cuts=True, dimension="any"
+    bounds=lambda children, k: (children[0].lower, children[0].upper),
+    spread=_of_the_first,
+    cuts=True,
+    dimension="any",
+    called="difference",
 )
 def smooth_difference(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """The first solid without the others, its new edges rounded."""
@@ -128,7 +140,7 @@ def _blended_slope(children: Sequence[ChildFacts], k: Expr, family: str, steps: 
     return FAMILIES[family](steps).steepness(len(children))
 
 
-@combination(bounds=_blended_bounds, lipschitz=_blended_slope, spread=_widest, dimension="any")
+@combination(bounds=_blended_bounds, lipschitz=_blended_slope, spread=_widest, dimension="any", called="union")
 def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """All solids together, joined after a family of blends."""
     return fold_all(FAMILIES[family](steps), [child(p) for child in children], k)
@@ -140,6 +152,7 @@ def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word,
     spread=_widest,
     cuts=True,
     dimension="any",
+    called="intersection",
 )
 def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """What all solids share, its new edges shaped after a family of blends."""
@@ -152,6 +165,7 @@ def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family
     spread=_of_the_first,
     cuts=True,
     dimension="any",
+    called="difference",
 )
 def blended_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """The first solid without the others, its new edges shaped after a family of blends."""

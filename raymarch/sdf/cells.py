@@ -80,7 +80,7 @@ def _check_room(child: Facts, cells: Cells, spacing: Expr, nx: int, ny: int, nz:
             raise SceneError("varied_cells: the solid does not fit its cell", legal="repeat_varied(build, spacing)")
 
 
-@operator(bounds=_bounds, spread=1.0, check=_check_room)
+@operator(bounds=_bounds, spread=1.0, check=_check_room, called="repeat_varied")
 def varied_cells(
     p: Expr,
     child: Child,
@@ -138,7 +138,7 @@ def repeat_varied(
     ----------
     build : function that makes the solid of a cell, about the origin, from the cell's index: an expression, a vec3 of
         whole numbers. Along an axis with n cells they run from -(n // 2) to (n - 1) // 2. Any parameter of any node
-        may depend on it; `noise.random_of(index)` gives a number from 0 to 1 for each cell.
+        may depend on it; `noise.hash(index)` gives a number from 0 to 1 for each cell.
     spacing : a length > 0 for each of x, y and z; None leaves that axis alone. One number is for all three.
     count : how many cells, about the origin: one number, or one for each axis; None for no end.
 

@@ -98,6 +98,7 @@ def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr)
     spread=_polar_spread,
     symmetry=_polar_symmetry,
     check=_check_polar,
+    called="polar",
 )
 def polar_sectors(
     p: Expr,
@@ -234,6 +235,7 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> E
     exactness=_exact_if_apart,
     spread=lambda child, **_: child.spread,
     symmetry=_mirrored_symmetry,
+    called="repeat_mirrored",
 )
 def mirrored_cells(
     p: Expr, child: Child, spacing: Size3 = (2.0, 2.0, 2.0), nx: Whole = 3, ny: Whole = 1, nz: Whole = 1

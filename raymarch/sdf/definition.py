@@ -59,6 +59,8 @@ class Definition:
     """A shape (no children) or an operator (one child, or any number of them)."""
 
     name: str
+    called: str
+    """The name by which a user calls it: that of the public function, or of the method."""
     source: Callable[..., Any]
     dimension: int
     child_dimension: int
@@ -88,11 +90,11 @@ class Definition:
         for child in children:
             if not isinstance(child, Node):
                 raise SceneError(
-                    f"{self.name} of {short(child)} ({type(child).__name__})", legal="a node such as sphere()"
+                    f"{self.called} of {short(child)} ({type(child).__name__})", legal="a node such as sphere()"
                 )
             if child.dimension != self.child_dimension:
                 raise SceneError(
-                    f"{self.name} of a {child.dimension}D field ({child.name})",
+                    f"{self.called} of a {child.dimension}D field ({child.name})",
                     legal="fields of one dimension" if self.flat is not None else f"a {self.child_dimension}D field",
                 )
         params = self._bind(args, kwargs)
@@ -102,19 +104,19 @@ class Definition:
     def _bind(self, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> dict[str, Any]:
         names = list(self.domains)
         if len(args) > len(names):
-            raise SceneError(f"{self.name} takes {len(names)} parameters, {len(args)} were given", legal=self.usage)
+            raise SceneError(f"{self.called} takes {len(names)} parameters, {len(args)} were given", legal=self.usage)
         given = dict(zip(names, args, strict=False))
         for name, value in kwargs.items():
             if name not in self.domains:
-                raise SceneError(f"{self.name} has no parameter '{name}'", legal=self.usage)
+                raise SceneError(f"{self.called} has no parameter '{name}'", legal=self.usage)
             if name in given:
-                raise SceneError(f"{self.name} was given '{name}' twice", legal=self.usage)
+                raise SceneError(f"{self.called} was given '{name}' twice", legal=self.usage)
             given[name] = value
         for name in names:
             if name not in given and name not in self.defaults:
-                raise SceneError(f"{self.name} needs '{name}'", legal=self.usage)
+                raise SceneError(f"{self.called} needs '{name}'", legal=self.usage)
         return {
-            name: domain.accept(self.name, name, given.get(name, self.defaults.get(name)))
+            name: domain.accept(self.called, name, given.get(name, self.defaults.get(name)))
             for name, domain in self.domains.items()
         }
 
@@ -123,7 +125,7 @@ class Definition:
         """How it is called; defaults that are data are left out."""
         plain = {n: value for n, value in self.defaults.items() if isinstance(value, int | float | str | tuple)}
         shown = [f"{n}={plain[n]!r}" if n in plain else n for n in self.domains]
-        return f"{self.name}({', '.join(shown)})"
+        return f"{self.called}({', '.join(shown)})"
 
     # The field
 
@@ -137,13 +139,15 @@ class Definition:
             extra = () if self.arity == "none" else (children if self.arity == "many" else children[0],)
 
             on_symbols = _reordered(self.source, extra, statics, list(self.domains))
-            traced = trace(self.name, on_symbols, symbols, self.source.__code__)
+            traced = trace(self.called, on_symbols, symbols, self.source.__code__)
             if traced.type is not FLOAT:
-                raise SceneError(f"{self.name} gives a {traced.type}", legal="a distance, one number", where=self.where)
+                raise SceneError(
+                    f"{self.called} gives a {traced.type}", legal="a distance, one number", where=self.where
+                )
             hidden = [loop for loop in find([traced.body], "loop") if find(loop.data.inner, "apply")]
             if hidden:
                 raise SceneError(
-                    f"{self.name} asks its child inside a loop of the expression language",
+                    f"{self.called} asks its child inside a loop of the expression language",
                     legal="a loop of Python, or the child asked after the loop",
                     where=self.where,
                 )
@@ -158,9 +162,11 @@ class Definition:
             if number.op != "const" or number.type is BOOL:
                 continue
             if not np.all(np.isfinite(number.data)):
-                what = f"{self.name} holds {np.asarray(number.data).tolist()}: a constant is divided by 0, or too large"
+                what = (
+                    f"{self.called} holds {np.asarray(number.data).tolist()}: a constant is divided by 0, or too large"
+                )
             elif node is not number and not np.all(number.data):
-                what = f"{self.name} divides by {np.asarray(number.data).tolist()}"
+                what = f"{self.called} divides by {np.asarray(number.data).tolist()}"
             else:
                 continue
             raise SceneError(what, legal="finite numbers, and divisors that are not 0", where=self.where)
@@ -174,7 +180,7 @@ class Definition:
         def child(q: Any) -> Expr:
             point = expr(q)
             if point.type is not wanted:
-                raise SceneError(f"{self.name} asks its child at a {point.type}", legal=f"a {wanted}")
+                raise SceneError(f"{self.called} asks its child at a {point.type}", legal=f"a {wanted}")
             return make("apply", FLOAT, (point,), index)
 
         return child
@@ -202,7 +208,7 @@ class Definition:
         steep = float(steepness[1]) if declared else steepest
         if not 0 < steep < np.inf:
             raise SceneError(
-                f"{self.name} has no finite Lipschitz bound here ({steep})",
+                f"{self.called} has no finite Lipschitz bound here ({steep})",
                 legal="a bounded child, and parameters with a finite range",
             )
         exactness = self._exactness(children, params)
@@ -319,7 +325,7 @@ def _define(
 
 
 def _define_one(
-    source: Callable[..., Any], arity: str, dimension: int, child_dimension: int, declared: Mapping[str, Any]
+    source: Callable[..., Any], arity: str, dimension: int, child_dimension: int, declared: dict[str, Any]
 ) -> Definition:
     code = source.__code__
     where = Location(code.co_filename, code.co_firstlineno)
@@ -337,6 +343,7 @@ def _define_one(
     defaults = {q.name: q.default for q in own if q.default is not q.empty}
     return Definition(
         name=source.__name__,
+        called=declared.pop("called") or source.__name__,
         source=source,
         arity=arity,
         dimension=dimension,
@@ -369,6 +376,7 @@ def shape(
     convex: bool | Rule = False,
     check: Rule | None = None,
     dimension: Literal[2, 3] = 3,
+    called: str = "",
 ) -> Callable[[Callable[Concatenate[Any, P], Any]], Callable[P, Node]]:
     """Decorator: a function of a point and parameters becomes a shape.
 
@@ -385,6 +393,7 @@ def shape(
     convex : True if the solid is convex for all parameters, or a function of the parameters.
     check : function of the parameters that raises SceneError for combinations that are not legal.
     dimension : 3, or 2 for a shape to extrude or revolve.
+    called : the name in messages, reprs and GLSL; by default that of the function.
 
     The parameters are annotated with `Positive`, `Vec3`, ...: the machinery refuses other values before the
     definition runs. Raises SceneError if a fact is missing.
@@ -395,6 +404,7 @@ def shape(
         definition = _define(
             source,
             arity="none",
+            called=called,
             dimension=dimension,
             child_dimension=dimension,
             exactness=exactness,
@@ -429,6 +439,7 @@ def operator(
     check: Rule | None = None,
     dimension: Dimension = 3,
     child_dimension: Literal[2, 3] | None = None,
+    called: str = "",
 ) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Node, P], Node]]:
     """Decorator: a function of a point, a child and parameters becomes an operator on one node.
 
@@ -445,6 +456,7 @@ def operator(
     check : function of the child's facts and the parameters that raises SceneError.
     dimension, child_dimension : 2 or 3, of the result and of the child. dimension="any" serves solid and flat
         children alike; for flat ones p, and parameters that are a vec3 (mat3) in space, become a vec2 (mat2).
+    called : the name in messages, reprs and GLSL; by default that of the function.
     """
 
     def decorate(source: Callable[Concatenate[Any, Any, P], Any]) -> Callable[Concatenate[Node, P], Node]:
@@ -452,6 +464,7 @@ def operator(
         definition = _define(
             source,
             arity="one",
+            called=called,
             dimension=dimension,
             child_dimension=child_dimension or dimension,
             exactness=exactness,
@@ -487,6 +500,7 @@ def combination(
     cuts: bool = False,
     dimension: Dimension = 3,
     child_dimension: Literal[2, 3] | None = None,
+    called: str = "",
 ) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Sequence[Node], P], Node]]:
     """Decorator: a function of a point, a list of children and parameters becomes an operator on many nodes.
 
@@ -500,6 +514,7 @@ def combination(
         definition = _define(
             source,
             arity="many",
+            called=called,
             dimension=dimension,
             child_dimension=child_dimension or dimension,
             exactness=exactness,

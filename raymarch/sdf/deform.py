@@ -75,6 +75,7 @@ def _twisted_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, E
     lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, reach),
     spread=lambda child, rate, reach: max(child.spread, 1.0),
     check=_check_reach("xz"),
+    called="twist",
 )
 def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
     """Turned about the y axis by an angle that grows with y."""
@@ -104,6 +105,7 @@ def _bent_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr
     lipschitz=lambda child, rate, reach: child.lipschitz * (1.0 + abs(rate) * reach),
     spread=lambda child, rate, reach: max(child.spread, 1.0),
     check=_check_reach("xy"),
+    called="bend",
 )
 def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
     """Turned about the z axis by an angle that grows with x."""
@@ -157,6 +159,7 @@ def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -
         max(child.spread, 1.0) * max(1.0, max(1.0 + rate * low, 1.0 + rate * high))
     ),
     check=_check_taper,
+    called="taper",
 )
 def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Length, high: Length) -> Expr:
     """Scaled across the y axis by a factor that grows with y."""
@@ -193,7 +196,9 @@ def _waves_slope(child: ChildFacts, amplitude: Expr, frequency: Expr) -> Expr:
     return child.lipschitz + amplitude * max(f.x, max(f.y, f.z))
 
 
-@operator(bounds=_swollen, lipschitz=_waves_slope, spread=lambda child, amplitude, frequency: child.spread)
+@operator(
+    bounds=_swollen, lipschitz=_waves_slope, spread=lambda child, amplitude, frequency: child.spread, called="displace"
+)
 def displace_by_waves(
     p: Expr, child: Child, amplitude: NonNegative = 0.05, frequency: Vec3 = (10.0, 10.0, 10.0)
 ) -> Expr:

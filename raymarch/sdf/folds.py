@@ -96,7 +96,7 @@ def _bounds(bounds: Corners, **_: Any) -> tuple[Expr, Expr]:
     return const(bounds[0]), const(bounds[1])
 
 
-@shape(exactness="estimate", bounds=_bounds)
+@shape(exactness="estimate", bounds=_bounds, called="fold_fractal")
 def folded_orbit(
     p: Expr, fold: FoldOf = _kaleidoscope, bounds: BoundsOf = CUBE, bailout: Factor = 100.0, iterations: Count = 8
 ) -> Expr:
@@ -105,7 +105,7 @@ def folded_orbit(
     return _to_box(length(z) / growth, p, bounds)
 
 
-@operator(exactness="estimate", bounds=lambda child, **given: _bounds(**given))
+@operator(exactness="estimate", bounds=lambda child, **given: _bounds(**given), called="fold_fractal")
 def folded_solid(
     p: Expr,
     child: Child,

@@ -43,20 +43,20 @@ def _near_both(children: Sequence[ChildFacts], radius: Expr) -> tuple[Expr, Expr
     return balanced([lower for lower, _ in corners], max), balanced([upper for _, upper in corners], min)
 
 
-@combination(bounds=_near_both, lipschitz=DIAGONAL)
+@combination(bounds=_near_both, lipschitz=DIAGONAL, called="pipe")
 def pipe_along(p: Expr, children: Sequence[Child], radius: Positive) -> Expr:
     """A tube along the line where two surfaces meet."""
     return length(vec2(children[0](p), children[1](p))) - radius
 
 
-@combination(bounds=_first, lipschitz=DIAGONAL, spread=_spread_of_first, cuts=True)
+@combination(bounds=_first, lipschitz=DIAGONAL, spread=_spread_of_first, cuts=True, called="engrave")
 def engraved(p: Expr, children: Sequence[Child], depth: Positive) -> Expr:
     """A V-shaped line cut into the first solid where the second surface meets it."""
     a, b = children[0](p), children[1](p)
     return max(a, math.sqrt(0.5) * (a + depth - abs(b)))
 
 
-@combination(bounds=_first, spread=_spread_of_first, cuts=True)
+@combination(bounds=_first, spread=_spread_of_first, cuts=True, called="groove")
 def grooved(p: Expr, children: Sequence[Child], depth: Positive, width: Positive) -> Expr:
     """A channel with upright walls cut into the first solid along the second surface."""
     a, b = children[0](p), children[1](p)
@@ -67,21 +67,21 @@ def _raised(children: Sequence[ChildFacts], height: Expr, width: Expr) -> tuple[
     return children[0].grown(height)
 
 
-@combination(bounds=_raised, spread=_spread_of_first, symmetry="")
+@combination(bounds=_raised, spread=_spread_of_first, symmetry="", called="tongue")
 def tongued(p: Expr, children: Sequence[Child], height: Positive, width: Positive) -> Expr:
     """A rib with upright walls raised on the first solid along the second surface."""
     a, b = children[0](p), children[1](p)
     return min(a, max(a - height, abs(b) - 0.5 * width))
 
 
-@combination(bounds=_hull, spread=_widest)
+@combination(bounds=_hull, spread=_widest, called="xor")
 def exclusive(p: Expr, children: Sequence[Child]) -> Expr:
     """What belongs to one of two solids but not to both."""
     a, b = children[0](p), children[1](p)
     return max(min(a, b), -max(a, b))
 
 
-@combination(bounds=_hull)
+@combination(bounds=_hull, called="morph")
 def between(p: Expr, children: Sequence[Child], amount: Share) -> Expr:
     """The mean of two fields: where it is not positive, one of them is not."""
     return mix(children[0](p), children[1](p), amount)

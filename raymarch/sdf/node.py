@@ -69,7 +69,7 @@ class Node:
     @property
     def name(self) -> str:
         """Name of the shape or operator."""
-        return self.definition.name
+        return self.definition.called
 
     @property
     def dimension(self) -> int:

@@ -18,7 +18,7 @@ from raymarch.expr.convert import called, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, function, sum_of, trace
-from raymarch.expr.hashing import random_of
+from raymarch.expr.hashing import hash
 from raymarch.expr.intervals import INTERVALS, interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT, VEC3
@@ -29,7 +29,7 @@ from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
-__all__ = ["displace_by", "displace_by_noise", "random_of", "value_noise"]
+__all__ = ["displace_by", "displace_by_noise", "hash", "value_noise"]
 
 Frequency = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="1/length")]
 Octaves = Annotated[int, Domain(None, low=1, high=16, unit="count")]
@@ -52,7 +52,7 @@ def value_noise(q: Expr) -> Expr:
     weight = 0.5 - 0.5 * cos(math.pi * (q - cell))
 
     def along_x(y: float, z: float) -> Expr:
-        return mix(random_of(cell + vec3(0.0, y, z)), random_of(cell + vec3(1.0, y, z)), weight.x)
+        return mix(hash(cell + vec3(0.0, y, z)), hash(cell + vec3(1.0, y, z)), weight.x)
 
     low, high = (mix(along_x(0.0, z), along_x(1.0, z), weight.y) for z in (0.0, 1.0))
     return 2.0 * mix(low, high, weight.z) - 1.0
@@ -71,6 +71,7 @@ def _share(octaves: int) -> float:
     bounds=lambda child, amplitude, **_: child.grown(amplitude),
     lipschitz=1.0,
     spread=lambda child, **_: child.spread,
+    called="displace_by_noise",
 )
 def noisy(
     p: Expr, child: Child, amplitude: NonNegative = 0.1, frequency: Frequency = 3.0, octaves: Octaves = 2
@@ -109,6 +110,7 @@ RIPPLES = trace("ripples", _ripples, [("p", VEC3)])
     bounds=lambda child, function, amplitude, slope: child.grown(amplitude),
     lipschitz=1.0,
     spread=lambda child, function, amplitude, slope: child.spread,
+    called="displace_by",
 )
 def displaced(
     p: Expr,
@@ -165,7 +167,7 @@ def _traced(source: Callable[[Any], Any]) -> Function:
 
 # What can be derived of a function
 
-JUMPS = ("sign", "floor", "ceil", "round", "fract", "mod", "step", "where", "loop", "random_of", "raw")
+JUMPS = ("sign", "floor", "ceil", "round", "fract", "mod", "step", "where", "loop", "hash", "raw")
 """Operations that may jump, or whose slope intervals do not follow."""
 
 

@@ -84,6 +84,7 @@ def rotation_matrix(axis: Expr, angle: Expr) -> Expr:
     bounds=lambda child, axis, angle: rotation_matrix(axis, angle) @ child.box,
     spread=lambda child, axis, angle: child.spread * _spread_through(rotation_matrix(axis, angle)),
     convex=True,
+    called="rotate",
 )
 def rotate_about(p: Expr, child: Child, axis: Direction, angle: Angle) -> Expr:
     """Turned about an axis through the origin."""
@@ -101,6 +102,7 @@ def _turning(angle: Expr) -> Expr:
     spread=lambda child, angle: child.spread * _spread_through(_turning(angle)),
     convex=True,
     dimension=2,
+    called="rotate",
 )
 def turn(p: Expr, child: Child, angle: Angle) -> Expr:
     """A flat shape turned about the origin, counter-clockwise."""
@@ -129,6 +131,7 @@ def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     spread=lambda child, factor: child.spread,
     convex=True,
     dimension="any",
+    called="scale",
 )
 def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
     """Enlarged by one factor; distances grow with it, so they stay exact."""
@@ -141,6 +144,7 @@ def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
     spread=lambda child, factors: child.spread * max(*factors) / min(*factors),
     convex=True,
     dimension="any",
+    called="scale",
 )
 def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
     """Enlarged along each axis by its own factor; the smallest one scales distances, which gives a bound."""
@@ -170,6 +174,7 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
     spread=lambda child, linear, inverse, offset, stretch: child.spread * _spread_through(linear) / stretch,
     convex=True,
     dimension="any",
+    called="transform",
 )
 def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec3, stretch: Positive) -> Expr:
     """Placed by x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
@@ -247,6 +252,7 @@ def _mirrored_symmetry(child: Facts, normal: Expr) -> str:
     symmetry=_mirrored_symmetry,
     spread=lambda child, normal: child.spread * _spread_through(_reflection(normal)),
     dimension="any",
+    called="mirror",
 )
 def mirror_across(p: Expr, child: Child, normal: Direction) -> Expr:
     """Points behind the plane through the origin are asked at their reflection."""
@@ -269,6 +275,7 @@ def mirror(node: Node, axis: Vector | str) -> Node:
     spread=lambda child: child.spread,
     convex=True,
     dimension="any",
+    called="material",
 )
 def labelled(p: Expr, child: Child) -> Expr:
     """The same field, with a label that materials are found by."""

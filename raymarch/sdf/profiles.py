@@ -106,7 +106,14 @@ def _loft_spread(children: Sequence[ChildFacts], height: Any, gap: Any, easing: 
     return widest * _loft_slope(len(children) - 1, height, gap, easing)
 
 
-@combination(bounds=_loft_bounds, lipschitz=1.0, symmetry=_loft_symmetry, spread=_loft_spread, child_dimension=2)
+@combination(
+    bounds=_loft_bounds,
+    lipschitz=1.0,
+    symmetry=_loft_symmetry,
+    spread=_loft_spread,
+    child_dimension=2,
+    called="extrude_to",
+)
 def loft(
     p: Expr, children: Sequence[Child], height: Positive = 1.0, gap: Positive = 1.0, easing: Word = "smooth"
 ) -> Expr:

@@ -56,7 +56,14 @@ def _spread(child: ChildFacts, guard: int, **_: Any) -> Any:
     return 1.0 if guard else child.spread
 
 
-@operator(exactness=_exact_if_apart, bounds=_bounds, symmetry=_keep_if_centred, spread=_spread, dimension="any")
+@operator(
+    exactness=_exact_if_apart,
+    bounds=_bounds,
+    symmetry=_keep_if_centred,
+    spread=_spread,
+    dimension="any",
+    called="repeat",
+)
 def repeat_cells(
     p: Expr,
     child: Child,

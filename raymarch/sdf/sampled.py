@@ -393,6 +393,7 @@ def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[E
     bounds=_raised,
     lipschitz=lambda child, data, size, height: child.lipschitz + _carpet(data, size, height),
     spread=lambda child, data, size, height: child.spread,
+    called="displace_by_image",
 )
 def displace_by_samples(
     p: Expr, child: Child, data: Data = HILLS, size: Size2 = (2.0, 2.0), height: NonNegative = 0.2
@@ -429,6 +430,7 @@ def displace_by_image(
     ),
     lipschitz=lambda data, size, height, base: _terrain(data, size, height),
     spread=1.0,
+    called="heightmap",
 )
 def terrain(
     p: Expr,

@@ -42,7 +42,7 @@ def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> s
     return "".join(axis for axis in still if all(axis in child.symmetry for child in children))
 
 
-@combination(bounds=_hull, lipschitz=_transition_slope, spread=_widest, symmetry=_symmetry_across)
+@combination(bounds=_hull, lipschitz=_transition_slope, spread=_widest, symmetry=_symmetry_across, called="transition")
 def transition_between(
     p: Expr,
     children: Sequence[Child],

@@ -58,6 +58,7 @@ def turn_between(start: Expr, end: Expr) -> Expr:
     bounds=lambda child, axis, direction: turn_between(axis, direction) @ child.box,
     spread=lambda child, axis, direction: math.sqrt(3.0) * child.spread,
     convex=True,
+    called="orient",
 )
 def oriented(p: Expr, child: Child, axis: Direction = (0.0, 1.0, 0.0), direction: Direction = (1.0, 1.0, 1.0)) -> Expr:
     """Turned so that an axis points along a direction."""
@@ -87,6 +88,7 @@ def shear_slope(amount: Expr) -> Expr:
     lipschitz=lambda child, amount, axis, by: child.lipschitz * shear_slope(amount),
     spread=lambda child, amount, axis, by: child.spread * (1.0 + absolute(amount)),
     convex=True,
+    called="shear",
 )
 def sheared(
     p: Expr, child: Child, amount: Length = 0.5, axis: Vec3 = (1.0, 0.0, 0.0), by: Vec3 = (0.0, 1.0, 0.0)
@@ -157,7 +159,7 @@ def _is_centred(child: Facts, start: Expr, end: Expr) -> bool:
     return "x" in child.symmetry and ends.is_constant and float(ends.data) == 0.0
 
 
-@operator(bounds=_wrapped_bounds, lipschitz=1.0, spread=1.0, check=_check_wrapped)
+@operator(bounds=_wrapped_bounds, lipschitz=1.0, spread=1.0, check=_check_wrapped, called="wrap_around")
 def wrapped(
     p: Expr,
     child: Child,

@@ -152,7 +152,10 @@ def _loop(text: Lines, plan: Plan) -> None:
             end = f"{'range_window' if 'window' in has else 'linear_falloff'}(light.distance, source.w)"
         add(f"if (source.w > 0.0) light.radiance *= {end};", *(RANGES[end] for end in sorted({"window", "fade"} & has)))
     if "spot" in has:
-        add("if (axis.w > 0.0) light.radiance *= spot_falloff(light.direction, axis.xyz, cone.x, cone.y);", "spot_falloff")
+        add(
+            "if (axis.w > 0.0) light.radiance *= spot_falloff(light.direction, axis.xyz, cone.x, cone.y);",
+            "spot_falloff",
+        )
     add("if (light.radiance == vec3(0.0)) continue;")
     visibility = "1.0"
     if "caster" in names:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, expr, function, loop, trace
 from raymarch.expr.faults import Passage
-from raymarch.expr.hashing import random_of
+from raymarch.expr.hashing import hash
 from raymarch.expr.limits import Limit
 from raymarch.expr.node import make, swizzle
 from raymarch.expr.raw import RawFunction, raw
@@ -773,7 +773,7 @@ sample(
     lambda a: each(lambda x: 6 * x, a),
     a=of(3),
 )
-sample("lattice", lambda a: random_of(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))
+sample("lattice", lambda a: hash(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))
 
 
 HILL = "float hill(vec3 p) {\n    return p.x * p.y + 0.5 * p.z;\n}"

@@ -179,7 +179,7 @@ def test_only_nodes_that_are_too_steep_have_a_colour(renderer: rm.Renderer) -> N
 def test_what_is_sound_is_found_sound(renderer: rm.Renderer) -> None:
     """Cells that differ, copies, the plane, data, a fractal, textures of lights, glass and samples of a pixel."""
     data = rm.heightmap(np.hypot(*np.mgrid[-4:5, -4:5]) / 8, (2, 2))
-    cells = rm.repeat_varied(lambda i: rm.sphere(0.1 + 0.2 * rm.random_of(i)), 1.0, (3, 1, 3))
+    cells = rm.repeat_varied(lambda i: rm.sphere(0.1 + 0.2 * rm.hash(i)), 1.0, (3, 1, 3))
     parts = [cells, data, rm.star().extrude(0.3), rm.box().twist(0.5), rm.text("a").extrude(0.2)]
     solid = rm.union(*[part.translate((1.6 * k - 3, 0, 0)) for k, part in enumerate(parts)]).repeat((None, None, 4), 2)
     lamps = [rm.PointLight((k, 3, 0), shadow=True) for k in range(10)]

@@ -19,7 +19,7 @@ from raymarch.sdf import repeat, repeat_varied, transform
 from raymarch.sdf.blends import exponential_min
 from raymarch.sdf.booleans import BLENDS
 from raymarch.sdf.domain import Domain
-from raymarch.sdf.noise import random_of
+from raymarch.sdf.noise import hash
 from tests.hard.world import ULP, Figure, World, bytes_off, case, refusals, steepest
 
 BOTH = (rm.box(), rm.sphere(0.6).translate((0.4, 0.3, 0)))
@@ -380,7 +380,7 @@ def hashes(world: World) -> Iterator[Figure]:
     cells = np.random.default_rng(6).integers(-5000, 5000, (4000, 3)).astype(np.float64)
     from raymarch.expr.arrays import evaluator
 
-    function = Function("hash", (p,), random_of(p))
+    function = Function("hash", (p,), hash(p))
     found = evaluate(world.context, function, [cells]).astype(np.float64)
     true = evaluator([function.body], [p])(cells)[0]
     yield Figure("hashes of 4,000 that differ in a bit", int(np.sum(found != true)), 0, "integers are exact")

@@ -17,11 +17,11 @@ CAMERA = rm.Camera(position=(3, 4, 5), target=(0, 0, 0))
 
 
 def color_of(index: Any) -> Any:
-    return vec3(rm.random_of(index), 0.2 + 0.6 * rm.random_of(index + vec3(0.0, 7.0, 0.0)), 0.5)
+    return vec3(rm.hash(index), 0.2 + 0.6 * rm.hash(index + vec3(0.0, 7.0, 0.0)), 0.5)
 
 
 def tile(index: Any) -> rm.Node:
-    paint = rm.Material(color=color_of(index), shininess=10.0 + 20.0 * rm.random_of(index))
+    paint = rm.Material(color=color_of(index), shininess=10.0 + 20.0 * rm.hash(index))
     return (rm.box((0.8, 0.4, 0.8)).round(0.05) | rm.sphere(0.4).translate((0, 0.3, 0))).material(paint)
 
 

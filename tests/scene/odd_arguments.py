@@ -189,7 +189,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "box_fold": {"z": var("p", VEC3)},
     "ball_fold": {"z": var("p", VEC3), "growth": 1.0},
     "ImageSky": {"file": Path(__file__).parents[2] / "docs" / "pictures" / "hello.png"},
-    "random_of": {"cell": var("p", VEC3)},
+    "hash": {"cell": var("p", VEC3)},
     "value_noise": {"*": (var("p", VEC3),)},
     "wrap_around": {"start": -3.0, "end": 3.0},
 }

@@ -46,7 +46,7 @@ def trees() -> dict[str, rm.Node]:
         "blend": rm.union(rm.sphere(), rm.box().translate((1, 0, 0)), k=0.2).rotate(0.3, "z"),
         "asked twice": pair.repeat((2, None, None), 3) - pair,
         "labels": (rm.sphere().material(red) | rm.box() | rm.torus()).material(red) & rm.box(),
-        "cells": rm.repeat_varied(lambda i: rm.sphere(0.2 + 0.1 * rm.random_of(i)) | rm.box((0.3, 0.3, 0.3)), 1.0, 5),
+        "cells": rm.repeat_varied(lambda i: rm.sphere(0.2 + 0.1 * rm.hash(i)) | rm.box((0.3, 0.3, 0.3)), 1.0, 5),
         "flat": rm.rectangle((1, 2)).extrude(0.5).twist(0.4),
         "fractal": rm.mandelbulb(),
     }

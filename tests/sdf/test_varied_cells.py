@@ -13,13 +13,13 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import value_of
 from raymarch.expr.node import expr
 from raymarch.expr.vocabulary import mod, sin, vec3
-from raymarch.sdf import Node, box, random_of, repeat_varied, sphere, union
+from raymarch.sdf import Node, box, hash, repeat_varied, sphere, union
 
 POINTS = np.random.default_rng(5).uniform(-4, 4, (4000, 3))
 
 
 def ball(index: Any) -> Node:
-    return sphere(0.2 + 0.2 * random_of(index)).translate(vec3(0.0, 0.05 * sin(index.x), 0.0))
+    return sphere(0.2 + 0.2 * hash(index)).translate(vec3(0.0, 0.05 * sin(index.x), 0.0))
 
 
 def bricks(index: Any) -> Node:
@@ -47,7 +47,7 @@ def test_a_copy_is_that_of_its_index() -> None:
 
 
 def test_random_numbers_are_even() -> None:
-    drawn = np.array([value_of(random_of((float(i), float(j), 2.0))) for i in range(20) for j in range(20)])
+    drawn = np.array([value_of(hash((float(i), float(j), 2.0))) for i in range(20) for j in range(20)])
     assert abs(drawn.mean() - 0.5) < 0.05 and abs(drawn.std() - 12**-0.5) < 0.03
     assert len(np.unique(drawn)) == len(drawn)
 
