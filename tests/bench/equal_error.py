@@ -3,8 +3,9 @@
 python -m tests.bench.equal_error [NAME ...] [WIDTHxHEIGHT]      examples by name; primitives and village without one
 
 The enhanced tracer ends where its ray came within epsilon, as published; its epsilon is made smaller until its error
-is that of the default. Beside it stands the enhanced tracer with our last steps. Times are of the passes that march (a
-steps_per_pass of all steps makes that a pass of its own), interleaved in one run; medians of the ratios, with their quartiles.
+is that of the default. Beside it stands the enhanced tracer with our last steps. Times are of the passes that march
+(`steps_per_pass` of all steps makes that a pass of its own), interleaved in one run; medians of the ratios, with their
+quartiles.
 """
 
 from __future__ import annotations

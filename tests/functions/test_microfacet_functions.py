@@ -72,7 +72,8 @@ def answer(
 ) -> NDArray[np.float32]:
     """What a surface whose normal is z sends to the eye of white light, by microfacets."""
     text = modules("material/physical", before="") + modules(*PHYSICAL, before=SEEN + LIGHT)
-    call = f"eval_microfacet(Surface(vec3(0), vec3(0, 0, 1), {{1}}, 1.0, {material}), Light({{0}}, 1.0, vec3(1)), {visibility})"
+    surface = f"Surface(vec3(0), vec3(0, 0, 1), {{1}}, 1.0, {material})"
+    call = f"eval_microfacet({surface}, Light({{0}}, 1.0, vec3(1)), {visibility})"
     return run(egl, text, call, [(VEC3, lights), (VEC3, views)], 3)
 
 
@@ -202,7 +203,8 @@ def test_a_white_sky_gives_no_more_than_it_has(egl: Context) -> None:
     )
     views = slanted([-1.0, -0.5, -1e-3, 0.0, 0.3, 1.0])
     for rough in (0.0, 0.5, 1.0):
-        call = f"specular_sky(Surface(vec3(0), vec3(0, 0, 1), {{0}}, 1.0, Material(vec3(1), 0.0, {rough}, vec3(0.04))), 0.0)"
+        material = f"Material(vec3(1), 0.0, {rough}, vec3(0.04))"
+        call = f"specular_sky(Surface(vec3(0), vec3(0, 0, 1), {{0}}, 1.0, {material}), 0.0)"
         found = run(egl, text, call, [(VEC3, views)], 3)
         assert found.min() >= 0.0 and found.max() <= 1 + 16 * ULP
 
