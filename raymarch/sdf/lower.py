@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import companion, moved_along
+from raymarch.expr.derivative import ONE, companion, moved_along
 from raymarch.expr.faults import Passage
 from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
@@ -28,6 +28,7 @@ from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
+from raymarch.sdf.weights import gain_of
 
 Request: TypeAlias = tuple[Node, Expr, Any]
 Work: TypeAlias = Generator[Request, Expr, Expr]
@@ -210,6 +211,7 @@ class Lowering:
         """The definition's body with the point, the parameters and the children put in."""
         template = node.definition.template(len(children), node.params)
         marking = label is not UNMARKED
+        answers: list[Expr] = []
         params = [v for v in node.params.values() if isinstance(v, Expr)]
         if not children:
             value = template(point, *params)
@@ -225,6 +227,7 @@ class Lowering:
                     value = yield from self._ask(children[part.data], q, label)
                     value = self._probed(value, q, children[part.data], node)
                     new[part] = self._in_cell(value, *args[1:]) if len(args) > 1 else value
+                    answers.append(new[part])
                 elif marking and part.data is FLOOR:
                     new[part] = args[0]
                 else:
@@ -232,6 +235,12 @@ class Lowering:
                 if new[part].args and node.where is not None:
                     self.origins.setdefault(new[part], node.where)
             value = new[template.body]
+        if marking and label is not PARTS and node.definition.arity == "one":
+            gain = gain_of(value, answers)
+            if gain is not ONE:
+                distance = yield from self._ask(node, point, UNMARKED)
+                weight = value / stop_gradient(gain)
+                return distance + (weight - stop_gradient(weight))
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value
 
     def _ask(self, child: Node, point: Expr, label: Any) -> Work:

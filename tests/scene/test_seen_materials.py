@@ -65,3 +65,24 @@ def test_a_cut_by_a_tool_without_a_material_hides_nothing_in_its_hole(cut: Any, 
     in_hole, wall = scene.materials.index(blue), scene.materials.index(red)
     for material in (frame.material, truth.material):
         assert np.all(material[middle] == in_hole) and np.all(material[:, 0] == wall)
+
+
+@pytest.mark.parametrize("painted", ["before", "after"])
+@pytest.mark.parametrize("scaled", [0.1, 2.0, (0.5, 0.5, 0.5000001), "transform"])
+def test_a_blend_shows_as_much_of_a_scaled_solid_whenever_it_is_painted(painted: str, scaled: Any) -> None:
+    """By symmetry, half of each in the plane between two equal balls."""
+    red, blue = rm.Material((1, 0, 0), ambient=1, specular=0), rm.Material((0, 0, 1), ambient=1, specular=0)
+    factor = 2.0 if scaled == "transform" else scaled[0] if isinstance(scaled, tuple) else scaled
+
+    def larger(node: rm.Node) -> rm.Node:
+        return node.transform(np.diag((2.0, 2.0, 2.0, 1.0))) if scaled == "transform" else node.scale(scaled)
+
+    ball = rm.sphere(2 / factor)
+    ball = larger(ball.material(red)) if painted == "before" else larger(ball).material(red)
+    node = rm.union(ball.translate((-2.2, 0, 0)), rm.sphere(2).material(blue).translate((2.2, 0, 0)), k=3)
+    scene = rm.Scene(node, rm.Camera((0, 0, 9), (0, 0, 0), fov=20), [rm.Sun((0, 0, 1))])
+    with rm.Renderer((33, 33)) as renderer:
+        drawn = renderer.render(scene).color[16, 16]
+    for color in (drawn, rm.truth(scene, size=(33, 33)).color[16, 16]):
+        np.testing.assert_allclose(color[0], color[2], rtol=1e-3)
+        assert color[0] > 0.5
