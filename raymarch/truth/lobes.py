@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def cosine_lobe(u: Array) -> Array:
+def sample_cosine(u: Array) -> Array:
     """Directions about z from two numbers in [0, 1), (N, 2) -> (N, 3); their density is cosine / pi."""
     r, turn = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
     return np.stack([r * np.cos(turn), r * np.sin(turn), np.sqrt(1.0 - u[:, 0])], axis=1)
 
 
-def facet_of(view: Array, alpha: float, u: Array) -> Array:
+def sample_visible_normal(view: Array, alpha: float, u: Array) -> Array:
     """Normals of microfacets seen from a direction above z = 0, (3,) and (N, 2) -> (N, 3).
 
     GGX by spherical caps (Dupuy and Benyoub 2023); their density is that of `visible_facets`.

@@ -34,7 +34,7 @@ def test_effects_cost_what_they_ask(egl: Context) -> None:
 
 def test_a_light_beyond_its_radius_costs_nothing(egl: Context) -> None:
     """Also as one of many: only the pixels near a lamp ask for its shadow."""
-    lamps = [rm.PointLight((3.0 * (k % 8) - 10, 0.5, 3.0 * (k // 8) - 10), radius=1.0, shadow=True) for k in range(64)]
+    lamps = [rm.PointLight((3.0 * (k % 8) - 10, 0.5, 3.0 * (k // 8) - 10), range=1.0, shadow=True) for k in range(64)]
     camera = rm.Camera((0, 12, 12), (0, 0, 0))
     with rm.Renderer((40, 30), context=egl) as renderer:
         scene = rm.Scene(rm.plane() | rm.sphere(0.5).translate((0, 30, 0)), camera, lamps)
