@@ -1,4 +1,4 @@
-"""What README and docs show is run: every Python block, every prompt, every command, every name of a room."""
+"""What README and docs show is run: every Python block, every prompt, every command, every name of a package."""
 
 from __future__ import annotations
 
@@ -81,12 +81,12 @@ def test_the_readme_commands_exist(tmp_path, monkeypatch):
         assert stop.value.code == 0, command
 
 
-def test_the_rooms_are_those_on_disk():
+def test_the_packages_are_those_on_disk():
     page = (ROOT / "docs" / "how-it-is-built.md").read_text()
     named = set(re.findall(r"^\| `raymarch/([\w.]+)`", page, re.MULTILINE))
     inside = (ROOT / "raymarch").iterdir()
-    rooms = {p.name for p in inside if p.is_dir() and (p / "__init__.py").exists()} | {"errors.py"}
-    assert named == rooms
+    packages = {p.name for p in inside if p.is_dir() and (p / "__init__.py").exists()} | {"errors.py"}
+    assert named == packages
 
 
 def test_the_tables_and_files_that_the_page_names_exist():
