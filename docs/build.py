@@ -1,7 +1,7 @@
-"""Builds the pages that come from the code: docs/nodes.md, docs/proofs.md and the pictures of all nodes.
+"""Build the pages generated from the code: docs/nodes.md, docs/proofs.md and the pictures of all nodes.
 
 python docs/build.py            # everything
-python docs/build.py --text     # the text alone, without drawing
+python docs/build.py --text     # the text only, without rendering
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def pair() -> tuple[Node, Node]:
 
 
 def tile(index: Expr) -> Node:
-    """One cell: its height and colour are its own."""
+    """A cell with its own height and colour."""
     height = 0.2 + 0.9 * rm.hash(index)
     color = vec3(0.2 + 0.7 * rm.hash(index + vec3(7.0, 0.0, 0.0)), 0.5, 0.8 - 0.6 * rm.hash(index))
     return rm.box((0.4, height, 0.4)).round(0.03).material(rm.Material(color=color, shininess=60))
@@ -87,19 +87,19 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "round": lambda: brick().round(0.25),
     "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
 }
-"""What shows an operator, by the name of its definition; shapes show themselves with their defaults."""
+"""A specimen of each operator, by the name of its definition; shapes are shown with their default parameters."""
 
 
 def definitions() -> list[Definition]:
-    """Those of the package, by file and line: as one would read them."""
+    """The definitions of the package, ordered by file and line."""
     twins = {d.flat for d in REGISTRY.values()}
-    room = Path(raymarch.sdf.__file__).parent
-    own = [d for d in REGISTRY.values() if Path(d.where.file).parent == room and d.doc and d not in twins]
+    folder = Path(raymarch.sdf.__file__).parent
+    own = [d for d in REGISTRY.values() if Path(d.where.file).parent == folder and d.doc and d not in twins]
     return sorted(own, key=lambda d: (Path(d.where.file).stem, d.where.line))
 
 
 def specimen(definition: Definition) -> Node | None:
-    """A node that shows a definition; None if there is no way to make one without arguments."""
+    """An example node of a definition; None if it cannot be made without arguments."""
     try:
         if definition.name in SPECIMENS:
             return SPECIMENS[definition.name]()
@@ -114,7 +114,7 @@ def specimen(definition: Definition) -> Node | None:
 
 
 def solid(node: Node) -> Node:
-    """Something to look at: flat shapes get a thickness, endless ones an end."""
+    """The node as a bounded solid: flat shapes are extruded, unbounded ones clipped by a box."""
     if node.dimension == 2:
         node = REGISTRY["extrude"].make((node,), (0.3,), {})
     if not node.facts.bounded:
@@ -130,7 +130,7 @@ def draw(node: Node, renderer: rm.Renderer) -> Image.Image:
 
 
 def row(definition: Definition) -> str:
-    """One line of the table."""
+    """One row of the table."""
     node = specimen(definition)
     first = definition.doc.splitlines()[0].rstrip(".").replace("|", "\\|")
     facts = "—"
@@ -145,23 +145,25 @@ def row(definition: Definition) -> str:
 
 
 def page() -> str:
-    """docs/nodes.md."""
+    """The text of docs/nodes.md."""
     text = [
         "# All nodes",
         "",
-        "Made from the code by `python docs/build.py`. Facts are those of the specimen in the picture: its exactness,",
-        "by what its field is divided so that no step is too long, and the extents of its box.",
-        "`help(raymarch.NAME)` says more.",
+        "After this page you can choose a shape or an operator by its picture, call and facts. `help(raymarch.NAME)`",
+        "documents one. To find one by its name in other tools, see [names](names.md).",
+        "",
+        "The facts are those of the specimen in the picture: its exactness, the divisor that makes its field",
+        "1-Lipschitz, and the extents of its bounding box. `python docs/build.py` generates this page from the code.",
         "",
         "![all nodes](pictures/nodes.png)",
     ]
-    room = ""
+    module = ""
     for definition in definitions():
         here = Path(definition.where.file).stem
-        if here != room:
-            room = here
-            module = sys.modules[f"raymarch.sdf.{here}"]
-            summary = (module.__doc__ or "").strip().split("\n\n")[0].replace("\n", " ")
+        if here != module:
+            module = here
+            doc = sys.modules[f"raymarch.sdf.{here}"].__doc__
+            summary = (doc or "").strip().split("\n\n")[0].replace("\n", " ")
             text += ["", f"## {here}", "", summary, ""]
             text += ["| | call | | exactness | divisor | extents |", "|---|---|---|---|---|---|"]
         text.append(row(definition))
@@ -169,7 +171,7 @@ def page() -> str:
 
 
 def pictures() -> None:
-    """A picture of each node, and all of them on one sheet."""
+    """Render a picture of each node, and a sheet of all of them."""
     folder = HERE / "pictures" / "nodes"
     folder.mkdir(parents=True, exist_ok=True)
     drawn: list[tuple[str, Image.Image]] = []

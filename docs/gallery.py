@@ -1,7 +1,7 @@
-"""Draws all example scenes: docs/gallery.md, its pictures, and the sheet of them in the README.
+"""Render all example scenes: docs/gallery.md, its pictures, and their contact sheet in the README.
 
 python docs/gallery.py            # everything
-python docs/gallery.py NAME ...   # the pictures of these alone, and the page
+python docs/gallery.py NAME ...   # only the pictures of these, and the page
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PICTURES = HERE / "pictures" / "gallery"
 COUNTS = HERE / "figures" / "gallery.json"
 SIZE = (480, 270)
 SAMPLES, NOISY = 16, 256
-"""Rays a pixel: without and with light that goes one way at random."""
+"""Rays per pixel: without and with path tracing."""
 
 COLUMNS = 4
 TILE = (240, 135)
@@ -33,12 +33,12 @@ def files() -> list[Path]:
 
 
 def name_of(file: Path) -> str:
-    """The scene's name, which is also that of its picture."""
+    """The name of a scene and of its picture."""
     return "-".join(file.relative_to(EXAMPLES).with_suffix("").parts)
 
 
 def draw(file: Path, renderer: rm.Renderer) -> dict[str, float]:
-    """Draws a scene's picture; gives its evaluations a pixel and rays a pixel."""
+    """Render a scene's picture; return its rays per pixel and evaluations per pixel."""
     scene = load(file)
     random = scene.bounces > 0 and scene.quality.integrator == "path"
     scene = scene.replace(quality=scene.quality.replace(samples=NOISY if random else SAMPLES))
@@ -50,20 +50,21 @@ def draw(file: Path, renderer: rm.Renderer) -> dict[str, float]:
 
 
 def caption(file: Path) -> str:
-    """What a scene's file says of itself: its first paragraph."""
+    """The first paragraph of the docstring of a scene's file."""
     text = file.read_text(encoding="utf-8")
     if not text.startswith('"""'):
-        return "A rounded box with a hollow, a ball and a plane that blend: the first scene."
+        return "The first scene: a hollowed rounded box, a sphere blended with a torus, and a plane."
     return " ".join(text[3:].split('"""')[0].split("\n\n")[0].split())
 
 
 def page(counts: dict[str, dict[str, float]]) -> str:
-    """docs/gallery.md."""
+    """The text of docs/gallery.md."""
     text = [
         "# Gallery",
         "",
-        "All scenes of `examples/`, drawn by `python docs/gallery.py`. Evaluations of the field are those of the",
-        "primary ray of a pixel, at one ray a pixel; shadows and bounces come on top.",
+        "After this page you can choose an example to start from. It shows all scenes of `examples/`, rendered by",
+        "`python docs/gallery.py`. Evaluations of the field are those of the primary ray of a pixel, at one ray per",
+        "pixel; shadows and bounces add to them.",
     ]
     for file in files():
         name, path = name_of(file), file.relative_to(HERE.parent).as_posix()
@@ -74,7 +75,7 @@ def page(counts: dict[str, dict[str, float]]) -> str:
             "",
             f"![{name}](pictures/gallery/{name}.png)",
             "",
-            f"{caption(file)} {count['evaluations']:g} evaluations a pixel.",
+            f"{caption(file)} {count['evaluations']:g} evaluations per pixel.",
             "",
             f"`raymarch render {path} --size {SIZE[0]}x{SIZE[1]} --samples {count['samples']:g}`",
         ]
@@ -82,7 +83,7 @@ def page(counts: dict[str, dict[str, float]]) -> str:
 
 
 def sheet() -> Image.Image:
-    """All pictures on one."""
+    """The contact sheet of all pictures."""
     names = [name_of(file) for file in files()]
     rows = -(-len(names) // COLUMNS)
     made = Image.new("RGB", (COLUMNS * TILE[0], rows * TILE[1]), "white")

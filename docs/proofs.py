@@ -1,4 +1,4 @@
-"""Makes docs/proofs.md from the ledgers in docs/figures: what was measured for each node, and the seeded faults.
+"""Generate docs/proofs.md from the ledgers in docs/figures: measurements of each node, and the seeded faults.
 
 python docs/proofs.py
 """
@@ -17,19 +17,19 @@ import raymarch.sdf
 from raymarch.sdf.definition import REGISTRY
 
 HERE = Path(__file__).parent
-ROOM = Path(raymarch.sdf.__file__).parent
+SDF = Path(raymarch.sdf.__file__).parent
 COLUMNS = (
     "node", "samples", "exactness", "divisor", "twin", "gradient", "slope", "looseness", "usual", "box", "outside",
     "inside", "over", "broken",
 )  # fmt: skip
 
-for _module in pkgutil.iter_modules([str(ROOM)]):
+for _module in pkgutil.iter_modules([str(SDF)]):
     importlib.import_module(f"raymarch.sdf.{_module.name}")
 
 
 def names() -> list[str]:
-    """All nodes of the package, flat twins too."""
-    return sorted(d.name for d in REGISTRY.values() if Path(d.where.file).parent == ROOM)
+    """The names of all nodes of the package, including flat twins."""
+    return sorted(d.name for d in REGISTRY.values() if Path(d.where.file).parent == SDF)
 
 
 def ledger(name: str) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def ledger(name: str) -> dict[str, Any]:
 
 
 def missing() -> list[str]:
-    """Nodes that have not been measured."""
+    """The names of nodes without measurements."""
     rows = ledger("nodes")
     return [name for name in names() if name not in rows]
 
@@ -66,43 +66,47 @@ def summary(rows: dict[str, dict[str, Any]]) -> list[str]:
     worst, rough = max(loose, key=loose.__getitem__), max(usual, key=usual.__getitem__)
     off = max(rows, key=lambda name: rows[name]["twin"] / rows[name]["twin_limit"])
     return [
-        f"- {len(rows)} nodes, {sum(r['samples'] for r in rows.values())} samples of them, "
-        f"**{sum(r['violations'] for r in rows.values())} promises broken**.",
+        f"- {len(rows)} nodes, {sum(r['samples'] for r in rows.values())} samples, "
+        f"**{sum(r['violations'] for r in rows.values())} violations**.",
         f"- Looseness: median {np.median(list(loose.values())):.3f}, largest {loose[worst]:.3f} (`{worst}`).",
         f"- Usual looseness at the surface: median {np.median(list(usual.values())):.3f}, "
         f"largest {usual[rough]:.3f} (`{rough}`).",
-        f"- Twins: largest difference {rows[off]['twin']:.2f} ulp of {rows[off]['twin_limit']:g} (`{off}`).",
+        f"- Twin: largest difference {rows[off]['twin']:.2f} ulp of {rows[off]['twin_limit']:g} (`{off}`).",
     ]
 
 
 GUIDE = """
-Each node is looked at in several samples: with drawn parameters, and operators on children that are centred, aside,
-without symmetry, and inexact. A row has the worst of them. Estimates promise no slope and no distance. Besides, a
-picture of each node is held against the float64 truth, in `tests/sdf/test_node_pictures.py`.
+Each node is tested in several samples: with random parameters, and operators on children that are centred, off-centre,
+asymmetric, and inexact. A row shows the worst of them. Estimates have no bound on slope or distance. In addition,
+`tests/sdf/test_node_pictures.py` compares a picture of each node with the float64 reference.
 
-- samples: how many. exactness: the best and the weakest of them. divisor: the largest, see `Facts.divisor`.
-- twin: GLSL in float32 on the driver against float64, at 100,000 points a sample, in ulp of max(|p|, size). At most 16
-  unless stated; of an estimate, the 98th percentile.
-- gradient: symbolic against float64 central differences, the largest difference where the field is smooth.
-- slope: the steepest of a million pairs of points and of the gradients, in units of what is promised: at most 1.
-- looseness: promised / steepest found. usual: promised / the median slope at the surface; above 1 for fields whose
-  slope varies from place to place.
-- box: how far a side of the box is from an exact shape, in % of its size: at most 1.
-- outside, inside: by how much an exact field is less than the distance to the surface, in % of the size. The distance
-  is found by another way, a search on the surface, itself good to 0.02 %. Allowed is 0.05 %.
-- over: by how much a field is more than the way to the nearest of 2,000 points of its surface, in % of its size.
-- broken: points, pairs and samples at which one of these, the symmetry, or the box was not as promised.
+- **samples**: the number of samples.
+- **exactness**: the best and the weakest of the samples.
+- **divisor**: the largest divisor of the field, see `Facts.divisor`.
+- **twin**: difference of the GLSL in float32 on the driver from float64, at 100,000 points per sample, in ulp of
+  max(abs(p), size). At most 16 unless stated; for an estimate, the 98th percentile.
+- **gradient**: largest difference of the symbolic gradient from float64 central differences, where the field is
+  smooth.
+- **slope**: the steepest of a million pairs of points and of the gradients, relative to the Lipschitz bound: at most
+  1.
+- **looseness**: Lipschitz bound / steepest slope found.
+- **usual**: Lipschitz bound / median slope at the surface; above 1 for fields whose slope varies.
+- **box**: distance of a side of the box from an exact shape, in % of its size: at most 1.
+- **outside, inside**: deficit of an exact field relative to the distance to the surface, in % of the size. The
+  distance comes from an independent search on the surface, accurate to 0.02 %. At most 0.05.
+- **over**: excess of a field over the distance to the nearest of 2,000 points of its surface, in % of its size.
+- **broken**: points, pairs and samples that violate one of these, the symmetry, or the box.
 """
 
 
 KINDS = {
-    "lipschitz": "a field that is too steep not divided by its Lipschitz factor",
-    "margin": "a side of a box 3 % short, a box that does not grow with a blend",
-    "look-up": "a copy next door not asked",
-    "sign": "plus for minus, a minus left out",
-    "clamp": "one side of a min or max, a clamp, an abs left out",
-    "factor": "a factor or a divisor left out",
-    "claim": "exact, convex, symmetric or of no spread, where it is not",
+    "lipschitz": "a field that is too steep is not divided by its Lipschitz constant",
+    "margin": "a side of a box is 3 % short, or a box does not grow with a blend",
+    "look-up": "a neighbouring copy is not evaluated",
+    "sign": "a plus replaces a minus, or a minus is missing",
+    "clamp": "one side of a min or max, a clamp or an abs is missing",
+    "factor": "a factor or a divisor is missing",
+    "claim": "a false claim: exact, convex, symmetric or of no spread",
 }
 
 
@@ -112,16 +116,16 @@ FAULTS = """
 `python tests/sdf/faults.py` breaks every definition on purpose, at most three times for each kind of fault, and runs
 the tests that every node has to pass.
 
-**{caught} of {seeded} were noticed, {share:.1f} %**; {promise} of them, {promised:.1f} % of all, because a promise was
-broken. The others make another field that keeps all of its promises: a union that leaves out a child, a blend of
-another curve. They are noticed because the field is not the one that was measured. No fault, and not counted, is what
-changes no value and no fact, and a smaller box that is proved to hold the solid.
+**{caught} of {seeded} were detected, {share:.1f} %**; {promise} of them, {promised:.1f} % of all, because a fact was
+violated. The others make a different field whose facts hold: a union without one child, a blend with another curve.
+They are detected because the field differs from the recorded one. A change that alters no value and no fact is no
+fault and not counted, and neither is a smaller box that provably contains the solid.
 
 """
 
 
-MISSED = """Not noticed; most of these claims hold for the samples by chance, and the fractals' boxes are larger than
-they need be:"""
+MISSED = """Not detected. Most of these claims hold for the samples by chance, and the boxes of the fractals are larger
+than necessary:"""
 
 
 def faults() -> list[str]:
@@ -138,7 +142,7 @@ def faults() -> list[str]:
         promise=total["promise"],
         promised=100 * total["promise"] / seeded,
     ).splitlines()
-    text += ["| kind | what | by a promise | by the record | not noticed | no fault |", "|---|---|---|---|---|---|"]
+    text += ["| kind | fault | by a fact | by the record | not detected | no fault |", "|---|---|---|---|---|---|"]
     for kind, what in KINDS.items():
         c = kinds.get(kind, dict.fromkeys(total, 0))
         text.append(f"| {kind} | {what} | {c['promise']} | {c['record']} | {c['missed']} | {c['none']} |")
@@ -146,12 +150,15 @@ def faults() -> list[str]:
 
 
 def page() -> str:
-    """docs/proofs.md."""
+    """The text of docs/proofs.md."""
     known = set(names())
     rows = {name: found for name, found in sorted(ledger("nodes").items()) if name in known}
-    text = ["# What was measured", "", "Made by `python docs/proofs.py` from `docs/figures/nodes.json`, which"]
-    text += [
-        "`python tests/sdf/measure.py` writes, and `docs/figures/faults.json`.",
+    text = [
+        "# Measured facts of all nodes",
+        "",
+        "After this page you can judge how well the facts of a node (exactness, Lipschitz bound, box) hold and how",
+        "tight they are. `python docs/proofs.py` generates it from `docs/figures/nodes.json`, which",
+        "`python tests/sdf/measure.py` writes, and from `docs/figures/faults.json`.",
         "",
         *summary(rows),
         *GUIDE.splitlines(),

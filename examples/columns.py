@@ -1,4 +1,4 @@
-"""A colonnade without end: one column, repeated. `gap` moves the columns apart, time walks along them."""
+"""An infinite colonnade: one column, repeated. `gap` spaces the columns, and time moves the camera along them."""
 
 import raymarch as rm
 

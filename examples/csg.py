@@ -1,4 +1,4 @@
-"""The classic of constructive solid geometry: a rounded box and a sphere intersected, three cylinders taken out."""
+"""Constructive solid geometry: the intersection of a rounded box and a sphere, minus three cylinders."""
 
 import math
 

@@ -1,6 +1,6 @@
-"""The Mandelbulb of power 8 (White and Nylander 2009), an estimate of a distance: nothing proves that no hit is missed.
+"""The Mandelbulb of power 8 (White and Nylander 2009), a distance estimate without a guarantee against missed hits.
 
-The camera is so near that every ray hits; `--set horizon=1` steps back, and shows the floor up to the horizon.
+The camera is so close that every ray hits. `--set horizon=1` moves it back and shows the floor up to the horizon.
 """
 
 import raymarch as rm
@@ -11,7 +11,7 @@ haze = vec3(0.85, 0.9, 1.0)
 
 
 def depths(p):
-    """Dark red where the bulb is deep, sand on its outside."""
+    """Albedo by depth: dark red inside the bulb, sand on its outside."""
     return mix(vec3(0.35, 0.04, 0.02), vec3(0.85, 0.6, 0.35), clamp((length(p) - 0.75) / 0.4, 0, 1))
 
 

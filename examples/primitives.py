@@ -1,6 +1,6 @@
-"""Tori, spheres, boxes and cylinders on a table without end, after the second scene of Bálint and Valasek 2018.
+"""Tori, spheres, boxes and cylinders on an infinite table, after the second scene of Bálint and Valasek (2018).
 
-The camera looks down, so that every ray hits; `--set horizon=1` looks along the table, and rays graze it.
+The camera looks down, so that every ray hits. `--set horizon=1` looks along the table, with grazing rays.
 """
 
 import math

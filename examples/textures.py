@@ -1,6 +1,6 @@
-"""Texture maps: a tiled floor up to the horizon, a block of brick, a ball of dented metal, and relief from a function.
+"""Texture maps: a tiled floor up to the horizon, a brick block, a dented metal ball, and relief from a function.
 
-The pictures are made here, to need no files; a file's name may stand wherever an array does.
+The images are generated here, so no files are needed. A file name may replace any array.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ rng = np.random.default_rng(1)
 
 
 def clouds(octaves=4):
-    """Smooth noise from 0 to 1 that repeats."""
+    """Smooth tileable noise from 0 to 1."""
     total = np.zeros((SIDE, SIDE))
     for _ in range(12 * octaves):
         u, v = rng.integers(-(2**octaves), 2**octaves + 1, 2)
@@ -23,7 +23,7 @@ def clouds(octaves=4):
 
 
 def bricks(rows=8, columns=4, joint=0.06):
-    """How high each point of a wall is, 0 in the joints and 1 on the bricks; and a number for each brick."""
+    """The height of a wall, 0 in the joints and 1 on the bricks, and a random number per brick."""
     row = np.floor(y * rows)
     across = x * columns + 0.5 * (row % 2)
     edge = np.minimum(0.5 - np.abs(across % 1 - 0.5), (0.5 - np.abs(y * rows % 1 - 0.5)) * columns / rows)

@@ -1,6 +1,6 @@
-"""A village of planar walls whose field is costly, after the third scene of Bálint and Valasek 2018.
+"""A village of planar walls with a costly field, after the third scene of Bálint and Valasek (2018).
 
-The camera looks down on it, so that every ray hits; `--set horizon=1` stands in the street.
+The camera looks down, so that every ray hits. `--set horizon=1` places it in the street.
 """
 
 import math
@@ -22,7 +22,7 @@ def matte(red, green, blue):
 
 
 def house(width, height, length, pitch, walls, tiles, rows):
-    """Gables to the front (+z) and back, windows in rows on both long sides, a door and a window in the front."""
+    """A house: gables at the front (+z) and back, rows of windows on both long sides, a door and a window in front."""
     half, ridge = width / 2, height + pitch * width / 2
     under_roof = rm.plane(normal=(pitch, 1, 0), offset=ridge / (1 + pitch**2) ** 0.5).mirror("x")
     body = rm.box((width, ridge, length)).translate((0, ridge / 2, 0)) & under_roof
@@ -30,7 +30,7 @@ def house(width, height, length, pitch, walls, tiles, rows):
     front = rm.box((0.7, 0.7, 0.4)).translate((0, height, length / 2))
     doorway = rm.box((0.7, 1.3, 0.4)).translate((-width / 5, 0.65, length / 2))
     openings = rm.union(side.mirror("x"), front, doorway)
-    room = rm.box((width - 0.25, 1.2 * height, length - 0.25)).translate((0, 0.6 * height, 0))
+    interior = rm.box((width - 0.25, 1.2 * height, length - 0.25)).translate((0, 0.6 * height, 0))
     door = rm.box((0.7, 1.3, 0.06)).translate((-width / 5, 0.65, length / 2 - 0.1))
     bars = rm.box((0.05, 0.7, 0.06)).translate((0, height, length / 2 - 0.06))
     sill = rm.box((0.9, 0.08, 0.2)).translate((0, height - 0.38, length / 2 + 0.05))
@@ -46,7 +46,7 @@ def house(width, height, length, pitch, walls, tiles, rows):
     chimney = rm.box((0.45, 1.4, 0.45)) | rm.box((0.6, 0.14, 0.6)).translate((0, 0.7, 0))
     return rm.union(
         (body - openings).material(walls),
-        (room & under_roof).material(glass),
+        (interior & under_roof).material(glass),
         rm.union(door, bars, sill).material(timber),
         roof.material(tiles),
         chimney.translate((half / 2, ridge, -length / 5)).material(brick),
@@ -54,14 +54,14 @@ def house(width, height, length, pitch, walls, tiles, rows):
 
 
 def fence(length):
-    """Along z."""
+    """A fence along z."""
     posts = rm.box((0.1, 0.9, 0.1)).repeat((None, None, 0.6), (1, 1, round(length / 0.6))).translate((0, 0.45, 0))
     rails = rm.box((0.05, 0.1, length)).repeat((None, 0.4, None), (1, 2, 1)).translate((0, 0.65, 0))
     return (posts | rails).material(white)
 
 
 def ground(p):
-    """A street with a kerb on both sides, and grass."""
+    """Albedo of a street with a kerb on both sides, and of grass."""
     away = abs(p.x)
     return where(away < 1.7, vec3(0.2, 0.19, 0.18), where(away < 2.1, vec3(0.45, 0.43, 0.4), vec3(0.12, 0.22, 0.05)))
 

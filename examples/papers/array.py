@@ -1,4 +1,4 @@
-"""Twenty solids that each cost much to evaluate, in four rows.
+"""Twenty solids with costly fields, in four rows.
 
 After figure 8 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021).
 """
@@ -22,7 +22,7 @@ costly = [
 
 
 def at(k):
-    """One of twenty places, and the colour of what stands there."""
+    """The k-th solid, at its place and with its colour."""
     skin = rm.Material(albedo=colorsys.hsv_to_rgb(k / 20, 0.5, 0.85), roughness=0.35)
     place = (1.2 * (k % 5 - 2), 0.5, 1.3 * (k // 5 - 1.5))
     return costly[k % 10].rotate(0.4 + k, "y").translate(place).material(skin)

@@ -1,7 +1,7 @@
-"""A carpet: a plane displaced by a height map of folds, of rows of tufts, and of a pattern that is cut into the pile.
+"""A carpet: a plane displaced by a height map of folds, rows of tufts and a pattern cut into the pile.
 
-After figure 4 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021). The light comes from
-low, so that the folds and the pile shade themselves.
+After figure 4 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021). The light is
+low, so the folds and the pile cast shadows on the carpet.
 """
 
 import numpy as np
@@ -12,15 +12,15 @@ from raymarch.expr.vocabulary import abs, length, max, min, mix, smoothstep, vec
 SIDE, ROWS, n = 4.0, 110, 770
 
 
-def ornament(x, z, size=abs, farther=max, nearer=min, far=lambda x, z: length(vec2(x, z))):
-    """Distance to the pattern's lines: a border, a medallion and a lozenge about it; for arrays as for expressions."""
-    edge = farther(size(x), size(z))
-    border = size(size(edge - 1.62) - 0.12)
-    lozenge = size(size(x) + size(z) - 1.25) * 0.7
-    return nearer(nearer(border, lozenge), size(size(far(x, z) - 0.42) - 0.12))
+def ornament(x, z, absolute=abs, largest=max, smallest=min, hypot=lambda x, z: length(vec2(x, z))):
+    """Distance to the pattern's lines: a border, a medallion and a lozenge around it. Takes arrays or expressions."""
+    edge = largest(absolute(x), absolute(z))
+    border = absolute(absolute(edge - 1.62) - 0.12)
+    lozenge = absolute(absolute(x) + absolute(z) - 1.25) * 0.7
+    return smallest(smallest(border, lozenge), absolute(absolute(hypot(x, z) - 0.42) - 0.12))
 
 
-# Each tuft stands a little higher or lower than the next, on cloth that lies in low folds.
+# The tufts have random heights, on cloth with shallow folds.
 random = np.random.default_rng(4)
 z, x = np.mgrid[0:n, 0:n] / (n - 1) * SIDE - SIDE / 2
 tufts = np.abs(np.sin(np.pi * ROWS * x / SIDE) * np.sin(np.pi * ROWS * z / SIDE)) ** 0.7
@@ -31,7 +31,7 @@ height = 0.19 * folds + 0.03 * tufts * uneven * cut
 
 
 def dyed(p):
-    """The wool's colour: lines, field and ground by the same pattern."""
+    """Albedo of the wool: lines, field and ground of the same pattern."""
     line = 1 - smoothstep(0.03, 0.05, ornament(p.x, p.z))
     inner = 1 - smoothstep(1.23, 1.27, abs(p.x) + abs(p.z))
     ground = mix(vec3(0.1, 0.04, 0.13), vec3(0.42, 0.05, 0.04), inner)

@@ -1,4 +1,4 @@
-"""Frosted glass after Walter et al. (2007): the same ball and pane, rougher from left to right."""
+"""Frosted glass after Walter et al. (2007): the same ball and pane with roughness increasing from left to right."""
 
 import raymarch as rm
 

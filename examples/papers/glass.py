@@ -1,7 +1,7 @@
-"""Glass, a mirror and a matte ball on a checkered floor under a gradient sky.
+"""Glass, a mirror and a diffuse ball on a checkered floor under a gradient sky.
 
 After the section on reflection and refraction of Huang, Chen and Cheng, "Signed Distance Field in Real-time Rendering"
-(2020), with Fresnel's own equations, total reflection and absorption; one way of the light a sample.
+(2020), with the exact Fresnel equations, total internal reflection and absorption; one random path per sample.
 """
 
 import raymarch as rm

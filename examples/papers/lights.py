@@ -1,4 +1,4 @@
-"""Spheres of many materials among 64 point lights, all of which cast shadows.
+"""Spheres of many materials among 64 point lights that all cast shadows.
 
 After figure 6 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021).
 """
@@ -16,17 +16,17 @@ for i in range(5):
         parts.append(rm.sphere(0.4).translate((1.1 * (i - 2), 0.4, 1.1 * (j - 2))).material(skin))
 floor = rm.plane().material(rm.Material(albedo=rm.checker((0.5, 0.5, 0.5), (0.3, 0.3, 0.3), 0.55), roughness=0.6))
 
-lamps = []
+lights = []
 for k in range(64):
     ring, turn = 1.0 + 0.5 * (k % 5), 2.399963 * k
     place = (ring * math.cos(turn), 1.1 + 0.5 * math.sin(1.7 * k), ring * math.sin(turn))
     tint = colorsys.hsv_to_rgb(k / 64, 0.6, 1.0)
-    lamps.append(rm.PointLight(place, color=tint, intensity=0.12, range=2.5, shadow=True))
+    lights.append(rm.PointLight(place, color=tint, intensity=0.12, range=2.5, shadow=True))
 
 scene = rm.Scene(
     rm.union(*parts) | floor,
     camera=rm.Camera(position=(2.2, 2.8, 5.2), target=(0, 0.2, 0), fov=45),
-    lights=lamps,
+    lights=lights,
     sky=(0.01, 0.012, 0.02),
     tone=rm.ToneMapping("aces", exposure=1),
 )

@@ -1,7 +1,7 @@
-"""Glass and mirrors in one frame, without noise: at each surface both ways of the light are followed.
+"""Glass and mirrors in one frame without noise: Whitted ray tracing of the reflected and the refracted ray.
 
 After the section on reflection and refraction of Huang, Chen and Cheng, "Signed Distance Field in Real-time Rendering"
-(2020): up to four surfaces deep, thirty-one rays a pixel at most, fewer where a way brings next to nothing.
+(2020): up to four bounces and thirty-one rays per pixel, fewer where the throughput is negligible.
 """
 
 import raymarch as rm

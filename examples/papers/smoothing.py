@@ -1,4 +1,4 @@
-"""A red ball melting into a blue cube: the blend of the surface mixes the materials by the same weights.
+"""A red ball melting into a blue cube: the smooth blend interpolates the materials with the weights of the surface.
 
 After the figure on smoothing of Huang, Chen and Cheng, "Signed Distance Field in Real-time Rendering" (2020).
 """

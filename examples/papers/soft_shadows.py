@@ -1,7 +1,7 @@
-"""Spheres and a box under a broad light: shadows that are sharp where they start and wide where they end.
+"""Spheres and a box under a large light: shadows are sharp at the contact and wide farther away.
 
 After figure 7 of Hadji-Kyriacou and Arandjelovic, "Raymarching Distance Fields with CUDA" (2021), with the two-sided
-form of the shadow in place of the paper's, which is dark already where half of the light is seen.
+penumbra in place of the paper's, which is already dark where half of the light is visible.
 """
 
 import raymarch as rm

@@ -1,4 +1,4 @@
-"""What README and docs show is run: every Python block, every prompt, every command, every name of a room."""
+"""README and docs are run: every Python block, prompt and command, and every name of a package is checked."""
 
 from __future__ import annotations
 
@@ -81,12 +81,12 @@ def test_the_readme_commands_exist(tmp_path, monkeypatch):
         assert stop.value.code == 0, command
 
 
-def test_the_rooms_are_those_on_disk():
+def test_the_packages_are_those_on_disk():
     page = (ROOT / "docs" / "how-it-is-built.md").read_text()
     named = set(re.findall(r"^\| `raymarch/([\w.]+)`", page, re.MULTILINE))
     inside = (ROOT / "raymarch").iterdir()
-    rooms = {p.name for p in inside if p.is_dir() and (p / "__init__.py").exists()} | {"errors.py"}
-    assert named == rooms
+    packages = {p.name for p in inside if p.is_dir() and (p / "__init__.py").exists()} | {"errors.py"}
+    assert named == packages
 
 
 def test_the_tables_and_files_that_the_page_names_exist():
@@ -100,7 +100,7 @@ def test_the_tables_and_files_that_the_page_names_exist():
 
 
 def test_the_page_of_all_nodes_is_that_of_the_code():
-    """It is made by `python docs/build.py`; pictures are not compared here."""
+    """`python docs/build.py` generates it; this test does not compare the pictures."""
     code = "import runpy, sys; sys.stdout.write(runpy.run_path('docs/build.py')['page']())"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, check=True)
@@ -119,7 +119,7 @@ def test_the_page_of_figures_is_that_of_the_ledger():
     assert PROOFS["page"]() == (ROOT / "docs" / "proofs.md").read_text(encoding="utf-8"), "run python docs/proofs.py"
 
 
-def test_no_promise_is_broken():
+def test_no_fact_is_violated():
     rows = PROOFS["ledger"]("nodes")
     broken = {name: row["violations"] for name, row in rows.items() if row["violations"]}
     assert not broken

@@ -1,7 +1,8 @@
-"""Every name that tools of this kind have in common: docs/names.md knows it, and what stands there runs."""
+"""docs/names.md lists every name that tools of this kind have in common, and its code runs."""
 
 from __future__ import annotations
 
+import inspect
 import re
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.expr import vocabulary
 
 PAGE = Path(__file__).parents[2] / "docs" / "names.md"
 
@@ -32,7 +34,9 @@ grid with a cell index,
 Mandelbulb, quaternion Julia, Mandelbox, Menger sponge, Sierpinski, apollonian, own folds, raw GLSL
 """
 
-ROWS = re.findall(r"^\| ([^|]+?) \| (.+) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+NODES, _, REST = PAGE.read_text(encoding="utf-8").partition("## Rendering terms")
+TERMS, _, FORMER = REST.partition("## Former names")
+ROWS = re.findall(r"^\| ([^|]+?) \| (.+) \|$", NODES, re.MULTILINE)
 CALLS = [(names, match[1].replace("\\|", "|")) for names, cell in ROWS if (match := re.fullmatch(r"`(.+)`", cell))]
 
 
@@ -54,3 +58,20 @@ def test_what_stands_there_runs(names: str, call: str, tmp_path: Path, monkeypat
     points = np.random.default_rng(1).uniform(-1, 1, (50, node.dimension))
     assert np.all(np.isfinite(node.distance(points)))
     assert "field(" in node.glsl()
+
+
+@pytest.mark.parametrize("code", re.findall(r"`([^`]+)`", TERMS))
+def test_the_rendering_terms_run(code: str) -> None:
+    assert eval(code, {"rm": rm, "n": 2, "Quality": rm.Quality, "Scene": lambda **given: rm.Scene(rm.box(), **given)})
+
+
+def test_the_present_names_exist() -> None:
+    present = {cell for _, cell in re.findall(r"^\| ([^|]+?) \| (.+) \|$", FORMER, re.MULTILINE)}
+    calls = [call for cell in present for call in re.findall(r"`([^`]+)`", cell)]
+    assert len(calls) > 8
+    for call in calls:
+        name, _, rest = call.partition("(")
+        if match := re.match(r"(\w+)=", rest):
+            assert match[1] in inspect.signature(getattr(rm, name)).parameters, call
+        elif "=" not in name:
+            assert hasattr(rm, name) or hasattr(vocabulary, name), call

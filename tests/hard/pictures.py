@@ -1,4 +1,4 @@
-"""What visible cases look like without what mends them, on the left, and with it: docs/pictures/hard-*.png.
+"""Pictures of visible cases without (left) and with (right) their remedy: docs/pictures/hard-*.png.
 
 python -m tests.hard.pictures
 """
@@ -36,7 +36,7 @@ def first_frame(renderer: Renderer, scene: rm.Scene) -> rm.Frame:
 
 
 class Pair(NamedTuple):
-    """A row of the table, a scene that shows it, and the same without what mends it: another scene, or other code."""
+    """A row of the table, a scene that shows it, and the same without the remedy: another scene, or other code."""
 
     row: int
     name: str
@@ -208,7 +208,7 @@ def histories() -> Iterator[Pair]:
 
 
 def without(module: str, code: str, text: str) -> Callable[[], AbstractContextManager[object]]:
-    """While it lasts, a piece of a module is another."""
+    """A context in which a piece of code of a GLSL module is replaced by a text."""
 
     @contextmanager
     def spoiled() -> Iterator[None]:
@@ -224,7 +224,7 @@ def without(module: str, code: str, text: str) -> Callable[[], AbstractContextMa
 
 
 def drawn(pair: Pair, size: tuple[int, int] = SIZE) -> tuple[Image.Image, Image.Image]:
-    """The picture without what mends the case, and with it."""
+    """The pictures without and with the remedy."""
     with pair.unmended(), np.errstate(all="ignore"):
         left = _frame(pair, pair.other or pair.scene, size)
     return left, _frame(pair, pair.scene, size)
@@ -240,11 +240,11 @@ def file_of(pair: Pair) -> str:
 
 
 def section() -> list[str]:
-    """The part of the page."""
+    """The section of the page."""
     lines = [
-        "## What it looks like",
+        "## Pictures",
         "",
-        "Without what mends it on the left, as it is on the right: `python -m tests.hard.pictures`.",
+        "Left: without the remedy. Right: the present picture. Made by `python -m tests.hard.pictures`.",
         "",
     ]
     ordered = sorted(pairs(), key=lambda pair: pair.row)

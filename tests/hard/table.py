@@ -1,8 +1,8 @@
 """The table of hard cases: docs/stability.md, from the code and a ledger of measured figures.
 
 python -m tests.hard.table            # measures every case, writes docs/figures/stability.json and the page
-python -m tests.hard.table 4 27       # measures some rows anew
-python -m tests.hard.table --page     # only writes the page, from the ledger as it is
+python -m tests.hard.table 4 27       # measures some rows again
+python -m tests.hard.table --page     # only writes the page, from the present ledger
 """
 
 from __future__ import annotations
@@ -25,10 +25,13 @@ PAGE = ROOT / "docs" / "stability.md"
 
 HEAD = """# Hard cases
 
-What goes wrong in sphere tracing, and what this engine measures in each case. Every row is a test in `tests/hard`; the
-limit of a quantity follows from the pixel's footprint, from units in the last place (ulp) or from a Lipschitz bound, as
-the last column says. Measured on the software renderer (llvmpipe) by `python -m tests.hard.table`, which writes this
-page. An epsilon is a tenth of a pixel's width at the hit: see [how it is built](how-it-is-built.md).
+After this page you can look up the failure modes of sphere tracing, how large each error is here, and why it is
+bounded.
+
+Every row is a test in `tests/hard`. The last column gives the source of the limit: the pixel's footprint, units in
+the last place (ulp) or a Lipschitz bound. `python -m tests.hard.table` measures the rows on the software renderer
+(llvmpipe) and writes this page. An epsilon is a tenth of a pixel's width at the hit: see [how it is
+built](how-it-is-built.md).
 
 """
 
@@ -45,7 +48,7 @@ def ledger() -> dict[str, Any]:
 
 
 def measured(case: Case, world: World) -> list[dict[str, Any]]:
-    """The figures of a case as plain data."""
+    """The figures of a case as JSON data."""
     return [_plain(figure) for figure in case.measure(world)]
 
 
@@ -55,12 +58,12 @@ def _plain(figure: Figure) -> dict[str, Any]:
 
 
 def round_to(value: float) -> float:
-    """Three digits; whole numbers whole."""
+    """The value rounded to three digits; integers stay as they are."""
     return float(f"{float(value):.3g}") if value != int(value) or abs(value) < 1e6 else float(value)
 
 
 def page(rows: Iterable[Case], figures: Mapping[str, Any]) -> str:
-    """The whole page."""
+    """The text of the page."""
     lines = [HEAD + "| # | case | quantity | measured | at most | because |", "|---|---|---|---|---|---|"]
     notes = []
     for case in rows:
@@ -71,30 +74,30 @@ def page(rows: Iterable[Case], figures: Mapping[str, Any]) -> str:
         before = f" Before: {case.before}." if case.before else ""
         notes.append(f"{case.row}. **{case.name}**: {case.wrong}{before}")
     return (
-        "\n".join([*lines, *probed(), "", *section(), "", *pictures.section(), "", "## What goes wrong", "", *notes])
+        "\n".join([*lines, *probed(), "", *section(), "", *pictures.section(), "", "## Failure modes", "", *notes])
         + "\n"
     )
 
 
-PROBED = """## Every node, looked at
+PROBED = """## The probe on every node
 
-The probe draws a scene once more and looks at every value of every node along all rays, and at every slope: see
-[views](views.md). `python -m tests.hard.probe` does so for all examples, all kinds of nodes with the samples of their
-tests, and the scenes of the cases above. A value that is not finite, an argument outside of its operation's domain and
-a slope beyond the promise would be named with their node."""
+The probe renders a scene again and checks every value and every slope of every node along all rays: see
+[views](views.md#the-probe). `python -m tests.hard.probe` does so for all examples, for all kinds of nodes with the
+samples of their tests, and for the scenes of the cases above. It reports the node of a value that is not finite, of
+an argument outside of its operation's domain, and of a slope beyond the Lipschitz bound."""
 
 SCENES = {"examples": "examples", "nodes": "kinds of nodes", "cases": "hard cases"}
 
 
 def probed() -> list[str]:
-    """The part of the page on the probe, from its own ledger."""
+    """The section on the probe, from its own ledger."""
     known = json.loads(PROBE.read_text(encoding="utf-8"))
-    head = "| scenes of | scenes | nodes | nodes with a value at fault | nodes too steep | steepest |"
+    head = "| scenes of | scenes | nodes | nodes with a fault | nodes too steep | steepest, relative to its bound |"
     lines = ["", PROBED, "", head, "|---|---|---|---|---|---|"]
     for name, what in SCENES.items():
         row = known.get(name)
         if row is not None:
-            figures = [row["scenes"], row["nodes"], row["faults"], row["broken"], f"{row['steepest']:g} of its promise"]
+            figures = [row["scenes"], row["nodes"], row["faults"], row["broken"], f"{row['steepest']:g}"]
             lines.append(f"| {what} | " + " | ".join(map(str, figures)) + " |")
     return lines
 
