@@ -67,7 +67,7 @@ def test_nodes_know_their_line(tmp_path: Path) -> None:
     )
     found = load(file)
     lines = {node.name: node.where for node in (found.node, *found.node.children)}
-    assert lines == {n: Location(str(file), i) for n, i in (("sphere", 2), ("box", 3), ("hard_union", 4))}
+    assert lines == {n: Location(str(file), i) for n, i in (("sphere", 2), ("box", 3), ("union", 4))}
 
 
 def test_a_scene_file_is_plain_python(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
     "Sun": (lambda: rm.Sun((1, 2, 3), shadow=True), {"direction": (0, 0, 0), "shadow": 1, "color": "red"}),
     "PointLight": (lambda: rm.PointLight((0, 3, 0), range=9), {"position": None, "attenuation": (0, 0, 0)}),
     "SpotLight": (lambda: rm.SpotLight((0, 3, 0), angle=0.3), {"angle": 4.0, "blend": -0.1, "direction": "down"}),
-    "SphereLight": (lambda: rm.SphereLight((0, 3, 0), 0.2), {"radius": 0, "radius": -1}),
+    "SphereLight": (lambda: rm.SphereLight((0, 3, 0), 0.2), {"radius": 0, "range": -1}),
     "Material": (
         lambda: rm.Material(albedo=rm.checker(0.1, 0.9), roughness=0.3, height=lambda p: 0.01 * sin(9 * p.x)),
         {"roughness": 2, "shininess": 5, "color": "red", "height": 3},
