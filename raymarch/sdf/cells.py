@@ -95,8 +95,8 @@ def varied_cells(
 ) -> Expr:
     """Copies in a grid of cells, each with its own index.
 
-    nx, ny, nz : copies along each axis, 0 for no end, 1 for an axis that is left alone. middle, half : of the box that
-    all lie in.
+    nx, ny, nz : copies along each axis, 0 for infinitely many, 1 for no repetition.
+    middle, half : centre and half extents of the box around all copies.
     """
     lookups: list[list[tuple[Expr, Expr, Expr | None]]] = []
     unseen = []

@@ -42,11 +42,11 @@ field that is only a bound and might rank copies wrongly; every copy."""
 Asked = Annotated[int, Domain(None, low=OWN, high=ALL)]
 
 MANY = 24
-"""More copies than this are not asked one by one."""
+"""Largest number of copies that are all evaluated."""
 
 UP = (0.0, 1.0, 0.0)
 UNBOUNDED = 1e30
-"""Half the height of what has no end, small enough for float32."""
+"""Half the height of an unbounded solid, small enough for float32."""
 
 
 def _turned(p: Expr, angle: Expr) -> Expr:
@@ -81,7 +81,7 @@ def _polar_symmetry(child: Facts, count: int, middle: Expr, asked: int, ring: Ex
 
 
 def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> None:
-    """What is asked must suffice for the child."""
+    """SceneError if the evaluated copies do not suffice for the child."""
     if asked == ALL:
         return
     own_middle, half = _wedge(child)
@@ -89,7 +89,7 @@ def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr)
     apart = half * count < math.pi * (1.0 - 1e-9)
     enough = _mirrors_itself(child, own_middle) if asked == OWN else asked == GUARDED or child.exactness == "exact"
     if not (at_middle and apart and enough and np.allclose(ring.data, _ring(child))):
-        raise SceneError("polar_sectors asks too few copies of this solid", legal="polar(node, count)")
+        raise SceneError("polar_sectors evaluates too few copies of this solid", legal="polar(node, count)")
 
 
 @operator(
@@ -155,7 +155,7 @@ def polar(node: Node, count: int = 6) -> Node:
     if share >= 1.0 - 1e-9:
         if count > MANY:
             raise SceneError(
-                f"polar: {node.name} takes {2.0 * half:.4g} radians as seen from the y axis, its sector only "
+                f"polar: {node.name} takes {2.0 * half:.4g} radians about the y axis, its sector only "
                 f"{math.tau / count:.4g}",
                 legal=f"a count <= {_largest(half)}, or a smaller solid farther from the axis",
             )
@@ -240,7 +240,7 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> E
 def mirrored_cells(
     p: Expr, child: Child, spacing: Size3 = (2.0, 2.0, 2.0), nx: Whole = 3, ny: Whole = 1, nz: Whole = 1
 ) -> Expr:
-    """Copies in a grid of cells, every other one mirrored; 0 copies for no end, 1 for an axis that is left alone."""
+    """Copies in a grid of cells, every second one mirrored; 0 for infinitely many, 1 for no repetition."""
     counts = (nx, ny, nz)
     parts: list[Expr] = []
     for i, n in enumerate(counts):

@@ -125,7 +125,9 @@ def copies_of(name: str, value: Any, endless: bool, given: Any) -> int:
     try:
         return integer("count", value, 0 if endless else 1, MOST)
     except SceneError:
-        raise SceneError(f"{name}: count = {short(given)}", legal="integers >= 1, or None for no end") from None
+        raise SceneError(
+            f"{name}: count = {short(given)}", legal="integers >= 1, or None for infinitely many"
+        ) from None
 
 
 @method
@@ -190,7 +192,7 @@ def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) ->
     if not 0.0 < smallest <= LARGEST:
         raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal="a finite number > 0, or None")
     if not np.isfinite(upper - lower):
-        raise SceneError(f"repeat: {node.name} has no end along {axis}", legal=f"None as the spacing along {axis}")
+        raise SceneError(f"repeat: {node.name} is unbounded along {axis}", legal=f"None as the spacing along {axis}")
     if upper - lower > smallest * (1 + 1e-12):
         raise SceneError(
             f"repeat: {node.name} is {upper - lower:g} wide along {axis}, its cell only {smallest:g}",
