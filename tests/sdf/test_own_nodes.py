@@ -188,7 +188,7 @@ def test_an_operator_that_asks_its_child_twice_calls_it(egl: Context) -> None:
         return v.min(child(p - v.vec3(gap, 0.0, 0.0)), child(p + v.vec3(gap, 0.0, 0.0)))
 
     node = twins(box(0.4).rotate(0.3) - sphere(0.2))
-    assert node.glsl().count("float hard_difference_field(vec3 p)") == 1
+    assert node.glsl().count("float difference_field(vec3 p)") == 1
     assert_twin(egl, node)
 
 
