@@ -5,7 +5,7 @@ import raymarch as rm
 rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 """
 
-import raymarch.interrupt  # noqa: F401 - first, because what comes after it takes some tenths of a second
+import raymarch.interrupt  # noqa: F401 - first, because the imports below take some tenths of a second
 
 # isort: split
 from raymarch import cost

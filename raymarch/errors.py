@@ -1,7 +1,7 @@
-"""What can go wrong, said in one sentence: what, the value, the legal range, the user's file and line.
+"""Errors and warnings. A message is one sentence: the fault, the value, the legal range, the user's file and line.
 
-Every room may import this one. A `RaymarchError` is the user's to mend (exit code 2); any other
-exception that leaves the package is a fault of ours (exit code 1).
+Every package may import this module. A `RaymarchError` is a fault that the user can mend (exit code 2). Any other
+exception that leaves `raymarch` is a bug of `raymarch` (exit code 1).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NOT_THE_USERS = (
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A line of a Python file: where the user wrote what became a node."""
+    """A line of a Python file: where the user made a node or another part of a scene."""
 
     file: str
     line: int
@@ -33,13 +33,13 @@ class Location:
 
 
 class RaymarchError(Exception):
-    """Base of all errors that a user can mend. `str()` is one complete message.
+    """Base class of all errors that a user can mend. `str()` is the complete message.
 
     Parameters
     ----------
-    what : the fault, naming the parameter and its value.
+    what : the fault. It names the parameter and its value.
     legal : the legal range or the cure, if there is one.
-    where : the user's own line; found from the call stack when it is not given.
+    where : the user's line. None finds it from the call stack.
     """
 
     def __init__(self, what: str, *, legal: str = "", where: Location | None = None) -> None:
@@ -55,37 +55,37 @@ class RaymarchError(Exception):
 
 
 class SceneError(RaymarchError):
-    """A scene that cannot be meant: a wrong parameter, a wrong type, a scene file without a scene."""
+    """An invalid scene: a value out of range, a wrong type, a scene file without a scene."""
 
 
 class PlanError(RaymarchError):
-    """A scene that is well formed but cannot be planned: clashing parameters, a field beyond the limits."""
+    """A valid scene that cannot be planned: parameters of one name that differ, a field beyond the limits."""
 
 
 class ShaderError(RaymarchError):
-    """The driver refused the shader; the message names the node that made the offending line."""
+    """The driver refused the shader. The message names the node that made the line at fault."""
 
 
 class DeviceError(RaymarchError):
-    """No usable OpenGL context, a limit of the driver exceeded, or a device that failed."""
+    """There is no usable OpenGL context, a limit of the driver is exceeded, or the device failed."""
 
 
 class CostError(RaymarchError):
-    """No setting gives what was asked for, or a measurement cannot be made or reported as asked."""
+    """No setting reaches the requested error or time, or a measurement cannot be made or reported as requested."""
 
 
 class SceneWarning(UserWarning):
-    """Something in a scene that was mended, or that takes long, and may not be what was meant."""
+    """Input that was corrected, or an operation that takes long. It may be a mistake."""
 
 
 def warn(what: str, where: Location | None = None) -> None:
-    """Say on a line of the user what was mended or takes long; None finds the line from the call stack."""
+    """Issue a SceneWarning at a line of the user. None finds the line from the call stack."""
     where = where or user_location() or Location("raymarch", 0)
     warnings.warn_explicit(what, SceneWarning, where.file, where.line)
 
 
 class RenderError(RaymarchError):
-    """A picture that the engine cannot vouch for, where `strict` asks for one that it can."""
+    """Raised with `strict` for a picture that may be wrong; `str()` gives the reasons."""
 
     def __init__(self, doubts: Sequence[str]) -> None:
         super().__init__("; ".join(doubts))
@@ -94,15 +94,15 @@ class RenderError(RaymarchError):
 
 
 class RenderWarning(UserWarning):
-    """A picture that the engine cannot vouch for, with the reason."""
+    """A picture that may be wrong, with the reason."""
 
 
 def user_location() -> Location | None:
-    """The innermost line of the call stack that is neither this package's nor an installed library's, if any."""
+    """The innermost line of the call stack that is neither in this package nor in an installed library, or None."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         file = frame.f_code.co_filename
-        # Methods that dataclasses generate have no file of their own, but the names of their module.
+        # Methods that dataclasses generate have no file, but the globals of their module.
         generated_here = str(frame.f_globals.get("__name__")).startswith("raymarch.")
         if is_users(file) and not generated_here and os.path.basename(file) != "raymarch":  # the installed command
             return Location(file, frame.f_lineno)
@@ -111,5 +111,5 @@ def user_location() -> Location | None:
 
 
 def is_users(file: str) -> bool:
-    """True if a Python file is neither this package's nor an installed library's."""
+    """True if a Python file is neither in this package nor in an installed library."""
     return not file.startswith(_NOT_THE_USERS)

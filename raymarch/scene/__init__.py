@@ -1,4 +1,4 @@
-"""The rest of a picture: camera, lights, materials, sky, parameters, quality, and the scene that holds them."""
+"""Scenes: camera, lights, materials, sky, fog, parameters, quality, and the `Scene` that holds them."""
 
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera

@@ -1,29 +1,33 @@
-"""Ambient light that corners keep out."""
+"""Ambient occlusion: less ambient light in corners and creases."""
 
 from __future__ import annotations
-
-from typing import Any
 
 from raymarch.expr.convert import integer
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import as_number
 from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import Scalar
 
 
 @value
 class AmbientOcclusion(Value):
-    """Ambient light is dimmed where the field rises more slowly along the normal than it would over a plane.
+    """Ambient occlusion from samples of the field along the normal.
+
+    Ambient light is dimmed where the field rises more slowly along the normal than it would above a plane.
 
     Parameters
     ----------
-    steps : samples along the normal, 1 to 32: evaluations a pixel.
-    reach : distance of the last one, > 0.
+    steps : number of samples along the normal, 1 to 32. Each is one evaluation of the field per pixel.
+    reach : distance of the last sample from the surface, in scene units, > 0.
     strength : factor of the dimming, >= 0.
-    decay : weight of each sample over the one before, above 0 and up to 1. At 1 the light left is the mean of
-        distance over length (as in "Signed Distance Field in Real-time Rendering"); at 0.5 near obstacles count most
-        (Evans 2006).
+    decay : ratio of the weights of successive samples, above 0 and up to 1. At 1 the remaining light is the mean of
+        field value over sample distance ("Signed Distance Field in Real-time Rendering"). At 0.5 near obstacles count
+        most (Evans 2006).
 
-    Ambient light is what a sky with `light` gives, and the `ambient` share of Phong's materials.
+    Notes
+    -----
+    Ambient light is the light of a sky with `light=True` and the `ambient` term of Phong materials.
+    Raises SceneError for a value outside its range.
     """
 
     steps: int
@@ -31,7 +35,7 @@ class AmbientOcclusion(Value):
     strength: Expr
     decay: Expr
 
-    def __init__(self, steps: int = 5, reach: Any = 0.5, strength: Any = 1.0, decay: Any = 0.75) -> None:
+    def __init__(self, steps: int = 5, reach: Scalar = 0.5, strength: Scalar = 1.0, decay: Scalar = 0.75) -> None:
         self._begin()
         self._set(
             steps=integer("AmbientOcclusion: steps", steps, 1, 32),

@@ -1,4 +1,4 @@
-"""The camera: right-handed, y up, looking along -z of its own frame; one ray through each pixel's centre."""
+"""The pinhole camera: right-handed, y up, looking along -z of its own frame, with one ray through each pixel centre."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from raymarch.errors import SceneError
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import Values, as_number, as_vec3
 from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import Scalar, Vec3Like
 from raymarch.sdf.facts import Facts
 
 VIEW = np.array([0.5, 0.45, 1.0])
-"""From where an unplaced camera looks at the scene, as a direction from its target."""
+"""The direction from the target to a camera without a `position`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A camera of one frame, in float64.
+    """The camera of one frame, in float64.
 
     Attributes
     ----------
@@ -35,7 +36,7 @@ class Pose:
     tan_half_fov: float
 
     def pixel(self, height: int) -> float:
-        """Size of a pixel at distance 1 along the axis: the diameter of the pixel's cone over its length."""
+        """Width of a pixel at distance 1 along the axis: the diameter of the pixel cone over its length."""
         return 2.0 * self.tan_half_fov / height
 
 
@@ -50,17 +51,19 @@ def look_at(
 
 @value
 class Camera(Value):
-    """Where the picture is taken from.
+    """A perspective camera.
 
     Parameters
     ----------
-    position : vec3; None places the camera so that it sees the whole scene.
-    target : vec3 that it looks at; None is the middle of the scene.
-    up : direction that is up in the picture; not parallel to the view.
+    position : (x, y, z) in scene units. None places the camera so that it sees the whole scene.
+    target : the point (x, y, z) that the camera looks at. None is the centre of the scene.
+    up : the direction (x, y, z) that is up in the picture. It must not be parallel to the viewing direction.
     fov : vertical field of view in degrees, between 0 and 180.
 
-    Each may be an expression of parameters and time; the camera then moves without a recompile.
-    Raises SceneError for a degenerate camera.
+    Notes
+    -----
+    Each value may be an expression of parameters and time. The camera then moves without a recompile.
+    Raises SceneError for a degenerate camera: position equal to target, up parallel to the view, fov out of range.
     """
 
     position: Expr | None
@@ -68,7 +71,13 @@ class Camera(Value):
     up: Expr
     fov: Expr
 
-    def __init__(self, position: Any = None, target: Any = None, up: Any = (0.0, 1.0, 0.0), fov: Any = 45.0) -> None:
+    def __init__(
+        self,
+        position: Vec3Like | None = None,
+        target: Vec3Like | None = None,
+        up: Vec3Like = (0.0, 1.0, 0.0),
+        fov: Scalar = 45.0,
+    ) -> None:
         self._begin()
         self._set(
             position=None if position is None else as_vec3("Camera: position", position),
@@ -88,7 +97,7 @@ class Camera(Value):
 
     @property
     def expressions(self) -> list[Expr]:
-        """All that may depend on parameters or time."""
+        """All values that may depend on parameters or time."""
         return [e for e in (self.position, self.target, self.up, self.fov) if e is not None]
 
     def _tan_half_fov(self, values: Values) -> float:
@@ -102,8 +111,8 @@ class Camera(Value):
     def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0) -> Pose:
         """The camera of one frame.
 
-        subject : the box to look at where position or target is not given.
-        aspect : width over height of the picture; an unplaced camera of a narrow one stands farther away.
+        subject : the box that the camera frames if position or target is not given.
+        aspect : width over height of the picture. A camera without a position stands farther away for a narrow picture.
         """
         tan_half_fov = self._tan_half_fov(values)
         centre, radius = _sphere_around(subject)

@@ -1,7 +1,7 @@
-"""Which sizes can be drawn. The shader computes in float32, which holds a length of 1e20, but not its square.
+"""Limits of the size of a scene. The shader computes in float32, which holds a length of 1e20, but not its square.
 
-No other unit is chosen behind a user's back: patterns, functions of a point and constants in a user's own nodes are
-lengths that nothing marks as such. A scene that float32 cannot hold is refused.
+A scene that float32 cannot hold is refused. It is not rescaled automatically: patterns, functions of a point and
+constants in a user's own nodes contain lengths that are not marked as lengths.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
 
 SMALLEST, LARGEST = 1e-15, 1e15
-"""Lengths between which all that a scene needs is a float32: squares of a thousandth of a pixel at the one end, squares
-of the distance to a horizon at the other."""
+"""Range of lengths in which every intermediate value of a scene is a float32: squares of a thousandth of a pixel at the
+low end, squares of the distance to the horizon at the high end."""
 
 USUAL = 1e6
-"""Up to this many units, and down to one over it, every node of the package keeps its digits in float32. A scene beyond
-is looked at."""
+"""Every node of the package is accurate in float32 at sizes from 1 / USUAL to USUAL. The field of a scene outside this
+range is checked."""
 
 LEGAL = f"from {SMALLEST:g} to {LARGEST:g} units; give all lengths, the camera's and the lights' too, in another unit"
 
 OFF = 0.01
-"""The error of a field, as a share of the way to the camera, from which a point of it counts as lost."""
+"""Relative error of the field, over the distance to the camera, above which a sample counts as lost."""
 
 
 def refuse_extent(scene: Scene, origin: NDArray[np.float64], field: Function) -> None:
     """PlanError for a scene that float32 cannot hold, with its parameters at their defaults.
 
-    field : the distance, as a function of the point counted from `origin`.
+    field : the distance, as a function of the point relative to `origin`.
     """
     values = set_values(scene.parameters, {})
     try:
@@ -53,11 +53,11 @@ def refuse_extent(scene: Scene, origin: NDArray[np.float64], field: Function) ->
         with bound(values.params, values.time):
             away = abs(float(evaluator([field.body], field.params)(pose.position - origin)[0])) or None
     if away is not None and not np.isfinite(away):
-        return  # by a value that is not finite now, which each frame is asked for
-    varies = bool(scene.parameters)  # the box then holds the solid over their whole ranges, and may be far too large
+        return  # a value is not finite at the defaults; each frame checks that
+    varies = bool(scene.parameters)  # the box then bounds the solid over their whole ranges, and may be far too large
     largest = away if varies and away is not None else max(reach or 0.0, away or 0.0)
     if largest > LARGEST or (reach is not None and reach < SMALLEST):
-        raise PlanError(_said(reach if largest <= LARGEST else largest), legal=LEGAL, where=scene.node.where)
+        raise PlanError(_message(reach if largest <= LARGEST else largest), legal=LEGAL, where=scene.node.where)
     if away is None or 1.0 / USUAL <= largest <= USUAL:
         return
     lost = _lost(field, pose, origin, 0.5 * away, max(largest, 4.0 * away), values)
@@ -71,7 +71,7 @@ def refuse_extent(scene: Scene, origin: NDArray[np.float64], field: Function) ->
 
 @dataclass(frozen=True, slots=True)
 class InReach:
-    """The condition on each frame that the camera is neither too close to what it looks at nor too far away."""
+    """The condition on each frame that the camera is neither too close to the subject nor too far from it."""
 
     scene: Scene
 
@@ -84,11 +84,11 @@ class InReach:
         if reach is None or SMALLEST <= reach <= LARGEST:
             return None
         where = self.scene.camera.where
-        return f"{f'{where}: ' if where else ''}{_said(reach)} at time = {values.time:g} ({LEGAL})"
+        return f"{f'{where}: ' if where else ''}{_message(reach)} at time = {values.time:g} ({LEGAL})"
 
 
 def reach_of(scene: Scene, pose: Pose) -> float | None:
-    """The size of what a camera sees: from it to the middle of what has an end, and the size of that."""
+    """The size of a scene as seen by a camera: the distance to the centre of its bounded part plus the size of that."""
     subject = scene.subject
     if subject is None:
         return None
@@ -96,26 +96,27 @@ def reach_of(scene: Scene, pose: Pose) -> float | None:
     return float(np.linalg.norm(pose.position - middle) + np.linalg.norm(subject.size))
 
 
-def _said(length: float | None) -> str:
+def _message(length: float | None) -> str:
     return f"the scene is {length:.3g} units large, as its camera sees it, which float32 cannot draw"
 
 
 def _lost(field: Function, pose: Pose, origin: NDArray[np.float64], near: float, far: float, values: Values) -> str:
-    """What float32 makes of a field on some rays of the camera: in words, if it is another one."""
+    """Compare the field in float32 and float64 on some camera rays: a message if they differ, else ""."""
     random = np.random.default_rng(0)
     screen = random.uniform(-1.0, 1.0, (24, 2)) * pose.tan_half_fov
     directions = np.concatenate([screen, -np.ones((24, 1))], axis=1) @ pose.frame.T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    way = np.geomspace(near, far, 12)
-    points = (pose.position - origin) + (way[:, None, None] * directions).reshape(-1, 3)
-    whole = companion(field)
+    distances = np.geomspace(near, far, 12)
+    points = (pose.position - origin) + (distances[:, None, None] * directions).reshape(-1, 3)
+    with_gradient = companion(field)
     with bound(values.params, values.time):
-        true = evaluator([whole.body], whole.params)(points)[0]
-        single = evaluator([whole.body], whole.params, np.float32)(points)[0].astype(np.float64)
-    off = ~(np.abs(single - true)[..., 3] <= OFF * np.repeat(way, 24))
-    turned = ~(np.linalg.norm((single - true)[..., :3], axis=-1) <= 0.1)
-    if np.mean(off) > 0.02:
-        return f"in float32 its field is off by more than {OFF:.0%} of the way at {np.sum(off)} of {len(points)} points"
-    if np.mean(turned) > 0.5:
-        return f"in float32 its normals are lost at {np.sum(turned)} of {len(points)} points"
+        double = evaluator([with_gradient.body], with_gradient.params)(points)[0]
+        single = evaluator([with_gradient.body], with_gradient.params, np.float32)(points)[0].astype(np.float64)
+    wrong_values = ~(np.abs(single - double)[..., 3] <= OFF * np.repeat(distances, 24))
+    wrong_normals = ~(np.linalg.norm((single - double)[..., :3], axis=-1) <= 0.1)
+    if np.mean(wrong_values) > 0.02:
+        count = f"{np.sum(wrong_values)} of {len(points)} points"
+        return f"in float32 its field is off by more than {OFF:.0%} of the distance at {count}"
+    if np.mean(wrong_normals) > 0.5:
+        return f"in float32 its normals are lost at {np.sum(wrong_normals)} of {len(points)} points"
     return ""

@@ -1,4 +1,4 @@
-"""Scene files: plain Python that leaves a module-level `scene`."""
+"""Scene files: plain Python that defines a module-level `scene`."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from raymarch.sdf.node import Node
 def load(path: str | os.PathLike[str]) -> Scene:
     """Run a scene file in a fresh namespace and return its scene.
 
-    The file leaves `scene`: a Scene, a node (which is wrapped in one), or a function without parameters that
-    returns either. Modules beside the file can be imported. Raises SceneError, with the file and line at fault.
+    The file defines `scene`: a Scene, a node (which is wrapped in a Scene), or a function without parameters that
+    returns either. Modules in the folder of the file can be imported. Raises SceneError with the file and line at
+    fault.
     """
     file = Path(path)
     try:
@@ -39,7 +40,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
         with _module_beside(namespace, str(file.resolve().parent)):
             exec(_compiled(source, name), namespace.__dict__)
             scene = _find(namespace, name)
-            scene.expressions()  # runs the file's own definitions on symbols: their errors are the file's
+            scene.expressions()  # evaluates the file's own definitions, so that their errors name lines of the file
             return scene
     except RaymarchError:
         raise
@@ -56,7 +57,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
 
 
 def _compiled(source: bytes, name: str) -> types.CodeType:
-    """The file's code; what is no text at all is a SyntaxError, which early versions of Python 3.11 call otherwise."""
+    """The code of the file. SyntaxError for bytes that are no text; early versions of Python 3.11 raise ValueError."""
     try:
         return compile(source, name, "exec")
     except ValueError as fault:
@@ -65,11 +66,10 @@ def _compiled(source: bytes, name: str) -> types.CodeType:
 
 @contextmanager
 def _module_beside(namespace: types.ModuleType, folder: str) -> Iterator[None]:
-    """While a scene file runs: it is a module that libraries can look up (dataclasses do), and the modules of its
-    folder can be imported.
+    """A context in which the scene file is a registered module and modules of its folder can be imported.
 
-    Those are forgotten afterwards: the next load sees what they hold then, and does not take them for
-    modules of the same name beside another scene.
+    Libraries such as dataclasses look up the module. On exit the modules of the folder are removed from `sys.modules`,
+    so that the next load reads them again and does not confuse them with modules of another scene.
     """
     before, writes = dict(sys.modules), sys.dont_write_bytecode
     sys.modules[namespace.__name__] = namespace
@@ -109,9 +109,9 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
 
 
 def _called(make: Callable[..., Any], where: Location) -> Any:
-    """What a scene function gives; SceneError, at its own line, if it asks for parameters."""
+    """The result of a scene function. SceneError, at the line of the function, if it has required parameters."""
     code = getattr(make, "__code__", None)
-    with suppress(ValueError):  # some built-in functions do not tell what they take
+    with suppress(ValueError):  # some built-in functions have no signature
         try:
             inspect.signature(make).bind()
         except TypeError as fault:
@@ -121,7 +121,7 @@ def _called(make: Callable[..., Any], where: Location) -> Any:
 
 
 def _line_in(fault: BaseException, name: str) -> Location:
-    """The innermost line of the user's own code in a traceback."""
+    """The innermost line of the user's code in a traceback."""
     frames = traceback.extract_tb(fault.__traceback__)
     own = [f for f in frames if f.filename == name or (is_users(f.filename) and not f.filename.startswith("<"))]
     frame = own[-1] if own else None

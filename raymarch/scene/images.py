@@ -1,4 +1,4 @@
-"""Pictures read from files, as linear RGB or as they are stored: Radiance, OpenEXR, and what Pillow reads.
+"""Picture files, as linear RGB or as stored: Radiance, OpenEXR, and formats that Pillow reads.
 
 OpenEXR files need the package OpenEXR (`pip install 'raymarch[exr]'`).
 """
@@ -18,13 +18,14 @@ from raymarch.errors import SceneError, user_location
 Array = NDArray[np.float32]
 
 LARGEST = 2046
-"""Pixels along either edge: sampled data may have 2048 texels, two of which close the circle of a sky."""
+"""Maximum number of pixels along an edge. Sampled data may have 2048 texels, two of which close the circle of a sky."""
 
 
 def read_image(what: str, file: str | PathLike[str], largest: int = LARGEST) -> Array:
     """A picture as linear RGB, float32 (H, W, 3), row 0 at the top.
 
-    what : who asks, for the message of a SceneError: a file that is missing, broken, or larger than `largest`.
+    what : name of the caller, for messages. Raises SceneError for a file that is missing, broken, or larger than
+    `largest` pixels along an edge.
     """
     pixels, encoded = read_stored(what, file, largest)
     rgb = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
@@ -32,9 +33,9 @@ def read_image(what: str, file: str | PathLike[str], largest: int = LARGEST) -> 
 
 
 def read_stored(what: str, file: str | PathLike[str], largest: int = LARGEST) -> tuple[NDArray[Any], bool]:
-    """The numbers of a picture as they are stored, (H, W, 1 to 4), and whether its colours are encoded as sRGB.
+    """The values of a picture as stored, (H, W, 1 to 4), and whether its colours are sRGB-encoded.
 
-    Whole numbers are given as shares of the largest one, from 0 to 1. Errors are those of `read_image`.
+    Integers are divided by the largest integer of their type, to lie in [0, 1]. Raises SceneError as `read_image` does.
     """
     path = _found(Path(fspath(file)))
     legal = f"a picture of up to {largest} x {largest} pixels: .hdr, .exr, .png, .jpg, ..."
@@ -53,7 +54,7 @@ def read_stored(what: str, file: str | PathLike[str], largest: int = LARGEST) ->
 
 
 def _found(path: Path) -> Path:
-    """A file's place: as it is given, or beside the scene's own file."""
+    """The path of a file: as given, or relative to the scene file."""
     where = user_location()
     beside = path if where is None else Path(where.file).parent / path
     return beside if not path.is_file() and beside.is_file() else path
@@ -79,7 +80,7 @@ def _read(path: Path) -> tuple[NDArray[Any], bool]:
 
 
 def linear(encoded: NDArray[Any]) -> NDArray[Any]:
-    """sRGB values from 0 to 1 (IEC 61966-2-1) as linear ones."""
+    """Linear values of sRGB values in [0, 1] (IEC 61966-2-1)."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
@@ -105,7 +106,7 @@ def _read_exr(path: Path) -> NDArray[Any]:
 
 
 def exr_package(file: str | PathLike[str]) -> Any:
-    """What writes an OpenEXR file. SceneError, naming the file, where it is not installed."""
+    """The OpenEXR package. SceneError, naming the file, if it is not installed."""
     try:
         import OpenEXR
     except ImportError:
@@ -114,19 +115,21 @@ def exr_package(file: str | PathLike[str]) -> Any:
 
 
 def write_exr(file: str | PathLike[str], color: NDArray[Any]) -> None:
-    """Linear RGB, (H, W, 3), as a float32 OpenEXR file. SceneError without the package OpenEXR; OSError where
-    it cannot be written."""
+    """Write linear RGB, (H, W, 3), as a float32 OpenEXR file.
+
+    Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
+    """
     OpenEXR = exr_package(file)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     try:
         with OpenEXR.File(header, {"RGB": np.ascontiguousarray(color, np.float32)}) as made:
             made.write(fspath(file))
-    except RuntimeError as fault:  # the library's word for all that goes wrong with a file
+    except RuntimeError as fault:  # the library raises it for every fault of a file
         raise OSError(" ".join(str(fault).split())) from fault
 
 
 def read_radiance(data: bytes) -> Array:
-    """A Radiance picture (Ward 1991), flat or run-length encoded, top row first. ValueError if it is broken."""
+    """Decode a Radiance picture (Ward 1991), flat or run-length encoded, top row first. ValueError if it is broken."""
     head, _, rest = data.partition(b"\n\n")
     if not head.startswith(b"#?") or b"FORMAT=32-bit_rle_rgbe" not in head:
         raise ValueError("no header of a Radiance picture in RGBE")
@@ -148,7 +151,7 @@ def read_radiance(data: bytes) -> Array:
 
 
 def _scanline(raw: NDArray[np.uint8], at: int, row: NDArray[np.uint8]) -> int:
-    """Decodes one row; gives where the next one starts."""
+    """Decode one row; return the offset of the next one."""
     width = len(row)
     if not (8 <= width < 1 << 15 and at + 4 <= len(raw) and raw[at] == 2 and raw[at + 1] == 2 and raw[at + 2] < 128):
         flat = raw[at : at + 4 * width]

@@ -1,7 +1,7 @@
-"""Values that a frame takes out of their legal range.
+"""Checks of values in each frame.
 
-A number is refused where it is written. What depends on time, or on a parameter, may be legal at one moment and not at
-the next: it is asked at each frame, in float64 on the CPU, by the rules that refuse numbers.
+An illegal number is refused where it is written. A value that depends on time or a parameter may be legal in one frame
+and illegal in the next. Each frame checks it in float64 on the CPU, by the rules that refuse numbers.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ class Condition(Protocol):
     """Something that must hold in each frame."""
 
     def broken(self, values: Values) -> str | None:
-        """What is wrong with the values of a frame, in one sentence with the user's line; None if nothing is."""
+        """The violation in a frame, as one sentence with the user's line; None if the condition holds."""
 
 
 def conditions_of(scene: Scene) -> list[Condition]:
-    """What must hold in each frame of a scene, because it could not be shown when the scene was built."""
+    """The conditions to check in each frame, because they could not be proven when the scene was built."""
     nodes = [_NodeIsLegal(node) for node in all_nodes(scene.node) if _is_open(node)]
     return [*nodes, *(_IsWithin(marked) for marked in find(scene.expressions(), "within"))]
 
 
 def violations(conditions: Sequence[Condition], values: Values) -> list[str]:
-    """What is wrong with the values of a frame, a sentence each."""
+    """The violations in a frame, one sentence each."""
     found = (condition.broken(values) for condition in conditions)
     return list(dict.fromkeys(sentence for sentence in found if sentence is not None))
 
@@ -48,8 +48,10 @@ def _moving(node: Node) -> list[str]:
 
 
 def _is_open(node: Node) -> bool:
-    """True if a node's parameters might not be legal at some time, or for some values of a `Param`: that is known to be
-    legal over its whole range, but not as a direction or beside another parameter."""
+    """True if the parameters of a node might be illegal at some time, or for some values of a `Param`.
+
+    A `Param` is known to be legal over its whole range, but not as a direction, and not together with other parameters.
+    """
     names = _moving(node)
     return bool(names) and (node.definition.check is not None or any(_is_unproven(node, name) for name in names))
 
@@ -63,7 +65,7 @@ def _is_unproven(node: Node, name: str) -> bool:
 
 
 class _NodeIsLegal:
-    """The parameters of a node, by its own domains and its own check."""
+    """The parameters of a node, checked by its domains and its own check."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -85,12 +87,12 @@ class _NodeIsLegal:
             if node.definition.check is not None:
                 node.definition.check(*[child.facts for child in node.children], **now)
         except SceneError as fault:
-            return _sentence(node.where, fault.what, _moment(self._given, values), fault.legal)
+            return _sentence(node.where, fault.what, _values_read(self._given, values), fault.legal)
         return None
 
 
 class _IsWithin:
-    """A value of a light, a material, the sky, ... that was marked with its range."""
+    """A value of a light, a material, the sky, ... that is marked with its range."""
 
     def __init__(self, marked: Expr) -> None:
         (self._given,), self._limit = marked.args, marked.data
@@ -107,31 +109,31 @@ class _IsWithin:
             return None
         ends = [end.tolist() for end in interval_of(value)]
         shown = _plain(value) if value.is_constant else f"between {ends[0]} and {ends[1]}"
-        return _sentence(limit.where, f"{limit.what} = {shown}", _moment([self._given], values), limit.legal)
+        return _sentence(limit.where, f"{limit.what} = {shown}", _values_read([self._given], values), limit.legal)
 
 
 def _is_inside(value: Any, low: float, high: float, nonzero: bool) -> bool:
-    """True if a value is legal for sure: strictly inside its range, and something that float32 holds."""
+    """True if a value is certainly legal: strictly inside its range and of float32."""
     inside = np.all((value > low) & (value < high) & (np.abs(value) < LARGEST))
     return bool(inside) and (not nonzero or bool(np.any(np.abs(value) > SMALLEST)))
 
 
 def _as_given(node: Node, name: str) -> Expr:
-    """A parameter as the user gave it: a direction before it was normalised."""
+    """A parameter as the user gave it; a direction before normalisation."""
     value: Expr = node.params[name]
     normalised = node.definition.domains[name].direction and value.op == "normalize"
     return value.args[0] if normalised else value
 
 
 def _at_frame(given: Sequence[Expr], values: Values) -> list[Expr]:
-    """Expressions with the numbers of a frame for parameters and time: constants, unless they depend on a cell."""
+    """Expressions with the parameters and time of a frame substituted: constants, unless they depend on a cell."""
     known = {leaf: const(values.time) for leaf in find(given, "time")}
     known |= {leaf: const(values.params.get(leaf.data.name, leaf.data.value)) for leaf in find(given, "param")}
     return substitute(given, known)
 
 
 def _plain(value: Expr) -> Any:
-    """A constant as plain numbers, as a user would write it; anything else as it is."""
+    """A constant as plain numbers, as a user would write it; other expressions unchanged."""
     if not value.is_constant:
         return value
     numbers = np.round(value.data, 12) if np.all(np.abs(value.data) > 1e-9) else value.data
@@ -139,8 +141,8 @@ def _plain(value: Expr) -> Any:
     return tuple(listed) if isinstance(listed, list) and not value.type.is_matrix else listed
 
 
-def _moment(given: Sequence[Expr], values: Values) -> str:
-    """The values that some expressions read: "time = -50, speed = 2"."""
+def _values_read(given: Sequence[Expr], values: Values) -> str:
+    """The time and parameters that expressions read, such as "time = -50, speed = 2"."""
     read = [f"time = {values.time:g}"] if find(given, "time") else []
     for leaf in find(given, "param"):
         value = values.params.get(leaf.data.name, leaf.data.value)

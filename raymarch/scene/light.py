@@ -1,8 +1,8 @@
-"""Lights. A light casts a shadow only if it says so.
+"""Lights. A light casts a shadow only with `shadow=True`.
 
-Brightness has one meaning for all of them: a white matte surface that faces a light of intensity 1 squarely, at
-distance 1 from lights that have a place, has the value 1. In physical units a sun's irradiance is pi times its colour
-and intensity, and a point light's radiant intensity as well.
+`intensity` has one meaning for all lights. A white diffuse surface at right angles to the light, at distance 1 from a
+light that has a position, has the value 1 at intensity 1. In physical units the irradiance of a sun is pi * color *
+intensity, and so is the radiant intensity of a point light.
 """
 
 from __future__ import annotations
@@ -20,27 +20,32 @@ from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import cos
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
 
 PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
 
 
 @value
 class Light(Value):
-    """What all lights share.
+    """Base class of all lights.
 
     Parameters
     ----------
-    color : linear RGB, each >= 0. intensity : factor >= 0.
-    shadow : whether it casts one; False costs nothing.
-    softness : how wide the light is as its shadows see it, >= 0: the radius of a lamp's body, or the tangent of a sun's
-        angular radius (0.0047 for the real one). 0 is a hard shadow, the cheapest.
-    penumbra : how a soft shadow is found. "two-sided": the share of the light's disc that is left by the nearest
-        obstacle, taken as a straight edge; half at the edge of the geometry, as it should be, but what is thinner
-        than the disc lets light through. "cone": the smallest clearance over the disc's radius (Quilez 2008), dark
-        already at the edge, and behind all that stands in the way. "triangulated": that with the
-        clearance between two samples estimated (Aaltonen 2018). "sampled": a hard shadow of one point of the light at
-        random, right for whatever is in the way, and for highlights; it takes `Quality(samples=...)` or frames to make
-        it smooth.
+    color : linear RGB, each component >= 0.
+    intensity : factor of the colour, >= 0.
+    shadow : whether the light casts a shadow. False costs nothing.
+    softness : size of the light for its shadow, >= 0: the radius of a light with a position, or the tangent of the
+        angular radius of a sun (0.0047 for the real one). 0 gives a hard shadow, which is the cheapest.
+    penumbra : method for soft shadows.
+
+        - "two-sided": the fraction of the light's disc that the nearest obstacle leaves visible. The obstacle is taken
+          as a straight edge. The fraction is one half at the edge of the geometry, which is correct. Obstacles
+          thinner than the disc let light through.
+        - "cone": the smallest clearance over the radius of the disc (Quilez 2008). It is dark already at the edge of
+          the geometry, and behind every obstacle.
+        - "triangulated": as "cone", with the clearance between two samples estimated (Aaltonen 2018).
+        - "sampled": a hard shadow of one random point of the light. It is correct for all obstacles, and for
+          highlights. It is noisy: it needs `Quality(samples=...)` or several frames.
     """
 
     color: Expr
@@ -49,7 +54,7 @@ class Light(Value):
     softness: Expr
     penumbra: str
 
-    def __init__(self, color: Any, intensity: Any, shadow: bool, softness: Any, penumbra: str) -> None:
+    def __init__(self, color: ColorLike, intensity: Scalar, shadow: bool, softness: Scalar, penumbra: str) -> None:
         self._begin()
         name = type(self).__name__
         self._set(
@@ -67,35 +72,39 @@ class Light(Value):
 
     @property
     def soft(self) -> bool:
-        """True if its shadow has a penumbra."""
+        """True if the shadow has a penumbra."""
         return self.shadow and not _is_zero(self.softness)
 
     @property
     def expressions(self) -> list[Expr]:
-        """All that may depend on parameters or time."""
+        """All values that may depend on parameters or time."""
         given = (getattr(self, field.name) for field in fields(self))
         return [e for e in given if isinstance(e, Expr)]
 
 
 @value
 class Sun(Light):
-    """Light from infinitely far away.
+    """Directional light from infinitely far away.
 
     Parameters
     ----------
-    direction : towards the sun, any length but 0.
+    direction : direction towards the sun, any length but 0.
     color, intensity, shadow, softness, penumbra : see `Light`.
+
+    Notes
+    -----
+    Raises SceneError for a value outside its range.
     """
 
     direction: Expr
 
     def __init__(
         self,
-        direction: Any = (0.5, 1.0, 0.7),
-        color: Any = (1.0, 1.0, 1.0),
-        intensity: Any = 1.0,
+        direction: Vec3Like = (0.5, 1.0, 0.7),
+        color: ColorLike = (1.0, 1.0, 1.0),
+        intensity: Scalar = 1.0,
         shadow: bool = False,
-        softness: Any = 0.0,
+        softness: Scalar = 0.0,
         penumbra: str = "two-sided",
     ) -> None:
         Light.__init__(self, color, intensity, shadow, softness, penumbra)
@@ -104,17 +113,21 @@ class Sun(Light):
 
 @value
 class PointLight(Light):
-    """Light from one point; it falls off with the inverse square of the distance.
+    """Light from one point. It falls off with the inverse square of the distance.
 
     Parameters
     ----------
-    position : vec3.
+    position : (x, y, z) in scene units.
     color, intensity, shadow, softness, penumbra : see `Light`.
-    range : nothing farther away is lit, > 0; the light fades towards it by (1 - (d/range)^4)^2, and costs nothing beyond.
-        None is no end.
-    shadow_radius : what is farther away gets no shadow, > 0; None is no end.
-    attenuation : (constant, linear, quadratic), each >= 0, not all 0: the light is divided by their polynomial of the
-        distance in place of its square, and fades by 1 - d/range if there is a range.
+    range : distance beyond which nothing is lit, > 0. At distance d the light is multiplied by (1 - (d/range)^4)^2.
+        Beyond the range the light costs nothing. None means no limit.
+    shadow_radius : distance from the light beyond which surfaces receive no shadow, > 0. None means no limit.
+    attenuation : (constant, linear, quadratic), each >= 0, not all 0. The light is divided by this polynomial of the
+        distance instead of its square. With a range, it is multiplied by 1 - d/range.
+
+    Notes
+    -----
+    Raises SceneError for a value outside its range.
     """
 
     position: Expr
@@ -124,15 +137,15 @@ class PointLight(Light):
 
     def __init__(
         self,
-        position: Any,
-        color: Any = (1.0, 1.0, 1.0),
-        intensity: Any = 1.0,
+        position: Vec3Like,
+        color: ColorLike = (1.0, 1.0, 1.0),
+        intensity: Scalar = 1.0,
         shadow: bool = False,
-        softness: Any = 0.0,
+        softness: Scalar = 0.0,
         penumbra: str = "two-sided",
-        range: Any = None,
-        shadow_radius: Any = None,
-        attenuation: Any = None,
+        range: Scalar | None = None,
+        shadow_radius: Scalar | None = None,
+        attenuation: Vec3Like | None = None,
     ) -> None:
         Light.__init__(self, color, intensity, shadow, softness, penumbra)
         name = type(self).__name__
@@ -155,11 +168,17 @@ class SpotLight(PointLight):
 
     Parameters
     ----------
-    position : vec3. direction : in which it shines, any length but 0.
-    angle : from the axis to the cone's edge, in radians, above 0 and up to pi.
-    blend : share of the angle over which the edge fades, from 0, a sharp one, to 1. With c the cosine to the axis, c0
-        at the edge and c1 where the fading ends, the light is multiplied by ((c - c0) / (c1 - c0))^2.
-    The rest : see `PointLight`.
+    position : (x, y, z) in scene units.
+    direction : direction in which the light shines, any length but 0.
+    angle : half angle of the cone, from its axis to its edge, in radians, above 0 and up to pi.
+    blend : fraction of the angle over which the edge fades, from 0 (sharp) to 1. Let c be the cosine of the angle to
+        the axis, c0 its value at the edge and c1 its value where the fade ends: the light is multiplied by
+        ((c - c0) / (c1 - c0))^2.
+    color, intensity, shadow, softness, penumbra, range, shadow_radius, attenuation : see `PointLight`.
+
+    Notes
+    -----
+    Raises SceneError for a value outside its range.
     """
 
     direction: Expr
@@ -168,18 +187,18 @@ class SpotLight(PointLight):
 
     def __init__(
         self,
-        position: Any,
-        direction: Any = (0.0, -1.0, 0.0),
-        angle: Any = 0.5,
-        blend: Any = 0.2,
-        color: Any = (1.0, 1.0, 1.0),
-        intensity: Any = 1.0,
+        position: Vec3Like,
+        direction: Vec3Like = (0.0, -1.0, 0.0),
+        angle: Scalar = 0.5,
+        blend: Scalar = 0.2,
+        color: ColorLike = (1.0, 1.0, 1.0),
+        intensity: Scalar = 1.0,
         shadow: bool = False,
-        softness: Any = 0.0,
+        softness: Scalar = 0.0,
         penumbra: str = "two-sided",
-        range: Any = None,
-        shadow_radius: Any = None,
-        attenuation: Any = None,
+        range: Scalar | None = None,
+        shadow_radius: Scalar | None = None,
+        attenuation: Vec3Like | None = None,
     ) -> None:
         PointLight.__init__(
             self, position, color, intensity, shadow, softness, penumbra, range, shadow_radius, attenuation
@@ -192,35 +211,41 @@ class SpotLight(PointLight):
 
     @property
     def cosines(self) -> tuple[Expr, Expr]:
-        """Cosines of the angles to the axis at which the light ends, and at which it is whole."""
+        """Cosines of two angles to the axis: where the light ends, and where its fade ends."""
         return cos(self.angle), cos(self.angle * (1.0 - self.blend))
 
 
 @value
 class SphereLight(PointLight):
-    """Light from a ball that itself is not seen: paint a node with an emission of intensity / radius^2 to show it.
+    """Light from a sphere. The sphere itself is not visible.
 
     Parameters
     ----------
-    position : of the ball's centre. radius : of the ball, > 0. It is what softens the shadow.
-    The rest : see `PointLight`; intensity is the brightness at distance 1 from the centre.
+    position : centre of the sphere, (x, y, z) in scene units.
+    radius : radius of the sphere, > 0. It is also the `softness` of the shadow.
+    color, intensity, shadow, penumbra, range, shadow_radius, attenuation : see `PointLight`. `intensity` is the
+        brightness at distance 1 from the centre.
 
-    A matte surface that sees the whole ball is lit exactly as by a point light. A highlight is that of a point too.
+    Notes
+    -----
+    To show the sphere, add a node with an emission of intensity / radius^2.
+    A diffuse surface that sees the whole sphere is lit exactly as by a point light. Highlights are those of a point.
+    Raises SceneError for a value outside its range.
     """
 
     radius: Expr
 
     def __init__(
         self,
-        position: Any,
-        radius: Any = 0.5,
-        color: Any = (1.0, 1.0, 1.0),
-        intensity: Any = 1.0,
+        position: Vec3Like,
+        radius: Scalar = 0.5,
+        color: ColorLike = (1.0, 1.0, 1.0),
+        intensity: Scalar = 1.0,
         shadow: bool = False,
         penumbra: str = "two-sided",
-        range: Any = None,
-        shadow_radius: Any = None,
-        attenuation: Any = None,
+        range: Scalar | None = None,
+        shadow_radius: Scalar | None = None,
+        attenuation: Vec3Like | None = None,
     ) -> None:
         given = _length("SphereLight: radius", radius)
         if given is None:
@@ -232,7 +257,7 @@ class SphereLight(PointLight):
 
 
 def hard(light: Light) -> Light:
-    """The same light with hard shadows; of a ball, its centre."""
+    """The same light with hard shadows. A SphereLight becomes a PointLight at its centre."""
     if isinstance(light, SphereLight):
         return PointLight(**{name: value for name, value in light.arguments().items() if name != "radius"})
     return light.replace(softness=0.0)

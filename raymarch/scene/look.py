@@ -1,4 +1,4 @@
-"""One value of a material: a number, a function of the point or a picture, checked and made an expression."""
+"""Values of a material: a number, a function of the point or a texture, checked and converted to an expression."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from raymarch.sdf.domain import as_operand
 from raymarch.sdf.lower import POSITION, is_seen
 
 _PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
-"""Points at which patterns are looked at: one that is legal at none of them is a mistake; else it is kept in range."""
+"""Points at which patterns are checked. A pattern that is legal at none of them is refused, others are clamped."""
 
 
 _pictures: WeakKeyDictionary[Expr, tuple[int, float, float]] = WeakKeyDictionary()
-"""The expressions of pictures whose values were checked, with the range: they are legal wherever they come in again."""
+"""Expressions of textures whose values were checked, with (size, low, high). They need no second check."""
 
 
 def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
-    """A value of a material, checked; a function of the position becomes its expression, kept in its range."""
+    """A value of a material, checked. A function of the point becomes its expression, clamped to its range."""
     if isinstance(value, Expr) and _pictures.get(value) == (size, low, high):
         return value
     what = f"Material: {name}"
@@ -41,7 +41,8 @@ def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
         given = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else f"'{fspath(value)}'"
         raise SceneError(f"{what}: {given} has no place yet", legal="planar(picture, size) or triplanar(picture, size)")
     check = as_number if size == 1 else as_vec3
-    if isinstance(value, Expr) and (POSITION in free_variables([value]) or is_seen([value])):  # of another material
+    # An expression of POSITION comes from another material, by `replace`.
+    if isinstance(value, Expr) and (POSITION in free_variables([value]) or is_seen([value])):
         return _pattern(what, lambda _: value, size, low, high)
     if not callable(value) or isinstance(value, Expr):
         return check(what, value, low, high, cells=True)
@@ -49,7 +50,7 @@ def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
 
 
 def _picture(what: str, value: Texture, size: int, low: float, high: float) -> Expr:
-    """A picture's values, which must all be legal."""
+    """The values of a texture, which must all be legal."""
     try:
         made = value.number(POSITION) if size == 1 else value.color(POSITION)
     except SceneError as fault:
@@ -83,12 +84,12 @@ def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, 
 
 
 def _is_file(value: Any) -> bool:
-    """True for the name of a file; other texts are mistakes of another kind."""
+    """True for a path, or a string with a suffix. Other strings get another message."""
     return isinstance(value, PathLike) or (isinstance(value, str) and Path(value).suffix != "")
 
 
 def refuse_sizes(maps: dict[str, Any]) -> None:
-    """Maps that are laid alike must have as many pixels as the first of them."""
+    """SceneError if maps that share a projection differ in resolution."""
     given = {name: value for name, value in maps.items() if isinstance(value, Texture)}
     for i, (name, one) in enumerate(given.items()):
         for first, other in list(given.items())[:i]:
@@ -96,5 +97,5 @@ def refuse_sizes(maps: dict[str, Any]) -> None:
                 sizes = [f"{width} x {height} pixels" for width, height in (one.size, other.size)]
                 raise SceneError(
                     f"Material: the {name} map '{one.file}' has {sizes[0]}, the {first} map '{other.file}' {sizes[1]}",
-                    legal="as many, where they have the same size, offset and rotation",
+                    legal="maps that share a projection (size, offset, rotation) must share a resolution",
                 )

@@ -1,4 +1,4 @@
-"""Materials: what a surface looks like. To the field a material is an opaque label."""
+"""Materials: Phong or physical (microfacet) surfaces. For the field a material is an opaque label."""
 
 from __future__ import annotations
 
@@ -21,60 +21,68 @@ from raymarch.sdf.lower import POSITION, is_seen
 PHONG = ("color", "shininess", "specular", "ambient")
 PHYSICAL = ("color", "metalness", "roughness", "f0")
 MIXED = (*PHONG, *PHYSICAL[1:], "physical")
-"""The fields that shading reads: of scenes after Phong, of physical ones, and of those with both."""
+"""The fields that shading reads in scenes with Phong materials, with physical materials, and with both."""
 
 SMOOTH = 0.1
-"""Roughness up to which a tree of ways takes a surface for a mirror: its lobe is then some two pixels wide. From there
-the share falls evenly to 0 at twice that, so that a pattern of roughness has no edges."""
+"""Roughness up to which Whitted ray tracing treats a surface as a mirror: its lobe is then about two pixels wide. Above
+it the weight of the reflection falls linearly to 0 at twice this roughness, so that roughness maps show no edges."""
 
 GLASS = ("transmission", "ior", "absorption")
 RELIEF = ("tilt", "open")
-"""What maps add: how the normal is bent, and the share of ambient light that comes through."""
+"""The fields of maps: "tilt", the gradient that perturbs the normal, and "open", the ambient visibility (0 to 1)."""
 
 MADE = {"albedo": "color", "occlusion": "open"}
-"""Parameters whose value shading reads under another name."""
+"""Parameters that shading reads under another name."""
 
 FIELDS = (*MIXED, "emission", *GLASS, *RELIEF)
 
 
 @value
 class Material(Value):
-    """A surface, shaded after Phong or, if any of the physical values is given, by microfacets.
+    """A surface material: Phong, or a microfacet model if any physical value is given.
 
     Parameters
     ----------
-    color : linear RGB, each in [0, 1].
-    shininess : Phong: exponent of the highlight, > 0 (10 dull, 100 polished); 32.
-    specular : Phong: strength of the highlight, in [0, 1]; 0.25.
-    ambient : Phong: share of each light's colour that arrives from everywhere, shadow or not, in [0, 1]; 0.1.
-    albedo : another name for `color`, which makes the material physical.
-    metalness : physical: 0 for dielectrics, 1 for metals, whose albedo is the colour of their reflection; 0.
-    roughness : physical: from 0, a mirror, to 1; its square is the width of the microfacets' slopes; 0.5, but 0 of what
-        transmits. Lights shine on anything below 0.032 as on that, because a mirror shows no point.
-    f0 : physical: reflectance of a dielectric at right angles, a number or linear RGB in [0, 1]; 0.04.
-    emission : linear RGB >= 0 of light that the surface gives off by itself; either kind has it; black.
+    color : base colour, linear RGB, each in [0, 1]. Default (0.8, 0.8, 0.8).
+    shininess : Phong. Exponent of the highlight, > 0: 10 is dull, 100 polished. Default 32.
+    specular : Phong. Strength of the highlight, in [0, 1]. Default 0.25.
+    ambient : Phong. Fraction of the colour of each light that arrives from all directions, in shadow too, in [0, 1].
+        Default 0.1.
+    albedo : another name for `color`. It makes the material physical.
+    metalness : physical. 0 for a dielectric, 1 for a metal, in [0, 1]. The albedo of a metal is the colour of its
+        reflection. Default 0.
+    roughness : physical. From 0 (a mirror) to 1. Its square is the width of the distribution of microfacet slopes.
+        Default 0.5, or 0 for a material that transmits. Highlights of lights use at least 0.032, because a perfect
+        mirror shows no point light.
+    f0 : physical. Reflectance of a dielectric at normal incidence, a number or linear RGB in [0, 1]. Default 0.04.
+    emission : emitted light, linear RGB, each >= 0, for both models. Default black.
+    transmission : physical. Fraction of the light that is refracted into the solid, in [0, 1]. Default 0. It needs the
+        `bounces` of the scene. With the path integrator rough glass is frosted (Walter et al. 2007); with "whitted"
+        it is clear. Its shadows are those of an opaque solid.
+    ior : physical. Index of refraction inside a material that transmits, in [1, 4]. Default 1.5.
+    absorption : physical. Absorption coefficient per unit of length inside: exp(-absorption) of the light is left after
+        one unit. A number or linear RGB, >= 0. Default 0.
+    normal : a normal map, made by `planar(...)` or `triplanar(...)`. None for no map.
+    normal_strength : factor of the slopes of the normal map, in [0, 100].
+    height : a height map, or a function of the point that gives heights. The normal is perturbed as if the surface were
+        raised by height * `height_scale`. The surface does not move; see `displace_by_image` for displacement.
+    height_scale : factor of the heights, in units of length, in [-1000, 1000].
+    occlusion : fraction of ambient light and sky light that reaches the surface, in [0, 1]. Default 1. Ignored by
+        path-traced light.
 
-    transmission : physical: share of the light that goes through, in [0, 1]; 0. Rough glass is frosted along random
-        ways (Walter et al. 2007), and clear in a tree of them; it needs the scene's `bounces`. Shadows of lights are
-        those of a solid.
-    ior : physical: index of refraction of what transmits, in [1, 4]; 1.5.
-    absorption : physical: what a unit of length inside takes away, exp(-absorption) is left; a number or linear RGB,
-        >= 0.
+    Notes
+    -----
+    A value may be a texture, such as `planar("wood.png")` or `triplanar("rock.png")`. Maps that share a projection must
+    share a resolution.
 
-    normal : a normal map, `planar(...)` or `triplanar(...)`; times `normal_strength`, in [0, 100]; 1.
-    height : a height map, or a function of the point; the normal bends as if the surface were raised by it times
-        `height_scale`, in units of length, in [-1000, 1000]; 0.02. Nothing moves: see `displace_by_image` for that.
-    occlusion : share of the ambient light and of the sky's that comes through, in [0, 1]; 1. Bounces find their own.
-
-    A value may be a picture, `planar("wood.png")` or `triplanar("rock.png")`; maps that lie alike have as many pixels.
-    It may be a function of a point, `lambda p: ...`, in the words of `raymarch.expr.vocabulary`; it is asked in the
-    space in which the material is given, so a pattern moves along with what it is painted on. See
-    `raymarch.checker`, `stripes` and `noise`. Equal materials are one.
+    A value may be a function of the point, `lambda p: ...`, of functions in `raymarch.expr.vocabulary`. The point is in
+    the space in which the material is given, so a pattern moves with the node. See `raymarch.checker`, `stripes` and
+    `noise`. Equal materials are one material.
 
     The physical model is that of Cook and Torrance (1982): GGX distribution (Walter et al. 2007), height-correlated
-    masking after Smith (Heitz 2014), Fresnel after Schlick (1994), and a diffuse part of what the facets let
-    in and out again (Kelemen and Szirmay-Kalos 2001), so that a white surface gives back what it gets, also at its rim.
-    Metals also give back the light that several facets mirror (Kulla and Conty 2017).
+    Smith masking (Heitz 2014), Schlick's Fresnel term (1994), and a diffuse term for the light that passes through the
+    microfacets twice (Kelemen and Szirmay-Kalos 2001). So a white surface conserves energy, also at grazing angles.
+    Metals include multiple scattering between microfacets (Kulla and Conty 2017).
 
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """
@@ -105,7 +113,7 @@ class Material(Value):
         occlusion: Any = None,
     ) -> None:
         self._begin()
-        if isinstance(color, Expr) and color is albedo:  # of a physical material that was changed
+        if isinstance(color, Expr) and color is albedo:  # `replace` of a physical material passes both
             color = None
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
         physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}
@@ -140,14 +148,14 @@ class Material(Value):
         kept = {name: _kept(value, made[MADE.get(name, name)]) for name, value in given.items()}
         relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
         self._set(physical=is_physical, _fields=made, _given={**kept, **relief})
-        if is_physical and physical["roughness"] is None:  # what transmits is smooth, and the rest is not
+        if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
             made["roughness"] = expr(0.0 if self.transmits else 0.5)
 
     def arguments(self) -> dict[str, Any]:
         return dict(self._given)
 
     def _unchanged(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """`color` and `albedo` are one value, and so each takes the other's place."""
+        """The arguments without changes. `color` and `albedo` are one value: a change of one drops the other."""
         return {n: None if {n, *changes} >= {"color", "albedo"} else v for n, v in self._given.items()}
 
     def _identity(self) -> tuple[Any, ...]:
@@ -155,12 +163,12 @@ class Material(Value):
 
     @property
     def color(self) -> Expr:
-        """Linear RGB; the albedo."""
+        """Base colour, linear RGB; the albedo of a physical material."""
         return self._fields["color"]
 
     @property
     def albedo(self) -> Expr | None:
-        """Linear RGB of a physical material."""
+        """Albedo of a physical material, linear RGB; None for Phong."""
         return self._fields["color"] if self.physical else None
 
     @property
@@ -170,12 +178,12 @@ class Material(Value):
 
     @property
     def normal_strength(self) -> Any:
-        """Factor of the normal map."""
+        """Factor of the slopes of the normal map."""
         return self._given["normal_strength"]
 
     @property
     def height(self) -> Texture | Expr | None:
-        """The height map, or heights as an expression of the point."""
+        """The height map, or the heights as an expression of the point."""
         return self._given["height"]
 
     @property
@@ -185,95 +193,95 @@ class Material(Value):
 
     @property
     def occlusion(self) -> Expr:
-        """Share of the ambient light that comes through."""
+        """Fraction of the ambient light that reaches the surface."""
         return self._fields["open"]
 
     @property
     def shininess(self) -> Expr:
-        """Exponent of Phong's highlight."""
+        """Exponent of the Phong highlight."""
         return self._fields["shininess"]
 
     @property
     def specular(self) -> Expr:
-        """Strength of Phong's highlight."""
+        """Strength of the Phong highlight."""
         return self._fields["specular"]
 
     @property
     def ambient(self) -> Expr:
-        """Share of each light that arrives from everywhere."""
+        """Fraction of each light that arrives from all directions."""
         return self._fields["ambient"]
 
     @property
     def metalness(self) -> Expr:
-        """1 for a metal."""
+        """0 for a dielectric, 1 for a metal."""
         return self._fields["metalness"]
 
     @property
     def metallic(self) -> bool:
-        """True if it is a metal somewhere."""
-        share = self._fields["metalness"]
-        return self.physical and (not share.is_constant or float(share.data) > 0.0)
+        """True if the metalness may be above 0 somewhere."""
+        metalness = self._fields["metalness"]
+        return self.physical and (not metalness.is_constant or float(metalness.data) > 0.0)
 
     @property
     def roughness(self) -> Expr:
-        """From a mirror's 0 to 1."""
+        """From 0 (a mirror) to 1."""
         return self._fields["roughness"]
 
     @property
     def f0(self) -> Expr:
-        """Reflectance of a dielectric at right angles, linear RGB."""
+        """Reflectance of a dielectric at normal incidence, linear RGB."""
         return self._fields["f0"]
 
     @property
     def emission(self) -> Expr:
-        """Light that the surface gives off, linear RGB."""
+        """Emitted light, linear RGB."""
         return self._fields["emission"]
 
     @property
     def emits(self) -> bool:
-        """True if it gives off light."""
+        """True if the surface may emit light somewhere."""
         return not self.emission.is_constant or bool(np.any(self.emission.data))
 
     @property
     def expressions(self) -> list[Expr]:
-        """All values in the order of FIELDS; they may depend on parameters, time, POSITION, and indices of cells."""
+        """All values in the order of FIELDS. They may depend on parameters, time, POSITION and the index of a cell."""
         return [self._fields[name] for name in FIELDS]
 
     @property
     def transmits(self) -> bool:
-        """True if light goes through it."""
-        share = self._fields["transmission"]
-        return not share.is_constant or bool(np.any(share.data))
+        """True if the transmission may be above 0 somewhere."""
+        transmission = self._fields["transmission"]
+        return not transmission.is_constant or bool(np.any(transmission.data))
 
     @property
     def transmission(self) -> Expr:
-        """Share of the light that goes through."""
+        """Fraction of the light that is refracted into the solid."""
         return self._fields["transmission"]
 
     @property
     def ior(self) -> Expr:
-        """Index of refraction of what transmits."""
+        """Index of refraction."""
         return self._fields["ior"]
 
     @property
     def absorption(self) -> Expr:
-        """What a unit of length inside takes away, linear RGB."""
+        """Absorption coefficient per unit of length inside, linear RGB."""
         return self._fields["absorption"]
 
     @property
     def frosted(self) -> bool:
-        """True if light goes through it, and it is rough somewhere."""
-        rough = self._fields["roughness"]
-        return self.transmits and (not rough.is_constant or float(rough.data) > 0.0)
+        """True if the material transmits and may be rough somewhere."""
+        roughness = self._fields["roughness"]
+        return self.transmits and (not roughness.is_constant or float(roughness.data) > 0.0)
 
     def without_maps(self) -> Material:
-        """The same material with the mean of each picture in its place, and nothing that bends normals."""
+        """The same material with each texture replaced by its mean, without normal, height and occlusion maps."""
 
         def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
             if node.op != "texture":
                 return rebuild(node, args)
-            share = 1.0 if args[3].is_constant else 1.0 / 3.0  # of three projections, whose weights sum to 1
-            mean = share * node.data.levels[-1][0, 0].astype(np.float64)
+            weight = 1.0 if args[3].is_constant else 1.0 / 3.0  # one of three projections: their weights sum to 1
+            mean = weight * node.data.levels[-1][0, 0].astype(np.float64)
             return expr(mean if node.type.is_vector else float(mean[0]))
 
         given = {
@@ -287,10 +295,10 @@ class Material(Value):
 
     @property
     def mirrors(self) -> bool:
-        """True if it is so smooth somewhere that a tree of ways follows its reflection."""
-        rough, share = self._fields["roughness"], self._fields["transmission"]
-        clear = share.is_constant and float(share.data) == 1.0
-        return self.physical and not clear and (not rough.is_constant or float(rough.data) < 2.0 * SMOOTH)
+        """True if it may be so smooth somewhere that Whitted ray tracing traces its reflection; see `SMOOTH`."""
+        roughness, transmission = self._fields["roughness"], self._fields["transmission"]
+        clear = transmission.is_constant and float(transmission.data) == 1.0
+        return self.physical and not clear and (not roughness.is_constant or float(roughness.data) < 2.0 * SMOOTH)
 
     @property
     def patterned(self) -> bool:
@@ -299,17 +307,17 @@ class Material(Value):
 
     @property
     def relief(self) -> bool:
-        """True if it bends normals or keeps ambient light out."""
+        """True if it perturbs normals or dims ambient light."""
         return (self._fields["tilt"], self._fields["open"]) != (FLAT, expr(1.0))
 
     @property
     def textured(self) -> bool:
-        """True if it has a picture, or anything else that depends on how a surface is seen."""
+        """True if it has a texture, or another value that depends on the footprint or the normal."""
         return is_seen(self.expressions)
 
 
 def _kept(given: Any, made: Expr) -> Any:
-    """What `replace` and pickles hand to the constructor again: no function, but what came of it."""
+    """The argument that `replace` and pickles pass to the constructor: for a function, the expression it returned."""
     if given is None or isinstance(given, Texture):
         return given
     if made.is_constant:
@@ -318,7 +326,7 @@ def _kept(given: Any, made: Expr) -> Any:
 
 
 def _without_unset(values: dict[str, Any]) -> dict[str, Any]:
-    """None for the expressions that stand for what a material was not given, as `dataclasses.replace` hands on."""
+    """The values, with None for default expressions: `dataclasses.replace` passes them for arguments not given."""
     return {n: None if any(value is e for e in _UNSET.get(n, ())) else value for n, value in values.items()}
 
 
@@ -350,7 +358,7 @@ def _or(value: Any, otherwise: Any) -> Any:
 
 
 def _spread(value: Any) -> Any:
-    """A number as three equal ones."""
+    """A number as three equal numbers; other values unchanged."""
     number = plain(value)
     if isinstance(number, bool | int | float):
         return (number, number, number)

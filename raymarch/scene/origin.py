@@ -1,7 +1,7 @@
-"""Where the shader counts coordinates from. Usually the scene's own origin; a scene far away is described from nearby.
+"""The origin of the shader's coordinates. Usually it is the origin of the scene; for a scene far away it is nearby.
 
-All that is far is combined in float64 before it reaches the shader, which then holds small numbers only: the camera,
-the solids and the lights are given from the new origin, and the picture is the one of the scene at home.
+Camera, solids and lights are moved to the new origin in float64, before they reach the shader. The shader then holds
+small numbers only, and the picture is that of the same scene at the origin.
 """
 
 from __future__ import annotations
@@ -20,18 +20,19 @@ from raymarch.sdf.lower import lower
 from raymarch.sdf.shifted import shifted
 
 FAR = 64.0
-"""How many times farther from the origin than the scene is large before another origin is chosen: 6 of float32's 24
-bits are lost by then."""
+"""Ratio of distance from the origin to scene size above which another origin is chosen. At this ratio 6 of the 24 bits
+of float32 are lost."""
 
 ULP = 2.0**-23
 
 
 def origin_of(scene: Scene) -> NDArray[np.float64]:
-    """The point near the camera that coordinates are counted from, shape (3,), float64; 0 where the scene is not far.
+    """The origin of coordinates near the camera, shape (3,), float64; 0 if the scene is not far away.
 
-    It is rounded to a power of two beyond the scene's size, so that a scene moved by a round number is the same text.
+    It is rounded to multiples of a power of two above the size of the scene. So a scene moved by a round number gives
+    the same shader text.
     """
-    position, reach = _seen(scene, set_values(scene.parameters, {}, 0.0))
+    position, reach = _view(scene, set_values(scene.parameters, {}, 0.0))
     if position is None or np.max(np.abs(position)) <= FAR * reach:
         return np.zeros(3)
     grid = 2.0 ** np.ceil(np.log2(reach))
@@ -39,8 +40,8 @@ def origin_of(scene: Scene) -> NDArray[np.float64]:
     return origin
 
 
-def _seen(scene: Scene, values: Values) -> tuple[NDArray[np.float64] | None, float]:
-    """Where the camera stands, and the size of what it sees from there."""
+def _view(scene: Scene, values: Values) -> tuple[NDArray[np.float64] | None, float]:
+    """The position of the camera, and the size of the scene as seen from there."""
     try:
         position = scene.pose(values).position
     except SceneError:
@@ -53,7 +54,10 @@ def _seen(scene: Scene, values: Values) -> tuple[NDArray[np.float64] | None, flo
 
 
 def _nearest(scene: Scene, position: NDArray[np.float64], values: Values) -> float | None:
-    """How far from the camera the nearest surface is at least; None if only the GPU knows, or it touches the camera."""
+    """Lower bound of the distance from the camera to the nearest surface.
+
+    None if only the GPU can evaluate the field, or if the surface touches the camera.
+    """
     field = lower(scene.node)
     if without_twin(field.body):
         return None
@@ -63,7 +67,7 @@ def _nearest(scene: Scene, position: NDArray[np.float64], values: Values) -> flo
 
 
 def seen_from(scene: Scene, origin: NDArray[np.float64]) -> Scene:
-    """The scene with its solids and lights given from an origin. Its camera is left where it was."""
+    """The scene with its solids and lights moved to an origin. The camera is unchanged."""
     if not np.any(origin):
         return scene
     return scene.replace(
@@ -78,10 +82,10 @@ def _light_from(light: Light, origin: NDArray[np.float64]) -> Light:
 
 
 def range_warning(scene: Scene, origin: NDArray[np.float64]) -> list[str]:
-    """A sentence if float32 cannot hold what the quality promises, at the parameters' defaults and 1080 rows.
+    """A warning if float32 cannot hold the epsilon of the quality, at default parameters and 1080 rows.
 
-    A point is rounded by half a unit in the last place of its largest coordinate in each of some sums, 2 ulp in all.
-    Where that is more than epsilon, hits are as exact as the rounding, not as the quality says.
+    Each of several sums rounds a point by half a unit in the last place of its largest coordinate, 2 ulp in total.
+    If that exceeds epsilon, the error of hits is that of the rounding, not that of the quality.
     """
     values = set_values(scene.parameters, {}, 0.0)
     try:

@@ -1,13 +1,14 @@
-"""Values that change without a recompile: named parameters with a range, and time."""
+"""Values that change without a recompile: `Param`, a named parameter with a range, and `time`."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import Location, PlanError, SceneError, user_location
 from raymarch.expr.arrays import bound, value_of
@@ -24,7 +25,7 @@ Value = float | tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """What is known of a parameter: its name, default and range; `where` does not count for equality."""
+    """Name, default and range of a parameter. `where` does not count for equality."""
 
     name: str
     value: Value
@@ -57,7 +58,7 @@ class Spec:
         return f"{count}{low}{' and' if low and high else ''}{high}"
 
     def accept(self, value: Any, where: Location | None = None) -> Value:
-        """A new value, checked against type and range."""
+        """A new value, checked against type and range. SceneError if it is not legal."""
         given = _plain(value, f"parameter '{self.name}'", where)
         if np.shape(given) != np.shape(self.value):
             raise SceneError(f"parameter '{self.name}' = {short(value)}", legal=self.legal, where=where)
@@ -83,18 +84,28 @@ def _plain(value: Any, what: str, where: Location | None = None) -> Value:
     return float(array) if array.shape == () else tuple(float(v) for v in array)
 
 
-def Param(name: str, value: Any, min: Any = None, max: Any = None) -> Expr:
-    """A named value that can be changed while the scene is shown, without a recompile.
+def Param(
+    name: str,
+    value: float | Sequence[float] | NDArray[Any],
+    min: float | Sequence[float] | NDArray[Any] | None = None,
+    max: float | Sequence[float] | NDArray[Any] | None = None,
+) -> Expr:
+    """A named value that can change without a recompile.
 
     Parameters
     ----------
-    name : shown beside its slider and used by `--set NAME=VALUE`; letters, digits, space, _ and -.
-    value : default; a number, or 2 to 4 numbers for a vector or colour.
-    min, max : range, as one number or as many as `value` has. Facts of nodes hold over the whole of it, and
-        `raymarch render --set` refuses values outside. None means no end on that side.
+    name : label of the slider, and NAME in `--set NAME=VALUE`. Letters, digits, space, _ and -.
+    value : default: a number, or 2 to 4 numbers for a vector or colour.
+    min, max : range: one number, or as many as `value` has. Facts of nodes hold over the whole range, and
+        `raymarch render --set` refuses values outside it. None means no limit on that side.
 
-    Returns an expression, to be used wherever a number is. Two parameters of one name must be equal.
-    Raises SceneError for a value outside its range or an empty name.
+    Returns
+    -------
+    An expression, which can be used wherever a number is expected.
+
+    Notes
+    -----
+    Two parameters of one name must be equal. Raises SceneError for a value outside its range or an illegal name.
     """
     if not isinstance(name, str) or not re.fullmatch(r"[^\W_][\w -]*", name):
         raise SceneError(
@@ -116,13 +127,13 @@ def Param(name: str, value: Any, min: Any = None, max: Any = None) -> Expr:
 
 
 def _spec(name: Any, value: Any, low: Any, high: Any, where: Location | None) -> Spec:
-    """The parameter of a pickle, checked as a new one is."""
+    """The parameter of a pickle, checked like a new one."""
     checked: Spec = Param(name, value, low, high).data
     return Spec(checked.name, checked.value, checked.min, checked.max, where)
 
 
 time: Expr = make("time", FLOAT)
-"""Seconds since the start of the animation, an expression; what `--time`, `--frames` and the window's clock set."""
+"""Seconds since the start of the animation, an expression. Set by `--time`, `--frames` and the clock of the window."""
 
 
 def specs_in(values: Iterable[Expr]) -> dict[str, Spec]:
@@ -153,9 +164,9 @@ class Values:
 def set_values(
     specs: Mapping[str, Spec], given: Mapping[str, Any] | None = None, time: float = 0.0, where: Location | None = None
 ) -> Values:
-    """Defaults, with some replaced; SceneError for an unknown name or a value out of range.
+    """Default values with some replaced. SceneError for an unknown name or a value out of range.
 
-    `where` is the scene's line, for a name that it does not have.
+    where : the user's line of the scene, for the message about an unknown name.
     """
     params = {name: spec.value for name, spec in specs.items()}
     given = {} if given is None else given
@@ -180,21 +191,24 @@ def _seconds(time: Any, where: Location | None) -> float:
 
 
 def as_vec3(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:
-    """A position, direction or colour, checked; expressions pass if they are vec3.
+    """A position, direction or colour, checked. Expressions must be vec3.
 
-    cells : it may depend on the index of a cell, see `raymarch.repeat_varied`.
+    cells : whether it may depend on the index of a cell; see `raymarch.repeat_varied`.
     """
     return _checked(what, value, 3, low, high, cells)
 
 
 def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:
-    """A number, checked; expressions pass if they are scalar. cells : as for `as_vec3`."""
+    """A number, checked. Expressions must be scalar. cells : see `as_vec3`."""
     return _checked(what, value, 1, low, high, cells)
 
 
 def _checked(what: str, value: Any, size: int, low: float, high: float, cells: bool) -> Expr:
-    """The value as an expression. One that reads parameters must be legal at their defaults, one that depends on the
-    index of a cell in all cells. What a parameter or time can take out of its range is marked: see `limited`."""
+    """The value as an expression, checked.
+
+    An expression of parameters must be legal at their defaults. An expression of the index of a cell must be legal in
+    all cells. Values that a parameter or time can move out of range are marked: see `limited`.
+    """
     legal = "a finite number" if size == 1 else f"{size} finite numbers"
     if low > -np.inf:
         legal += f" >= {low:g}"
@@ -220,9 +234,9 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
 
 
 def as_direction(what: str, value: Any) -> Expr:
-    """A direction of any length but 0, checked, parameters at their defaults; it comes out with length 1."""
+    """A direction of any length but 0, checked with parameters at their defaults, and normalised."""
     if isinstance(value, Expr) and value.op == "normalize" and value.args[0].op == "within":
-        return value  # of a value that exists already
+        return value  # checked before, and passed by `replace`
     given, limit = as_vec3(what, value), Limit(what, "3 numbers, not all zero", nonzero=True)
     if not find([given], "time") and not np.any(Values({}).of(given)):
         shown = short(value) if given.is_constant else "0 with its parameters at their defaults"

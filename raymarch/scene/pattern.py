@@ -1,4 +1,4 @@
-"""Functions of a point that paint: what a material's value may be in place of a number."""
+"""Procedural patterns: functions of a point, as values of a material."""
 
 from __future__ import annotations
 
@@ -11,17 +11,24 @@ from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import floor, mix, mod, where
 from raymarch.scene.parameter import as_number
-from raymarch.sdf.domain import as_operand
+from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 from raymarch.sdf.noise import value_noise
 
 Pattern: TypeAlias = Callable[[Expr], Expr]
 
 
-def checker(a: Any, b: Any, size: Any = 1.0) -> Pattern:
-    """Cubes of two values in turn.
+def checker(a: Scalar | ColorLike, b: Scalar | ColorLike, size: Scalar = 1.0) -> Pattern:
+    """A 3D checkerboard of two values.
 
-    a, b : numbers, or colours; a is at the origin. size : edge of a cube, > 0. The origin is a quarter of an edge
-    inside its cube, so that surfaces through it, or half an edge beside it, do not lie between two.
+    Parameters
+    ----------
+    a, b : two numbers, or two colours; `a` is the value at the origin.
+    size : edge of a cube, > 0.
+
+    Notes
+    -----
+    The origin is a quarter of an edge inside its cube. So surfaces through the origin, or half an edge beside it, do
+    not lie on the boundary of two cubes.
     """
     first, second = _pair("checker", a, b)
     edge = as_number("checker: size", size, low=1e-6)
@@ -33,10 +40,14 @@ def checker(a: Any, b: Any, size: Any = 1.0) -> Pattern:
     return pattern
 
 
-def stripes(a: Any, b: Any, width: Any = 0.5, axis: str = "x") -> Pattern:
-    """Layers of two values in turn, across an axis.
+def stripes(a: Scalar | ColorLike, b: Scalar | ColorLike, width: Scalar = 0.5, axis: str = "x") -> Pattern:
+    """Alternating layers of two values at right angles to an axis.
 
-    a, b : numbers, or colours. width : of a layer, > 0. axis : "x", "y" or "z".
+    Parameters
+    ----------
+    a, b : two numbers, or two colours.
+    width : thickness of a layer, > 0.
+    axis : "x", "y" or "z".
     """
     axis = choice("stripes: axis", axis, ("x", "y", "z"), "'x', 'y' or 'z'")
     first, second = _pair("stripes", a, b)
@@ -44,21 +55,24 @@ def stripes(a: Any, b: Any, width: Any = 0.5, axis: str = "x") -> Pattern:
     return lambda p: where(mod(floor(p["xyz".index(axis)] / thick), 2.0) < 0.5, first, second)
 
 
-def noise(a: Any, b: Any, scale: Any = 1.0, octaves: int = 3) -> Pattern:
-    """Clouds between two values.
+def noise(a: Scalar | ColorLike, b: Scalar | ColorLike, scale: Scalar = 1.0, octaves: int = 3) -> Pattern:
+    """Fractal value noise between two values.
 
-    a, b : numbers, or colours. scale : size of the largest clouds, > 0. octaves : layers, 1 to 8, each of half the size
-    and half the weight of the one before.
+    Parameters
+    ----------
+    a, b : two numbers, or two colours.
+    scale : size of the largest features, > 0.
+    octaves : number of layers, 1 to 8. Each has half the size and half the weight of the one before.
     """
     octaves = integer("noise: octaves", octaves, 1, 8)
     first, second = _pair("noise", a, b)
     size = as_number("noise: scale", scale, low=1e-6)
-    share = 1.0 / (2.0 - 2.0 ** (1 - octaves))
+    norm = 1.0 / (2.0 - 2.0 ** (1 - octaves))
 
     def pattern(p: Expr) -> Expr:
         total = expr(0.5)
         for i in range(octaves):
-            total = total + 0.5 * share * 0.5**i * value_noise(p * (2.0**i / size) + (17.3 * i, 5.8 * i, 29.5 * i))
+            total = total + 0.5 * norm * 0.5**i * value_noise(p * (2.0**i / size) + (17.3 * i, 5.8 * i, 29.5 * i))
         return mix(first, second, total)
 
     return pattern

@@ -1,7 +1,7 @@
-"""The numbers of a picture: as they are stored, and as what it is used for needs them.
+"""Pixel values of textures: as stored, and converted for their use.
 
-Colours are decoded from sRGB, all else is taken as it is stored. Normals and heights become slopes, whose mean over a
-footprint is the slope of what is seen there.
+Colours are decoded from sRGB. Other values are used as stored. Normals and heights become slopes, because the mean of
+slopes over a footprint is the slope of the visible surface.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Array = NDArray[Any]
 Picture: TypeAlias = str | PathLike[str] | Array
 
 STEEPEST = 64.0
-"""Slopes that normals may have; beyond 89 degrees they say nothing."""
+"""Largest slope of a normal map: 89 degrees. Steeper normals carry no information."""
 
 
 def values_for(stored: Array, role: str, encoded: bool, channel: int | None, downwards: bool, wrap: Wrap) -> Array:
-    """The numbers of a picture for what it is used for, row 0 at the bottom."""
+    """The values of a picture, converted for a role, row 0 at the bottom."""
     pixels = np.asarray(stored[::-1], np.float32)
     one = pixels[..., channel or 0]
     values: Array
@@ -48,13 +48,13 @@ def values_for(stored: Array, role: str, encoded: bool, channel: int | None, dow
 
 
 def _decoded(encoded: Array) -> Array:
-    """Linear values of encoded ones, which are shares of 255 or of 65535, by a table: there may be many millions."""
+    """Linear values of sRGB-encoded ones (multiples of 1/255 or 1/65535), from a table: there may be millions."""
     table = np.asarray(linear(np.arange(65536) / 65535.0), np.float32)
     return table[np.rint(encoded * 65535.0).astype(np.uint16)]
 
 
 def _slopes(heights: Array, wrap: Wrap) -> Array:
-    """How heights rise across a whole picture along u and v, from the texels on either side; (h, w, 2)."""
+    """Slopes of heights along u and v, per picture width and height, by central differences; (h, w, 2)."""
     mode: Any = "wrap" if wrap == "repeat" else "edge"
     padded = np.pad(heights, 1, mode)
     right = 0.5 * (padded[1:-1, 2:] - padded[1:-1, :-2]) * heights.shape[1]
@@ -63,9 +63,13 @@ def _slopes(heights: Array, wrap: Wrap) -> Array:
 
 
 class Stored(NamedTuple):
-    """A picture as it is stored.
+    """A picture as stored.
 
-    pixels : (H, W, 1 to 4) float32, row 0 at the top. encoded : whether its colours are. name : what messages call it.
+    Attributes
+    ----------
+    pixels : (H, W, 1 to 4) float32, row 0 at the top.
+    encoded : whether its colours are sRGB-encoded.
+    name : name for messages.
     """
 
     pixels: Array
@@ -85,7 +89,7 @@ class Stored(NamedTuple):
 
 
 def stored_of(what: str, picture: Picture | Stored) -> Stored:
-    """The pixels of a file or an array; SceneError for what is not finite, or too large."""
+    """The pixels of a file or an array. SceneError for values that are not finite, and for pictures too large."""
     if isinstance(picture, Stored):
         checked = stored_of(what, picture.pixels)
         return Stored(checked.pixels, picture.encoded, str(picture.name))

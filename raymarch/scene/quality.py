@@ -1,4 +1,4 @@
-"""How exact the picture shall be."""
+"""Quality settings: accuracy against time."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ RAYS = ("computed", "interpolated")
 INTEGRATORS = ("path", "whitted")
 
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
-"""What `omega` is where it is not given: what the tracers' authors use, and what was measured best for enhanced."""
+"""Defaults of `omega`: the values of the tracers' authors; for "enhanced", the value that was measured best."""
 
 CONTACT = 0.0625
-"""The share of epsilon within which a ray must come to have hit a certified field."""
+"""A hit on a certified field is refined until the field is below this fraction of epsilon."""
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "draft": {"epsilon": 0.5},
@@ -30,7 +30,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "fine": {"epsilon": 0.02, "max_steps": 2048},
     "exact": {"epsilon": 0.002, "max_steps": 8192},
 }
-"""In what each preset differs from the default."""
+"""The settings of each preset that differ from the defaults."""
 
 NOT_MARCHING = (
     "assume_certified",
@@ -44,76 +44,93 @@ NOT_MARCHING = (
     "shadow_steps",
     "light_samples",
 )
-"""What a preset leaves as a scene has it: it is defined by where hits lie, and these are for what is drawn of them."""
+"""A preset does not change these fields. A preset is defined by the error of hits, which they do not affect."""
 
 PROMISED: Mapping[str, float] = {"draft": 0.5, "normal": 0.05, "fine": 0.005, "exact": 0.001}
-"""What defines each preset: how far, in pixel footprints, 99 % of the hits on a certified field may lie from the true
-ones, silhouettes apart, with no hit missed; a test holds the examples to it, and a lattice with edges in every pixel.
-`for_error` measures any scene. The last is what float32 allows."""
+"""The error that defines each preset, in pixel footprints: 99 % of the hits on a certified field, silhouettes
+excluded, lie within this distance of the reference, and no hit is missed. A test checks this for the examples and for a
+lattice with edges in every pixel. `for_error` measures any scene. The last value is the limit of float32."""
 
 Search = Callable[..., "Quality"]
 _searches: dict[str, Search] = {}
 
 
 def provide_searches(for_error: Search, for_time: Search) -> None:
-    """Enter what `Quality.for_error` and `Quality.for_time` call. Measuring stands above this room: `raymarch.cost`
-    does it, and enters itself when it is imported."""
+    """Register the functions that `Quality.for_error` and `Quality.for_time` call.
+
+    Measuring belongs to `raymarch.cost`, a layer above this package. It registers itself when it is imported.
+    """
     _searches.update(error=for_error, time=for_time)
 
 
 @value
 class Quality(Value):
-    """Choices between accuracy and time.
+    """Settings that trade accuracy against time.
 
     Parameters
     ----------
-    tracer : how a ray is marched. "auto" lets the plan choose. "plain": each step is the distance (Hart 1996).
-        "relaxed": steps longer by `omega` until one proves too long (Keinert et al. 2014); "relaxed_again" goes on
-        relaxing after that. "enhanced": steps by the slope of the last two samples (Bálint and Valasek 2018).
-        "auto_relaxed": by an averaged slope (Bán and Valasek 2023). "bracketing": by the averaged slope, keeping samples
-        that went too far. A field that is only an estimate is marched plainly, whatever is chosen, unless `assume_certified`.
-    assume_certified : take an estimate for a certified field, so that the tracer and schedule that are asked for are used on it;
-        to compare.
-    max_steps : steps that a ray of the camera may take, 1 to 60,000 (software renderers end loops at 65,535). Rays that
-        leave a surface may take eight times as many: they begin on it, and those along it grow slowly.
-    schedule : which coarser pictures are marched first, to start rays where a cone around them ended. "single": none.
-        "two", "four" and "six" resolutions: those of Bálint and Valasek 2018, each with its share of `max_steps`.
-        "cone": cones of 4 by 4 pixels, marched until they can go on no more; "cones": of 16 by 16, then 4 by 4,
-        then 2 by 2. "auto" lets the plan weigh what they save against their own cost.
-    refinement : how a ray ends that came within `epsilon`. "proven": it steps along the slope and asks the field
-        whether that is nearer; a ray that only passes goes on. "slope": one such step, not asked. "none": where it is.
-    epsilon : a ray looks for its hit where the field falls below this many pixel widths at that distance, 0.001 to 10.
-        None is 0.1 for a certified field, whose hit is then settled to a sixteenth of it; and 0.5 for an estimate,
-        whose detail below a pixel has no normal worth showing, so that the ray ends there.
-    normals : "analytic" gradients of the definitions; or finite differences, to compare: "tetrahedron" (4
+    tracer : marching algorithm of camera rays.
+
+        - "auto": the plan chooses.
+        - "plain": sphere tracing; each step is the distance (Hart 1996).
+        - "relaxed": steps longer by `omega`, until one proves too long (Keinert et al. 2014).
+        - "relaxed_again": as "relaxed", and relaxation resumes after a step that was too long.
+        - "enhanced": step length from the slope of the last two samples (Bálint and Valasek 2018).
+        - "auto_relaxed": step length from an averaged slope (Bán and Valasek 2023).
+        - "bracketing": step length from the averaged slope; samples that overstepped are kept as brackets.
+
+        A field that is only an estimate is marched with "plain", unless `assume_certified` is set.
+    max_steps : maximum number of steps of a camera ray, 1 to 60,000 (software renderers end loops at 65,535). Rays that
+        leave a surface may take eight times as many: they start on it, and steps along it grow slowly.
+    epsilon : the march ends where the field falls below this many pixel widths at that distance, 0.001 to 10; see
+        `refinement`. None is 0.1 for a certified field, whose hit is then refined to a sixteenth of it. None is 0.5 for
+        an estimate, whose ray ends there: its detail below a pixel has no useful normal.
+    normals : "analytic": gradients of the definitions. For comparison, finite differences: "tetrahedron" (4
         evaluations, error of first order in the step), "central" (6, second order), "forward" (4, first order).
-    omega : factor of the relaxing tracers: 1 to 2 for "relaxed" (default 1.6), 0 to 1 for "enhanced" (default 0.88).
+    omega : relaxation factor: 1 to 2 for "relaxed" and "relaxed_again" (default 1.6), 0 to 1 for "enhanced" (default
+        0.88). Not legal with other tracers.
     beta : weight of the newest slope in the average, above 0 and up to 1.
-    step_scale : steps of all rays, from the camera, to lights and in mirrors, are this part of the distance, above 0
-        and up to 1; for fields that are too steep. Below 1 rays are marched plainly, without cones.
-    masking : how microfacets hide each other, after Smith: "correlated" by their height (Heitz 2014), or "separable",
-        as if the light's way in had nothing to do with its way out (Walter et al. 2007), which some renderers use.
-    energy_compensation : metals give back the light that several of their facets mirror, one after the other (Kulla and
-        Conty 2017), so that rough ones are not too dark. False is single scattering, as in Mitsuba and pbrt; Blender
-        calls the two "Multiscatter GGX" and "GGX".
-    step_variation : steps of all rays are shorter by up to this part, 0 to 0.9, chosen anew for each pixel and
-        sample: the error of an estimate becomes noise, which `samples` take out, in place of rings.
-    samples : rays a pixel in one frame, spread over the pixel's square, 1 to 4096.
-    temporal : what one frame takes from those before. "off": nothing. "accumulate": while the picture stays the same,
-        each frame adds its samples to the mean of all. "reproject": so too, and while the camera or the scene moves,
-        what was seen before is found again where it went. Frames of one `Renderer` only.
-    steps_per_pass : steps that a ray may take in one pass, 4 to 60,000; the march goes on in the next pass from where it
-        stood, until it ends or has taken `max_steps`; with temporal="accumulate" also in the next frame, while the
-        picture stays the same. None: one pass. For one ray a pixel.
-    shadow_steps : steps that a ray towards a light may take, 1 to 60,000; one that runs out goes on in a straight line,
-        as its last two samples lead. None is eight times `max_steps`.
-    light_samples : points of a light's disc that each ray takes, with penumbra="sampled", 1 to 64. Each costs a ray
-        towards the light, one of `samples` a ray of the camera too.
+    step_scale : factor of the steps of all rays (camera, shadow and reflection), above 0 and up to 1; for fields that
+        are too steep. Below 1, rays are marched with "plain" and without cones.
+    step_variation : the steps of all rays are shortened by a random fraction up to this one, 0 to 0.9, for each pixel
+        and sample. The error of an estimate then becomes noise, which `samples` remove, instead of rings.
+    schedule : cone marching at coarser resolutions, which gives each ray a start distance.
+
+        - "single": none.
+        - "two", "four", "six": the resolutions of Bálint and Valasek 2018, each with a fraction of `max_steps`.
+        - "cone": cones of 4 by 4 pixels, marched until they cannot advance.
+        - "cones": cones of 16 by 16, then 4 by 4, then 2 by 2 pixels.
+        - "auto": the plan weighs the steps that cones save against their own cost.
+    refinement : end of a ray that came within `epsilon`. "proven": step along the slope, and evaluate the field to
+        prove that the point is closer; a ray that only passes the surface marches on. "slope": one such step, without
+        the proof. "none": the hit is the last sample.
+    assume_certified : treat an estimate as a certified field, so that the given tracer and schedule apply to it. For
+        comparisons.
+    samples : number of camera rays per pixel and frame, distributed over the square of the pixel, 1 to 4096.
+    temporal : reuse of earlier frames of the same `Renderer`. "off": none. "accumulate": while the picture stays the
+        same, each frame adds its samples to the mean. "reproject": the same, and while the camera or the scene moves,
+        earlier samples are reprojected.
+    steps_per_pass : maximum number of steps of a ray in one pass, 4 to 60,000. The next pass resumes the march, until
+        the ray ends or has taken `max_steps`. With temporal="accumulate" the march also resumes in the next frame,
+        while the picture stays the same. None: one pass. Only with samples=1.
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
-    integrator : how light bounces, where a Scene has `bounces`. "path": each sample follows one random path, from surfaces of all
-        kinds, so it takes `samples` or frames. "whitted": every sample follows both the reflected and the refracted ray at each
-        smooth surface, so that one shows mirrors and glass without noise; rough and matte surfaces end it with the
-        light of lights and `Sky(light=True)`. For up to 4 bounces.
+    masking : Smith masking-shadowing: "correlated" in height (Heitz 2014), or "separable", the product of masking and
+        shadowing (Walter et al. 2007), which some renderers use.
+    energy_compensation : metals include multiple scattering between microfacets (Kulla and Conty 2017), so that rough
+        metals are not too dark. False is single scattering, as in Mitsuba and pbrt. Blender calls the two "Multiscatter
+        GGX" and "GGX".
+    integrator : light transport of a Scene with `bounces`. "path": traces one random path per sample, from all kinds of
+        surfaces; it needs `samples` or several frames. "whitted": traces both the reflected and the refracted ray at
+        each smooth surface, so that one sample shows mirrors and glass without noise. Rough and diffuse surfaces end
+        its rays; they are lit by lights and by `Sky(light=True)`. For up to 4 bounces.
+    shadow_steps : maximum number of steps of a shadow ray, 1 to 60,000. A ray that runs out is extrapolated in a
+        straight line from its last two samples. None is eight times `max_steps`.
+    light_samples : number of points on the disc of a light per camera ray, with penumbra="sampled", 1 to 64. Each costs
+        one shadow ray; each of `samples` costs a camera ray too.
+
+    Notes
+    -----
+    Raises SceneError for a value outside its range, and for settings that exclude each other.
     """
 
     tracer: str = "auto"
@@ -150,8 +167,9 @@ class Quality(Value):
             if getattr(self, name) is None:
                 raise SceneError(f"Quality: {name} = None", legal="a number")
         if self.steps_per_pass is not None and (self.samples > 1 or self.temporal == "reproject"):
+            others = f"samples = {self.samples}, temporal = {self.temporal!r}"
             raise SceneError(
-                f"Quality: steps_per_pass = {self.steps_per_pass} with samples = {self.samples}, temporal = {self.temporal!r}",
+                f"Quality: steps_per_pass = {self.steps_per_pass} with {others}",
                 legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'",
             )
         if self.shortened and self.tracer not in ("auto", "plain"):
@@ -167,7 +185,8 @@ class Quality(Value):
 
     @property
     def secondary_steps(self) -> int:
-        """Steps that a ray may take which leaves a surface. At 0.5 degrees to it, 2,700 lead from 1e-5 to 1e5 units."""
+        """Maximum number of steps of a ray that leaves a surface. At 0.5 degrees to the surface, 2,700 steps lead from
+        1e-5 to 1e5 units."""
         return min(8 * self.max_steps, 60000)
 
     @property
@@ -177,50 +196,58 @@ class Quality(Value):
 
     @classmethod
     def preset(cls, name: str) -> Self:
-        """A quality by the error that it keeps: "draft", "normal" (the default), "fine" or "exact"; see `PROMISED`."""
+        """A quality by its error: "draft", "normal" (the default), "fine" or "exact"; see `PROMISED`."""
         return cls(**PRESETS[choice("Quality: preset", name, tuple(PRESETS))])
 
     def to_preset(self, name: str) -> Self:
-        """This quality marched as a preset is; rays a pixel, light and what frames share stay: see `NOT_MARCHING`."""
+        """This quality with the marching settings of a preset; the fields in `NOT_MARCHING` stay."""
         return type(self).preset(name).replace(**{kept: getattr(self, kept) for kept in NOT_MARCHING})
 
     @staticmethod
     def for_error(scene: Any, error: str, **where: Any) -> Quality:
-        """The fastest quality, measured here and now, that keeps an error against the truth.
+        """The fastest quality, measured on this machine, whose error against the reference stays within a limit.
 
         Parameters
         ----------
         scene : a Scene.
-        error : "0.5px": 99 % of the hits, silhouettes apart, lie within half a pixel's footprint of the true ones;
-            "flip:0.05": FLIP against the true picture is at most 0.05 for 99 % of the pixels.
-        where : size, time, params, backend, renderer, as `raymarch.cost.search.for_error` takes them.
+        error : "0.5px": 99 % of the hits, silhouettes excluded, lie within half a pixel footprint of the reference.
+            "flip:0.05": FLIP against the reference picture is at most 0.05 for 99 % of the pixels.
+        where : size, time, params, backend, renderer; see `raymarch.cost.search.for_error`.
 
-        Hits are never missed for speed. Raises CostError if no setting keeps it.
+        Notes
+        -----
+        A setting that misses hits is never chosen. Raises CostError if no setting stays within the limit.
         """
         return _searches["error"](scene, error, **where)
 
     @staticmethod
     def for_time(scene: Any, time: str, **where: Any) -> Quality:
-        """The most exact quality, measured here and now, whose frames take at most a time such as "16ms".
+        """The most exact quality, measured on this machine, whose frames take at most a given time.
 
-        where : size, moment, params, backend, renderer, as `raymarch.cost.search.for_time` takes them.
+        Parameters
+        ----------
+        scene : a Scene.
+        time : time of one frame, such as "16ms".
+        where : size, moment, params, backend, renderer; see `raymarch.cost.search.for_time`.
 
+        Notes
+        -----
         Raises CostError if no setting that finds every hit is fast enough.
         """
         return _searches["time"](scene, time, **where)
 
     @property
     def footprint(self) -> float:
-        """Width, in pixels, of what one ray sees of a texture: with more rays a pixel each sees less."""
+        """Width of the texture footprint of one ray, in pixels. It shrinks with the number of rays per pixel."""
         rays = max(self.samples, 1 if self.temporal == "off" else 4)
         return float(max(rays**-0.5, 0.125))
 
     def near(self, certified: bool) -> float:
-        """How near a ray comes, in pixel widths, before it looks for its hit."""
+        """Field value, in pixel widths, below which a ray refines its hit."""
         return self.epsilon if self.epsilon is not None else 0.1 if certified else 0.5
 
     def contact(self, certified: bool) -> float:
-        """The field, in pixel widths, at which a ray has met a surface: what a hit promises."""
+        """Largest field value at a hit, in pixel widths."""
         return self.near(certified) * (CONTACT if certified and self.refinement == "proven" else 1.0)
 
 

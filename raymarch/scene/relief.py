@@ -1,7 +1,7 @@
-"""What bends the normal of a surface: normal maps, height maps, and heights that are functions of the point.
+"""Perturbed normals: normal maps, height maps, and heights that are functions of the point (bump mapping).
 
-All of them are the gradient in space of a height over the surface (Mikkelsen 2010, 2020): gradients add up, their mean
-over a footprint is that of the surface, and it does not matter how a picture was laid.
+Each becomes the gradient in space of a height over the surface (Mikkelsen 2010, 2020). Gradients add up, their mean
+over a footprint is that of the surface, and they do not depend on the projection of a picture.
 """
 
 from __future__ import annotations
@@ -25,32 +25,33 @@ FLAT = expr((0.0, 0.0, 0.0))
 
 
 def tilt_of(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
-    """What is taken off the unit normal of a surface in the scene, before it is made of length 1 again.
+    """The bump gradient: a vector that shading subtracts from the unit normal before it normalises the result.
 
-    A vec3 along the surface, an expression of the label's space; FLAT for nothing.
+    A vec3 tangent to the surface, in scene space, as an expression of the label's space. FLAT if there is no relief.
 
-    normal : a normal map or None. height : a height map, heights as an expression of POSITION, or None; times `scale`,
-        in lengths.
+    normal : a normal map or None, times `strength`.
+    height : a height map, heights as an expression of POSITION, or None, times `scale`, in units of length.
     """
-    steep = as_number("Material: normal_strength", strength, 0.0, 100.0, cells=True)
-    tall = as_number("Material: height_scale", scale, -1e3, 1e3, cells=True)
+    normal_factor = as_number("Material: normal_strength", strength, 0.0, 100.0, cells=True)
+    height_factor = as_number("Material: height_scale", scale, -1e3, 1e3, cells=True)
     total = FLAT
     if normal is not None:
         if not isinstance(normal, Texture):
             what = f"Material: normal = {short(normal)} ({type(normal).__name__})"
             raise SceneError(what, legal="planar(...) or triplanar(...) of a normal map")
-        total = total + steep * normal.tilt(POSITION)
+        total = total + normal_factor * normal.tilt(POSITION)
     if height is not None:
-        total = total + tall * (height.rise(POSITION) if isinstance(height, Texture) else gradient(height, POSITION))
+        slope = height.rise(POSITION) if isinstance(height, Texture) else gradient(height, POSITION)
+        total = total + height_factor * slope
     return FLAT if total is FLAT else _in_scene(total)
 
 
 def height_of(height: Callable[[Expr], Any] | Any) -> Texture | Expr | None:
-    """A height map, the heights that a function of the point gives, or None."""
+    """A height map, the heights of a function of the point as an expression, or None."""
     legal = "a texture, or a function of a point that gives a number"
     if height is None or isinstance(height, Texture):
         return height
-    if isinstance(height, Expr) and POSITION in free_variables([height]):  # of another material
+    if isinstance(height, Expr) and POSITION in free_variables([height]):  # from another material, by `replace`
         made = height
     elif not callable(height) or isinstance(height, Expr):
         raise SceneError(f"Material: height = {short(height)} ({type(height).__name__})", legal=legal)
@@ -65,14 +66,14 @@ def height_of(height: Callable[[Expr], Any] | Any) -> Texture | Expr | None:
 
 
 def _in_scene(slope: Expr) -> Expr:
-    """The tilt in the scene from a gradient G in the label's space.
+    """The bump gradient in scene space from a gradient G in the label's space.
 
-    With N the normal there, g the part of G along the surface and J the derivative of the space, the bent normal
-    N - g goes with J transposed. Along the footprint's axes that is G.(J axis); along the normal n of the scene it is
-    (N - g).(J n), by which all is divided.
+    N is the normal in the label's space, g the tangential part of G, and J the Jacobian from scene space to the label's
+    space. The perturbed normal N - g is transformed by J transposed. Its component along an axis of the footprint is
+    G.(J axis). Its component along the normal n of the scene is (N - g).(J n), by which the result is divided.
     """
-    _, across, along = SEEN
-    bent = NORMAL - (slope - dot(slope, NORMAL) * NORMAL)
-    upright = max(dot(bent, OUTWARD), 1e-6)
-    parts = [axis * (dot(slope, moved) / dot(axis, axis)) for axis, moved in ((across, ACROSS), (along, ALONG))]
-    return (parts[0] + parts[1]) / upright
+    _, dpdx, dpdy = SEEN
+    perturbed = NORMAL - (slope - dot(slope, NORMAL) * NORMAL)
+    n_component = max(dot(perturbed, OUTWARD), 1e-6)
+    parts = [axis * (dot(slope, local) / dot(axis, axis)) for axis, local in ((dpdx, ACROSS), (dpdy, ALONG))]
+    return (parts[0] + parts[1]) / n_component

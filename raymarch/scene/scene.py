@@ -1,4 +1,4 @@
-"""A scene: a solid, and what is needed to take a picture of it."""
+"""A scene: a solid with camera, lights, sky and settings."""
 
 from __future__ import annotations
 
@@ -20,44 +20,51 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
 from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import ColorLike
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.node import Node
 
 HORIZON = 1e4
-"""A scene without end is traced to this many times its own scale; a horizon then ends far below a pixel."""
+"""Rays in an unbounded scene are traced to this many times its scale. The horizon is then cut far below a pixel."""
 
 
 DEFAULT, PHYSICAL_DEFAULT = Material(), Material(albedo=(0.8, 0.8, 0.8))
-"""What parts without a material of their own are made of; the second where all given materials are physical."""
+"""Materials of nodes without a material. The second is used if all given materials are physical."""
 
 
 DEEPEST = {"path": 16, "whitted": 4}
-"""Bounces that each of the ways of light may have."""
+"""Maximum number of bounces of each integrator."""
 
 
 @value
 class Scene(Value):
-    """A solid with camera, lights, sky, fog and quality. A scene never changes; `scene.replace(...)` gives another.
+    """A solid with camera, lights, sky, fog and quality. Immutable; `scene.replace(...)` gives a changed copy.
 
     Parameters
     ----------
-    node : the solid.
-    camera : Camera; None is one that sees the whole scene.
-    lights : any number of Sun, PointLight, SpotLight and SphereLight; None is one sun without shadow, [] is no light
-        at all.
-    sky : Sky, or a colour (linear RGB); None is a plain blue.
+    node : the solid, a 3D node.
+    camera : Camera. None is a camera that sees the whole scene.
+    lights : sequence of Sun, PointLight, SpotLight and SphereLight. None is one sun without shadow; [] is no light.
+    sky : Sky, or a colour (linear RGB). None is a uniform blue.
     fog : Fog, or None.
+    quality : Quality. None is the default quality.
     occlusion : AmbientOcclusion of ambient light, or None.
-    bounces : how many more surfaces light may come from, 0 to 16: reflections of the scene, light between surfaces
-        and from the sky, glass. A sample follows one way at random, so it takes `Quality(samples=...)` or frames to
-        make it smooth. Lights mirrored onto matte surfaces are blurred, lest they turn to specks. With
-        `Quality(integrator="whitted")`, 0 to 4, and all ways of mirrors and glass are followed, without chance. None is 0, or 6
-        where a material transmits (4 for a tree). The truth has the tree, but no random ways.
-    tone : ToneMapping, how light becomes a picture; None clips what is above 1.
-    quality : Quality; None is the default.
+    tone : ToneMapping from linear light to a picture. None clips values above 1.
+    bounces : maximum number of indirect bounces, for reflections, light between surfaces and from the sky, and glass.
 
-    Raises SceneError for what is not one of these.
+        - With `Quality(integrator="path")`, the default, 0 to 16. One random path is traced per sample, so the
+          picture needs `Quality(samples=...)` or several frames. Reflections of lights onto diffuse surfaces are
+          blurred to avoid fireflies.
+        - With `Quality(integrator="whitted")`, 0 to 4. All rays reflected and refracted by mirrors and glass are
+          traced, without random choices.
+
+        None is 0, or 6 if a material transmits (4 for "whitted"). The reference `rm.truth` has the Whitted
+        integrator, but no path tracing.
+
+    Notes
+    -----
+    Raises SceneError for an argument of another type or outside its range.
     """
 
     node: Node
@@ -68,14 +75,14 @@ class Scene(Value):
     quality: Quality
     occlusion: AmbientOcclusion | None
     bounces: int
-    tone: ToneMapping = field(metadata={"planned": False})  # a picture is made of a frame afterwards
+    tone: ToneMapping = field(metadata={"planned": False})  # applied to the finished frame
 
     def __init__(
         self,
         node: Node,
         camera: Camera | None = None,
         lights: Iterable[Light] | None = None,
-        sky: Sky | Any = None,
+        sky: Sky | ColorLike | None = None,
         fog: Fog | None = None,
         quality: Quality | None = None,
         occlusion: AmbientOcclusion | None = None,
@@ -124,31 +131,31 @@ class Scene(Value):
 
     @property
     def planned(self) -> tuple[Any, ...]:
-        """What a plan depends on: the fields, but for those that say so, and the lines that its messages name."""
+        """The key of a plan: all fields except those marked `planned=False`, and the user's line for messages."""
         parts = [getattr(self, part.name) for part in fields(self) if part.metadata.get("planned", True)]
         return (*parts, self.where)
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """Every material that is seen; index 0 is the default, for parts that have none of their own."""
+        """Every visible material. Index 0 is the default, for nodes without a material."""
         given = _labels(self.node)
         default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
         return (default, *(m for m in given if m != default))
 
     @property
     def path_traced(self) -> bool:
-        """True if light bounces along random ways."""
+        """True if the scene is path traced."""
         return self.bounces > 0 and self.quality.integrator == "path"
 
     @property
     def whitted(self) -> bool:
-        """True if a tree of ways is followed: it is asked for, and something mirrors or transmits."""
+        """True if Whitted ray tracing applies: the integrator is set, and a material mirrors or transmits."""
         smooth = any(m.transmits or m.mirrors for m in _labels(self.node))
         return self.bounces > 0 and self.quality.integrator == "whitted" and smooth
 
     @property
     def parameters(self) -> dict[str, Spec]:
-        """All parameters that anything in the scene reads, by name."""
+        """All parameters of the scene, by name."""
         return specs_in(self.expressions())
 
     def expressions(self) -> list[Expr]:
@@ -156,7 +163,7 @@ class Scene(Value):
         found: list[Expr] = []
         for node in all_nodes(self.node):
             found += [v for v in node.params.values() if isinstance(v, Expr) and not v.is_constant]
-            if node.definition.arity != "many":  # a user's own definition may read parameters by itself
+            if node.definition.arity != "many":  # the body of a user's definition may read parameters itself
                 found.append(node.definition.template(len(node.children), node.params).body)
         for part in (
             self.camera,
@@ -170,7 +177,7 @@ class Scene(Value):
 
     @property
     def subject(self) -> Facts | None:
-        """The box around all that has an end: what an unplaced camera looks at."""
+        """The box around all bounded parts. A camera without a position frames it."""
         return _bounded_part(self.node)
 
     def pose(self, values: Values, aspect: float = 1.0) -> Pose:
@@ -178,7 +185,7 @@ class Scene(Value):
         return self.camera.pose(values, self.subject, aspect)
 
     def far(self, pose: Pose) -> float:
-        """How far rays are traced: beyond the scene's box, or to the horizon where it has no end."""
+        """Maximum distance of rays: beyond the scene's box, or `HORIZON` times the scale of an unbounded scene."""
         facts = self.node.facts
         if facts.empty:
             return 0.0
@@ -197,14 +204,14 @@ def _labels(root: Node) -> list[Any]:
 
 
 def scene_of(node: Node) -> Scene:
-    """A plain scene of a node, where the node was written."""
+    """A default scene of a node, with the user's line of the node."""
     made = Scene(node)
     made._set(where=node.where)
     return made
 
 
 def check_scene(what: str, given: object) -> None:
-    """SceneError where a Scene is wanted and something else is given; `what` is wanted of it, such as "truth"."""
+    """SceneError unless `given` is a Scene. `what` names the operation, such as "truth"."""
     if not isinstance(given, Scene):
         raise SceneError(f"{what} of {short(given)} ({type(given).__name__})", legal="a Scene")
 
@@ -228,7 +235,7 @@ def all_nodes(root: Node) -> list[Node]:
 
 
 def _bounded_part(root: Node) -> Facts | None:
-    """The hull of the boxes of the largest parts that are bounded."""
+    """The box around the largest bounded parts; None if there are none."""
     boxes: list[Facts] = []
     pending, seen = [root], {id(root)}
     while pending:

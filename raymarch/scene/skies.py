@@ -1,4 +1,4 @@
-"""Skies ready made: a gradient, a clear sky with its sun, a picture of all directions."""
+"""Ready-made skies: a gradient, a clear sky with a sun, and an environment map."""
 
 from __future__ import annotations
 
@@ -17,13 +17,17 @@ from raymarch.scene.light import Sun
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.sky import Sky
 from raymarch.scene.value import value
+from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
 
 
 @value
 class GradientSky(Sky):
-    """A sky that goes from a colour at the horizon to another at the zenith, over a ground of one colour.
+    """A sky with a gradient from the horizon to the zenith, above a ground of one colour.
 
-    zenith, horizon, ground : linear RGB, each >= 0. light : see `Sky`.
+    Parameters
+    ----------
+    zenith, horizon, ground : linear RGB, each >= 0.
+    light : see `Sky`.
     """
 
     zenith: Expr
@@ -32,9 +36,9 @@ class GradientSky(Sky):
 
     def __init__(
         self,
-        zenith: Any = (0.25, 0.45, 0.8),
-        horizon: Any = (0.75, 0.82, 0.9),
-        ground: Any = (0.3, 0.28, 0.25),
+        zenith: ColorLike = (0.25, 0.45, 0.8),
+        horizon: ColorLike = (0.75, 0.82, 0.9),
+        ground: ColorLike = (0.3, 0.28, 0.25),
         light: bool = False,
     ) -> None:
         top, rim, low = (
@@ -52,15 +56,15 @@ class GradientSky(Sky):
 
 @value
 class SunSky(Sky):
-    """A clear sky with its sun, after Preetham, Shirley and Smits (1999), over a ground of one colour.
+    """A clear daylight sky (Preetham, Shirley and Smits 1999), above a ground of one colour.
 
     Parameters
     ----------
-    direction : towards the sun, any length but 0; its height is taken to be above the horizon.
-    turbidity : haze, from 2 (clear) to 10.
-    intensity : factor >= 0; at 1 the sky far from the sun is about 0.5 bright.
-    ground : linear RGB below the horizon, each >= 0.
-    light : see `Sky`. The sun's own light is not part of it: `sun()` gives it, as a light for the scene.
+    direction : direction towards the sun, any length but 0. Its elevation is clamped to above the horizon.
+    turbidity : amount of haze, from 2 (clear) to 10.
+    intensity : factor >= 0. At 1 the sky far from the sun has a brightness of about 0.5.
+    ground : colour below the horizon, linear RGB, each >= 0.
+    light : see `Sky`. It does not include the direct light of the sun: add `sun()` to the lights of the scene.
     """
 
     direction: Expr
@@ -70,10 +74,10 @@ class SunSky(Sky):
 
     def __init__(
         self,
-        direction: Any = (0.5, 0.6, 0.7),
-        turbidity: Any = 3.0,
-        intensity: Any = 1.0,
-        ground: Any = (0.25, 0.23, 0.2),
+        direction: Vec3Like = (0.5, 0.6, 0.7),
+        turbidity: Scalar = 3.0,
+        intensity: Scalar = 1.0,
+        ground: ColorLike = (0.25, 0.23, 0.2),
         light: bool = False,
     ) -> None:
         towards = as_direction("SunSky: direction", direction)
@@ -88,8 +92,12 @@ class SunSky(Sky):
         Sky.__init__(self, color, light)
         self._set(direction=towards, turbidity=haze, intensity=factor, ground=low)
 
-    def sun(self, intensity: Any = 3.0, **parts: Any) -> Sun:
-        """The sun as a light: white at the zenith, red at the horizon. parts : `shadow`, `softness`, `penumbra`."""
+    def sun(self, intensity: Scalar = 3.0, **parts: Any) -> Sun:
+        """The sun as a light: white at the zenith, red at the horizon.
+
+        intensity : factor >= 0, multiplied by the intensity of the sky.
+        parts : `shadow`, `softness` and `penumbra` of the `Sun`.
+        """
         up = max(self.direction.y, 0.0)
         through = exp(expr((-0.06, -0.12, -0.28)) / (up + 0.1))
         factor = as_number("SunSky.sun: intensity", intensity, low=0.0)
@@ -98,13 +106,17 @@ class SunSky(Sky):
 
 @value
 class ImageSky(Sky):
-    """A sky from a picture of all directions: longitude across, latitude down, the middle of it along -z.
+    """An environment map in equirectangular projection: longitude across, latitude down, its centre along -z.
 
     Parameters
     ----------
-    file : Radiance (.hdr), OpenEXR (.exr), or a common picture, up to 2046 pixels wide and high.
-    intensity : factor >= 0. turn : about the y axis, in radians. light : see `Sky`.
+    file : Radiance (.hdr), OpenEXR (.exr), or a file that Pillow reads, up to 2046 pixels wide and high.
+    intensity : factor >= 0.
+    turn : rotation about the y axis, in radians.
+    light : see `Sky`.
 
+    Notes
+    -----
     Raises SceneError for a file that is missing, broken or too large.
     """
 
@@ -112,11 +124,13 @@ class ImageSky(Sky):
     intensity: Expr
     turn: Expr
 
-    def __init__(self, file: str | PathLike[str], intensity: Any = 1.0, turn: Any = 0.0, light: bool = False) -> None:
+    def __init__(
+        self, file: str | PathLike[str], intensity: Scalar = 1.0, turn: Scalar = 0.0, light: bool = False
+    ) -> None:
         name = file_path("ImageSky: file", file, "the name of a picture's file")
         pixels = np.maximum(read_image("ImageSky", name), 0.0)
         height, width = pixels.shape[:2]
-        # A column at each side closes the circle, a row at each end repeats the pole's.
+        # An extra column on each side closes the circle; an extra row at each end repeats the row of the pole.
         closed = np.pad(pixels, ((1, 1), (0, 0), (0, 0)), "edge")
         closed = np.pad(closed, ((0, 0), (1, 1), (0, 0)), "wrap")
         channels = [Samples(closed[..., c]) for c in range(3)]
@@ -134,8 +148,9 @@ class ImageSky(Sky):
         self._set(file=name, intensity=factor, turn=angle)
 
 
-# The constants of Preetham's model: distribution of luminance and of the two chromaticities by turbidity (a T + b), and
-# the zenith's chromaticities as a cubic of the sun's angle whose factors are quadratic in T.
+# Constants of Preetham's model. _PEREZ: distributions of luminance and the two chromaticities, each a T + b in the
+# turbidity T. _ZENITH: chromaticities at the zenith, cubic in the zenith angle of the sun, with coefficients quadratic
+# in T.
 _PEREZ = (
     ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)),
     ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452)),
@@ -149,7 +164,7 @@ _TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.05
 
 
 def _preetham(d: Expr, sun: Expr, haze: Expr) -> Expr:
-    """Radiance of the clear sky in linear RGB, in tens of kilocandela a square metre."""
+    """Radiance of the clear sky in linear RGB, in units of 20 kilocandela per square metre."""
     height = max(sun.y, 0.02)
     angle = acos(height)
     cosine = max(d.y, 0.01)

@@ -1,12 +1,12 @@
-"""What is seen where nothing is hit, and what lies between the camera and the surface.
+"""The sky, which rays that hit nothing see, and fog between the camera and the surface.
 
-A sky is a function of the direction in which it is seen, written in the language of fields; the shader and the
-truth read the same one.
+A sky is a function of the ray direction in the expression language. The shader and the reference use the same function.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,28 +20,32 @@ from raymarch.expr.vocabulary import max
 from raymarch.expr.walk import free_variables
 from raymarch.scene.parameter import Values, as_number, as_vec3
 from raymarch.scene.value import Value, value
-from raymarch.sdf.domain import as_operand
+from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 
 DIRECTION = var("direction", VEC3)
-"""The unit vector along which a sky is seen."""
+"""The unit direction of a ray that reaches the sky."""
 
 
 @value
 class Sky(Value):
-    """A sky.
+    """The background of a scene, which may also light it.
 
     Parameters
     ----------
     color : linear RGB, each >= 0; or a function of the unit direction that gives such a colour.
-    light : whether it lights surfaces: matte ones by its mean over their half of the sky (the first nine spherical
-        harmonics, Ramamoorthi and Hanrahan 2001), mirrors by what they face, and all between by a mix. Nothing is in
-        its way but `AmbientOcclusion`, if the scene has one. False costs nothing.
+    light : whether the sky lights surfaces. Diffuse surfaces receive its cosine-weighted mean over their hemisphere
+        (the first nine spherical harmonics, Ramamoorthi and Hanrahan 2001). Mirrors receive its colour in the direction
+        of reflection, and rough surfaces a mix of both. Only `AmbientOcclusion` dims this light. False costs nothing.
+
+    Notes
+    -----
+    Raises SceneError for a negative colour, or a function that does not give three numbers.
     """
 
     color: Expr
     light: bool
 
-    def __init__(self, color: Any = (0.5, 0.65, 0.85), light: bool = False) -> None:
+    def __init__(self, color: ColorLike | Callable[[Expr], Any] = (0.5, 0.65, 0.85), light: bool = False) -> None:
         self._begin()
         self._set(light=switch(f"{type(self).__name__}: light", light), color=_radiance(color))
 
@@ -50,30 +54,29 @@ class Sky(Value):
 
     @property
     def constant(self) -> bool:
-        """True if it is the same in all directions."""
+        """True if the colour is the same in all directions."""
         return DIRECTION not in free_variables([self.radiance])
 
     @property
     def radiance(self) -> Expr:
-        """Its colour, a vec3; a function of DIRECTION unless it is constant."""
+        """Radiance, a vec3; an expression of DIRECTION unless `constant`."""
         return self.color
 
     @property
     def expressions(self) -> list[Expr]:
-        """All that may depend on parameters or time."""
+        """All values that may depend on parameters or time."""
         return [self.radiance]
 
     def seen(self, directions: Any, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Linear RGB along unit directions, (N, 3) -> (N, 3), float64."""
+        """Radiance along unit directions, linear RGB, (N, 3) -> (N, 3), float64."""
         with bound(values.params, values.time):
             color = evaluator([self.radiance], [DIRECTION])(np.asarray(directions, np.float64))[0]
         return np.array(np.broadcast_to(color, np.shape(directions)), np.float64)
 
     def harmonics(self, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Nine colours, (9, 3): their sum weighted by `harmonics_at(normal)` is the mean light that a matte surface
-        gets.
+        """Nine colours, (9, 3). Their sum weighted by `harmonics_at(normal)` is the mean light on a diffuse surface.
 
-        For a constant sky that is the sky itself. Integrated over 4,096 even directions.
+        For a constant sky the sum is the colour of the sky. Integrated over 4,096 evenly distributed directions.
         """
         n = 4096
         k = np.arange(n) + 0.5
@@ -86,7 +89,7 @@ class Sky(Value):
 
 
 _BANDS = np.array([1.0] + [2.0 / 3.0] * 3 + [0.25] * 5)
-"""The cosine lobe over pi in each band of the harmonics, which are normalised to a mean square of 1."""
+"""The cosine lobe divided by pi, in each band of the harmonics. The harmonics have a mean square of 1."""
 
 
 def harmonics_at(n: Any) -> Any:
@@ -100,15 +103,22 @@ def harmonics_at(n: Any) -> Any:
 
 @value
 class Fog(Value):
-    """Fog that lets exp(-density * distance) of the light through. It covers surfaces, not the sky.
+    """Homogeneous fog with transmittance exp(-density * distance). It covers surfaces, not the sky.
 
-    color : linear RGB, each >= 0. density : per unit of length, >= 0.
+    Parameters
+    ----------
+    color : colour of the fog, linear RGB, each >= 0.
+    density : extinction per unit of length, >= 0.
+
+    Notes
+    -----
+    Raises SceneError for a negative value.
     """
 
     color: Expr
     density: Expr
 
-    def __init__(self, color: Any = (0.5, 0.65, 0.85), density: Any = 0.05) -> None:
+    def __init__(self, color: ColorLike = (0.5, 0.65, 0.85), density: Scalar = 0.05) -> None:
         self._begin()
         self._set(color=as_vec3("Fog: color", color, low=0.0), density=as_number("Fog: density", density, low=0.0))
 
@@ -121,7 +131,7 @@ def _radiance(color: Any) -> Expr:
     """A colour, or a function of the direction, as an expression of DIRECTION."""
     legal = "linear RGB >= 0, or a function of a direction that gives such"
     if isinstance(color, Expr) and DIRECTION in free_variables([color]):
-        made = color  # of another sky
+        made = color  # `replace` passes the expression of the sky
     elif not callable(color) or isinstance(color, Expr):
         return as_vec3("Sky: color", color, low=0.0)
     else:

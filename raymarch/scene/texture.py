@@ -1,10 +1,11 @@
-"""Pictures laid over surfaces: what a material's value may be in place of a number or a function.
+"""Textures: pictures projected onto surfaces, as values of a material.
 
-A picture is asked at a point of the space in which the material is given, over the footprint that a pixel has there.
+A texture is filtered at a point of the space in which the material is given, over the pixel footprint in that space.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,19 +20,26 @@ from raymarch.expr.vocabulary import abs, cos, max, pow, sin, vec2, vec3, where
 from raymarch.scene.parameter import as_number
 from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
 from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import Scalar
 from raymarch.sdf.lower import ACROSS, ALONG, NORMAL, POSITION
 
 FACES = {"x": ((2, -1.0), (1, 1.0)), "y": ((0, 1.0), (2, -1.0)), "z": ((0, 1.0), (1, 1.0))}
-"""Across and up for a picture that is seen upright from the positive end of an axis: which axis, and its sign."""
+"""For each projection axis, the axes across and up the picture, with signs. The picture is upright as seen from the
+positive end of the projection axis."""
 
 
 @value
 class Layout(Value):
-    """How a picture lies in space.
+    """Projection of a picture into space.
 
-    axis : along which it is projected, None for all three, by the normal. extents : of one picture along u and v.
-    shift : of its middle. what : who asks, for messages.
-    turn : of the picture, counter-clockwise, in radians. hardness : of the mix of three.
+    Parameters
+    ----------
+    axis : projection axis; None for all three, weighted by the normal.
+    extents : lengths of one picture along u and v.
+    shift : offset of its centre, two lengths.
+    turn : rotation of the picture, counter-clockwise, in radians.
+    hardness : exponent of the weights of the three projections.
+    what : name of the caller, for messages.
     """
 
     axis: str | None
@@ -67,12 +75,17 @@ class Layout(Value):
 
 @value
 class Texture(Value):
-    """A picture with its layout; made by `planar` and `triplanar`.
+    """A picture with its projection, made by `planar` and `triplanar`.
 
-    Give it to a `Material` as any of its values. Called with a point, inside of a function of the point, it is a
-    colour; `number` and `color` say which is meant.
+    It may be any value of a `Material`. In a function of the point, `texture(p)` and `texture.color(p)` give the
+    colour at p, `texture.number(p)` the stored value.
 
-    picture : as stored. wrap, channel, green : see `planar`.
+    Parameters
+    ----------
+    what : name of the caller, for messages.
+    picture : the picture as stored.
+    layout : its projection.
+    wrap, channel, green : see `planar`.
     """
 
     what: str
@@ -108,12 +121,12 @@ class Texture(Value):
 
     @property
     def pixels(self) -> Array:
-        """(H, W, channels) as stored, row 0 at the top."""
+        """Values as stored, (H, W, channels), row 0 at the top."""
         return self.picture.pixels
 
     @property
     def file(self) -> str:
-        """Name of the file, or "array of" its shape."""
+        """Name of the file, or "array of" and the shape."""
         return self.picture.name
 
     def __repr__(self) -> str:
@@ -125,43 +138,43 @@ class Texture(Value):
 
     @property
     def size(self) -> tuple[int, int]:
-        """Pixels across and down."""
+        """(width, height) in pixels."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
     def color(self, p: Expr) -> Expr:
-        """Linear RGB at a point, a vec3. Grey pictures, and single channels, are grey."""
+        """Linear RGB at a point, a vec3. Grey pictures and single channels give grey."""
         if self.channel is not None or self.pixels.shape[2] < 3:
-            value = self._laid(self._texels("grey"), p)
+            value = self._sampled(self._texels("grey"), p)
             return vec3(value)
-        return self._laid(self._texels("color"), p)
+        return self._sampled(self._texels("color"), p)
 
     def number(self, p: Expr) -> Expr:
-        """The value at a point, a float, as it is stored."""
+        """The value at a point, a float, as stored (not decoded from sRGB)."""
         channels = self.pixels.shape[2]
         if self.channel is not None and channels >= 3 and self.channel != "a":
-            return self._laid(self._texels("stored"), p)["rgb".index(self.channel)]  # one texture for all channels
+            return self._sampled(self._texels("stored"), p)["rgb".index(self.channel)]  # one texture for all channels
         if self.channel is None and channels >= 3 and np.ptp(self.pixels[..., :3], axis=2).max() > 1.5 / 255.0:
             raise SceneError(
                 f"'{self.file}' has {channels} channels where one number is wanted",
                 legal="a grey picture, or channel='r', 'g' or 'b'",
             )
-        return self._laid(self._texels("number"), p)
+        return self._sampled(self._texels("number"), p)
 
     def tilt(self, p: Expr) -> Expr:
-        """The slopes that a normal map means, as a gradient in space of a height over the surface; a vec3."""
+        """The slopes of a normal map as the gradient in space of a height over the surface, a vec3."""
         if self.pixels.shape[2] < 3:
             legal = "three: red right, green up, blue out"
             raise SceneError(
                 f"'{self.file}' has {self.pixels.shape[2]} channel{'s' * (self.pixels.shape[2] > 1)}, no normals",
                 legal=legal,
             )
-        return self._raised(self._texels("normals"), p, False)
+        return self._gradient(self._texels("normals"), p, False)
 
     def rise(self, p: Expr) -> Expr:
-        """The gradient in space of the picture's values as heights; a vec3."""
+        """The gradient in space of the picture's values, taken as heights, a vec3."""
         if self.channel is None:
             self.number(p)  # refuses colours
-        return self._raised(self._texels("heights"), p, True)
+        return self._gradient(self._texels("heights"), p, True)
 
     def _texels(self, role: str) -> Texels:
         if role not in self._made:
@@ -170,8 +183,8 @@ class Texture(Value):
             self._made[role] = Texels(values, self.wrap, self.file)
         return self._made[role]
 
-    def _laid(self, data: Texels, p: Expr) -> Expr:
-        """The picture at a point: one projection, or three by their weights."""
+    def _sampled(self, data: Texels, p: Expr) -> Expr:
+        """The picture at a point: one projection, or the weighted sum of three."""
         place = _Place(p)
         if self.layout.axis is not None:
             return place.read(data, self.layout, self.layout.axis, expr(1.0))
@@ -180,8 +193,8 @@ class Texture(Value):
             total = total + place.read(data, self.layout, axis, weight)
         return total
 
-    def _raised(self, data: Texels, p: Expr, per_tile: bool) -> Expr:
-        """Slopes along u and v as a gradient in space: those of the projections add up (Mikkelsen 2020)."""
+    def _gradient(self, data: Texels, p: Expr, per_tile: bool) -> Expr:
+        """Slopes along u and v as a gradient in space. Gradients of the three projections add up (Mikkelsen 2020)."""
         place, layout = _Place(p), self.layout
         chosen = {layout.axis: expr(1.0)} if layout.axis is not None else place.weights(layout.hardness)
         total = expr((0.0, 0.0, 0.0))
@@ -192,28 +205,28 @@ class Texture(Value):
 
 
 class _Place:
-    """A point at which a picture is asked, with the normal and the footprint there."""
+    """A point at which a texture is sampled, with the normal and the footprint there."""
 
     def __init__(self, p: Expr) -> None:
         self.p = p
-        # A point that is moved by a pattern carries its footprint along.
+        # If a pattern moves the point, the footprint is transformed by the derivative of the motion.
         self.across, self.along = (ACROSS, ALONG) if p is POSITION else moved_along(p, POSITION, (ACROSS, ALONG))
 
     def weights(self, hardness: Expr) -> dict[str, Expr]:
-        """Of the three projections, by the components of the normal; their sum is 1."""
+        """Weights of the three projections from the components of the normal; their sum is 1."""
         powers = [pow(abs(NORMAL[i]), hardness) for i in range(3)]
         total = max(powers[0] + powers[1] + powers[2], 1e-30)
         return {axis: power / total for axis, power in zip("xyz", powers, strict=True)}
 
     def read(self, data: Texels, layout: Layout, axis: str, weight: Expr) -> Expr:
-        """The picture as it is projected along one axis, times a weight."""
+        """The picture projected along one axis, times a weight."""
         frame, size = _Frame(layout, axis), vec2(*layout.extents)
         middle = (frame.within(self.p) - frame.turned(*layout.shift)) / size + 0.5
         return texture(data, middle, frame.within(self.across) / size, frame.within(self.along) / size, weight)
 
 
 class _Frame:
-    """The directions across and up a picture. In all of three projections it is turned to be read from outside."""
+    """The directions across and up a picture. With three projections each is mirrored to be readable from outside."""
 
     def __init__(self, layout: Layout, axis: str) -> None:
         (self._across, self._sign), (self._up, self._sign_up) = FACES[axis]
@@ -221,15 +234,15 @@ class _Frame:
         self._cos, self._sin = cos(layout.turn), sin(layout.turn)
 
     def turned(self, right: Expr, up: Expr) -> Expr:
-        """What lies so far across and up the surface, across and up the picture; a vec2."""
+        """Components across and up the surface as components across and up the rotated picture, a vec2."""
         return vec2(self._cos * right + self._sin * up, self._cos * up - self._sin * right)
 
     def within(self, v: Expr) -> Expr:
-        """A vector in space, across and up the picture; a vec2."""
+        """The components of a vector in space across and up the picture, a vec2."""
         return self.turned(self._mirror * (self._sign * v[self._across]), self._sign_up * v[self._up])
 
     def out(self, slope: Expr) -> Expr:
-        """A vec2 across and up the picture as a vector in space."""
+        """The vector in space of a vec2 across and up the picture."""
         parts = [expr(0.0)] * 3
         parts[self._across] = self._mirror * (self._sign * (self._cos * slope.x - self._sin * slope.y))
         parts[self._up] = self._sign_up * (self._sin * slope.x + self._cos * slope.y)
@@ -244,10 +257,10 @@ def _pair(what: str, value: Any, legal: str, low: float) -> tuple[Expr, Expr]:
     return across, up
 
 
-def _laid(
+def _projected(
     what: str, picture: Picture, axis: str | None, size: Any, offset: Any, rotation: Any, hardness: Any, **parts: Any
 ) -> Texture:
-    """A texture, its height that of its picture if only its width is given."""
+    """A texture. If only its width is given, its height follows from the aspect ratio of the picture."""
     stored = stored_of(what, picture)
     if not (isinstance(size, tuple | list) or (isinstance(size, np.ndarray) and size.ndim)):
         width = as_number(f"{what}: size", size, 1e-6, 1e6)
@@ -257,56 +270,69 @@ def _laid(
 
 def planar(
     picture: Picture,
-    size: Any = 1.0,
+    size: Scalar | Sequence[Scalar] = 1.0,
     axis: str = "z",
     *,
-    offset: Any = (0.0, 0.0),
-    rotation: Any = 0.0,
+    offset: Sequence[Scalar] = (0.0, 0.0),
+    rotation: Scalar = 0.0,
     wrap: Wrap = "repeat",
     channel: str | None = None,
     green: str = "up",
 ) -> Texture:
-    """A picture projected along an axis, its middle at the origin.
+    """A texture projected along one axis, its centre at the origin.
 
     Parameters
     ----------
-    picture : a file, or an array (H, W) or (H, W, channels), row 0 at the top. Files of whole numbers and arrays of
-        uint8 hold shares of the largest, their colours encoded as sRGB; OpenEXR, Radiance and other arrays are linear.
-    size : extent of the picture across, or (across, up), > 0.
-    axis : "x", "y" or "z": seen upright from its positive end.
-    offset : of its middle, across and up. rotation : counter-clockwise about the middle, in radians.
-    wrap : what lies beside it: "repeat", "mirror", or "clamp" for its edge.
-    channel : "r", "g", "b" or "a", where one number is wanted; maps in the channels of one picture are one texture.
-    green : of a normal map, "up" (OpenGL) or "down" (Direct3D).
+    picture : a file, or an array (H, W) or (H, W, channels), row 0 at the top. Files of integers and arrays of uint8
+        are divided by the largest integer, and their colours are sRGB-encoded. OpenEXR, Radiance and other arrays are
+        linear.
+    size : width of the picture in scene units, or (width, height), > 0.
+    axis : "x", "y" or "z". The picture is upright as seen from the positive end of the axis.
+    offset : offset of its centre, across and up, in scene units.
+    rotation : rotation about the centre, counter-clockwise, in radians.
+    wrap : "repeat", "mirror", or "clamp" to the edge pixels.
+    channel : "r", "g", "b" or "a", for values that are one number. Maps in several channels of one picture share one
+        texture.
+    green : direction of the green channel of a normal map: "up" (OpenGL) or "down" (Direct3D).
 
+    Notes
+    -----
     Raises SceneError for a file that is missing or broken, more than 4096 pixels along an edge, or values out of range.
     """
     choice("planar: axis", axis, tuple(FACES), "'x', 'y' or 'z'")
-    return _laid("planar", picture, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
+    return _projected("planar", picture, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
 
 
 def triplanar(
     picture: Picture,
-    size: Any = 1.0,
-    hardness: Any = 4.0,
+    size: Scalar | Sequence[Scalar] = 1.0,
+    hardness: Scalar = 4.0,
     *,
-    offset: Any = (0.0, 0.0),
-    rotation: Any = 0.0,
+    offset: Sequence[Scalar] = (0.0, 0.0),
+    rotation: Scalar = 0.0,
     wrap: Wrap = "repeat",
     channel: str | None = None,
     green: str = "up",
 ) -> Texture:
-    """A picture projected along all three axes, each by its share of the surface's normal: fits any solid.
+    """A texture projected along all three axes and blended by the normal. It fits any solid.
 
-    hardness : from 1, blended widely, to 64; the shares are |n|^hardness, divided by their sum. The others are those of
-    `planar`. Normal and height maps of the three add up as gradients (Mikkelsen 2020).
+    Parameters
+    ----------
+    picture, size, offset, rotation, wrap, channel, green : see `planar`.
+    hardness : from 1 (wide blend) to 64. The weights are |n|^hardness, divided by their sum.
+
+    Notes
+    -----
+    The normal and height maps of the three projections add up as gradients (Mikkelsen 2020).
+    Raises SceneError as `planar` does.
     """
-    return _laid("triplanar", picture, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green)
+    return _projected(
+        "triplanar", picture, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green
+    )
 
 
 def lie_alike(a: Texture, b: Texture) -> bool:
-    """True if two pictures are laid over a surface in the same way, so that each texel of the one belongs to one of the
-    other."""
+    """True if two textures share a projection, so that their texels correspond."""
 
     def key(layout: Layout) -> tuple[Any, ...]:
         return layout.axis, layout.extents[0], layout.shift, layout.turn

@@ -1,6 +1,6 @@
-"""From light without an upper end to what a screen can show.
+"""Tone mapping: from unbounded linear light to the range of a screen.
 
-Curves are written in the language of fields: `Frame.image` reads them with NumPy, the window as GLSL.
+Curves are written in the expression language. `Frame.image` evaluates them with NumPy, the window as GLSL.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _linear(c: Expr) -> Expr:
 
 
 def _reinhard(c: Expr) -> Expr:
-    """L / (1 + L) of the luminance, the hue kept (Reinhard et al. 2002)."""
+    """L / (1 + L) of the luminance L; the hue is kept (Reinhard et al. 2002)."""
     return c / (1.0 + dot(LUMINANCE, c))
 
 
@@ -48,7 +48,7 @@ def _aces(c: Expr) -> Expr:
 
 
 def _agx(c: Expr) -> Expr:
-    """Sobotka's AgX (2022), its curve as a polynomial (Wrensch 2023): 16.5 stops, bright colours towards white."""
+    """AgX (Sobotka 2022) with a polynomial curve (Wrensch 2023): 16.5 stops, bright colours turn towards white."""
     inset = (
         (0.842479062253094, 0.0784335999999992, 0.0792237451477643),
         (0.0423282422610123, 0.878468636469772, 0.0791661274605434),
@@ -71,15 +71,19 @@ CURVES: Mapping[str, Callable[[Expr], Expr]] = {"linear": _linear, "reinhard": _
 
 @value
 class ToneMapping(Value):
-    """How linear light becomes a picture.
+    """Tone mapping from linear light to an 8-bit picture.
 
     Parameters
     ----------
-    curve : "linear" clips what is above 1; "reinhard" presses all luminance below 1; "aces" and "agx" are the looks of
-        film, the second of which turns bright colours towards white.
-    exposure : stops, from -30 to 30: the light is multiplied by two to this power first.
-    dither : rounds to 8 bits up or down at random, by a hash of the pixel, so that gradients show no steps; the same
-        picture gives the same bytes.
+    curve : "linear" clips values above 1. "reinhard" compresses all luminance below 1. "aces" and "agx" are film-like
+        curves; "agx" turns bright colours towards white.
+    exposure : stops, from -30 to 30. The light is first multiplied by 2**exposure.
+    dither : round to 8 bits up or down by a hash of the pixel, so that gradients show no bands. The same picture gives
+        the same bytes.
+
+    Notes
+    -----
+    Raises SceneError for a value outside its range.
     """
 
     curve: str
@@ -105,7 +109,7 @@ class ToneMapping(Value):
         return encode(self.apply(color), self.dither)
 
     def glsl(self) -> str:
-        """`vec3 toned(vec3 color)`, the same as text."""
+        """The tone curve as GLSL text: `vec3 toned(vec3 color)`."""
         return "\n".join(line.text for line in print_functions([self._function]).lines())
 
     @property
@@ -119,7 +123,7 @@ def _toned(curve: str, exposure: float) -> Function:
 
 
 def encode(linear: NDArray[Any], dither: bool = False) -> NDArray[np.uint8]:
-    """Linear values from 0 to 1 as 8-bit sRGB, (H, W, 3), rounded to the nearest or by a hash of the pixel."""
+    """Linear values from 0 to 1 as 8-bit sRGB, (H, W, 3), rounded to nearest or dithered by a hash of the pixel."""
     x = np.asarray(linear, np.float64)
     encoded = 255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
     if not dither:

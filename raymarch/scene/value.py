@@ -1,7 +1,7 @@
-"""What all parts of a scene share: they are values. Nothing changes them; what is changed is another one.
+"""Immutable values: the base of all parts of a scene.
 
-The parameters of a class's constructor are its fields. From them come comparison, hash, repr, copies, pickles and
-`replace`, each of which goes through the constructor, so that no value can be made that the constructor would refuse.
+The parameters of the constructor of a class are its fields. They define comparison, hash, repr, copies, pickles and
+`replace`. Copies, pickles and `replace` call the constructor, so every value has passed its checks.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ class Value:
 
     __slots__ = ("where",)
     where: Location | None
-    """The user's line that made it, or what it was changed from; it does not count for equality."""
+    """The user's line that made the value, or the value that it was replaced from. It does not count for equality."""
 
     def _set(self, **values: Any) -> None:
-        """Give the fields of a value that is being made; the constructor's alone."""
+        """Set fields. Only the constructor may call this."""
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def _begin(self) -> None:
-        """Note the user's line; the constructor's first act."""
+        """Record the user's line. The constructor calls this first."""
         object.__setattr__(self, "where", user_location())
 
     def arguments(self) -> dict[str, Any]:
-        """What the constructor needs to make an equal value, by the names of its parameters."""
+        """The constructor arguments of an equal value, by name."""
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
     def replace(self, **changes: Any) -> Self:
-        """The same value with some fields exchanged, by the names of the constructor's parameters; checked as there."""
+        """A copy with some constructor arguments replaced. SceneError for an unknown name or an illegal value."""
         names = parameters_of(type(self))
         for name, value in changes.items():
             if name not in names:
@@ -51,11 +51,11 @@ class Value:
         return made
 
     def _unchanged(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """The arguments that stay when some are exchanged."""
+        """The arguments that stay when some are replaced."""
         return self.arguments()
 
     def _identity(self) -> tuple[Any, ...]:
-        """What equal values have in common."""
+        """The key of equality and hash."""
         return tuple(self.arguments().values())
 
     def __eq__(self, other: object) -> bool:
@@ -100,7 +100,7 @@ def value(cls: type[T]) -> type[T]:
     made.__setstate__ = Value.__setstate__  # type: ignore[method-assign]
     names = inspect.signature(made).parameters
     fields = {name: copy(field) for name, field in vars(made)["__dataclass_fields__"].items()}
-    for name in names:  # those that are properties
+    for name in names:  # parameters that are properties
         if name not in fields:
             fields[name] = copy(next(iter(fields.values())))
             fields[name].name = name
@@ -119,14 +119,14 @@ _parameters: dict[type, tuple[str, ...]] = {}
 
 
 def parameters_of(cls: type[Value]) -> tuple[str, ...]:
-    """The names of the constructor's parameters, in their order."""
+    """The names of the constructor's parameters, in order."""
     if cls not in _parameters:
         _parameters[cls] = tuple(inspect.signature(cls).parameters)
     return _parameters[cls]
 
 
 def _remade(cls: Any, arguments: Any, where: Any) -> Any:
-    """A pickled value, made by its constructor, which refuses what is not legal."""
+    """A pickled value. The constructor makes it and refuses illegal arguments."""
     if not (isinstance(cls, type) and issubclass(cls, Value)) or not isinstance(arguments, dict):
         raise SceneError(f"unpickling: {short(cls)} of {short(arguments)}", legal="a part of a scene and its arguments")
     unknown = [name for name in arguments if name not in parameters_of(cls)]
@@ -141,7 +141,7 @@ def _remade(cls: Any, arguments: Any, where: Any) -> Any:
 
 
 def _shown(value: Any) -> str:
-    """A field in a repr: a constant as its number, anything else that is long by its kind."""
+    """A field in a repr: a constant as its number, another long value as its kind."""
     if isinstance(value, Expr):
         if not value.is_constant:
             return value.data.name if value.op == "param" else "<expression>"

@@ -1,4 +1,4 @@
-"""What a user combines: shapes, booleans, placing, repetition; each a short function with its facts."""
+"""Nodes: shapes, booleans, transforms, repetition and deformations. Each is a short function with its facts."""
 
 from raymarch.sdf import lower as _lower  # noqa: F401  registers how a node is evaluated and printed
 from raymarch.sdf.booleans import difference, intersection, union

@@ -1,4 +1,4 @@
-"""Families of smooth minima, and the joints that machinists cut.
+"""Families of smooth minima, and shaped joints such as chamfers and stairs.
 
 A family is a fold of two distances. All but the shaped ones are normalised to the classic k: two equal distances a
 blend to a - k/4 (the circular-geometric family, whose fillet depends on a, does so at a = 0). For operands that are
@@ -112,13 +112,13 @@ def columns(count: int) -> Fold:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """How a family blends.
+    """A family of blends.
 
     Attributes
     ----------
-    fold : the smooth minimum of two distances and k.
+    fold : the smooth minimum of two distances, with k.
     steepness : Lipschitz constant of a blend of n operands that are 1-Lipschitz.
-    margin : how far a blend of n operands reaches out of their union, as a share of k.
+    margin : largest distance by which a blend of n operands exceeds their union, as a multiple of k.
     """
 
     fold: Fold
@@ -169,7 +169,7 @@ FAMILIES: dict[str, Callable[[int], Family]] = {
 
 
 def reach_of(family: Family, n: int, k: Any) -> Expr:
-    """How far a blend of n operands reaches out of their union."""
+    """Largest distance by which a blend of n operands exceeds their union."""
     return expr(k) * const(family.margin(n))
 
 

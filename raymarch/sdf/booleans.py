@@ -1,7 +1,7 @@
 """Unions, intersections and differences, hard and smooth.
 
-The public `k` is the classic one: two equal distances a blend to a - k/4. A smooth operation folds its operands
-in a balanced tree; at each level the quadratic blend lowers the field by at most k/4, which the bounds include.
+`k` is normalised so that two equal distances a blend to a - k/4. A smooth operation folds its operands in a balanced
+tree. At each level the quadratic blend lowers the field by at most k/4, which the bounds include.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
 
 
 def _of_the_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
-    """What is cut out makes the field no smaller."""
+    """A subtracted solid never makes the field smaller."""
     return children[0].spread
 
 
@@ -76,7 +76,7 @@ def _exact_if_apart(*children: Facts) -> Exactness:
 
 @combination(bounds=_hull, exactness=_exact_if_apart, spread=_widest, associative=True, dimension="any", called="union")
 def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
-    """All solids together."""
+    """Union of solids."""
     return balanced([child(p) for child in children], min)
 
 
@@ -84,7 +84,7 @@ def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
     bounds=_overlap, spread=_widest, convex=True, associative=True, cuts=True, dimension="any", called="intersection"
 )
 def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
-    """What all solids share."""
+    """Intersection of solids."""
     return balanced([child(p) for child in children], max)
 
 
@@ -96,13 +96,13 @@ def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
     called="difference",
 )
 def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
-    """The first solid without the others."""
+    """Difference: the first solid without the others."""
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
 
 
 @combination(bounds=_grown_hull, spread=_widest, dimension="any", called="union")
 def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
-    """All solids together, joined by a fillet."""
+    """Smooth union of solids, joined by a fillet."""
     return balanced([child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
@@ -110,7 +110,7 @@ def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     bounds=lambda children, k: _overlap(children), spread=_widest, cuts=True, dimension="any", called="intersection"
 )
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
-    """What all solids share, its new edges rounded."""
+    """Smooth intersection of solids: new edges are rounded."""
     return -balanced([-child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
@@ -122,7 +122,7 @@ def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr
     called="difference",
 )
 def smooth_difference(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
-    """The first solid without the others, its new edges rounded."""
+    """Smooth difference: the first solid without the others, new edges rounded."""
     tools = balanced([child(p) for child in children[1:]], lambda a, b: smooth_min(a, b, k))
     return -smooth_min(-children[0](p), tools, k)
 
@@ -142,7 +142,7 @@ def _blended_slope(children: Sequence[ChildFacts], k: Expr, family: str, steps: 
 
 @combination(bounds=_blended_bounds, lipschitz=_blended_slope, spread=_widest, dimension="any", called="union")
 def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
-    """All solids together, joined after a family of blends."""
+    """Union of solids, joined by one of the families of blends."""
     return fold_all(FAMILIES[family](steps), [child(p) for child in children], k)
 
 
@@ -155,7 +155,7 @@ def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word,
     called="intersection",
 )
 def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
-    """What all solids share, its new edges shaped after a family of blends."""
+    """Intersection of solids, new edges shaped by one of the families of blends."""
     return -fold_all(FAMILIES[family](steps), [-child(p) for child in children], k)
 
 
@@ -168,7 +168,7 @@ def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family
     called="difference",
 )
 def blended_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
-    """The first solid without the others, its new edges shaped after a family of blends."""
+    """Difference: the first solid without the others, new edges shaped by one of the families of blends."""
     made = FAMILIES[family](steps)
     tools = fold_all(made, [child(p) for child in children[1:]], k)
     return -made.fold(-children[0](p), tools, k)
@@ -207,7 +207,7 @@ def _choose(
 
 @method
 def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-    """All solids together: `a | b`, or with a fillet for k > 0.
+    """Union: `a | b`, or with a fillet for k > 0.
 
     Parameters
     ----------
@@ -219,21 +219,22 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
         (legs), "stairs", "columns".
     steps : number of stairs or columns, >= 1.
 
-    Exact outside where the operands are; "bound" as a whole, because the inside of overlapping solids is not.
+    Exact outside if the operands are exact. A "bound" as a whole, because inside overlapping solids it is not exact.
     """
     return _choose("union", nodes, k, blend, steps, hard_union, smooth_union, blended_union)
 
 
 @method
 def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-    """What all solids share: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
+    """Intersection: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
     return _choose("intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection, blended_intersection)
 
 
 @method
 def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-    """The first solid without the others: `a - b`, or with rounded new edges for k > 0.
+    """Difference: `a - b`, the first solid without the others, or with rounded new edges for k > 0.
 
-    A cut surface shows the material of the tool if it has one, else that of what was cut. See `union` for k, blend.
+    A cut surface has the material of the subtracted solid if it has one, else that of the first solid. See `union` for
+    k and blend.
     """
     return _choose("difference", nodes, k, blend, steps, hard_difference, smooth_difference, blended_difference)

@@ -1,7 +1,7 @@
-"""Solids with flat faces that are no polyhedra of their own family: boxes, slabs, flat pieces, prisms, the pyramid.
+"""Other solids with flat faces: boxes, slabs, triangles and quadrilaterals in space, prisms, the pyramid.
 
-Most are folded by their own mirror planes until a single face, its edges and its corner remain; the distance is
-then the length of what a point lies beyond them.
+Most fold the point by their mirror planes until a single face, its edges and its corner remain. The distance is then
+the length of the vector by which the point lies beyond them.
 """
 
 from __future__ import annotations
@@ -88,9 +88,9 @@ def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15
     size : full extents along x, y and z, each > 0; one number gives a cube.
     thickness : full thickness of a bar, > 0 and at most half the smallest extent.
 
-    Exact. Outside, the nearest of the three bars that meet in the octant of the point; inside, what is nearer: an
-    outer face, or one of the three square holes, which are infinite prisms. On the surface, where rounding may leave
-    neither with a distance, the latter still has a slope.
+    Exact. Outside, the nearest of the three bars that meet in the octant of the point. Inside, the nearer of an outer
+    face and one of the three square holes, which are infinite prisms. On the surface, where rounding may leave neither
+    with a distance, the latter still has a gradient.
     """
     q = abs(p) - 0.5 * size
     beyond = max(q, 0.0)
@@ -214,11 +214,12 @@ def quad(
     d: Vec3 = (-0.6, 0.7, -0.1),
     radius: NonNegative = 0.05,
 ) -> Expr:
-    """Four-cornered piece in space, grown by a radius on all sides: the triangles a b c and a c d.
+    """Quadrilateral in space, grown by a radius on all sides: the triangles a b c and a c d.
 
-    a, b, c, d : corners in order. radius : length, >= 0; 0 gives a sheet without an inside.
+    a, b, c, d : corners in order.
+    radius : length, >= 0; 0 gives a sheet without an inside.
 
-    Exact if the corners lie in one plane and are convex; else exact outside only.
+    Exact if the corners lie in one plane and form a convex quadrilateral; else exact outside only.
     """
     return sqrt(min(triangle_squared(p, a, b, c), triangle_squared(p, a, c, d))) - radius
 

@@ -1,11 +1,12 @@
 """Repetition of a solid that differs from cell to cell.
 
-The solid is built once, over an expression that stands for the index of its cell. It is known only while its facts are
-derived: then it ranges over all cells. When the field is made, each look-up gets the index of the cell it asks.
+The solid is built once, as a function of an expression that stands for the index of its cell. While facts are derived
+the index ranges over all cells. In the field each evaluation gets the index of its cell.
 
-Copies that differ may be nearest from farther away than a neighbour, so no small number of look-ups is exact. The
-own cell and the nearer neighbours are asked, and the way to the cells not asked is never exceeded: that is a bound,
-and 1-Lipschitz, because where the choice of cells changes, the field says no more than the way to those it drops.
+A copy that is not in a neighbouring cell may be the nearest one, so no small number of evaluations is exact. The own
+cell and the nearer neighbours are evaluated, and the step is clamped to the distance of the nearest unvisited cell.
+That is a bound, and 1-Lipschitz: where the choice of cells changes, the field is at most the distance to the cells that
+it drops.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def _bounds(child: ChildFacts, cells: Cells, spacing: Expr, nx: int, ny: int, nz
 
 
 def _check_room(child: Facts, cells: Cells, spacing: Expr, nx: int, ny: int, nz: int, middle: Expr, half: Expr) -> None:
-    """All cells' solids must lie in their cells, and in the room."""
+    """The solid of every cell must lie in its cell, and within the box of all cells."""
     width = interval_of(spacing)[0]
     for i, n in enumerate((nx, ny, nz)):
         low, high = child.lower[i], child.upper[i]
@@ -94,8 +95,8 @@ def varied_cells(
 ) -> Expr:
     """Copies in a grid of cells, each with its own index.
 
-    nx, ny, nz : copies along each axis, 0 for no end, 1 for an axis that is left alone. middle, half : of the box that
-    all lie in.
+    nx, ny, nz : copies along each axis, 0 for infinitely many, 1 for no repetition.
+    middle, half : centre and half extents of the box around all copies.
     """
     lookups: list[list[tuple[Expr, Expr, Expr | None]]] = []
     unseen = []
@@ -121,7 +122,7 @@ def _limited(cell: Expr, n: int) -> Expr:
 
 
 def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr | None]]) -> Expr:
-    """The child of one cell; of a neighbour no less than the way to it."""
+    """The child of one cell. For a neighbour the value is at least the distance to its cell."""
     asked = child(construct(*[q for q, _, _ in choice]))
     index = construct(*[cell for _, cell, _ in choice])
     distance = make(asked.op, asked.type, (*asked.args, cells.index, index), asked.data)
@@ -136,17 +137,17 @@ def repeat_varied(
 
     Parameters
     ----------
-    build : function that makes the solid of a cell, about the origin, from the cell's index: an expression, a vec3 of
-        whole numbers. Along an axis with n cells they run from -(n // 2) to (n - 1) // 2. Any parameter of any node
-        may depend on it; `noise.hash(index)` gives a number from 0 to 1 for each cell.
-    spacing : a length > 0 for each of x, y and z; None leaves that axis alone. One number is for all three.
-    count : how many cells, about the origin: one number, or one for each axis; None for no end.
+    build : function from the index of a cell to its solid, centred at the origin. The index is a vec3 expression of
+        integers; along an axis with n cells it runs from -(n // 2) to (n - 1) // 2. Any parameter of any node may
+        depend on it. `raymarch.hash(index)` gives a number from 0 to 1 for each cell.
+    spacing : a length > 0 for each of x, y and z, or one number for all. None means no repetition along that axis.
+    count : number of cells, about the origin: one number, or one for each axis. None means infinitely many.
 
-    Facts hold for every index; what depends on it must have a finite range, so use sin, mod or clamp where there is
-    no end. The solid must fit its cell, from -spacing/2 to spacing/2, whatever the index.
+    Facts hold for every index. A value that depends on the index must have a finite range: with infinitely many cells
+    use sin, mod or clamp. The solid must fit its cell, from -spacing/2 to spacing/2, for every index.
 
-    A bound, 1-Lipschitz: it is exact up to the nearest cell that is not asked, half a cell away or more. Asks the own
-    cell and the nearer neighbour along each axis: 2, 4 or 8 look-ups.
+    A bound, 1-Lipschitz. It is exact up to the distance of the nearest unvisited cell, which is half a cell or more.
+    Evaluates the own cell and the nearer neighbour along each axis: 2, 4 or 8 evaluations of the solid.
     """
     steps = each_axis("repeat_varied", "spacing", spacing)
     counts = each_axis("repeat_varied", "count", count)

@@ -1,10 +1,10 @@
 """Copies around an axis, in mirrored cells, and in a stretch of cells.
 
-How often the child is asked follows from its box and its symmetry. Around an axis, take any point s of a copy that
-stands two sectors or more away from a point p, or in the farther one of the two neighbours: turned towards p by whole
-sectors it is a point of the own or of the nearer copy, at the same radius and height and at a smaller angle from p,
-hence nearer. So two look-ups are exact if each copy keeps to its own sector, and one if it is its own image in the
-half-plane in the middle of the sector. A child that reaches over its sector is asked for every copy.
+The number of evaluations of the child follows from its box and its symmetry. Around an axis, take a point s of a copy
+two or more sectors away from a point p, or in the farther one of the two neighbours. Rotated towards p by whole sectors
+it is a point of the own or of the nearer copy, at the same radius and height and at a smaller angle from p, hence
+nearer. So two evaluations are exact if each copy stays in its sector. One is exact if the child is also symmetric about
+the half-plane in the middle of its sector. A child that extends beyond its sector is evaluated for every copy.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ field that is only a bound and might rank copies wrongly; every copy."""
 Asked = Annotated[int, Domain(None, low=OWN, high=ALL)]
 
 MANY = 24
-"""More copies than this are not asked one by one."""
+"""Largest number of copies that are all evaluated."""
 
 UP = (0.0, 1.0, 0.0)
 UNBOUNDED = 1e30
-"""Half the height of what has no end, small enough for float32."""
+"""Half the height of an unbounded solid, small enough for float32."""
 
 
 def _turned(p: Expr, angle: Expr) -> Expr:
@@ -81,7 +81,7 @@ def _polar_symmetry(child: Facts, count: int, middle: Expr, asked: int, ring: Ex
 
 
 def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> None:
-    """What is asked must suffice for the child."""
+    """SceneError if the evaluated copies do not suffice for the child."""
     if asked == ALL:
         return
     own_middle, half = _wedge(child)
@@ -89,7 +89,7 @@ def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr)
     apart = half * count < math.pi * (1.0 - 1e-9)
     enough = _mirrors_itself(child, own_middle) if asked == OWN else asked == GUARDED or child.exactness == "exact"
     if not (at_middle and apart and enough and np.allclose(ring.data, _ring(child))):
-        raise SceneError("polar_sectors asks too few copies of this solid", legal="polar(node, count)")
+        raise SceneError("polar_sectors evaluates too few copies of this solid", legal="polar(node, count)")
 
 
 @operator(
@@ -137,13 +137,13 @@ def polar_sectors(
 
 @method
 def polar(node: Node, count: int = 6) -> Node:
-    """Copies in equal steps about the y axis; the solid itself is the first.
+    """Copies at equal angles about the y axis; the solid itself is the first.
 
-    count : how many, >= 1.
+    count : number of copies, >= 1.
 
-    Exact on an exact child that keeps to its sector without touching the sectors' sides. Asks 1 copy of a child that
-    is its own image in the middle of its sector (about z = 0 if it stands on the x axis), else 2. A child
-    that reaches over its sector is asked for every copy, and refused if there are more than 24.
+    Exact for an exact child that stays in its sector without touching the sides of the sector. Evaluates 1 copy of a
+    child that is symmetric about the middle of its sector (about z = 0 if it is on the x axis), else 2. A child that
+    extends beyond its sector is evaluated for every copy, and refused if there are more than 24.
     """
     if not isinstance(node, Node) or node.dimension != 3:
         raise SceneError(f"polar of {short(node)}", legal="a solid such as sphere()")
@@ -155,7 +155,7 @@ def polar(node: Node, count: int = 6) -> Node:
     if share >= 1.0 - 1e-9:
         if count > MANY:
             raise SceneError(
-                f"polar: {node.name} takes {2.0 * half:.4g} radians as seen from the y axis, its sector only "
+                f"polar: {node.name} takes {2.0 * half:.4g} radians about the y axis, its sector only "
                 f"{math.tau / count:.4g}",
                 legal=f"a count <= {_largest(half)}, or a smaller solid farther from the axis",
             )
@@ -240,7 +240,7 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> E
 def mirrored_cells(
     p: Expr, child: Child, spacing: Size3 = (2.0, 2.0, 2.0), nx: Whole = 3, ny: Whole = 1, nz: Whole = 1
 ) -> Expr:
-    """Copies in a grid of cells, every other one mirrored; 0 copies for no end, 1 for an axis that is left alone."""
+    """Copies in a grid of cells, every second one mirrored; 0 for infinitely many, 1 for no repetition."""
     counts = (nx, ny, nz)
     parts: list[Expr] = []
     for i, n in enumerate(counts):
@@ -260,17 +260,17 @@ def mirrored_cells(
 def repeat_mirrored(
     node: Node, spacing: Vector | Scalar = 2.0, count: int | Sequence[int | None] | None = None
 ) -> Node:
-    """Copies at a spacing along the axes, every other one mirrored, as between two mirrors.
+    """Copies at a spacing along the axes, every second one mirrored, as between two mirrors.
 
     Parameters
     ----------
-    spacing : width > 0 of the cells along x, y and z, with the origin in the middle of the solid's own; None leaves
-        that axis alone. One number is for all three.
-    count : how many cells, about the origin: one number, or one for each axis; None for no end.
+    spacing : width > 0 of the cells along x, y and z, or one number for all. The origin is the centre of the solid's
+        own cell. None means no repetition along that axis.
+    count : number of cells, about the origin: one number, or one for each axis. None means infinitely many.
 
-    The solid must lie in its cell, from -spacing/2 to spacing/2. One look-up is exact on any exact child: seen from a
-    point of a cell, what lies beyond its wall is the image of what lies inside, and an image is farther away than
-    what it mirrors.
+    The solid must lie in its cell, from -spacing/2 to spacing/2. One evaluation is exact for any exact child: for a
+    point of a cell, the neighbour is the mirror image of the solid inside, and the image of a point is farther away
+    than the point itself.
     """
     if not isinstance(node, Node) or node.dimension != 3:
         raise SceneError(f"repeat_mirrored of {short(node)}", legal="a solid such as sphere()")
@@ -326,15 +326,15 @@ def repeat_interval(
     first: int | Sequence[int] = 0,
     last: int | Sequence[int] = 2,
 ) -> Node:
-    """Copies at whole multiples of a spacing, from the first to the last.
+    """Copies at integer multiples of a spacing, from the first to the last.
 
     Parameters
     ----------
-    spacing : a length > 0 for each of x, y and z; None leaves that axis alone. One number is for all three.
-    first, last : numbers of the first and the last copy, first <= last: one, or one for each axis. The copy of number 0
-        is where the solid stands.
+    spacing : a length > 0 for each of x, y and z, or one number for all. None means no repetition along that axis.
+    first, last : indices of the first and the last copy, first <= last: one, or one for each axis. Copy 0 is at the
+        position of the solid.
 
-    As `repeat` in all else: exact on an exact child, which must fit its cell.
+    Otherwise like `repeat`: exact for an exact child, which must fit its cell.
     """
     steps = each_axis("repeat_interval", "spacing", spacing)
     ends = [each_axis("repeat_interval", "first", first), each_axis("repeat_interval", "last", last)]

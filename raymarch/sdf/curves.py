@@ -1,4 +1,4 @@
-"""Tubes along curves: all points within a radius of a broken line, a parabola arc, a helix.
+"""Tubes along curves: all points within a radius of a polyline, a quadratic Bezier curve or a helix.
 
 Outside, the distance of a tube is that of its curve less the radius. Inside, too, as long as the radius is at most the
 curve's reach (Federer): its smallest radius of curvature, and half of how near it comes to itself.
@@ -88,11 +88,11 @@ def polyline_tube(
 ) -> Expr:
     """Round tube along straight pieces, with round joints and ends.
 
-    points : two or more, each three numbers; the first one again at the end closes the tube. They are part of
-        the shader's text: a `Param` may not stand in them, and every piece costs a segment's distance.
-    radius : of the tube, > 0.
+    points : two or more points, each three numbers. If the last equals the first, the tube is closed. They are
+        constants of the shader and cannot be a `Param`. Each piece costs one distance to a segment.
+    radius : radius of the tube, > 0.
 
-    Exact outside. Inside a bound, because behind a bend a point is deeper than within the radius of each piece.
+    Exact outside. A bound inside, because on the inner side of a bend a point is deeper than the field says.
     """
     corners = _distinct(points)
     return sqrt(balanced([segment_squared(p, a, b) for a, b in pairwise(corners)], min)) - radius
@@ -138,10 +138,10 @@ def bezier_tube(
 
     Exact outside, and inside if the radius is at most the smallest radius of curvature of the curve's parabola.
 
-    The nearest point of the curve is at an end or at a root of a cubic, at which the distance stops falling. Between
-    its vertex and either end of the curve the cubic has at most one such root and bends only one way, so Newton's
-    method from that end reaches it without passing it (a straight curve, where the cubic is a line, takes one step;
-    Cardano's formula would divide by zero there). The nearer of the two finds is the distance.
+    The nearest point of the curve is at an end, or at a root of a cubic where the distance has a minimum. Between its
+    vertex and either end of the curve the cubic has at most one such root and does not change its curvature, so
+    Newton's method from that end converges without overshooting. For a straight curve, where the cubic is a line, it
+    takes one step; Cardano's formula would divide by zero. The smaller of the two distances counts.
     """
     speed, bend = b - a, a - 2.0 * b + c
     from_p = a - p
@@ -185,7 +185,7 @@ def _helix_bounds(major: Any, minor: Any, pitch: Any, turns: Any) -> tuple[Expr,
 
 @shape(exactness=_helix_exactness, bounds=_helix_bounds, spread=1.0)
 def helix(p: Expr, major: Positive = 0.7, minor: Positive = 0.12, pitch: Positive = 0.5, turns: Turns = 3.0) -> Expr:
-    """Coil: a round tube that climbs about the y axis as a right-handed screw, with round ends.
+    """Helix: a round tube that rises about the y axis as a right-handed screw, with round ends.
 
     major : distance of the tube's middle from the axis, > 0. minor : radius of the tube, > 0.
     pitch : height of one turn, > 0. turns : how many, > 0, any number; half of them on either side of the x axis.
@@ -194,7 +194,7 @@ def helix(p: Expr, major: Positive = 0.7, minor: Positive = 0.12, pitch: Positiv
 
     The curve's nearest point, seen from the turn nearest in height, is at the root of a function that is concave
     on the way there (the sine of at most half a turn and a line), so Newton's method reaches it without passing it.
-    Beyond an end of the curve, the last turn and both ends are asked as well.
+    Beyond an end of the curve, the last turn and both ends are evaluated as well.
     """
     rise, whole = pitch / (2.0 * math.pi), 2.0 * math.pi
     last = math.pi * turns

@@ -1,4 +1,4 @@
-"""Definitions: what `@shape` and `@operator` make of a short Python function.
+"""Definitions: the objects that `@shape` and `@operator` make from a short Python function.
 
 A definition is traced once, on symbols; every node made from it shares the result. It enters a registry,
 where the fluent methods, the generic tests and the documentation find it by name.
@@ -36,7 +36,7 @@ Dimension: TypeAlias = Literal[2, 3, "any"]
 
 @dataclass(frozen=True, slots=True)
 class ChildFacts:
-    """A child as the facts of an operator see it: expressions in place of numbers.
+    """The facts of a child, as an operator's functions of facts receive them: expressions in place of numbers.
 
     `box` stands for any point of the child's box at once, so `child.box + offset` is the moved box;
     `lower` and `upper` are its corners, `lipschitz` and `spread` are those of `Facts`.
@@ -122,7 +122,7 @@ class Definition:
 
     @property
     def usage(self) -> str:
-        """How it is called; defaults that are data are left out."""
+        """The call signature, without defaults that are data."""
         plain = {n: value for n, value in self.defaults.items() if isinstance(value, int | float | str | tuple)}
         shown = [f"{n}={plain[n]!r}" if n in plain else n for n in self.domains]
         return f"{self.called}({', '.join(shown)})"
@@ -147,8 +147,8 @@ class Definition:
             hidden = [loop for loop in find([traced.body], "loop") if find(loop.data.inner, "apply")]
             if hidden:
                 raise SceneError(
-                    f"{self.called} asks its child inside a loop of the expression language",
-                    legal="a loop of Python, or the child asked after the loop",
+                    f"{self.called} evaluates its child inside a loop of the expression language",
+                    legal="a loop of Python, or the child evaluated after the loop",
                     where=self.where,
                 )
             self._refuse_infinite(traced)
@@ -156,7 +156,7 @@ class Definition:
         return self._templates[key]
 
     def _refuse_infinite(self, traced: Function) -> None:
-        """SceneError where what is constant has no value: no driver need agree on it, and GLSL cannot say it."""
+        """SceneError for a constant subexpression that is not finite: GLSL has no such literal, and drivers differ."""
         for node in find([traced.body], "const", "div", "mod"):
             number = node if node.op == "const" else node.args[1]
             if number.op != "const" or number.type is BOOL:
@@ -180,7 +180,7 @@ class Definition:
         def child(q: Any) -> Expr:
             point = expr(q)
             if point.type is not wanted:
-                raise SceneError(f"{self.called} asks its child at a {point.type}", legal=f"a {wanted}")
+                raise SceneError(f"{self.called} evaluates its child at a {point.type}", legal=f"a {wanted}")
             return make("apply", FLOAT, (point,), index)
 
         return child
@@ -289,7 +289,7 @@ REGISTRY: dict[str, Definition] = {}
 
 
 FLAT: Mapping[Type | None, Type] = {VEC3: VEC2, MAT3: MAT2}
-"""What a parameter in space becomes in the plane."""
+"""The 2D domain of a 3D parameter."""
 
 
 def _define(
@@ -382,21 +382,21 @@ def shape(
 
     Parameters
     ----------
-    exactness : "exact" if the function gives the signed Euclidean distance, "bound" if it never exceeds it
-        in size, "estimate" if nothing is known; or a function of the parameters that gives one of these.
+    exactness : "exact" if the function gives the signed Euclidean distance, "bound" if its absolute value never exceeds
+        that distance, "estimate" if nothing is known; or a function of the parameters that gives one of these.
     bounds : function of the parameters that gives the corners (lower, upper) of a box around the solid.
-    lipschitz : how steep the function is at most; a number or a function of the parameters. A field steeper
-        than 1 is divided by this, so that marching is safe.
-    symmetry : axes along which the field is its own mirror image about the origin, such as "xz".
-    spread : see `Facts`, of the function before it is divided; None if it is not known, which is safe, but leaves what
-        is grown or blended from the shape without bounds. Need not be given for what is exact.
+    lipschitz : Lipschitz constant of the function; a number or a function of the parameters. A field with a constant
+        above 1 is divided by it, so that marching is safe.
+    symmetry : axes along which the field is mirror-symmetric about the origin, such as "xz".
+    spread : see `Facts`; of the function before it is divided by its Lipschitz constant. None if it is not known. That
+        is safe, but solids grown or blended from the shape then have no bounds. Not needed for exact shapes.
     convex : True if the solid is convex for all parameters, or a function of the parameters.
     check : function of the parameters that raises SceneError for combinations that are not legal.
     dimension : 3, or 2 for a shape to extrude or revolve.
     called : the name in messages, reprs and GLSL; by default that of the function.
 
-    The parameters are annotated with `Positive`, `Vec3`, ...: the machinery refuses other values before the
-    definition runs. Raises SceneError if a fact is missing.
+    The parameters are annotated with `Positive`, `Vec3`, ...; other values are refused before the definition runs.
+    Raises SceneError if a fact is missing.
     """
 
     def decorate(source: Callable[Concatenate[Any, P], Any]) -> Callable[P, Node]:
@@ -447,15 +447,15 @@ def operator(
     ----------
     bounds : function of the child's facts (`box`, `lower`, `upper`, `lipschitz`) and the parameters. It gives
         either (lower, upper) or an expression of `child.box`, whose range is the new box.
-    exactness : what remains of an exact child; never better than the child. May be a function of the child's
-        facts and the parameters.
-    lipschitz : how steep the result is at most; None if it is no steeper than the child.
+    exactness : exactness of the result for an exact child; the result is never better than the child. May be a function
+        of the child's facts and the parameters.
+    lipschitz : Lipschitz constant of the result; None for that of the child.
     symmetry : "keep" for the child's, axes such as "xz", or a function.
     spread : as for `shape`, or a function of the child's facts and the parameters, often `child.spread`.
-    convex : True if it makes a convex solid of a convex child, or a function of the child's facts and the parameters.
+    convex : True if a convex child gives a convex solid, or a function of the child's facts and the parameters.
     check : function of the child's facts and the parameters that raises SceneError.
-    dimension, child_dimension : 2 or 3, of the result and of the child. dimension="any" serves solid and flat
-        children alike; for flat ones p, and parameters that are a vec3 (mat3) in space, become a vec2 (mat2).
+    dimension, child_dimension : 2 or 3, of the result and of the child. With dimension="any" the child may be 3D or
+        flat; for a flat child p, and parameters that are a vec3 (mat3) in 3D, become a vec2 (mat2).
     called : the name in messages, reprs and GLSL; by default that of the function.
     """
 
@@ -504,8 +504,8 @@ def combination(
 ) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Sequence[Node], P], Node]]:
     """Decorator: a function of a point, a list of children and parameters becomes an operator on many nodes.
 
-    As `operator`; besides, `associative` lets nested nodes of this kind be merged into one, and `cuts` says that
-    a child without a material of its own takes over that of the child it cuts.
+    The parameters are those of `operator`, and two more. `associative`: nested nodes of this kind are merged into one.
+    `cuts`: a child without its own material takes the material of the child that it cuts.
     """
 
     def decorate(
@@ -551,23 +551,23 @@ def _show_signature(build: Any, definition: Definition, skip: int, first: str | 
 
 
 def cube(half: Any) -> tuple[Expr, Expr]:
-    """Bounds of what reaches `half` (a number or a vec3; a vec2 for flat shapes) from the origin on each side."""
+    """The box from -half to half. `half` is a number or a vec3 (a vec2 for flat shapes)."""
     corner = expr(half)
     corner = expr((corner,) * 3) if corner.type is FLOAT else corner
     return -corner, corner
 
 
 EVERYWHERE = (const([-np.inf] * 3), const([np.inf] * 3))
-"""Bounds of what has no end on any side."""
+"""Bounds of an unbounded solid."""
 
 
 FLOOR = "floor"
 
 
 def at_least(value: Expr, floor: Expr) -> Expr:
-    """The larger of a field and of something that the distance is never less than, such as the way to the box.
+    """The larger of a field and a lower bound of the distance, such as the distance to the box.
 
-    Where both are 0, as on a face that touches the box, the surface is still made of what the field is made of:
-    materials do not see the floor.
+    Where both are 0, as on a face that touches the box, the material is that of the field: materials ignore the lower
+    bound.
     """
     return make("max", FLOAT, (value, floor), FLOOR)

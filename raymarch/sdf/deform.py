@@ -1,9 +1,9 @@
-"""Deformations. Each knows how much it stretches space over the box of its child, and divides by that.
+"""Deformations. Each divides the field by its largest stretch of space over the box of its child.
 
-A twist or bend stretches more the farther out it acts, so beyond the child's own reach it must not be asked. There
-the field is made of two distances: with c the nearest point of the reach, which is convex, every point x of
-the solid has |p - x|^2 >= |p - c|^2 + |c - x|^2, so the way to the reach and what the field says at c add up like
-the sides of a right triangle.
+A twist or bend stretches more the farther out it acts, so it is not evaluated beyond the reach of the child. There the
+field combines two distances. Let c be the nearest point of the reach, which is convex: every point x of the solid has
+|p - x|^2 >= |p - c|^2 + |c - x|^2. So the distance to the reach and the field at c add up like the sides of a right
+triangle.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["bend", "displace", "taper", "twist"]
 
 
 def _reach(node: Node, name: str, axes: str) -> float:
-    """How far the child reaches from the origin in the plane of some axes; refuses one without an end there."""
+    """Largest distance of the child from the origin in the plane of some axes. SceneError if it is unbounded there."""
     if not isinstance(node, Node):
         raise SceneError(f"{name} of {short(node)} ({type(node).__name__})", legal="a solid such as sphere()")
     if node.dimension != 3:
@@ -37,14 +37,14 @@ def _reach(node: Node, name: str, axes: str) -> float:
     reach = float(np.linalg.norm(corner))
     if not np.isfinite(reach):
         raise SceneError(
-            f"{name}: {node.name} has no end across {axes}, so nothing limits how far it is stretched",
+            f"{name}: {node.name} is unbounded across {axes}, so its stretch has no limit",
             legal="a bounded solid; intersect it with a box first",
         )
     return reach if reach > 0.0 else 1.0
 
 
 def _check_reach(axes: str) -> Any:
-    """A check that the solid lies within the reach that the definition is told."""
+    """A check that the solid lies within the reach that is given to the definition."""
 
     def check(child: Facts, reach: Expr, **_: Any) -> None:
         corner = np.maximum(np.abs(child.lower), np.abs(child.upper))[["xyz".index(axis) for axis in axes]]
@@ -78,7 +78,7 @@ def _twisted_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, E
     called="twist",
 )
 def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
-    """Turned about the y axis by an angle that grows with y."""
+    """Twist about the y axis by an angle that grows with y."""
     radius = length(p.xz)
     held = p.xz * (reach / max(radius, reach))
     c, s = cos(rate * p.y), sin(rate * p.y)
@@ -88,10 +88,10 @@ def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
 
 @method
 def twist(node: Node, rate: Scalar = 1.0) -> Node:
-    """Turned about the y axis by `rate` radians a unit of y.
+    """Twist about the y axis by `rate` radians per unit of y.
 
-    A bound: divided by (m + sqrt(m^2 + 4)) / 2, where m is rate times how far the solid reaches from the axis. Needs a
-    solid that is bounded across x and z.
+    A bound: divided by (m + sqrt(m^2 + 4)) / 2, where m is rate times the largest distance of the solid from the axis.
+    The solid must be bounded along x and z.
     """
     return twist_about_y(node, rate, _reach(node, "twist", "xz"))
 
@@ -108,7 +108,7 @@ def _bent_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr
     called="bend",
 )
 def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
-    """Turned about the z axis by an angle that grows with x."""
+    """Bend about the z axis by an angle that grows with x."""
     radius = length(p.xy)
     held = p.xy * (reach / max(radius, reach))
     c, s = cos(rate * held.x), sin(rate * held.x)
@@ -118,10 +118,10 @@ def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
 
 @method
 def bend(node: Node, rate: Scalar = 0.5) -> Node:
-    """Turned about the z axis by `rate` radians a unit of x: a bar along x curls up.
+    """Bend about the z axis by `rate` radians per unit of x: a bar along x curls up.
 
-    A bound: divided by 1 + rate times how far the solid reaches from the z axis. Needs a solid that is bounded
-    across x and y.
+    A bound: divided by 1 + rate times the largest distance of the solid from the z axis. The solid must be bounded
+    along x and y.
     """
     return bend_about_z(node, rate, _reach(node, "bend", "xy"))
 
@@ -143,7 +143,7 @@ def _tapered_bounds(child: ChildFacts, rate: Expr, reach: Expr, low: Expr, high:
 def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> None:
     _check_reach("xz")(child, reach=reach)
     if not (float(interval_of(low)[1]) <= child.lower[1] and child.upper[1] <= float(interval_of(high)[0])):
-        raise SceneError("taper: the solid is higher than it is told to be", legal="low and high around it")
+        raise SceneError("taper: the solid extends beyond low or high", legal="low and high around it")
     least = np.min([interval_of(1.0 + rate * end)[0] for end in (low, high)])
     if not least > 0.01:
         raise SceneError(
@@ -162,7 +162,7 @@ def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -
     called="taper",
 )
 def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Length, high: Length) -> Expr:
-    """Scaled across the y axis by a factor that grows with y."""
+    """Scale across the y axis by a factor that grows with y."""
     y = clamp(p.y, low, high)
     wide = max(1.0 + rate * low, 1.0 + rate * high) * reach
     radius = length(p.xz)
@@ -175,14 +175,14 @@ def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Len
 
 @method
 def taper(node: Node, rate: Scalar = 0.3) -> Node:
-    """Wider or narrower along y: at height y the solid is 1 + rate y times as wide.
+    """Taper along y: at height y the solid is scaled across y by the factor 1 + rate y.
 
-    A bound, divided by the largest stretch over the solid's box. Needs a bounded solid.
+    A bound: divided by the largest stretch over the solid's box. The solid must be bounded.
     """
     reach = _reach(node, "taper", "xz")
     low, high = float(node.facts.lower[1]), float(node.facts.upper[1])
     if not np.isfinite(low + high):
-        raise SceneError(f"taper: {node.name} has no end along y", legal="a bounded solid")
+        raise SceneError(f"taper: {node.name} is unbounded along y", legal="a bounded solid")
     return taper_along_y(node, rate, reach, low, high)
 
 
@@ -202,17 +202,19 @@ def _waves_slope(child: ChildFacts, amplitude: Expr, frequency: Expr) -> Expr:
 def displace_by_waves(
     p: Expr, child: Child, amplitude: NonNegative = 0.05, frequency: Vec3 = (10.0, 10.0, 10.0)
 ) -> Expr:
-    """Bumps: a product of three sines is added to the field."""
+    """Displace by a product of three sines, which is added to the field."""
     waves = sin(frequency * p)
     return child(p) + amplitude * waves.x * waves.y * waves.z
 
 
 @method
 def displace(node: Node, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 10.0) -> Node:
-    """Bumps on the surface: amplitude times sin(fx x) sin(fy y) sin(fz z) is added to the field.
+    """Displace by amplitude times sin(fx x) sin(fy y) sin(fz z), which is added to the field.
 
-    amplitude : length >= 0. frequency : radians a unit of length, one number or three. A bound: divided by
-    1 + amplitude times the largest frequency.
+    amplitude : length >= 0.
+    frequency : radians per unit of length, one number or three.
+
+    A bound: divided by 1 + amplitude times the largest frequency.
     """
     each = as_operand("displace: frequency", frequency, "radians a unit of length, one number or three")
     return displace_by_waves(node, amplitude, each if each.type.is_vector else expr((each,) * 3))

@@ -1,7 +1,7 @@
-"""What a parameter of a node may be: its type, its legal range, its unit.
+"""Domains of node parameters: type, legal range and unit.
 
-A definition annotates its parameters with the aliases below. Editors see plain numbers and sequences;
-the decorators read the `Domain` beside them, bring arguments into shape and refuse what is not legal.
+A definition annotates its parameters with the aliases below. Editors see plain numbers and sequences.
+The decorators read the `Domain` in the annotation, convert each argument, and refuse values that are not legal.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from raymarch.expr.convert import holdable, instance, integer, numbers, plain, s
 from raymarch.expr.intervals import Interval, interval_of
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.samples import Samples
-from raymarch.expr.types import FLOAT, MAT3, MAT4, VEC2, VEC3, VECTORS, Type
+from raymarch.expr.types import FLOAT, MAT3, VEC2, VEC3, VECTORS, Type
 from raymarch.expr.vocabulary import normalize
 from raymarch.expr.walk import find, free_variables
 
 Kind: TypeAlias = type[Any]
-"""A Python type; under a name of its own, because a Domain's `type` is a GLSL type."""
+"""A Python type. It has its own name because the `type` of a Domain is a GLSL type."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +34,14 @@ class Domain:
 
     Attributes
     ----------
-    type : type of the expression that the definition receives; None for static values, which it gets as they are.
-    low, high : each component lies between them; `open` leaves `low` itself out.
-    unit : what the number counts, for documentation: "length", "radians", ...
-    direction : a vector that must not be zero and arrives normalised.
-    stretch : a single number stands for a vector of equal components.
-    holds : for a static value, the Python type that it has; it must be hashable.
-    points : for a static sequence of points, how many numbers each has; it arrives as a tuple of tuples.
+    type : type of the expression that the definition receives. None for static values, which are passed unchanged.
+    low, high : range of each component. `open` excludes `low` itself.
+    unit : unit of the number, for documentation: "length", "radians", ...
+    direction : True for a vector that must not be zero; the definition receives it normalised.
+    stretch : True if a single number stands for a vector of equal components.
+    holds : Python type of a static value; it must be hashable.
+    points : for a static sequence of points, the number of coordinates of each. The definition receives a tuple of
+        tuples.
     """
 
     type: Type | None
@@ -75,7 +76,7 @@ class Domain:
         return f"{kind} {' and '.join(bounds)}"
 
     def accept(self, node: str, name: str, value: Any) -> Any:
-        """The value as the definition wants it; SceneError with value and legal range if it is not legal."""
+        """The value as the definition receives it. SceneError with the value and its legal range if it is not legal."""
         if self.type is None:
             return self._accept_static(node, name, value)
         try:
@@ -110,14 +111,14 @@ class Domain:
     def _check(self, node: str, name: str, value: Any, given: Expr) -> None:
         low, high = interval_of(given)
         if given.is_constant:
-            with np.errstate(over="ignore"):  # the shader computes in float32: what is infinite or 0 there, is so here
+            with np.errstate(over="ignore"):  # checked in float32, the shader's precision: overflow and underflow count
                 low = high = given.data.astype(np.float32)
             if not np.all(np.isfinite(low)):
                 raise SceneError(f"{node}: {name} = {short(value)} is not finite", legal=self.legal)
             if self.direction and not np.any(given.data):
                 raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal)
         ranged = not find([given], "time")
-        # A parameter's whole range must be legal; a time without a stated range only must not be wholly illegal.
+        # The whole range of a parameter must be legal. Time has no stated range: some value of it must be legal.
         smallest, largest = (low, high) if ranged else (high, low)
         below = smallest <= self.low if self.open else smallest < self.low
         if np.any(below) or np.any(largest > self.high):
@@ -126,9 +127,16 @@ class Domain:
 
 
 Scalar: TypeAlias = float | Expr
-Vector: TypeAlias = Sequence[Any] | NDArray[Any] | Expr
+"""A number, or an expression of parameters and time."""
 
-# A caller passes a number or a sequence, the definition receives an expression: Any serves both.
+Vector: TypeAlias = Sequence[Any] | NDArray[Any] | Expr
+Vec3Like: TypeAlias = Sequence[float | Expr] | NDArray[Any] | Expr
+"""Three numbers as a sequence, an array of shape (3,), or a vec3 expression."""
+
+ColorLike: TypeAlias = Vec3Like
+"""Linear RGB, three numbers: 0 to 1 for reflectances, >= 0 for light."""
+
+# A caller passes a number or a sequence, and the definition receives an expression. `Any` is the type of both.
 Number = Annotated[Any, Domain(FLOAT)]
 Length = Annotated[Any, Domain(FLOAT, unit="length")]
 Positive = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="length")]
@@ -138,7 +146,7 @@ Vec4 = Annotated[Any, Domain(VECTORS[4])]
 Factor = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="factor")]
 Share = Annotated[Any, Domain(FLOAT, low=0.0, high=1.0, unit="share")]
 Angle = Annotated[Any, Domain(FLOAT, unit="radians")]
-PI = float(np.float32(np.pi))  # a little more than pi, so that pi is legal in float32 too
+PI = float(np.float32(np.pi))  # a little more than pi, so that pi rounded to float32 is legal too
 Acute = Annotated[Any, Domain(FLOAT, low=0.0, high=PI / 2, open=True, unit="radians")]
 HalfTurn = Annotated[Any, Domain(FLOAT, low=0.0, high=PI, open=True, unit="radians")]
 Turn = Annotated[Any, Domain(FLOAT, low=0.0, high=2 * PI, open=True, unit="radians")]
@@ -148,7 +156,7 @@ Size2 = Annotated[Any, Domain(VEC2, low=0.0, open=True, unit="length", stretch=T
 Size3 = Annotated[Any, Domain(VEC3, low=0.0, open=True, unit="length", stretch=True)]
 Direction = Annotated[Any, Domain(VEC3, direction=True)]
 Matrix3 = Annotated[Any, Domain(MAT3)]
-Matrix4 = Annotated[Any, Domain(MAT4)]
+
 Data = Annotated[Any, Domain(None, holds=Samples)]
 Word = Annotated[str, Domain(None, holds=str)]
 Points2 = Annotated[Any, Domain(None, holds=tuple, points=2, unit="length")]
@@ -166,7 +174,7 @@ def as_operand(what: str, value: Any, legal: str) -> Expr:
 
 
 def as_length(what: str, value: Any, legal: str = "a number > 0, or None") -> Expr:
-    """A number, or an expression of parameters and time; its range is not checked."""
+    """A number, or an expression of parameters and time. Its range is not checked."""
     given = as_operand(what, value, legal)
     if given.type is not FLOAT or free_variables([given]):
         raise SceneError(f"{what} = {short(value)}", legal=legal)
@@ -174,7 +182,7 @@ def as_length(what: str, value: Any, legal: str = "a number > 0, or None") -> Ex
 
 
 def unit(direction: Expr) -> Expr:
-    """A direction made of length 1; what has that length to rounding stays as it is."""
+    """A direction normalised to length 1. A vector that has unit length within rounding is returned unchanged."""
     if direction.op == "normalize":
         return direction
     if direction.is_constant and np.abs(np.dot(direction.data, direction.data) - 1.0) <= 4.0 * np.finfo(float).eps:
@@ -183,7 +191,7 @@ def unit(direction: Expr) -> Expr:
 
 
 def domain_of(annotation: Any, default: Any) -> Domain:
-    """The domain that an annotation carries; without one, any finite value of the default's shape."""
+    """The domain in an annotation. Without one: any finite value of the shape of the default."""
     for extra in getattr(annotation, "__metadata__", ()):
         if isinstance(extra, Domain):
             return extra
@@ -193,7 +201,7 @@ def domain_of(annotation: Any, default: Any) -> Domain:
 
 
 def interval_of_value(value: Any) -> Interval:
-    """Range of an accepted value; static integers are their own."""
+    """The range of an accepted value, as an interval. A static integer is an interval of one number."""
     return interval_of(value if isinstance(value, Expr) else const(float(value)))
 
 
@@ -204,10 +212,10 @@ def shown(value: Expr) -> str:
 
 
 def require(condition: Expr, what: str, legal: str) -> None:
-    """SceneError(what, legal) unless a relation between parameters holds over the whole of their ranges.
+    """SceneError(what, legal) unless a relation between parameters holds over their whole ranges.
 
-    What the intervals cannot show, because both sides read the same `Param`, the corners of the ranges decide.
-    Time without a range only must leave it possible.
+    Intervals cannot show it if both sides read the same `Param`; then the corners of the ranges decide.
+    If the relation depends on time, which has no stated range, it only has to be possible.
     """
     always, possible = interval_of(condition)
     if not always and not (possible and (find([condition], "time") or _holds_at_corners(condition))):

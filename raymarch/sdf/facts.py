@@ -1,4 +1,4 @@
-"""What a node promises: how far its distance can be trusted, how steep it is, where it lies."""
+"""Facts of a node: exactness, Lipschitz bound, bounding box, symmetry."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ class Facts:
 
     Attributes
     ----------
-    exactness : "exact" Euclidean signed distance; "bound", never larger in size than it; "estimate", no guarantee.
-    lipschitz : the field never changes faster than this times the distance walked; 1 at most.
-    divisor : what the definition's own value is divided by to make it so.
-    lower, upper : corners of an axis-aligned box that holds the solid, each of shape (dimension,); infinite
-        where it has no end.
-    symmetry : axes among "xyz" along which the field is its own mirror image about the origin.
-    spread : a point whose distance is m > 0 lies in the box grown by `spread` times m on each side. 1 if exact; a
-        bound may rise more slowly, so that what moves its surface outwards moves it farther.
+    exactness : "exact": signed Euclidean distance. "bound": its absolute value never exceeds that distance. "estimate":
+        no guarantee.
+    lipschitz : Lipschitz constant of the field, at most 1.
+    divisor : number by which the value of the definition is divided to reach that constant.
+    lower, upper : corners of an axis-aligned box around the solid, each of shape (dimension,); infinite where it is
+        unbounded.
+    symmetry : axes among "xyz" along which the field is mirror-symmetric about the origin.
+    spread : a point with field value m > 0 lies in the box grown by `spread` * m on each side. 1 if exact. A bound may
+        rise more slowly; an offset then moves its surface farther.
     convex : True if the solid is known to be convex.
     """
 

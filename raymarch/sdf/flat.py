@@ -47,7 +47,7 @@ Points = tuple[tuple[float, float], ...]
 
 @shape(exactness="exact", bounds=lambda radius: cube(vec2(radius)), symmetry="xy", convex=True, dimension=2)
 def circle(p: Expr, radius: Positive = 1.0) -> Expr:
-    """Disc about the origin.
+    """Filled circle about the origin.
 
     radius : length, > 0. Exact.
     """
@@ -229,8 +229,8 @@ def polygon(p: Expr, points: Points2 = ((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (
     points : its corners in order, either way round, three or more, each (x, y); the last is joined to the first.
         Numbers, which become part of the shader. Edges may meet in their corners only.
 
-    Exact: the distance to the nearest edge. It tells inside from outside, and if a corner is nearest, the mean of the
-    normals there does. The cost grows with the number of corners.
+    Exact: the distance to the nearest edge, which also gives the sign. If a corner is nearest, the mean of the normals
+    there gives the sign. The cost grows with the number of corners.
     """
     x, y = np.array(points).T
     clockwise = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0.0

@@ -1,6 +1,6 @@
-"""A fractal of one's own: space is folded and enlarged again and again, then a solid is asked there.
+"""User-defined fractals: space is folded and scaled repeatedly, then the distance of a solid is evaluated there.
 
-The folds that most such fractals are made of are here as well: `plane_fold`, `box_fold` and `ball_fold`.
+The folds of most such fractals are here as well: `plane_fold`, `box_fold` and `ball_fold`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TINY = 1e-20
 
 
 def plane_fold(z: Operand, normal: Operand) -> Expr:
-    """What lies behind a plane through the origin is reflected to its front.
+    """Reflect points behind a plane through the origin to its front.
 
     z : vec3. normal : vec3 of any length but 0, towards the front. Keeps distances: `growth` stays as it is.
     """
@@ -39,13 +39,13 @@ def plane_fold(z: Operand, normal: Operand) -> Expr:
 
 
 def box_fold(z: Operand, limit: Operand = 1.0) -> Expr:
-    """What lies beyond a face of the cube from -limit to limit is reflected in that face. Keeps distances."""
+    """Reflect points beyond a face of the cube from -limit to limit in that face. Keeps distances."""
     at, end = as_operand("box_fold: z", z, "a vec3"), as_operand("box_fold: limit", limit, "a number > 0")
     return 2.0 * clamp(at, -end, end) - at
 
 
 def ball_fold(z: Operand, growth: Operand, inner: Operand = 0.5, outer: Operand = 1.0) -> tuple[Expr, Expr]:
-    """What lies in a ball about the origin is turned inside out, as far as an inner ball, which is enlarged.
+    """Invert the points of a ball about the origin in its sphere; scale those of an inner ball.
 
     z, growth : see `fold_fractal`. inner, outer : radii of the balls, 0 < inner <= outer. Returns the new z and growth.
     """
@@ -70,7 +70,7 @@ def _steps(fold: Fold, p: Expr, bailout: Expr, iterations: int) -> tuple[Expr, E
 
 
 def _to_box(value: Expr, p: Expr, bounds: Corners) -> Expr:
-    """No less than the way to the box that the fractal is said to lie in."""
+    """The larger of the field and the distance to the stated box of the fractal."""
     if not np.all(np.isfinite(bounds)):
         return value
     lower, upper = const(bounds[0]), const(bounds[1])
@@ -100,7 +100,7 @@ def _bounds(bounds: Corners, **_: Any) -> tuple[Expr, Expr]:
 def folded_orbit(
     p: Expr, fold: FoldOf = _kaleidoscope, bounds: BoundsOf = CUBE, bailout: Factor = 100.0, iterations: Count = 8
 ) -> Expr:
-    """A fractal of one's own, where the orbit stays near the origin."""
+    """A user-defined fractal: the points whose orbit stays near the origin."""
     z, growth = _steps(fold, p, bailout, iterations)
     return _to_box(length(z) / growth, p, bounds)
 
@@ -114,7 +114,7 @@ def folded_solid(
     bailout: Factor = 100.0,
     iterations: Count = 3,
 ) -> Expr:
-    """A fractal of one's own, made of copies of a solid."""
+    """A user-defined fractal, made of copies of a solid."""
     z, growth = _steps(fold, p, bailout, iterations)
     return _to_box(child(z) / growth, p, bounds)
 
@@ -126,21 +126,23 @@ def fold_fractal(
     iterations: int = 8,
     bailout: float = 100.0,
 ) -> Node:
-    """A fractal of one's own: space is folded again and again, then a solid is asked there.
+    """A user-defined fractal: space is folded repeatedly, then the distance of a solid is evaluated there.
 
     Parameters
     ----------
     fold : function from (z, growth, p) to the next (z, growth): z, a vec3, starts at the point p; growth, a number,
-        starts at 1 and is multiplied by what the fold enlarges lengths by. In `raymarch.expr.vocabulary`, and with
-        `plane_fold`, `box_fold` and `ball_fold`. It is traced once; parameters and time may stand in it.
-    solid : what is asked at the last z: its distance over the growth is the field. None for |z| over the growth, as
-        for the Mandelbox.
-    bounds : half the edge of a cube about the origin that the fractal lies in, or two corners of a box, infinite where
-        it has no end. Taken on trust.
-    iterations : how often it is folded, >= 1. bailout : it ends where |z| is larger than this, > 0.
+        starts at 1 and is multiplied by the factor by which the fold scales lengths. Use functions of
+        `raymarch.expr.vocabulary`, `plane_fold`, `box_fold` and `ball_fold`. The function is traced once; it may use
+        parameters and time.
+    solid : the solid whose distance at the last z, divided by the growth, is the field. None for |z| divided by the
+        growth, as for the Mandelbox.
+    bounds : half the edge of a cube about the origin around the fractal, or two corners of a box, infinite where it is
+        unbounded. Not checked.
+    iterations : maximum number of folds, >= 1.
+    bailout : the iteration ends where |z| exceeds this, > 0.
 
-    An estimate: nothing is proved of it, so it is marched plainly. If each fold enlarges all lengths by at most its
-    factor of the growth, the field is a bound; `Quality(step_scale=...)` helps where it is not.
+    An estimate: nothing is proven of it, so it is marched with "plain". If each fold scales all lengths by at most its
+    factor of the growth, the field is a bound. If not, `Quality(step_scale=...)` helps.
     """
     if not callable(fold):
         raise SceneError(f"fold_fractal: fold = {short(fold)}", legal="a function of (z, growth, p)")

@@ -1,7 +1,7 @@
-"""Fractals: a point is folded again and again, in a loop of the language with a bail-out.
+"""Fractals: a point is folded repeatedly, in a loop of the expression language with a bail-out.
 
-Menger's sponge and Sierpinski's pyramid are sums of exact pieces and true bounds. The others estimate the distance
-from how fast the iteration grows; nothing is proved of them, so they are marched plainly (`Quality(step_scale=...)`).
+Menger's sponge and Sierpinski's pyramid are sums of exact pieces, and bounds. The others estimate the distance from the
+growth of the iteration. Nothing is proven of them, so they are marched with "plain" (`Quality(step_scale=...)` helps).
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def mandelbox(p: Expr, factor: Number = 2.0, iterations: Count = 8) -> Expr:
 
 @shape(exactness="estimate", bounds=lambda scale, iterations: EVERYWHERE)
 def apollonian(p: Expr, scale: Factor = 1.2, iterations: Count = 6) -> Expr:
-    """An Apollonian gasket without end: fold into a cell of edge 2, invert in a sphere, again and again.
+    """An unbounded Apollonian gasket: fold into a cell of edge 2, invert in a sphere, and repeat.
 
     scale : 1 to 1.5, the radius of the sphere squared. iterations : >= 1. An estimate.
     """

@@ -1,4 +1,4 @@
-"""What `help(NAME)` says of a definition besides its own words: parameters, facts, where it stands, one example."""
+"""The text of `help(NAME)` for a definition: its docstring, legal values, facts, source line, one example."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ PACKAGE = Path(__file__).parents[1]
 
 
 def help_text(definition: Definition) -> str:
-    """The definition's own words, then what it declares; its facts are those at the defaults, where it has them all."""
+    """The docstring of a definition, then its legal values and facts. Facts are those at the defaults, if all exist."""
     facts = None
     if definition.arity == "none":
-        with suppress(Exception):  # what is wrong with it is told when a node is made, with the user's line
+        with suppress(Exception):  # a fault of the definition is reported when a node is made, with the user's line
             facts = definition.make((), (), {}).facts
     lines = [definition.doc, ""]
     if definition.domains:
@@ -44,16 +44,16 @@ def _legal(name: str, definition: Definition) -> str:
 
 
 def _facts(definition: Definition, facts: Facts | None) -> Mapping[str, str]:
-    told = {"exactness": _exactness(definition, facts), "Lipschitz": _lipschitz(definition, facts)}
+    found = {"exactness": _exactness(definition, facts), "Lipschitz": _lipschitz(definition, facts)}
     if facts is not None:
         lower, upper = (f"({', '.join(f'{v:.4g}' for v in corner)})" for corner in (facts.lower, facts.upper))
-        told["bounds"] = f"{lower} to {upper}{_at_defaults(definition)}"
-        told["symmetry"] = ", ".join(facts.symmetry) or "none"
-        told["convex"] = "yes" if facts.convex else "no"
+        found["bounds"] = f"{lower} to {upper}{_at_defaults(definition)}"
+        found["symmetry"] = ", ".join(facts.symmetry) or "none"
+        found["convex"] = "yes" if facts.convex else "no"
     elif definition.arity != "none":
-        told["bounds"] = "follow from the operands"
-    told["source"] = f"{_file(definition)}, line {definition.where.line}"
-    return told
+        found["bounds"] = "follow from the operands"
+    found["source"] = f"{_file(definition)}, line {definition.where.line}"
+    return found
 
 
 def _exactness(definition: Definition, facts: Facts | None) -> str:
@@ -76,7 +76,7 @@ def _lipschitz(definition: Definition, facts: Facts | None) -> str:
     else:
         return "by the operands and parameters; the field is divided by it, see node.facts.divisor"
     if definition.exactness == "estimate":
-        return "none, for it is an estimate"
+        return "none (an estimate)"
     return "1" if steep <= 1.0 else f"{steep:.4g}{_at_defaults(definition)}, by which the field is divided"
 
 
@@ -109,8 +109,8 @@ def example(definition: Definition) -> str:
             return ""
         given.append(f"{name}={default!r}")
     own = Path(definition.where.file).is_relative_to(PACKAGE)
-    room = "" if not own else "rm." if definition.arity == "none" else "rm.sdf."
-    return f"{room}{definition.name}({', '.join(given)})"
+    prefix = "" if not own else "rm." if definition.arity == "none" else "rm.sdf."
+    return f"{prefix}{definition.name}({', '.join(given)})"
 
 
 def _some(domain: Domain) -> Any:

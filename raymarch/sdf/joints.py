@@ -76,7 +76,7 @@ def tongued(p: Expr, children: Sequence[Child], height: Positive, width: Positiv
 
 @combination(bounds=_hull, spread=_widest, called="xor")
 def exclusive(p: Expr, children: Sequence[Child]) -> Expr:
-    """What belongs to one of two solids but not to both."""
+    """Exclusive or: the points of one of two solids but not of both."""
     a, b = children[0](p), children[1](p)
     return max(min(a, b), -max(a, b))
 
@@ -90,7 +90,7 @@ def between(p: Expr, children: Sequence[Child], amount: Share) -> Expr:
 @method
 @operator(exactness="exact", bounds=lambda child: EVERYWHERE, symmetry="keep")
 def complement(p: Expr, child: Child) -> Expr:
-    """All but the solid: its inside is the outside."""
+    """The complement: inside and outside exchanged."""
     return -child(p)
 
 
@@ -116,7 +116,7 @@ def tongue(a: Node, b: Node, height: Any = 0.1, width: Any = 0.1) -> Node:
 
 @method
 def xor(a: Node, b: Node) -> Node:
-    """What belongs to one of two solids but not to both. A bound."""
+    """Exclusive or: the points of one of two solids but not of both. A bound."""
     return exclusive([a, b])
 
 

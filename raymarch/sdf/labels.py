@@ -1,4 +1,4 @@
-"""The labels of a tree of nodes: which are seen, and the same tree with others."""
+"""The labels (materials) of a tree of nodes: which are visible, and how to replace them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def cutting(children: Sequence[Node]) -> Sequence[Node]:
 
 
 def seen_labels(root: Node) -> set[Any]:
-    """The labels that some part of the solid shows: of labels on each other, a part has the innermost."""
+    """The labels that some part of the solid shows. Of nested labels, a part has the innermost."""
     found: set[Any] = set()
     visited: set[tuple[Node, Any]] = set()
     pending: list[tuple[Node, Any]] = [(root, None)]
@@ -47,7 +47,7 @@ def seen_labels(root: Node) -> set[Any]:
 
 
 def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
-    """The same solid, its labels replaced by what a function makes of them. What is asked twice stays one node."""
+    """The same solid with labels mapped by a function. Shared nodes stay shared."""
     made: dict[int, Node] = {}
     pending = [root]
     while pending:

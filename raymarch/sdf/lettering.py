@@ -1,8 +1,8 @@
 """Flat shapes from pictures: letters of a font, and masks.
 
-A picture says of each pixel how much of it is covered. The outline is where the coverage, interpolated between
-pixel centres, is one half: that finds edges to a small part of a pixel (marching squares). The exact distance to it is
-sampled on a grid and interpolated.
+A picture gives the coverage of each pixel. The outline is the contour on which the coverage, interpolated between pixel
+centres, is one half; it locates edges to a small part of a pixel (marching squares). The exact distance to the outline
+is sampled on a grid and interpolated.
 """
 
 from __future__ import annotations
@@ -227,14 +227,14 @@ def _checked(name: str, height: Scalar, resolution: int) -> tuple[Expr, int]:
 def text(
     string: str, font: str | os.PathLike[str] | None = None, height: Scalar = 1.0, *, resolution: int = 96
 ) -> Node:
-    """A flat shape from letters, about the middle of its box.
+    """Text as a flat shape, centred at the middle of its box.
 
     Parameters
     ----------
-    string : what is written; "\\n" starts a new line, lines are centred.
-    font : a TrueType or OpenType file, or a name that the system knows; None is the font that comes with Pillow.
+    string : the text. "\\n" starts a new line; lines are centred.
+    font : a TrueType or OpenType file, or the name of a system font. None is the font of Pillow.
     height : full height of the letters as drawn, from the lowest point to the highest, a length > 0.
-    resolution : samples along that height, 8 to 512; less where the text would be wider than 2048 samples.
+    resolution : samples along that height, 8 to 512; fewer if the text would be wider than 2048 samples.
 
     A bound: sampled and interpolated linearly. Details below a sample are rounded off. Pillow's own font has those
     of ASCII and few more letters. Raises SceneError for letters that the font lacks.
@@ -270,13 +270,13 @@ WIDE = ("DejaVuSans.ttf", "arial.ttf", "Arial.ttf", "NotoSans-Regular.ttf")
 
 
 def _glyph(font: Font, letter: str) -> tuple[object, ...]:
-    """What a letter looks like: size, pixels, and advance."""
+    """The image of a letter: size, pixels and advance."""
     mask = font.getmask(letter)
     return mask.size, bytes(mask), font.getlength(letter)
 
 
 def _lacking(string: str, font: Font) -> list[str]:
-    """The letters of a string that a font lacks: they look as the sign for what is missing."""
+    """The letters of a string that a font lacks: their image is that of the sign for missing letters."""
     font = font.font_variant(layout_engine=ImageFont.Layout.BASIC)  # one letter, one glyph
     sign = _glyph(font, ABSENT)
     blank = not any(bytes(font.getmask(ABSENT)))
@@ -335,20 +335,18 @@ def _written(string: str, file: str | None, resolution: int) -> Samples:
 def image(
     source: str | os.PathLike[str] | ArrayLike, height: Scalar = 1.0, *, invert: bool = False, resolution: int = 192
 ) -> Node:
-    """A flat shape from a picture: what is opaque, or else bright.
+    """A flat shape from a picture: its opaque pixels, or its bright ones if there is no alpha channel.
 
     Parameters
     ----------
-    source : an image file, of which the alpha channel counts if it has one, else the luminance; or an array of shape
-        (rows, columns), row 0 at the top: whether or how far a pixel is covered, bool, 0 to 255 for integers, else
-        0 to 1.
+    source : an image file, whose alpha channel is used if it has one, else the luminance; or an array of coverage,
+        shape (rows, columns), row 0 at the top: bool, 0 to 255 for integers, else 0 to 1.
     height : full height of the shape, from the lowest covered point to the highest, a length > 0.
-    invert : take what is transparent, or dark, instead.
-    resolution : samples along the longer side of the picture, 8 to 512. Small pictures take no more than they have
-        pixels.
+    invert : use the transparent or dark pixels instead.
+    resolution : samples along the longer side of the picture, 8 to 512, but no more than it has pixels.
 
-    A bound: sampled and interpolated linearly. The edge is where the coverage is one half; the picture's border closes
-    what it cuts.
+    A bound: sampled and interpolated linearly. The edge is where the coverage is one half. Shapes that the border of
+    the picture cuts are closed there.
     """
     full, resolution = _checked("image", height, resolution)
     coverage = _coverage(source)

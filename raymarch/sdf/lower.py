@@ -1,7 +1,7 @@
 """From a node to the expression of its field.
 
-Bodies of definitions are put together top-down, without recursion. A subtree that is asked at several points
-becomes a function of its own; all else is one expression, in which equal subtrees are one object.
+Bodies of definitions are combined top-down, without recursion. A subtree that is evaluated at several points becomes a
+function of its own. The rest is one expression, in which equal subtrees are one object.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ to it and to each other; as long as the footprint is."""
 
 
 def is_seen(expressions: Iterable[Expr]) -> bool:
-    """True if some expressions of a label depend on how its point is seen: on normal or footprint."""
+    """True if some expressions of a label depend on the normal or the footprint."""
     return not {NORMAL, ACROSS, ALONG, OUTWARD, *SEEN}.isdisjoint(free_variables(expressions))
 
 
@@ -153,7 +153,7 @@ class Lowering:
         return Function(name, (p,), body, where=root.where)
 
     def _count_sites(self, root: Node) -> None:
-        """At how many places each node is asked, over all nodes that ask it."""
+        """The number of places at which each node is evaluated, over all its parents."""
         pending, seen = [root], {id(root)}
         while pending:
             node = pending.pop()
@@ -244,7 +244,7 @@ class Lowering:
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value
 
     def _ask(self, child: Node, point: Expr, label: Any) -> Work:
-        """The child at a point: its expression, or a call where it is asked at several places."""
+        """The child at a point: its expression, or a call if it is evaluated at several places."""
         if label is not UNMARKED or self._sites.get(id(child), 0) < 2 or not child.children:
             return (yield (child, point, label))
         if id(child) not in self._functions:
@@ -259,13 +259,13 @@ class Lowering:
         return function(point, *cells)
 
     def _handed(self, point: Expr, above: Node | None, child: Node) -> Expr:
-        """A point at which a node asks a child."""
+        """A point at which a node evaluates a child."""
         if self.sites is None:
             return point
         return make("probe", point.type, (point,), Passage("point", self._number(above), self._number(child)))
 
     def _probed(self, value: Expr, point: Expr, child: Node, above: Node | None) -> Expr:
-        """What a child answers."""
+        """The value of a child, as a `probe`."""
         if self.sites is None:
             return value
         cells = find([value], "cell")
@@ -275,7 +275,7 @@ class Lowering:
         return make("probe", FLOAT, (value, point, *which), data)
 
     def _number(self, node: Node | None) -> int:
-        """Of the node that computes: labels compute nothing."""
+        """The number of the node that computes the value; labels compute nothing."""
         while node is not None and node.label is not None:
             node = node.children[0]
         if node is None or self.sites is None:
@@ -297,7 +297,7 @@ class Lowering:
 
 
 def _asked(node: Node) -> list[int]:
-    """How many places in its body a node asks each child at."""
+    """The number of places in the body of a node at which it evaluates each child."""
     times = [0] * len(node.children)
     for part in topological([node.definition.template(len(node.children), node.params).body]):
         if part.op == "apply":

@@ -1,4 +1,4 @@
-"""The node: what a user combines. Its facts are known as soon as it exists; its field is made when asked for."""
+"""`Node`, a solid or flat shape. Its facts are derived when it is made, its field when it is first needed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Node:
     """A solid, given by its signed distance: negative inside, positive outside.
 
-    Nodes come from shapes (`sphere()`) and operators (`a | b`, `a.translate(...)`); they never change.
+    Nodes are made by shapes (`sphere()`) and operators (`a | b`, `a.translate(...)`). They are immutable.
     """
 
     __slots__ = ("__weakref__", "_same", "children", "definition", "facts", "label", "labelled", "params", "where")
@@ -83,12 +83,12 @@ class Node:
 
     @property
     def lipschitz(self) -> float:
-        """`distance` changes at most this many times faster than the distance walked; infinite for an estimate."""
+        """Lipschitz constant of `distance`; infinite for an estimate."""
         return float("inf") if self.exactness == "estimate" else self.facts.lipschitz
 
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Corners (lower, upper) of a box around the solid, each of shape (3,); infinite where it has no end."""
+        """Corners (lower, upper) of a box around the solid, each of shape (3,); infinite where it is unbounded."""
         return self.facts.lower.copy(), self.facts.upper.copy()
 
     # Values
@@ -116,7 +116,7 @@ class Node:
 
         Returns
         -------
-        the same shape as `points`. On edges and medial axes, where there is no gradient, one of the sides or 0.
+        the same shape as `points`. On edges and medial axes, where the gradient does not exist, that of one side or 0.
         """
         result: NDArray[np.float64] = METHODS["evaluate_gradient"](self, self._points(points))
         return result
@@ -128,7 +128,7 @@ class Node:
         return array
 
     def glsl(self) -> str:
-        """The field alone, as GLSL text: `float field(vec3 p)` and what it calls."""
+        """The field alone, as GLSL text: `float field(vec3 p)` and the functions that it calls."""
         text: str = METHODS["print_field"](self)
         return text
 
@@ -156,11 +156,11 @@ class Node:
         return result
 
     def union(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-        """This solid and the others; see `raymarch.union`."""
+        """The union of this solid and the others; see `raymarch.union`."""
         return self._call("union", *others, k=k, blend=blend, steps=steps)
 
     def intersection(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-        """What this solid and all others share; see `raymarch.intersection`."""
+        """The intersection of this solid and the others; see `raymarch.intersection`."""
         return self._call("intersection", *others, k=k, blend=blend, steps=steps)
 
     def difference(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
@@ -170,28 +170,28 @@ class Node:
     # Placing and shaping
 
     def translate(self, offset: Vector) -> Node:
-        """Moved by a vec3."""
+        """Translate by a vec3."""
         return self._call("translate", offset)
 
     def rotate(self, angle: Scalar, axis: Vector | str | None = None) -> Node:
-        """Turned by an angle in radians about an axis through the origin ("y" if none is given), counter-clockwise
+        """Rotate by an angle in radians about an axis through the origin ("y" if none is given), counter-clockwise
         seen from its tip; a flat shape about the origin."""
         return self._call("rotate", angle, axis)
 
     def orient(self, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str = "y") -> Node:
-        """Turned by the smallest angle so that an axis points along a direction."""
+        """Rotate by the smallest angle that makes an axis point along a direction."""
         return self._call("orient", direction, axis)
 
     def scale(self, factor: Scalar | Vector) -> Node:
-        """Enlarged about the origin: by one factor (keeps exactness) or one for each axis (gives a bound)."""
+        """Scale about the origin: by one factor (keeps exactness) or one for each axis (gives a bound)."""
         return self._call("scale", factor)
 
     def transform(self, matrix: ArrayLike) -> Node:
-        """Placed by an affine 4x4 matrix for row vectors, as pyrr makes them; see `raymarch.transform`."""
+        """Apply an affine 4x4 matrix for row vectors, as pyrr makes them; see `raymarch.transform`."""
         return self._call("transform", matrix)
 
     def mirror(self, axis: Vector | str) -> Node:
-        """What lies on the side the axis ("x", "y", "z" or a normal) points to, and its mirror image."""
+        """The half on the side that the axis ("x", "y", "z" or a normal) points to, and its mirror image."""
         return self._call("mirror", axis)
 
     def repeat(self, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
@@ -207,91 +207,91 @@ class Node:
         return self._call("repeat_mirrored", spacing, count)
 
     def repeat_interval(self, spacing: Vector | Scalar, first: int | Sequence[int], last: int | Sequence[int]) -> Node:
-        """Copies at whole multiples of a spacing, from the first to the last."""
+        """Copies at integer multiples of a spacing, from the first to the last."""
         return self._call("repeat_interval", spacing, first, last)
 
     def round(self, radius: Scalar) -> Node:
-        """Grown by a radius, edges rounded."""
+        """Grow by a radius, with rounded edges."""
         return self._call("round", radius)
 
     def shell(self, thickness: Scalar) -> Node:
-        """Only a skin of this thickness about the surface."""
+        """A shell of this thickness, half of it on either side of the surface."""
         return self._call("shell", thickness)
 
     def offset(self, distance: Scalar) -> Node:
-        """The surface moved out by a distance, or in where it is negative."""
+        """Move the surface outwards by a distance, or inwards by a negative one."""
         return self._call("offset", distance)
 
     def elongate(self, extent: Vector) -> Node:
-        """Pulled apart along the axes: the middle stretches, the ends stay as they are."""
+        """Elongate along the axes: the section through the origin is extruded, the ends keep their shape."""
         return self._call("elongate", extent)
 
     def displace_by_image(self, source: Any, size: Vector | Scalar = (2.0, 2.0), height: Scalar = 0.2) -> Node:
-        """Raised along its normals by an image laid over the xz plane; see `raymarch.displace_by_image`."""
+        """Displace along the normals by an image over the xz plane; see `raymarch.displace_by_image`."""
         return self._call("displace_by_image", source, size, height)
 
     def displace_by_noise(self, amplitude: Scalar = 0.1, frequency: Scalar = 3.0, octaves: int = 2) -> Node:
-        """Random bumps: at most `amplitude`, `frequency` a unit of length, in layers ever finer."""
+        """Displace by fractal noise: height up to `amplitude`, `frequency` per unit of length, in `octaves` layers."""
         return self._call("displace_by_noise", amplitude, frequency, octaves)
 
     def displace_by(
         self, function: Callable[[Any], Any], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
     ) -> Node:
-        """Moved along its normals by a function of the point; see `raymarch.sdf.displace_by`."""
+        """Displace along the normals by a function of the point; see `raymarch.sdf.displace_by`."""
         return self._call("displace_by", function, amplitude, lipschitz)
 
     def complement(self) -> Node:
-        """All but this solid."""
+        """The complement: everything outside this solid."""
         return self._call("complement")
 
     # Deforming
 
     def twist(self, rate: Scalar = 1.0) -> Node:
-        """Turned about y by `rate` radians a unit of y."""
+        """Twist about y by `rate` radians per unit of y."""
         return self._call("twist", rate)
 
     def bend(self, rate: Scalar = 0.5) -> Node:
-        """Turned about z by `rate` radians a unit of x."""
+        """Bend about z by `rate` radians per unit of x."""
         return self._call("bend", rate)
 
     def shear(self, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> Node:
-        """Moved along one axis by `amount` times the coordinate along another."""
+        """Shear along one axis by `amount` times the coordinate along another."""
         return self._call("shear", amount, axis, by)
 
     def wrap_around(self, start: Scalar | None = None, end: Scalar | None = None) -> Node:
-        """A slab along x wrapped once around the y axis; `start` and `end` are the x that come together."""
+        """Wrap a slab along x once around the y axis; x = `start` and x = `end` meet."""
         return self._call("wrap_around", start, end)
 
     def transition(self, other: Node, start: Vector, end: Vector) -> Node:
-        """This solid up to `start`, which turns into the other one until `end`."""
+        """A transition from this solid, up to `start`, to another one, from `end` on."""
         return self._call("transition", other, start, end)
 
     def taper(self, rate: Scalar = 0.3) -> Node:
-        """1 + rate y times as wide at height y."""
+        """Scale across the y axis by the factor 1 + rate y."""
         return self._call("taper", rate)
 
     def displace(self, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 10.0) -> Node:
-        """Bumps: amplitude times a product of sines, `frequency` in radians a unit of length."""
+        """Displace by amplitude times a product of sines, `frequency` in radians per unit of length."""
         return self._call("displace", amplitude, frequency)
 
     # Between flat shapes and solids
 
     def extrude(self, height: Scalar = 1.0) -> Node:
-        """A flat shape drawn out along z to a full height, centred."""
+        """Extrude a flat shape along z to a full height, centred."""
         return self._call("extrude", height)
 
     def extrude_to(self, other: Node, height: Scalar = 1.0, easing: str = "smooth") -> Node:
-        """A flat shape drawn out along z while it turns into another one."""
+        """Extrude a flat shape along z while it changes into another one."""
         return self._call("extrude_to", other, height, easing)
 
     def revolve(self, offset: Scalar = 0.0) -> Node:
-        """A flat shape turned about the y axis, moved out by an offset first."""
+        """Revolve a flat shape about the y axis, after moving it along +x by an offset."""
         return self._call("revolve", offset)
 
     def slice(self, z: Scalar = 0.0) -> Node:
-        """The flat shape in which a plane of constant z cuts a solid."""
+        """The section of a solid in a plane of constant z, a flat shape."""
         return self._call("slice", z)
 
     def material(self, material: object) -> Node:
-        """The same solid made of a material; parts that have one of their own keep it."""
+        """Assign a material. Parts that have their own material keep it."""
         return self._call("material", material)

@@ -76,7 +76,7 @@ def _share(octaves: int) -> float:
 def noisy(
     p: Expr, child: Child, amplitude: NonNegative = 0.1, frequency: Frequency = 3.0, octaves: Octaves = 2
 ) -> Expr:
-    """Moved along the normals by noise."""
+    """Displace along the normals by noise."""
     first = _share(octaves)
     layers = [
         first * 0.5**i * value_noise(frequency * 2.0**i * p + tuple(i * o for o in OFFSET)) for i in range(octaves)
@@ -87,13 +87,14 @@ def noisy(
 
 @method
 def displace_by_noise(node: Node, amplitude: Scalar = 0.1, frequency: Scalar = 3.0, octaves: int = 2) -> Node:
-    """Moved along its normals by noise: random bumps, the same on every machine.
+    """Displace along the normals by fractal noise. The noise is the same on every machine.
 
-    amplitude : farthest that the surface moves, a length >= 0. frequency : bumps a unit of length, > 0. octaves :
-    layers, 1 to 16, each half as high and twice as fine as the one before.
+    amplitude : largest displacement of the surface, a length >= 0.
+    frequency : bumps per unit of length, > 0.
+    octaves : number of layers, 1 to 16. Each has half the height and twice the frequency of the one before.
 
-    A bound: divided by 1 + pi amplitude frequency (times octaves / (2 - 2^(1 - octaves)) for more than one layer) near
-    the surface; farther away by nothing.
+    A bound: near the surface divided by 1 + pi amplitude frequency (times octaves / (2 - 2^(1 - octaves)) for more than
+    one layer), farther away not divided.
     """
     return noisy(node, amplitude, frequency, octaves)
 
@@ -119,7 +120,7 @@ def displaced(
     amplitude: NonNegative = 0.05,
     slope: Annotated[Any, Domain(FLOAT, low=0.0)] = 0.425,
 ) -> Expr:
-    """Moved along the normals by a function of the point."""
+    """Displace along the normals by a function of the point."""
     return _displaced(child(p), clamp(function(p), -amplitude, amplitude), amplitude, slope)
 
 
@@ -127,20 +128,19 @@ def displaced(
 def displace_by(
     node: Node, function: Callable[[Any], Any], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
 ) -> Node:
-    """Moved along its normals by a function of the point.
+    """Displace along the normals by a function of the point.
 
     Parameters
     ----------
-    function : from a point, a vec3 expression, to a number; written in `raymarch.expr.vocabulary`. Positive values move
-        the surface inwards, for they are added to the distance.
-    amplitude : the function lies between -amplitude and amplitude, a length >= 0; what does not, is cut. None to derive
-        it.
-    lipschitz : how steep the function is at most, >= 0. None to derive it from the function's gradient; a number is
-        taken on trust, and one too small makes holes.
+    function : function from a point, a vec3 expression, to a number, of functions in `raymarch.expr.vocabulary`. It is
+        added to the distance, so positive values move the surface inwards.
+    amplitude : largest absolute value of the function, a length >= 0. Larger values are clamped. None derives it.
+    lipschitz : Lipschitz constant of the function, >= 0. None derives it from the gradient of the function. A number is
+        not checked; one that is too small makes holes.
 
-    A bound: divided by 1 + lipschitz near the surface, farther away by nothing. What is derived holds over all space if
-    it can (sines), else over the solid's box with room for the displacement, which needs a bounded solid. A function
-    with steps (floor, mod, where, noise) needs `lipschitz` as a number.
+    A bound: near the surface divided by 1 + lipschitz, farther away not divided. Derived values hold over all space if
+    possible (sines). Else they hold over the solid's box grown by the displacement, which needs a bounded solid. A
+    function with steps (floor, mod, where, noise) needs `lipschitz` as a number.
     """
     if not callable(function):
         raise SceneError(f"displace_by: function = {short(function)}", legal="a function of a point")
@@ -182,7 +182,7 @@ def _measured(
     jumps = find([function.body], *JUMPS)
     if lipschitz is None and jumps:
         raise SceneError(
-            f"displace_by: the function uses '{jumps[0].op}', so how steep it is cannot be derived",
+            f"displace_by: the function uses '{jumps[0].op}', so its Lipschitz constant cannot be derived",
             legal="lipschitz = the most by which it changes a unit of length",
         )
 
@@ -198,7 +198,7 @@ def _measured(
         return function, *found
     if not node.facts.bounded:
         raise SceneError(
-            f"displace_by: {node.name} has no end, and nothing limits the function over it",
+            f"displace_by: {node.name} is unbounded, so the function has no limit over it",
             legal="a bounded solid, as `node & box(...)`; or amplitude and lipschitz as numbers",
         )
     lower, upper = node.bounds
@@ -209,7 +209,7 @@ def _measured(
         if finite(found) and node.facts.spread * float(interval_of(expr(found[0]))[1]) <= reach:
             return _held_outside(function, lower, upper), *found
     raise SceneError(
-        f"displace_by: nothing limits how far or how steeply the function moves {node.name}",
+        f"displace_by: amplitude and slope of the function over {node.name} have no limit",
         legal="amplitude and lipschitz as numbers",
     )
 

@@ -41,7 +41,7 @@ def _fits(name: str, limit: float) -> Rule:
         require(
             thickness < widest * period,
             f"{name}: thickness = {shown(thickness)} for period = {shown(period)}",
-            f"thickness < {widest} period; a thicker wall leaves no room",
+            f"thickness < {widest} period; a thicker wall fills all space",
         )
 
     return check
@@ -49,7 +49,7 @@ def _fits(name: str, limit: float) -> Rule:
 
 @shape(exactness="bound", bounds=lambda period, thickness: EVERYWHERE, spread=1.0, check=_fits("gyroid", 1.075))
 def gyroid(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
-    """Wall along Schoen's gyroid (1970), without end.
+    """Wall along Schoen's gyroid (1970), unbounded.
 
     period : edge of the cube that repeats, > 0. thickness : of the wall at its thinnest, > 0, < 0.342 period.
 
@@ -69,7 +69,7 @@ def gyroid(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
     check=_fits("schwarz_p", 2.15),
 )
 def schwarz_p(p: Expr, period: Positive = 1.0, thickness: Positive = 0.1) -> Expr:
-    """Wall along Schwarz's primitive surface (1865), without end.
+    """Wall along Schwarz's primitive surface (1865), unbounded.
 
     period : edge of the cube that repeats, > 0. thickness : of the wall at its thinnest, > 0, < 0.684 period.
 
@@ -82,7 +82,7 @@ def schwarz_p(p: Expr, period: Positive = 1.0, thickness: Positive = 0.1) -> Exp
 
 @shape(exactness="bound", bounds=lambda period, thickness: EVERYWHERE, spread=1.0, check=_fits("schwarz_d", 1.013))
 def schwarz_d(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
-    """Wall along Schwarz's diamond surface (1865), without end.
+    """Wall along Schwarz's diamond surface (1865), unbounded.
 
     period : edge of the cube that repeats, > 0. thickness : of the wall at its thinnest, > 0, < 0.322 period.
 
@@ -104,7 +104,7 @@ def schwarz_d(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Ex
     check=_fits("neovius", 1.758),
 )
 def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr:
-    """Wall along Neovius' surface (1883), without end.
+    """Wall along Neovius' surface (1883), unbounded.
 
     period : edge of the cube that repeats, > 0. thickness : of the wall at its thinnest, > 0, < 0.559 period; it is up
         to five times as thick where the surface is flat.
@@ -120,7 +120,7 @@ def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr
 
 @shape(exactness="bound", bounds=lambda period, thickness: EVERYWHERE, spread=1.0, check=_fits("lidinoid", 0.44))
 def lidinoid(p: Expr, period: Positive = 2.0, thickness: Positive = 0.06) -> Expr:
-    """Wall along Lidin's surface (1990), in its usual approximation by sines and cosines, without end.
+    """Wall along Lidin's surface (1990), in its usual approximation by sines and cosines, unbounded.
 
     period : edge of the cube that repeats, > 0. thickness : of the wall at its thinnest, > 0, < 0.14 period; it is up
         to five times as thick where the surface is flat.

@@ -1,7 +1,7 @@
-"""Nodes that leave a process and come back: as rows of a table, children first, each with the name of its definition.
+"""Pickles of nodes: a table with one row per node, children first, each with the name of its definition.
 
-A row holds no facts. They are derived again, and the parameters checked again, so that a table that was made by hand
-cannot give a node that the definition would refuse.
+A row holds no facts. On unpickling, facts are derived and parameters checked again, so that a hand-made table cannot
+give a node that the definition would refuse.
 """
 
 from __future__ import annotations

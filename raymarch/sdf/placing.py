@@ -1,4 +1,4 @@
-"""Operators that place a solid: rigid motions, scaling, affine maps, mirrors; and the material label."""
+"""Transforms: rigid motions, scaling, affine maps and mirrors; and the material label."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _axes(dimension: int) -> list[Expr]:
 
 
 def _spread_through(matrix: Expr) -> Expr:
-    """By how much, along an axis, a cube about the origin grows when a matrix is applied to it."""
+    """The factor by which a matrix enlarges the extent of a cube about the origin, along an axis."""
     first, *others = [abs(matrix @ axis) for axis in _axes(matrix.type.size)]
     for reach in others:
         first = first + reach
@@ -60,7 +60,7 @@ def _spread_through(matrix: Expr) -> Expr:
     dimension="any",
 )
 def translate(p: Expr, child: Child, offset: Vec3) -> Expr:
-    """Moved.
+    """Translate.
 
     offset : vec3 (vec2 for a flat shape), length.
     """
@@ -87,7 +87,7 @@ def rotation_matrix(axis: Expr, angle: Expr) -> Expr:
     called="rotate",
 )
 def rotate_about(p: Expr, child: Child, axis: Direction, angle: Angle) -> Expr:
-    """Turned about an axis through the origin."""
+    """Rotate about an axis through the origin."""
     return child(transpose(rotation_matrix(axis, angle)) @ p)
 
 
@@ -112,10 +112,11 @@ def turn(p: Expr, child: Child, angle: Angle) -> Expr:
 
 @method
 def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
-    """Turned about an axis through the origin, counter-clockwise seen from the axis' tip.
+    """Rotate about an axis through the origin, counter-clockwise as seen from the tip of the axis.
 
-    angle : radians. axis : "x", "y", "z" or a direction of any length but 0; None is "y". A flat shape turns in its
-        plane, counter-clockwise, and takes no axis.
+    angle : angle in radians.
+    axis : "x", "y", "z" or a direction of any length but 0; None is "y". A flat shape rotates in its plane,
+        counter-clockwise, and takes no axis.
     """
     if isinstance(node, Node) and node.dimension == 2:
         if axis is not None and not (isinstance(axis, str) and axis in ("y", "z")):
@@ -134,7 +135,7 @@ def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     called="scale",
 )
 def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
-    """Enlarged by one factor; distances grow with it, so they stay exact."""
+    """Scale by one factor. Distances are scaled by it too, so they stay exact."""
     return factor * child(p / factor)
 
 
@@ -147,7 +148,7 @@ def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
     called="scale",
 )
 def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
-    """Enlarged along each axis by its own factor; the smallest one scales distances, which gives a bound."""
+    """Scale along each axis by its own factor. The smallest factor scales distances, which gives a bound."""
     *others, smallest = factors
     for factor in reversed(others):
         smallest = min(factor, smallest)
@@ -156,9 +157,9 @@ def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
 
 @method
 def scale(node: Node, factor: Scalar | Vector) -> Node:
-    """Enlarged about the origin.
+    """Scale about the origin.
 
-    factor : one number > 0, which keeps exactness, or one for each axis, which leave a bound.
+    factor : one number > 0, which keeps exactness, or one for each axis, which gives a bound.
     """
     value = as_operand("scale: factor", factor, "a number > 0, or one for each axis")
     if value.type is FLOAT:
@@ -177,7 +178,7 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
     called="transform",
 )
 def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec3, stretch: Positive) -> Expr:
-    """Placed by x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
+    """The affine map x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
     return stretch * child(inverse @ (p - offset))
 
 
@@ -189,7 +190,7 @@ def _is_rigid(linear: Expr) -> bool:
 
 @method
 def transform(node: Node, matrix: ArrayLike) -> Node:
-    """Placed by an affine matrix.
+    """Apply an affine matrix.
 
     matrix : shape (4, 4), for row vectors as pyrr makes them: (x, y, z, 1) @ matrix, so the last row holds the
         offset and the last column is (0, 0, 0, 1). It may rotate, scale, shear and reflect, but not flatten:
@@ -255,13 +256,13 @@ def _mirrored_symmetry(child: Facts, normal: Expr) -> str:
     called="mirror",
 )
 def mirror_across(p: Expr, child: Child, normal: Direction) -> Expr:
-    """Points behind the plane through the origin are asked at their reflection."""
+    """Evaluates the child at the reflection of points behind the plane through the origin."""
     return child(p - 2.0 * min(dot(p, normal), 0.0) * normal)
 
 
 @method
 def mirror(node: Node, axis: Vector | str) -> Node:
-    """What lies on the side that the axis points to, and its reflection in the plane through the origin.
+    """The half on the side that the axis points to, and its reflection in the plane through the origin.
 
     axis : "x", "y", "z" or a normal of any length but 0; in the plane "x", "y" or a vec2.
     """
@@ -278,12 +279,12 @@ def mirror(node: Node, axis: Vector | str) -> Node:
     called="material",
 )
 def labelled(p: Expr, child: Child) -> Expr:
-    """The same field, with a label that materials are found by."""
+    """The same field with a label, by which shading finds the material."""
     return child(p)
 
 
 @method
 def material(node: Node, material: Any) -> Node:
-    """The same solid made of a material; parts that have a material of their own keep it."""
+    """Assign a material. Parts that have their own material keep it."""
     made = labelled(node)
     return Node(made.definition, made.children, made.params, made.facts, label=material)

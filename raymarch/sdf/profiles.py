@@ -49,12 +49,12 @@ def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
     child_dimension=2,
 )
 def extrude(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
-    """A flat shape given thickness along z, half of it on either side of the xy plane.
+    """Extrude a flat shape along z, half of the height on either side of the xy plane.
 
     height : full extent along z, > 0.
 
-    Exact on an exact shape: the profile's distance and that to the caps are at right angles (Pythagoras); inside,
-    the nearer of the two counts.
+    Exact for an exact shape: the distances to the profile and to the caps are at right angles (Pythagoras). Inside, the
+    smaller of the two counts.
     """
     return _prism(child(p.xy), p.z, height)
 
@@ -131,13 +131,13 @@ def loft(
 
 @method
 def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smooth") -> Node:
-    """A solid that runs along z from one flat shape to another.
+    """Extrude a flat shape along z while it changes into another one.
 
     Parameters
     ----------
     node, other : bounded flat shapes: the profile at z = -height / 2 and that at z = height / 2.
     height : full extent along z, > 0.
-    easing : how the one becomes the other, by the name of an easing curve: "linear", "smooth", "sine", "in_quad", ...
+    easing : name of the easing curve of the transition: "linear", "smooth", "sine", "in_quad", ...
 
     A bound: between the ends the two distances are mixed and divided by the slope of the mix. Along z it is at most
     their largest difference times the easing's slope over the height. That difference is found on a grid, whose
@@ -148,7 +148,7 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
         if not isinstance(each, Node) or each.dimension != 2:
             raise SceneError(f"extrude_to of {short(each)}", legal="two flat shapes, such as circle() and rectangle()")
         if not each.facts.bounded:
-            raise SceneError(f"extrude_to: {each.name} has no end", legal="flat shapes that are bounded")
+            raise SceneError(f"extrude_to: {each.name} is unbounded", legal="flat shapes that are bounded")
     return loft([node, other], height, _widest_gap(node, other), easing)
 
 
@@ -204,12 +204,12 @@ def _turned_bounds(child: ChildFacts, offset: Any) -> tuple[Expr, Expr]:
     child_dimension=2,
 )
 def revolve(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
-    """A flat shape turned about the y axis.
+    """Revolve a flat shape about the y axis.
 
-    offset : moves the shape along +x, away from the axis, before it is turned. What remains at x < 0 is cut off.
+    offset : distance by which the shape is first moved along +x, away from the axis. The part at x < 0 is cut off.
 
-    Exact on an exact shape that lies clear of the axis, or is its own mirror image about it (offset 0): all about the
-    axis the nearest point lies in the half plane of the point. Else a bound.
+    Exact for an exact shape that does not touch the axis, or that is symmetric about it (offset 0): the nearest point
+    then lies in the half plane of the point. Else a bound.
     """
     return child(vec2(length(p.xz) - offset, p.y))
 
@@ -237,9 +237,11 @@ def _slice_bounds(child: ChildFacts, z: Any) -> tuple[Expr, Expr]:
     child_dimension=3,
 )
 def slice(p: Expr, child: Child, z: Length = 0.0) -> Expr:
-    """A flat shape: a solid's section by a plane parallel to the xy plane.
+    """The section of a solid in a plane parallel to the xy plane, a flat shape.
 
-    z : where the plane lies. A bound: the surface nearest in space may lie beside the plane.
+    z : position of the plane.
+
+    A bound: the nearest surface in space may lie beside the plane.
     """
     return child(vec3(p, z))
 
@@ -279,12 +281,12 @@ def _stretched_convex(child: Facts, extent: Expr) -> bool:
     bounds=_stretched_bounds, symmetry="keep", spread=_stretched_spread, convex=_stretched_convex, dimension="any"
 )
 def elongate(p: Expr, child: Child, extent: Extent = (0.5, 0.0, 0.0)) -> Expr:
-    """Cut at the planes through the origin, the pieces moved apart, and the section drawn out between them.
+    """Elongate: cut at the planes through the origin, move the pieces apart, and extrude the section between them.
 
-    extent : how much longer it becomes along each axis, each >= 0; one number is for all axes.
+    extent : added length along each axis, each >= 0; one number is for all axes.
 
-    A bound on an exact child: the map back to the child moves no two points apart, so the distance there is never the
-    larger. It is the distance outside where the child is convex and its own mirror image along the axes drawn out.
+    A bound for an exact child: the map back to the child moves no two points apart, so the distance there is never
+    larger. It is exact outside if the child is convex and symmetric along the elongated axes.
     Inside, a child that is thinner along such an axis than across it has its nearest surface in a direction
     in which the result has none.
     """
@@ -323,9 +325,10 @@ def _check_offset(child: Facts, distance: Any) -> None:
     dimension="any",
 )
 def offset(p: Expr, child: Child, distance: Length = 0.1) -> Expr:
-    """Grown by a distance on all sides (as `round`), or shrunk by a negative one.
+    """Grow by a distance on all sides (as `round`), or shrink by a negative one.
 
-    distance : length; more than minus half the smallest extent, where nothing is left. Exact when an exact, convex
-        child grows, else a bound.
+    distance : length. It must exceed minus half the smallest extent, at which nothing is left.
+
+    Exact if an exact, convex child grows, else a bound.
     """
     return child(p) - distance

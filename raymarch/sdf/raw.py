@@ -1,4 +1,4 @@
-"""A field that a user wrote in GLSL, with the facts that it promises."""
+"""User-written GLSL fields, with facts that the user states."""
 
 from __future__ import annotations
 
@@ -78,22 +78,22 @@ def glsl_node(
     bounds: tuple[Sequence[float], Sequence[float]] | None = None,
     twin: Twin | None = None,
 ) -> Node:
-    """A solid whose field is a function in GLSL. Its facts are taken on trust.
+    """A solid whose field is a GLSL function. Its facts are not checked.
 
     Parameters
     ----------
-    code : GLSL of `float name(vec3 p)`, signed distance, and of all that it calls; for GLSL 3.30 and ES 3.00 alike, so
-        with a decimal point in every float.
-    name : of the function; no name that GLSL or the shader has.
-    exactness : "exact", "bound" or "estimate": what the value, once it is divided by `lipschitz`, is to the distance.
-    lipschitz : how steep the function is at most, > 0. A steeper one than 1 is divided by it.
-    bounds : corners (lower, upper) of a box around the solid, three numbers each; infinite where it has no end. None
-        for no end at all.
+    code : GLSL of `float name(vec3 p)`, the signed distance, and of all functions that it calls. It must be valid in
+        GLSL 3.30 and ES 3.00, so every float needs a decimal point.
+    name : name of the function. It must not be a name of GLSL or of the shader.
+    exactness : "exact", "bound" or "estimate", for the value divided by `lipschitz`.
+    lipschitz : Lipschitz constant of the function, > 0. If it is above 1, the value is divided by it.
+    bounds : corners (lower, upper) of a box around the solid, three numbers each; infinite where it is unbounded. None
+        for an unbounded solid.
     twin : the same function in NumPy, from points (N, 3) to values (N,). Without it the solid is drawn, but
-        `distance`, `gradient` and the reference tracer raise SceneError, and a camera is taken to be outside.
+        `distance`, `gradient` and the reference tracer raise SceneError, and the camera is assumed to be outside.
 
-    The gradient is a central difference of the function, six calls, 0.0049 of the solid's size (or of the coordinates,
-    where they are larger) to each side: good to about 2e-5 in float32 where the field is smooth.
+    The gradient is a central difference of the function: six calls, with a step of 0.0049 of the solid's size (or of
+    the coordinates, if they are larger). Its error is about 2e-5 in float32 where the field is smooth.
     """
     plain = without_comments(code) if isinstance(code, str) else ""
     if not isinstance(name, str) or len(name) > 64 or identifier(name, ()) != name:

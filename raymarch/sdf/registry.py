@@ -1,7 +1,7 @@
 """The functions that a node offers as methods, by name.
 
-An operator stands above the node that it makes, so a node cannot import it. Operators enter themselves here
-when they are defined; the methods of `Node` look them up. Nothing else is dynamic.
+An operator's module imports `Node`, so `Node` cannot import the operator. Operators register themselves here when they
+are defined, and the methods of `Node` look them up. Nothing else is dynamic.
 """
 
 from __future__ import annotations

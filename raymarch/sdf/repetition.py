@@ -1,8 +1,8 @@
-"""Repetition in space: one child, asked for the nearest of its copies.
+"""Repetition in space: one child, evaluated at the nearest of its copies.
 
-Looking at the own cell alone overestimates wherever a copy in the next cell is nearer, so the nearer neighbour
-is asked as well, on each axis (2, 4 or 8 look-ups). One look-up is enough along an axis where the child is its own
-mirror image. Cells are centred on the child's box, so an off-centre child needs no more room than its size.
+The cell of the point alone overestimates the distance where a copy in the next cell is nearer. So the nearer neighbour
+is evaluated as well, on each axis (2, 4 or 8 evaluations of the child). One evaluation is enough along an axis where
+the child is symmetric. Cells are centred on the child's box, so an off-centre child needs no more space than its size.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NO_WALL = 1e30
 
 
 def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:
-    """The outermost copies; an axis that is left alone has one."""
+    """The box of the outermost copies. An axis without repetition has one copy."""
     counts = (nx, ny, nz)[: len(spacing)]
     reach = construct(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in counts])
     return child.lower - reach * spacing, child.upper + reach * spacing
@@ -45,14 +45,14 @@ def _keep_if_centred(child: Facts, centre: Expr, **_: Any) -> str:
 
 
 def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guard: int, **_: Any) -> Exactness:
-    """Copies that touch grow together, and what was their surface there is inside."""
+    """Copies that touch merge, and their surface at the contact is then inside."""
     repeated = np.array([n != 1 for n in (nx, ny, nz)[: len(spacing)]])
     touching = child.size >= interval_of(spacing)[0]
     return "bound" if guard or np.any(repeated & touching) else "exact"
 
 
 def _spread(child: ChildFacts, guard: int, **_: Any) -> Any:
-    """A guarded field is no smaller than the way to the box of all copies."""
+    """A guarded field is no smaller than the distance to the box of all copies."""
     return 1.0 if guard else child.spread
 
 
@@ -79,8 +79,8 @@ def repeat_cells(
 ) -> Expr:
     """Copies in a grid of cells.
 
-    nx, ny, nz : copies along each axis, 0 for no end, 1 for an axis that is left alone; in the plane nz is 1.
-    both : bits of the axes on which the nearer neighbour is asked too.
+    nx, ny, nz : copies along each axis, 0 for infinitely many, 1 for no repetition; nz is 1 for flat shapes.
+    both : bits of the axes on which the nearer neighbour is evaluated too.
     guard : 1 if the child's field is only a bound. It might then rank copies wrongly, and the choice of
         neighbours would make it jump; the distance to the cells not asked keeps it continuous.
     middle, half : of the box that holds all copies. From outside of it, the way there says more than the guard.
@@ -108,7 +108,7 @@ def repeat_cells(
 
 
 def _limited(cell: Expr, count: int) -> Expr:
-    """The index of a cell, kept among those that exist: -(n-1)/2 to (n-1)/2, shifted by half if n is even."""
+    """The index of a cell, clamped to the cells that exist: -(n-1)/2 to (n-1)/2, shifted by half if n is even."""
     if count == INFINITE:
         return cell
     return clamp(cell, -float(count // 2), float((count - 1) // 2))
@@ -121,11 +121,13 @@ def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: boo
 
 
 def copies_of(name: str, value: Any, endless: bool, given: Any) -> int:
-    """How many copies stand along an axis, 0 for no end; `given` is what the user wrote for all axes."""
+    """The number of copies along an axis, 0 for infinitely many. `given` is the user's value for all axes."""
     try:
         return integer("count", value, 0 if endless else 1, MOST)
     except SceneError:
-        raise SceneError(f"{name}: count = {short(given)}", legal="integers >= 1, or None for no end") from None
+        raise SceneError(
+            f"{name}: count = {short(given)}", legal="integers >= 1, or None for infinitely many"
+        ) from None
 
 
 @method
@@ -134,11 +136,12 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
 
     Parameters
     ----------
-    spacing : a length > 0 for each of x, y and z (x and y); None leaves that axis alone. One number is for all.
-    count : how many copies, about the origin: one number, or one for each axis; None for no end.
+    spacing : a length > 0 for each of x, y and z (x and y for a flat shape), or one number for all axes. None means no
+        repetition along that axis.
+    count : number of copies, about the origin: one number, or one for each axis. None means infinitely many.
 
-    The child must fit its cell: its box, wherever it stands, may not be larger than the spacing. Exact on an exact
-    child. Asks 1 copy along an axis where the child mirrors itself, else 2.
+    The child must fit its cell: its box must not be larger than the spacing, wherever it is. Exact for an exact child.
+    Evaluates 1 copy along an axis where the child is symmetric, else 2.
     """
     if not isinstance(node, Node):
         raise SceneError(f"repeat of {short(node)}", legal="a node such as sphere()")
@@ -189,7 +192,7 @@ def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) ->
     if not 0.0 < smallest <= LARGEST:
         raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal="a finite number > 0, or None")
     if not np.isfinite(upper - lower):
-        raise SceneError(f"repeat: {node.name} has no end along {axis}", legal=f"None as the spacing along {axis}")
+        raise SceneError(f"repeat: {node.name} is unbounded along {axis}", legal=f"None as the spacing along {axis}")
     if upper - lower > smallest * (1 + 1e-12):
         raise SceneError(
             f"repeat: {node.name} is {upper - lower:g} wide along {axis}, its cell only {smallest:g}",

@@ -248,7 +248,7 @@ def link(p: Expr, straight: NonNegative = 0.6, major: Positive = 0.45, minor: Po
     convex=True,
 )
 def infinite_cylinder(p: Expr, radius: Positive = 0.5) -> Expr:
-    """Cylinder about the y axis without ends.
+    """Infinite cylinder about the y axis.
 
     radius : length, > 0.
     """
@@ -318,7 +318,7 @@ def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNeg
     convex=True,
 )
 def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
-    """Cone without end, its tip at the origin, opening down the y axis.
+    """Infinite cone, its tip at the origin, opening down the y axis.
 
     half_angle : between the axis and the side, > 0 and <= pi / 2.
     """
@@ -510,9 +510,9 @@ def _death_star_rim(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
 
 
 def _check_death_star(radius: Any, bite: Any, distance: Any) -> None:
-    told = f"death_star: bite = {shown(bite)} at distance = {shown(distance)} from radius = {shown(radius)}"
-    require(abs(radius - bite) < distance, told, "|radius - bite| < distance: else one ball holds the other")
-    require(distance < radius + bite, told, "distance < radius + bite: else the balls do not meet")
+    message = f"death_star: bite = {shown(bite)} at distance = {shown(distance)} from radius = {shown(radius)}"
+    require(abs(radius - bite) < distance, message, "|radius - bite| < distance: else one ball holds the other")
+    require(distance < radius + bite, message, "distance < radius + bite: else the balls do not meet")
 
 
 def _death_star_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
@@ -523,7 +523,7 @@ def _death_star_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Exp
 
 @shape(exactness="exact", bounds=_death_star_bounds, symmetry="xz", check=_check_death_star)
 def death_star(p: Expr, radius: Positive = 1.0, bite: Positive = 0.7, distance: Positive = 1.2) -> Expr:
-    """Ball out of which another ball, above it on the y axis, has taken a bite.
+    """Ball minus another ball above it on the y axis.
 
     radius : of the ball, > 0. bite : radius of what is taken away, > 0.
     distance : between the centres; the two spheres must cross.

@@ -1,7 +1,7 @@
-"""Fields from data: a grid of distances, a mesh file, a height map that raises a plane or any other surface.
+"""Fields from data: a grid of distances, a mesh file, a height map that displaces a plane or another surface.
 
-Sampled distances are interpolated linearly, which makes the zero set a piecewise hyperbolic surface near the
-true one; the field is a bound on the distance to that surface, because it is divided by its own steepest slope.
+Sampled distances are interpolated linearly, so the zero set is a piecewise hyperbolic surface near the true one. The
+field is a bound on the distance to that surface, because it is divided by its steepest slope.
 """
 
 from __future__ import annotations
@@ -94,10 +94,11 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     ----------
     values : shape (nx, ny, nz), each 2 to 2048: values[i, j, k] is the distance at the i-th x, j-th y and k-th z.
         The outermost samples lie on the faces of the box and must not be inside the solid.
-    size : full extents of the box, > 0. centre : its middle.
+    size : full extents of the box, > 0.
+    centre : centre of the box.
 
-    Interpolated linearly. A bound: the field is divided by its steepest slope. Outside the box it is
-    the distance to the box and the sample at the nearest point of it, taken together.
+    Interpolated linearly. A bound: the field is divided by its steepest slope. Outside the box it combines the distance
+    to the box and the sample at the nearest point of the box.
     """
     array = numbers("grid: values", values, "distances, (nx, ny, nz), each 2 to 2048")
     if array.ndim != 3:
@@ -122,18 +123,18 @@ def mesh(
     progress: Progress | None = None,
     cache: str | os.PathLike[str] | None = None,
 ) -> Node:
-    """A closed triangle mesh as a field, sampled once and kept.
+    """A closed triangle mesh as a field, sampled once and cached.
 
     Parameters
     ----------
-    file : what trimesh reads: STL, OBJ, PLY, GLB, ...
-    extent : scale it so that its largest extent is this, centred at the origin; None keeps it where it is.
+    file : a file that trimesh reads: STL, OBJ, PLY, GLB, ...
+    extent : scale the mesh to this largest extent and centre it at the origin. None keeps its coordinates.
     resolution : samples along its largest extent, 8 to 256.
-    progress : called with the share done, 0 to 1.
-    cache : folder in which the samples are kept by content; default ~/.cache/raymarch, or RAYMARCH_CACHE.
+    progress : called with the fraction done, 0 to 1.
+    cache : folder of the cache, which is keyed by content; default ~/.cache/raymarch, or RAYMARCH_CACHE.
 
-    A mesh that is inside out, as a whole or in one of its parts, is turned, and triangles that are wound against their
-    neighbours too; a SceneWarning says so. Lengths are taken as they are: files do not say their unit.
+    A mesh that is inside out, as a whole or in a part, is reversed. Triangles wound against their neighbours are
+    reversed too. A SceneWarning reports both. Lengths are used unchanged: files do not state their unit.
 
     Needs the extra `mesh` (trimesh, rtree, scipy). Raises SceneError for a file that cannot be read or holds no
     triangles, for vertices that are not finite, and for a mesh that is open, non-manifold, one-sided or flat, or cuts
@@ -174,7 +175,7 @@ def _cache(folder: str | None) -> Path | None:
 
 
 def _from_cache(kept: Path) -> tuple[Node, list[str]] | None:
-    """What an earlier run has sampled and repaired; None if there is nothing, or nothing whole."""
+    """Samples of an earlier run and its repairs; None if there are none, or they are damaged."""
     try:
         with kept.open("rb") as file, np.load(file) as found:
             repairs = [str(repair) for repair in found["repairs"]]
@@ -398,7 +399,7 @@ def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[E
 def displace_by_samples(
     p: Expr, child: Child, data: Data = HILLS, size: Size2 = (2.0, 2.0), height: NonNegative = 0.2
 ) -> Expr:
-    """A surface raised along its normals by data laid over the xz plane; the edge's value goes on outside."""
+    """Displace a surface along its normals by data over the xz plane; outside the data the edge values continue."""
     at = (p.xz / size + 0.5) * tuple(_texels(data))
     return child(p) - height * sample(data, at)
 
@@ -410,7 +411,7 @@ def displace_by_image(
     size: Vector | Scalar = (2.0, 2.0),
     height: Scalar = 0.2,
 ) -> Node:
-    """A surface raised along its normals by an image laid over the xz plane.
+    """Displace a surface along its normals by an image over the xz plane.
 
     Parameters
     ----------
@@ -457,12 +458,12 @@ def heightmap(
     height: Scalar = 0.4,
     base: Scalar = 0.2,
 ) -> Node:
-    """A block whose top follows an image: a landscape.
+    """Terrain: a block whose top follows a height map.
 
     Parameters
     ----------
     source : image file (its luminance, 0 to 1), or heights of shape (rows, columns); row 0 lies at the far side, -z.
-    size : extents along x and z, > 0. height : length of the value 1, >= 0. base : how far it reaches below y = 0.
+    size : extents along x and z, > 0. height : length of the value 1, >= 0. base : depth of the block below y = 0.
 
     A bound: divided by the steepest slope of the map.
     """

@@ -1,4 +1,4 @@
-"""The same solid seen from another origin.
+"""The same solid relative to another origin.
 
 Far from the origin float32 has no digits left: at 1e6 its steps are 0.06. A solid that was moved there and is looked at
 from there is therefore described from an origin nearby: translations on the way to it are combined in float64, and
@@ -29,8 +29,8 @@ Work: TypeAlias = Generator[Request, Node, Node]
 def shifted(node: Node, by: Vector) -> Node:
     """A solid whose field at p is that of `node` at p + by; by has shape (3,), float64.
 
-    The shift is handed down through unions, blends, labels, rotations and even scales to the translations and planes
-    that take it up; anything else is translated.
+    The shift is passed down through unions, blends, labels, rotations and even scales to translations and planes, which
+    absorb it. Any other node is translated.
     """
     done: dict[tuple[int, tuple[float, ...]], Node] = {}
     first: Request = (node, tuple(float(v) for v in by))

@@ -1,4 +1,4 @@
-"""Solid shapes. Each is one short function of a point; its facts stand above it."""
+"""Solid shapes. Each is one short function of a point, with its facts in the decorator."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FAR = const(np.inf)
 
 @shape(exactness="exact", bounds=lambda radius: cube(radius), symmetry="xyz", convex=True)
 def sphere(p: Expr, radius: Positive = 1.0) -> Expr:
-    """Ball about the origin.
+    """Sphere about the origin.
 
     radius : length, > 0.
     """
@@ -65,9 +65,9 @@ def _check_torus(major: Any, minor: Any) -> None:
     check=_check_torus,
 )
 def torus(p: Expr, major: Positive = 1.0, minor: Positive = 0.25) -> Expr:
-    """Ring about the y axis.
+    """Torus about the y axis.
 
-    major : radius of the circle in the middle of the tube, > 0.
+    major : radius of the centre line of the tube, > 0.
     minor : radius of the tube, > 0 and not above `major`.
     """
     return length(vec2(length(p.xz) - major, p.y)) - minor

@@ -24,9 +24,11 @@ def _exact_if_convex(child: Facts, radius: Expr) -> Exactness:
     dimension="any",
 )
 def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
-    """Grown by a radius on all sides; convex edges become round.
+    """Grow by a radius on all sides; convex edges become round.
 
-    radius : length, >= 0. Exact on an exact, convex child; on a bound the surface moves by the radius at least.
+    radius : length, >= 0.
+
+    Exact for an exact, convex child. For a bound the surface moves by at least the radius.
     """
     return child(p) - radius
 
@@ -39,10 +41,10 @@ def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
     dimension="any",
 )
 def shell(p: Expr, child: Child, thickness: Positive) -> Expr:
-    """Only a skin about the surface, half of it outside.
+    """A shell about the surface, half of it outside.
 
     thickness : full thickness, a length > 0.
 
-    A bound: within the skin along an edge, the nearest surface lies off the edge's normals.
+    A bound: within the shell along an edge, the nearest surface is not along the normals of the edge.
     """
     return abs(child(p)) - 0.5 * thickness

@@ -1,4 +1,4 @@
-"""One solid that turns into another along a line."""
+"""Transition from one solid to another along a line."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def transition_between(
     end: Vec3 = (0.0, 1.0, 0.0),
     reach: Positive = 2.0,
 ) -> Expr:
-    """The first solid at one end, all others at the other, mixed between them.
+    """The first solid at one end, the others at the other end, and a mix between.
 
     start, end : where the first ends and the second begins. reach : differences of the two distances beyond this are
     taken as this, so that the share, which changes over space, cannot make the sum steep.
@@ -64,22 +64,24 @@ def transition_between(
 
 @method
 def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
-    """One solid that turns into another along a line.
+    """Transition from one solid to another along a line.
 
-    a, b : bounded solids. start, end : distinct points; the solid is a up to the plane through `start`, and b from
-        that through `end` on.
+    a, b : bounded solids.
+    start, end : distinct points. The solid is `a` up to the plane through `start`, and `b` from the plane through `end`
+        on.
 
-    A bound. With the share s growing by 1/|end - start| a unit of length, a + s (b - a) changes by 1 + |b - a| /
-    |end - start| at most. It matters only where one distance is positive and the other is not, how large |b - a| is:
-    elsewhere the sum has the sign of both. There it is bounded by its values on a grid, from which it differs by twice
-    the way at most, or, for solids with parameters, by the diagonal of the box of both; larger differences are cut.
+    A bound. The weight s of b grows by 1/|end - start| per unit of length, so a + s (b - a) changes by at most
+    1 + |b - a| / |end - start|. The size of |b - a| matters only where one distance is positive and the other is not:
+    elsewhere the sum has the sign of both. There |b - a| is bounded by its values on a grid, plus twice the distance to
+    the grid points. For solids with parameters it is bounded by the diagonal of the box of both. Larger differences are
+    clamped.
     """
     for name, node in (("a", a), ("b", b)):
         if not isinstance(node, Node) or node.dimension != 3:
             raise SceneError(f"transition: {name} = {short(node)}", legal="a solid such as sphere()")
         if isinstance(node, Node) and not node.facts.bounded:
             raise SceneError(
-                f"transition: {name} ({node.name}) has no end",
+                f"transition: {name} ({node.name}) is unbounded",
                 legal="bounded solids: cut it first, as `node & box(...)`",
             )
     ends = tuple(as_operand(f"transition: {n}", v, "3 numbers") for n, v in (("start", start), ("end", end)))

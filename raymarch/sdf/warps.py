@@ -1,4 +1,4 @@
-"""Space sheared, pointed along a direction, and wrapped around an axis."""
+"""Orientation along a direction, shear, and wrapping around an axis."""
 
 from __future__ import annotations
 
@@ -61,15 +61,16 @@ def turn_between(start: Expr, end: Expr) -> Expr:
     called="orient",
 )
 def oriented(p: Expr, child: Child, axis: Direction = (0.0, 1.0, 0.0), direction: Direction = (1.0, 1.0, 1.0)) -> Expr:
-    """Turned so that an axis points along a direction."""
+    """Rotate so that an axis points along a direction."""
     return child(transpose(turn_between(axis, direction)) @ p)
 
 
 @method
 def orient(node: Node, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str = "y") -> Node:
-    """Turned, by the smallest angle, so that an axis of the solid points along a direction.
+    """Rotate by the smallest angle that makes an axis of the solid point along a direction.
 
-    direction : vec3 of any length but 0. axis : "x", "y", "z" or a direction.
+    direction : vec3 of any length but 0.
+    axis : axis of the solid: "x", "y", "z" or a direction.
     """
     return oriented(_solid("orient", node), axis_vector("orient", axis), direction)
 
@@ -93,18 +94,19 @@ def shear_slope(amount: Expr) -> Expr:
 def sheared(
     p: Expr, child: Child, amount: Length = 0.5, axis: Vec3 = (1.0, 0.0, 0.0), by: Vec3 = (0.0, 1.0, 0.0)
 ) -> Expr:
-    """Moved along one axis in proportion to the coordinate along another."""
+    """Shear along one axis in proportion to the coordinate along another."""
     return child(p - amount * axis * dot(by, p))
 
 
 @method
 def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> Node:
-    """Moved along one axis by `amount` times the coordinate along another, as a stack of cards leans.
+    """Shear along one axis by `amount` times the coordinate along another.
 
-    amount : length a unit of length. axis, by : two of "x", "y", "z".
+    amount : length per unit of length.
+    axis, by : two of "x", "y", "z": the axis of the motion, and the axis whose coordinate counts.
 
-    A bound, divided by (a + sqrt(a^2 + 4)) / 2 with a = |amount|, the largest stretch, which is the same everywhere:
-    the solid may be without end.
+    A bound: divided by (a + sqrt(a^2 + 4)) / 2 with a = |amount|, the largest stretch. The stretch is the same
+    everywhere, so the solid may be unbounded.
     """
     legal = "two different ones of 'x', 'y' and 'z'"
     axis, by = choice("shear: axis", axis, tuple(AXES), legal), choice("shear: by", by, tuple(AXES), legal)
@@ -116,10 +118,10 @@ def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> N
 # Wrap around
 
 RELIEF = 0.125
-"""Share of the ring's radius up to which distances inside of that radius are told."""
+"""Fraction of the radius of the ring at which distances inside the ring are clamped."""
 
 UNBOUNDED = 1e30
-"""Half the height of what has no end, small enough for float32."""
+"""Half the height of an unbounded solid, small enough for float32."""
 
 
 def _wrapped_bounds(child: ChildFacts, start: Expr, end: Expr, above: Expr, **_: Any) -> tuple[Expr, Expr]:
@@ -133,13 +135,13 @@ def _check_wrapped(
     """The slab must fit its ring, leave the axis free, and be asked twice unless it mirrors itself."""
     bottom, top = np.maximum(child.lower[1], -UNBOUNDED), np.minimum(child.upper[1], UNBOUNDED)
     if not (interval_of(low)[1] <= bottom and top <= interval_of(high)[0]):
-        raise SceneError("wrapped: the solid is higher than it is told to be", legal="low and high around it")
+        raise SceneError("wrapped: the solid extends beyond low or high", legal="low and high around it")
     first, last, radius = interval_of(start)[1], interval_of(end)[0], interval_of((end - start) / math.tau)
     slack = 1e-9 * float(radius[1])
     if not (child.lower[0] >= first - slack and child.upper[0] <= last + slack and radius[0] > 0.0):
         raise SceneError(
             f"wrap_around: the solid reaches along x from {child.lower[0]:g} to {child.upper[0]:g}",
-            legal="start and end around the solid; cut what has no end, as `node & box(...)`",
+            legal="start and end around the solid; cut an unbounded solid, as `node & box(...)`",
         )
     if not (-child.lower[2] <= interval_of(below)[0] and child.upper[2] <= interval_of(above)[0]) or not (
         radius[0] > interval_of(below)[1]
@@ -150,7 +152,7 @@ def _check_wrapped(
             legal="a solid bounded along z that leaves the axis free, or a larger end - start",
         )
     if not both and not _is_centred(child, start, end):
-        raise SceneError("wrapped: this solid must be asked at both ends", legal="both=1")
+        raise SceneError("wrapped: this solid must be evaluated at both ends", legal="both=1")
 
 
 def _is_centred(child: Facts, start: Expr, end: Expr) -> bool:
@@ -171,7 +173,7 @@ def wrapped(
     high: Length = 0.5,
     both: Whole = 1,
 ) -> Expr:
-    """A slab in the xy plane, wrapped around the y axis.
+    """Wrap a slab in the xy plane around the y axis.
 
     start, end : the x that come together. below, above : how far the slab reaches along z. low, high : its
     ends along y. both : 1 to ask the slab's
@@ -192,26 +194,26 @@ def wrapped(
         other = where(x < middle, x + around, x - around)
         to_seam = 0.5 * around - absolute(x - middle)
         value = min(value, at_least(child(vec3(other, p.y, rho - radius)), to_seam))
-    told = RELIEF * radius
-    cut = clamp(value, -told, told + clamp(rho - radius, 0.0, 2.0 * radius))
+    limit = RELIEF * radius
+    cut = clamp(value, -limit, limit + clamp(rho - radius, 0.0, 2.0 * radius))
     aside = max(radius - below - rho, rho - radius - above, low - p.y, p.y - high)
     return at_least(min(rho / radius, 1.0) * cut / (1.0 + RELIEF), aside)
 
 
 @method
 def wrap_around(node: Node, start: Scalar | None = None, end: Scalar | None = None) -> Node:
-    """A slab that lies along x, wrapped once around the y axis to a ring.
+    """Wrap a slab along x once around the y axis to form a ring.
 
-    start, end : the x that come together at the back, start < end; by default the ends of the solid's box. The solid
-        must lie between them. z = 0 comes to lie at the radius (end - start) / (2 pi), +z outwards; y stays.
+    start, end : the x that meet at the back, start < end; by default the ends of the solid's box. The solid must lie
+        between them. z = 0 maps to the radius (end - start) / (2 pi), +z points outwards, y is unchanged.
 
-    A bound: inside of the radius the field is weighted by the distance from the axis, and all is divided by 1.125.
-    Asks the slab once if it is symmetric about the middle of start and end, which must be 0, else twice.
+    A bound: inside the radius the field is weighted by the distance from the axis, and the result is divided by 1.125.
+    Evaluates the slab once if it is symmetric about the middle of start and end, which must be 0, else twice.
     """
     lower, upper = _solid("wrap_around", node).bounds
     for name, value, edge in (("start", start, lower[0]), ("end", end, upper[0])):
         if value is None and not np.isfinite(edge):
-            raise SceneError(f"wrap_around: {node.name} has no end along x", legal=f"a number as {name}")
+            raise SceneError(f"wrap_around: {node.name} is unbounded along x", legal=f"a number as {name}")
     legal = "a number, or None for the end of the solid's box"
     first = as_length("wrap_around: start", float(lower[0]) if start is None else start, legal)
     last = as_length("wrap_around: end", float(upper[0]) if end is None else end, legal)

@@ -1,4 +1,4 @@
-"""How much of each labelled part a surface shows."""
+"""Weights of the labelled parts at a surface point, by which materials are mixed."""
 
 from __future__ import annotations
 

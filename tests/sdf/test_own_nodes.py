@@ -188,7 +188,7 @@ def test_an_operator_that_asks_its_child_twice_calls_it(egl: Context) -> None:
         return v.min(child(p - v.vec3(gap, 0.0, 0.0)), child(p + v.vec3(gap, 0.0, 0.0)))
 
     node = twins(box(0.4).rotate(0.3) - sphere(0.2))
-    assert node.glsl().count("float hard_difference_field(vec3 p)") == 1
+    assert node.glsl().count("float difference_field(vec3 p)") == 1
     assert_twin(egl, node)
 
 
@@ -290,7 +290,7 @@ def test_a_child_is_asked_at_points() -> None:
     def flat(p: Any, child: Any) -> Any:
         return child(p.xy)
 
-    with pytest.raises(SceneError, match="asks its child at a vec2"):
+    with pytest.raises(SceneError, match="evaluates its child at a vec2"):
         flat(sphere()).distance((0, 0, 0))
 
 
@@ -311,7 +311,7 @@ def test_a_child_inside_a_loop_is_refused_in_words() -> None:
     def looping(p: Any, child: Any) -> Any:
         return loop(3, (1.0,), lambda i, d: (v.min(d, child(p + i)),))[0]
 
-    with pytest.raises(SceneError, match="looping asks its child inside a loop") as caught:
+    with pytest.raises(SceneError, match="looping evaluates its child inside a loop") as caught:
         looping(sphere()).distance((0, 0, 0))
     assert caught.value.where is not None
     assert caught.value.where.file == __file__

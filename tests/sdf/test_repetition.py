@@ -198,7 +198,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
         lambda: sphere(0.8).translate((5, 0, 0)).repeat((1.5, None, None)),
         ("translate is 1.6 wide along x", ">= 1.6"),
     ),
-    "child without end": (lambda: plane().repeat((1, None, 1)), ("plane has no end along x", "None")),
+    "child without end": (lambda: plane().repeat((1, None, 1)), ("plane is unbounded along x", "None")),
     "count 0": (lambda: sphere(0.2).repeat(1, 0), ("count = 0", ">= 1")),
     "negative count": (lambda: sphere(0.2).repeat(1, (1, -2, 1)), ("(1, -2, 1)", ">= 1")),
     "half a count": (lambda: sphere(0.2).repeat(1, 2.5), ("2.5", ">= 1")),

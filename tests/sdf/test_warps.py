@@ -67,7 +67,7 @@ def test_transition_has_both_ends() -> None:
         (lambda: plane().wrap_around(), "a number as start"),
         (lambda: sphere().wrap_around(-0.5, 0.5), "start and end around the solid"),
         (lambda: sphere(0.5).wrap_around(), "leaves the axis free"),
-        (lambda: plane((0, 0, 1)).wrap_around(-3, 3), "cut what has no end"),
+        (lambda: plane((0, 0, 1)).wrap_around(-3, 3), "cut an unbounded solid"),
         (lambda: plane().transition(sphere(), (0, 0, 0), (0, 1, 0)), r"node & box\(\.\.\.\)"),
         (lambda: sphere().transition(box(), (0, 1, 0), (0, 1, 0)), "two different points"),
     ],
