@@ -150,7 +150,7 @@ def test_a_picture_must_keep_the_error_with_what_the_truth_may_be_off_by(scene, 
     assert asked == [4]
     assert for_error(scene, "flip:0.3", SIZE, renderer=renderer).error == pytest.approx(0.1)
     assert asked == [4, 4, 16]
-    with pytest.raises(CostError, match=r"is known to FLIP 0\.1 only"):
+    with pytest.raises(CostError, match=r"has a noise of FLIP 0\.1"):
         for_error(scene, "flip:0.09", SIZE, renderer=renderer)
 
 
@@ -244,7 +244,7 @@ def test_by_the_picture():
     assert loose.error <= 0.5
     assert 0.0 < loose.doubt < loose.error
     assert "truth may be off" in loose.words
-    with pytest.raises(CostError, match="itself is known to FLIP"):
+    with pytest.raises(CostError, match="reference picture has a noise of FLIP"):
         tight = for_error(scene, "flip:0.00001", size)
     assert tight is None
 

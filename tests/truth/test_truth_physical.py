@@ -212,10 +212,10 @@ def test_a_lamp_with_a_radius_fades_and_ends() -> None:
 
     for height in (0.5, 1.0, 3.0):
         window = max(1 - (height / 4.0) ** 4, 0) ** 2
-        assert abs(at(height, radius=4.0) - window / height**2) < 1e-12
+        assert abs(at(height, range=4.0) - window / height**2) < 1e-12
         own = (1 - height / 4.0) / (1 + 0.5 * height + 0.25 * height**2)
-        assert abs(at(height, radius=4.0, attenuation=(1, 0.5, 0.25)) - own) < 1e-12
-    assert at(4.0, radius=4.0) == at(9.0, radius=4.0) == at(5.0, radius=4.0, attenuation=(1, 0, 0)) == 0.0
+        assert abs(at(height, range=4.0, attenuation=(1, 0.5, 0.25)) - own) < 1e-12
+    assert at(4.0, range=4.0) == at(9.0, radius=4.0) == at(5.0, radius=4.0, attenuation=(1, 0, 0)) == 0.0
 
 
 def test_a_spot_shines_into_its_cone() -> None:
