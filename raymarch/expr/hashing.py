@@ -1,8 +1,8 @@
-"""A random number for each cell of a lattice, the same bit for bit in every reading.
+"""The hash of a lattice cell, bit-identical in all readings.
 
-Cells are counted by whole numbers, which are hashed as integers: a hash made of sines would be chaotic in the last bit
-of its input. The hash is the output permutation of a PCG generator (O'Neill 2014; as a hash Jarzynski and Olano
-2020), once for each coordinate. Its upper 24 bits make a fraction that float32 holds exactly.
+Cell indices are hashed as integers: a hash made of sines would be chaotic in the last bit of its input. The hash is the
+output permutation of a PCG generator (O'Neill 2014; as a hash Jarzynski and Olano 2020), once for each coordinate. Its
+upper 24 bits form a fraction that float32 holds exactly.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from raymarch.expr.types import FLOAT, VEC3
 Array = NDArray[Any]
 
 FARTHEST = 1.0e9
-"""Cells beyond this are taken as this one; a float32 that large and an integer of 32 bits both hold it."""
+"""Cell indices are clamped to this; float32 and 32-bit integers both hold it."""
 
 
 def hash(cell: Operand) -> Expr:
-    """A number from 0 to 1, less than 1, for each cell of the lattice of whole numbers.
+    """A pseudorandom number in [0, 1) for each cell of the integer lattice.
 
-    cell : vec3 of whole numbers; others are rounded.
+    cell : vec3 of integers; other values are rounded.
     """
     value = expr(cell)
     if value.type is not VEC3:

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def cosine_lobe(u: Array) -> Array:
+def sample_cosine(u: Array) -> Array:
     """Sample directions about z from two numbers in [0, 1), (N, 2) -> (N, 3); the d_ggx is cosine / pi."""
     r, phi = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
     return np.stack([r * np.cos(phi), r * np.sin(phi), np.sqrt(1.0 - u[:, 0])], axis=1)
 
 
-def facet_of(view: Array, alpha: float, u: Array) -> Array:
+def sample_visible_normal(view: Array, alpha: float, u: Array) -> Array:
     """Sample visible GGX microfacet normals for a view direction above z = 0, (3,) and (N, 2) -> (N, 3).
 
-    Spherical caps (Dupuy and Benyoub 2023). The d_ggx is `visible_facets`.
+    Spherical caps (Dupuy and Benyoub 2023). The d_ggx is `pdf_visible_normal`.
     """
     stretched = np.array([alpha * view[0], alpha * view[1], view[2]])
     stretched /= np.linalg.norm(stretched)
@@ -32,7 +32,7 @@ def facet_of(view: Array, alpha: float, u: Array) -> Array:
     return result
 
 
-def visible_facets(view: Array, alpha: float, h: Array) -> Array:
+def pdf_visible_normal(view: Array, alpha: float, h: Array) -> Array:
     """Density of visible GGX normals: G1 max(v.h, 0) D / v.z; (N, 3) -> (N,)."""
     alpha2 = alpha * alpha
     g1 = 2.0 * view[2] / (view[2] + np.sqrt(alpha2 + (1.0 - alpha2) * view[2] ** 2))

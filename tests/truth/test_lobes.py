@@ -13,7 +13,7 @@ from raymarch import glsl
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
-from raymarch.truth.lobes import cosine_lobe, facet_of, random_of_pixel, visible_facets
+from raymarch.truth.lobes import pdf_visible_normal, random_of_pixel, sample_cosine, sample_visible_normal
 
 N = 1_000_000
 ACROSS, AROUND = 16, 12
@@ -43,7 +43,7 @@ def chi_squared(found: Any, density: Callable[[Any], Any]) -> tuple[float, int]:
 
 
 def test_cosine_lobe() -> None:
-    statistic, freedom = chi_squared(cosine_lobe(numbers()), lambda d: d[:, 2] / np.pi)
+    statistic, freedom = chi_squared(sample_cosine(numbers()), lambda d: d[:, 2] / np.pi)
     assert statistic < chi2.ppf(0.999, freedom)
 
 
@@ -51,16 +51,18 @@ def test_cosine_lobe() -> None:
 @pytest.mark.parametrize("cosine", [0.2, 0.6, 0.99])
 def test_facets_that_are_seen(alpha: float, cosine: float) -> None:
     view = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
-    statistic, freedom = chi_squared(facet_of(view, alpha, numbers()), lambda h: visible_facets(view, alpha, h))
+    statistic, freedom = chi_squared(
+        sample_visible_normal(view, alpha, numbers()), lambda h: pdf_visible_normal(view, alpha, h)
+    )
     assert statistic < chi2.ppf(0.999, freedom)
 
 
 def test_a_wrong_density_is_found_out() -> None:
     """The even hemisphere for the cosine lobe, and the facets of another roughness."""
     u = numbers()
-    assert chi_squared(cosine_lobe(u), lambda d: 0 * d[:, 2] + 0.5 / np.pi)[0] > 1e4
+    assert chi_squared(sample_cosine(u), lambda d: 0 * d[:, 2] + 0.5 / np.pi)[0] > 1e4
     view = np.array([0.8, 0.0, 0.6])
-    assert chi_squared(facet_of(view, 0.5, u), lambda h: visible_facets(view, 0.52, h))[0] > 500
+    assert chi_squared(sample_visible_normal(view, 0.5, u), lambda h: pdf_visible_normal(view, 0.52, h))[0] > 500
 
 
 def test_numbers_are_even_and_dimensions_independent() -> None:
@@ -79,8 +81,8 @@ layout(location = 0) out vec4 one;
 layout(location = 1) out vec4 two;
 void main() {
     vec2 u = vec2(random_of_pixel(17), random_of_pixel(18));
-    one = vec4(cosine_lobe(vec3(0.0, 0.0, 1.0), u), u.x);
-    two = vec4(facet_of(vec3(0.0, 0.0, 1.0), vec3(0.8, 0.0, 0.6), 0.5, u), u.y);
+    one = vec4(sample_cosine(vec3(0.0, 0.0, 1.0), u), u.x);
+    two = vec4(sample_visible_normal(vec3(0.0, 0.0, 1.0), vec3(0.8, 0.0, 0.6), 0.5, u), u.y);
 }
 """
     with Target(egl, (64, 32), 2) as target:
@@ -92,6 +94,6 @@ void main() {
     u = np.stack([random_of_pixel(x.ravel(), y.ravel(), 3, d) for d in (17, 18)], axis=1)
     assert np.array_equal(one[..., 3].ravel(), u[:, 0]) and np.array_equal(two[..., 3].ravel(), u[:, 1])
     # About z, the branchless basis is that of x and y.
-    np.testing.assert_allclose(one[..., :3].reshape(-1, 3), cosine_lobe(u.astype(np.float64)), atol=2e-3)
-    wanted = facet_of(np.array([0.8, 0.0, 0.6]), 0.5, u.astype(np.float64))
+    np.testing.assert_allclose(one[..., :3].reshape(-1, 3), sample_cosine(u.astype(np.float64)), atol=2e-3)
+    wanted = sample_visible_normal(np.array([0.8, 0.0, 0.6]), 0.5, u.astype(np.float64))
     np.testing.assert_allclose(two[..., :3].reshape(-1, 3), wanted, atol=2e-3)

@@ -215,7 +215,7 @@ def test_a_lamp_with_a_radius_fades_and_ends() -> None:
         assert abs(at(height, range=4.0) - window / height**2) < 1e-12
         own = (1 - height / 4.0) / (1 + 0.5 * height + 0.25 * height**2)
         assert abs(at(height, range=4.0, attenuation=(1, 0.5, 0.25)) - own) < 1e-12
-    assert at(4.0, range=4.0) == at(9.0, radius=4.0) == at(5.0, radius=4.0, attenuation=(1, 0, 0)) == 0.0
+    assert at(4.0, range=4.0) == at(9.0, range=4.0) == at(5.0, range=4.0, attenuation=(1, 0, 0)) == 0.0
 
 
 def test_a_spot_shines_into_its_cone() -> None:
@@ -287,12 +287,12 @@ def test_masking_is_a_choice() -> None:
         (lambda: Material(roughness=lambda p: 2.0 + p.x * p.x), ("roughness: the function gives",)),
         (lambda: Material(roughness=lambda p: p), ("roughness: the function gives a vec3",)),
         (lambda: PointLight((0, 0, 0), intensity=-1), ("intensity = -1",)),
-        (lambda: PointLight((0, 0, 0), range=0), ("radius = 0",)),
+        (lambda: PointLight((0, 0, 0), range=0), ("range = 0",)),
         (lambda: PointLight((0, 0, 0), attenuation=(0, 0, 0)), ("attenuation", "not all zero")),
         (lambda: Sun(softness=-1), ("softness = -1",)),
         (lambda: Sun(penumbra="fuzzy"), ("penumbra = 'fuzzy'", "'two-sided'")),
         (lambda: SpotLight((0, 0, 0), angle=4), ("angle = 4",)),
-        (lambda: SphereLight((0, 0, 0), 0), ("size = 0",)),
+        (lambda: SphereLight((0, 0, 0), 0), ("radius = 0",)),
         (lambda: Quality(masking="smith"), ("masking = 'smith'",)),
     ],
 )
