@@ -43,8 +43,8 @@ def check(
     found = [check_clock(renderer), check_times(made)]
     field = Field(scene, set_values(scene.parameters, params, time))
     origin = scene.pose(set_values(scene.parameters, params, time), made.known.size[0] / made.known.size[1])
-    whole = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # at other scales the rays are unknown
-    found += [check_hits(p, scene, made, field, origin.position) for p in whole]
+    full_size = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # at other scales the rays are unknown
+    found += [check_hits(p, scene, made, field, origin.position) for p in full_size]
     failed = [c for c in found if not c.holds]
     hits = [c for c in found if c.name.startswith("hits")]
     if hits and all(c.holds for c in hits):
@@ -100,14 +100,14 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: ND
     beyond = rays.values(depth, ...) > allowed(depth, ...)
     if quality.refinement == "slope":
         beyond[beyond] = ~rays.came_near(depth[beyond], np.flatnonzero(beyond), allowed)
-    share = float(beyond.mean())
+    fraction = float(beyond.mean())
     lie = (
         "come no nearer to the surface before them than"
         if quality.refinement == "slope"
         else "lie farther from it than"
     )
-    words = f"{share:.2%} of the hits {lie} the {promised:g} pixel widths promised"
-    return Check(f"hits of {point.name}", share <= SHARE, words)
+    words = f"{fraction:.2%} of the hits {lie} the {promised:g} pixel widths promised"
+    return Check(f"hits of {point.name}", fraction <= SHARE, words)
 
 
 @dataclass(frozen=True, slots=True)

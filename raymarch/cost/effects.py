@@ -153,14 +153,14 @@ def ablate(
     if not variants:
         raise CostError("the scene has no effects", legal="shadows, fog, occlusion, light of the sky, several lights")
     renderer.kept = max(renderer.kept, 4 * (len(variants) + 1))
-    whole = _figures(scene, renderer, time, params, counted)
+    complete = _figures(scene, renderer, time, params, counted)
     found = []
     for i, (name, made) in enumerate(variants):
         tell(f"without {name}", 0.5 * i / len(variants))
         without = _figures(made, renderer, time, params, counted)
-        values = flip(whole["color"], without["color"])
+        values = flip(complete["color"], without["color"])
         p99, largest = (float(v) for v in np.percentile(values, (99, 100)))
-        costs = {n: whole[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
+        costs = {n: complete[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
         found.append(Effect(name, **costs, flip_mean=float(values.mean()), flip_p99=p99, flip_max=largest,
                             flip_region=largest_region(values > BAD)))  # fmt: skip
     turns = random.Random(seed)

@@ -97,7 +97,7 @@ def _feature_kernels(kind: str, ppd: float) -> tuple[Array, Array]:
 
 def _filtered(opponent: Array, ppd: float) -> Array:
     """Picture filtered by the contrast sensitivity of the eye, as linear RGB in [0, 1]."""
-    seen = np.empty_like(opponent)
+    filtered = np.empty_like(opponent)
     radius = int(np.ceil(3.0 * np.sqrt(_WIDEST / (2.0 * np.pi**2)) * ppd))
     x = _taps(radius) / ppd
     for channel, gaussians in enumerate(_SENSITIVITY):
@@ -107,8 +107,8 @@ def _filtered(opponent: Array, ppd: float) -> Array:
             w / sum(weights) * _separable(opponent[..., channel], k / k.sum(), k / k.sum())
             for w, k in zip(weights, kernels, strict=True)
         ]
-        seen[..., channel] = sum(parts)
-    return np.clip(_from_opponent(seen), 0.0, 1.0)
+        filtered[..., channel] = sum(parts)
+    return np.clip(_from_opponent(filtered), 0.0, 1.0)
 
 
 def _taps(radius: int) -> Array:

@@ -145,8 +145,10 @@ def _shown(made: Sweep, point: Point, metric: str) -> str:
 
 def _legend(scale: Scale, words: str) -> str:
     """A bar of a scale's colours with its marks."""
-    share = np.linspace(0.0, 1.0, STOPS)
-    values = 10.0 ** (np.log10(scale.low) + share * np.log10(scale.high / scale.low)) if scale.kind == "log" else share
+    position = np.linspace(0.0, 1.0, STOPS)
+    values = (
+        10.0 ** (np.log10(scale.low) + position * np.log10(scale.high / scale.low)) if scale.kind == "log" else position
+    )
     colors = ", ".join("rgb({},{},{})".format(*np.rint(255 * c).astype(int)) for c in scale.colored(values))
     ticks = "".join(f"<span>{value:.3g}</span>" for value in scale.ticks)
     bar = f'<div class="bar" style="background: linear-gradient(90deg, {colors})"></div>'

@@ -169,11 +169,11 @@ def _edges(scene: Scene, known: Truth, time: float, params: Any, progress: Progr
     edges, width = silhouettes(known), 1.0
     if scene.node.exactness == "estimate":
         return edges, width
-    for nearer in EDGE_WIDTHS:
+    for edge_width in EDGE_WIDTHS:
         if (edges & known.hit).sum() <= MOST_AT_EDGES * known.hit.sum():
             break
-        progress(f"reference: edges within {nearer:g} pixels")
-        edges, width = silhouettes_within(scene, edges, nearer, time, params), nearer
+        progress(f"reference: edges within {edge_width:g} pixels")
+        edges, width = silhouettes_within(scene, edges, edge_width, time, params), edge_width
     return edges, width
 
 

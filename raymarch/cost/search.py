@@ -172,7 +172,7 @@ def for_time(
     Parameters
     ----------
     within : "16ms", or milliseconds.
-    size, time, params, backend, renderer : as for `for_error`.
+    size, moment, params, backend, renderer : as for `for_error`.
 
     All epsilons are timed in turns, with the scene's own `samples`. Of those with a median within the limit and without
     a missed hit, the one of the smallest error is timed again by itself, as it will be used: in two halves, with the

@@ -232,8 +232,8 @@ def _check_value(name: str, given: Any) -> None:
         return
     if name in DRAWN:
         low, high = DRAWN[name]
-        whole = name == "scale" or isinstance(given, int)
-        if not isinstance(given, int | float) or isinstance(given, bool) or not low <= given <= high or not whole:
+        legal_type = name == "scale" or isinstance(given, int)
+        if not isinstance(given, int | float) or isinstance(given, bool) or not low <= given <= high or not legal_type:
             number = "a number" if name == "scale" else "an integer"
             raise CostError(f"axis {name} = {given!r}", legal=f"{number} from {low:g} to {high:g}")
         return

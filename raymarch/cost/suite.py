@@ -177,5 +177,5 @@ def _oversteps(scene: Scene, tracer: str, renderer: Renderer) -> NDArray[np.floa
         counts.append(renderer.render(made, outputs=("fallbacks",)).fallbacks.astype(np.float64))
     undone = counts[1] - counts[0]
     # Each undone step is repeated: P1 counts both as one iteration.
-    share: NDArray[np.float64] = undone / (OVERSTEPS[1] - OVERSTEPS[0] - undone)
-    return np.clip(share, 0.0, 1.0)
+    fraction: NDArray[np.float64] = undone / (OVERSTEPS[1] - OVERSTEPS[0] - undone)
+    return np.clip(fraction, 0.0, 1.0)

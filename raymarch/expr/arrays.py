@@ -28,7 +28,7 @@ SMALLEST = float(np.finfo(np.float32).tiny)
 readings."""
 
 SHORTEST = float(np.sqrt(SMALLEST))
-"""Shortest length whose square is a normal float32. With a lower bound, `normalize` could return a vector longer than 1
+"""Shortest length whose square is a normal float32. If it were shorter, `normalize` could return a vector longer than 1
 for a shorter vector, whose length underflows to 0."""
 
 

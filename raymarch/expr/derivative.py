@@ -460,8 +460,8 @@ def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
         definition: Function = node.data
         along = moving.index(True)
         if definition.type is FLOAT and sum(moving) == 1 and node.args[along].type in (VEC2, VEC3):
-            whole = companion(definition, along)(*args)
-            return whole[whole.type.size - 1]
+            both = companion(definition, along)(*args)
+            return both[both.type.size - 1]
         return substitute([_opened_body(definition, moving)], dict(zip(definition.params, args, strict=True)))[0]
 
     new = rewrite(roots, rule)
@@ -550,38 +550,38 @@ def _forward(node: Expr, incoming: Sequence[Expr], partials: Mapping[Expr, Parti
 
 def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Expr]:
     """The tangents of one result of a loop, from a loop with the tangents of all results as additional state."""
-    whole, body = item.args[0], item.args[0].data
-    n, ways = len(body.state), range(len(moved))
-    first = whole.args[:n]
+    loop_expr, body = item.args[0], item.args[0].data
+    n, directions = len(body.state), range(len(moved))
+    first = loop_expr.args[:n]
     formal = (*body.state, *body.captured)
-    starts = [[moved[d].get(arg, zero(arg.type)) for arg in whole.args] for d in ways]
-    carried = [[var(f"{s.data} along {d}", s.type) for s in body.state] for d in ways]
+    starts = [[moved[d].get(arg, zero(arg.type)) for arg in loop_expr.args] for d in directions]
+    carried = [[var(f"{s.data} along {d}", s.type) for s in body.state] for d in directions]
     lifted = [
         [
             var(f"{c.data} along {d}", c.type) if s is not zero(s.type) else s
             for c, s in zip(body.captured, start[n:], strict=True)
         ]
-        for d, start in zip(ways, starts, strict=True)
+        for d, start in zip(directions, starts, strict=True)
     ]
     inner = _open(body.inner, set(formal))
     step, until = inner[:n], inner[n] if body.until is not None else None
-    still = {k for k in range(n) if all(starts[d][k] is zero(first[k].type) for d in ways)}
+    still = {k for k in range(n) if all(starts[d][k] is zero(first[k].type) for d in directions)}
     while True:  # a state whose tangent starts as 0 and stays 0 needs none
         seeds = [
             {
                 f: zero(f.type) if k in still else t
                 for k, (f, t) in enumerate(zip(formal, carried[d] + lifted[d], strict=True))
             }
-            for d in ways
+            for d in directions
         ]
         after = tangents(step, seeds)
-        gaining = {k for k in still if any(after[d][k] is not zero(first[k].type) for d in ways)}
+        gaining = {k for k in still if any(after[d][k] is not zero(first[k].type) for d in directions)}
         if not gaining:
             break
         still -= gaining
-    moving = [(d, k) for d in ways for k in range(n) if k not in still]
-    around = dict(zip(body.captured, whole.args[n:], strict=True))
-    for d in ways:
+    moving = [(d, k) for d in directions for k in range(n) if k not in still]
+    around = dict(zip(body.captured, loop_expr.args[n:], strict=True))
+    for d in directions:
         around.update({t: s for t, s in zip(lifted[d], starts[d][n:], strict=True) if t.op == "var"})
     results = close_loop(
         body.count,
@@ -592,7 +592,7 @@ def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Exp
         (*first, *(starts[d][k] for d, k in moving)),
         around,
     )
-    if results[0].args[0] is not whole:
-        _lifted_from[results[0].args[0]] = whole
+    if results[0].args[0] is not loop_expr:
+        _lifted_from[results[0].args[0]] = loop_expr
     found = {pair: results[n + i] for i, pair in enumerate(moving)}
-    return [found.get((d, item.data), zero(item.type)) for d in ways]
+    return [found.get((d, item.data), zero(item.type)) for d in directions]

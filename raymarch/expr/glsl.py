@@ -774,9 +774,9 @@ class FunctionPrinter:
             ]
             if not free:
                 k = next(iter(todo))
-                held = self._name("next_" + self.names[opened.state[k]])
-                self._statement(f"{opened.state[k].type} {held} = ", todo[k], ";", opened.step[k])
-                todo[k] = Piece(held, ATOM, 0)
+                saved = self._name("next_" + self.names[opened.state[k]])
+                self._statement(f"{opened.state[k].type} {saved} = ", todo[k], ";", opened.step[k])
+                todo[k] = Piece(saved, ATOM, 0)
                 continue
             for k in free:
                 self._statement(f"{self.names[opened.state[k]]} = ", todo.pop(k), ";", opened.step[k])
@@ -805,8 +805,8 @@ def roots_only(waiting: Sequence[tuple[int, Expr]], node: Expr, uses: Mapping[Ex
     return (node,) if uses[node] == 1 and any(root is node for _, root in waiting) else ()
 
 
-def _item(whole: Expr, k: int, type: Type) -> Expr:
-    return make("item", type, (whole,), k)
+def _item(loop_expr: Expr, k: int, type: Type) -> Expr:
+    return make("item", type, (loop_expr,), k)
 
 
 def _mentions(text: str, name: str) -> bool:

@@ -41,8 +41,8 @@ def _mixed(v: Array) -> Array:
 
 def evaluate(_node: Expr, cell: Array) -> Array:
     """NumPy row of "hash"."""
-    whole = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
-    n = np.atleast_2d(whole).astype(np.int64).astype(np.uint32)
+    rounded = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
+    n = np.atleast_2d(rounded).astype(np.int64).astype(np.uint32)
     bits = _mixed(n[..., 0] + _mixed(n[..., 1] + _mixed(n[..., 2])))
     fraction = (bits >> np.uint32(8)).astype(cell.dtype) * cell.dtype.type(2.0**-24)
     return fraction.reshape(cell.shape[:-1])

@@ -143,9 +143,9 @@ def evaluate_slope(node: Expr, at: Array) -> Array:
     for axis in range(node.data.dimension):
         total: Array = np.zeros(at.shape[:-1], at.dtype)
         for corner, value in corners:
-            share = np.where(np.array(corner) == 1, weight, 1 - weight)
-            share[..., axis] = 1 if corner[axis] else -1
-            total = total + value * np.prod(share, axis=-1)
+            factors = np.where(np.array(corner) == 1, weight, 1 - weight)
+            factors[..., axis] = 1 if corner[axis] else -1
+            total = total + value * np.prod(factors, axis=-1)
         parts.append(total)
     return np.stack(parts, axis=-1)
 

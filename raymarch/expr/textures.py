@@ -95,10 +95,10 @@ def _between_levels(data: Texels, at: Array, level: Array) -> Array:
     total = np.zeros((len(at), data.channels), at.dtype)
     for k in np.unique(low):
         rows = np.flatnonzero(low == k)
-        share = (level[rows] - k)[:, None]
+        weight = (level[rows] - k)[:, None]
         value = _within_level(data, k, at[rows])
-        if share.any():
-            value = value * (1 - share) + _within_level(data, k + 1, at[rows]) * share
+        if weight.any():
+            value = value * (1 - weight) + _within_level(data, k + 1, at[rows]) * weight
         total[rows] = value
     return total
 
@@ -117,8 +117,8 @@ def _within_level(data: Texels, level: int, at: Array) -> Array:
     for corner in ((0, 0), (1, 0), (0, 1), (1, 1)):
         index = cell + np.array(corner)
         index = index % size if data.wrap == "repeat" else np.clip(index, 0, size - 1)
-        share = np.where(np.array(corner) == 1, w, 1 - w)
-        total += (share[:, :1] * share[:, 1:]) * texels[index[:, 1], index[:, 0]].astype(at.dtype)
+        factors = np.where(np.array(corner) == 1, w, 1 - w)
+        total += (factors[:, :1] * factors[:, 1:]) * texels[index[:, 1], index[:, 0]].astype(at.dtype)
     return total
 
 

@@ -1,4 +1,4 @@
-"""The float64 reference renderer on the CPU. It shares no code with the shader."""
+"""The float64 reference renderer on the CPU. It uses nothing of the shader or the GPU."""
 
 from raymarch.truth.compare import Comparison, compare, silhouettes
 from raymarch.truth.tracer import Truth, truth

@@ -18,7 +18,7 @@ from raymarch.truth.rays import Rays, unit
 Array = NDArray[np.float64]
 
 MAX_STEPS = 5_000
-"""Steps after which the march of a soft shadow ends."""
+"""Maximum steps of a soft shadow; after these the visibility found so far is used."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ AT_ONCE = 20_000
 
 def silhouettes_within(
     scene: Scene,
-    asked: NDArray[np.bool_],
+    pixels: NDArray[np.bool_],
     spacing: float,
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
@@ -32,7 +32,7 @@ def silhouettes_within(
     Parameters
     ----------
     scene, time, params : as for `raymarch.truth`.
-    asked : (H, W), the pixels to examine; the others are False in the result.
+    pixels : (H, W), the pixels to examine; the others are False in the result.
     spacing : pixels, above 0. At 1 the rule is that of `silhouettes`. Below 1 the same rule is applied to rays at this
         spacing, as in a picture of higher resolution.
 
@@ -40,15 +40,15 @@ def silhouettes_within(
     -------
     (H, W) bool.
     """
-    height, width = asked.shape
+    height, width = pixels.shape
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     centre = camera_rays(pose, width, height).directions.reshape(height, width, 3)
     right, up = pose.frame[:, 0], pose.frame[:, 1]
     steps = (np.arange(BLOCK) - BLOCK // 2) * spacing * pose.pixel(height)
     shift = steps[None, :, None] * right - steps[:, None, None] * up  # rows run downwards
-    found = np.zeros(asked.shape, np.bool_)
-    row, column = np.nonzero(asked)
+    found = np.zeros(pixels.shape, np.bool_)
+    row, column = np.nonzero(pixels)
     for start in range(0, len(row), AT_ONCE):
         i, j = row[start : start + AT_ONCE], column[start : start + AT_ONCE]
         ahead = centre[i, j] / -(centre[i, j] @ pose.frame[:, 2])[:, None]  # at distance 1 before the camera

@@ -53,7 +53,7 @@ def test_each_effect_is_left_out_alone():
     assert scene.fog is not None
 
 
-@pytest.mark.parametrize("integrator", ["path", "tree"])
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
 def test_bounces_are_left_out_all_and_the_last(renderer, integrator):
     glass = rm.Material(transmission=1, ior=1.5)
     scene = rm.Scene(rm.sphere().material(glass), lights=[], bounces=3, quality=rm.Quality(integrator=integrator))
