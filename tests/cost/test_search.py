@@ -243,7 +243,7 @@ def test_by_the_picture():
     assert loose.metric == "flip_p99"
     assert loose.error <= 0.5
     assert 0.0 < loose.doubt < loose.error
-    assert "truth may be off" in loose.words
+    assert "uncertainty of the reference" in loose.words
     with pytest.raises(CostError, match="reference picture has a noise of FLIP"):
         tight = for_error(scene, "flip:0.00001", size)
     assert tight is None
