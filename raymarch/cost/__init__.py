@@ -1,4 +1,4 @@
-"""What accuracy costs in time: errors against the truth, settings measured, the front of those worth having."""
+"""Cost of accuracy: errors against the reference, measured settings, the Pareto front."""
 
 from raymarch.cost.search import Found, for_error, for_time
 

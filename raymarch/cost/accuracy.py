@@ -1,4 +1,4 @@
-"""The page docs/accuracy.md: what the suite measured, and which of P1's claims hold here."""
+"""The page docs/accuracy.md: the measurements of the suite, and which of P1's claims hold here."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CONE_OVER_ONE: Curve = (("enhanced", "cone"), ("enhanced", "single"))
 def page(made: Suite, pictures: Mapping[str, str]) -> str:
     """The page in Markdown.
 
-    pictures : where the figures lie, from the page: "tracers", "oversteps", "fronts".
+    pictures : paths of the figures relative to the page: "tracers", "oversteps", "fronts".
     """
     parts = [
         _head(made),

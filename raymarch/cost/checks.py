@@ -1,4 +1,4 @@
-"""The report tests itself: what it claims of hits and of time is held against the truth and against the wall clock."""
+"""Self-checks of the report: hits are compared with the reference, times with the wall clock."""
 
 from __future__ import annotations
 
@@ -18,19 +18,18 @@ from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
 
 ULPS = 8 * float(np.finfo(np.float32).eps)
-"""What rounding in float32 adds to the field at a hit, over the largest coordinate or distance: a few units in the
-last place of each of position, depth and field."""
+"""Rounding error of the field at a hit in float32, over the largest coordinate or distance: a few units in the last
+place of each of position, depth and field."""
 SHARE = 1e-3
-"""Share of the hits that may lie farther from the surface than a setting promises: those that graze an edge."""
-
+"""Fraction of the hits that may lie farther from the surface than a setting promises: those that graze an edge."""
 
 BACK = 1000
-"""Steps in which a ray is followed back from its hit."""
+"""Largest number of steps by which a ray is traced back from its hit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """What was checked, whether it holds, and the finding with its numbers."""
+    """Name of a check, whether it holds, and the finding with its numbers."""
 
     name: str
     holds: bool
@@ -40,12 +39,12 @@ class Check:
 def check(
     made: Sweep, scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None
 ) -> list[Check]:
-    """All checks of a sweep of a scene; `renderer` is the one that it was measured with, `time` and `params` too."""
+    """Run all checks of a sweep of a scene; `renderer`, `time` and `params` are those of the measurement."""
     found = [check_clock(renderer), check_times(made)]
     field = Field(scene, set_values(scene.parameters, params, time))
     origin = scene.pose(set_values(scene.parameters, params, time), made.known.size[0] / made.known.size[1])
-    whole = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # of others the rays are not known
-    found += [check_hits(p, scene, made, field, origin.position) for p in whole]
+    full_size = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # at other scales the rays are unknown
+    found += [check_hits(p, scene, made, field, origin.position) for p in full_size]
     failed = [c for c in found if not c.holds]
     hits = [c for c in found if c.name.startswith("hits")]
     if hits and all(c.holds for c in hits):
@@ -57,14 +56,14 @@ def check(
 
 
 def check_clock(renderer: Any, trial: Callable[..., Trial] = try_timer) -> Check:
-    """The renderer's clock against the wall clock, on draws of known load."""
+    """Compare the renderer's clock with the wall clock on draws of known load."""
     found = trial(renderer.context, renderer.clock.time)
     words = found.words.replace("the GPU timer", f"the {renderer.clock.kind}")
     return Check("clock", found.agrees, words)
 
 
 def check_times(made: Sweep) -> Check:
-    """No frame may claim more time than passed while it was asked for."""
+    """Check that no frame claims more time than passed on the wall clock."""
     worst = max((p for p in made.points if p.walls), key=_claim, default=None)
     if worst is None:
         return Check("frame times", True, "no frame was timed")
@@ -78,11 +77,11 @@ def _claim(point: Point) -> float:
 
 
 def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: NDArray[Any]) -> Check:
-    """How far from the surface the hits of one setting lie, by the field in float64.
+    """Check the distance of the hits of one setting from the surface, by the field in float64.
 
-    A setting promises a field of at most `Quality.contact` pixel widths, or what rounding allows. With
-    refinement="slope" it promises that of the ray's last sample, from which it takes one more step that is not asked:
-    then somewhere before the hit the field must be as small. Rays that ran out of steps promise nothing.
+    A setting promises |field| <= `Quality.contact` pixel widths at the hit, within rounding. With refinement="slope"
+    the promise holds at the last sample of the ray; after it one more step follows without an evaluation. The field
+    must then be as small somewhere before the hit. Rays that ran out of steps have no promise.
     """
     quality = point.setting.quality
     certified = trusted(with_quality(scene, quality))
@@ -101,19 +100,19 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: ND
     beyond = rays.values(depth, ...) > allowed(depth, ...)
     if quality.refinement == "slope":
         beyond[beyond] = ~rays.came_near(depth[beyond], np.flatnonzero(beyond), allowed)
-    share = float(beyond.mean())
+    fraction = float(beyond.mean())
     lie = (
         "come no nearer to the surface before them than"
         if quality.refinement == "slope"
         else "lie farther from it than"
     )
-    words = f"{share:.2%} of the hits {lie} the {promised:g} pixel widths promised"
-    return Check(f"hits of {point.name}", share <= SHARE, words)
+    words = f"{fraction:.2%} of the hits {lie} the {promised:g} pixel widths promised"
+    return Check(f"hits of {point.name}", fraction <= SHARE, words)
 
 
 @dataclass(frozen=True, slots=True)
 class _Rays:
-    """The rays of some pixels and the field along them, in float64; rows pick some of them."""
+    """Rays of some pixels and the field along them, in float64; `rows` selects rays."""
 
     field: Field
     origin: NDArray[Any]
@@ -127,8 +126,10 @@ class _Rays:
         return np.abs(self.field.distance(self.points(t, rows)))
 
     def came_near(self, t: NDArray[Any], rows: NDArray[Any], allowed: Any) -> NDArray[np.bool_]:
-        """Whether the field is as small as allowed anywhere before t on each ray: it is followed back to the camera, by
-        steps that a field of slope at most 1 cannot rise and fall in."""
+        """Whether the field is within the allowed value anywhere before t on each ray.
+
+        The ray is traced back to the camera. The steps are safe for a 1-Lipschitz field.
+        """
         at, near = t.copy(), np.zeros(len(t), np.bool_)
         left = np.arange(len(t))
         for _ in range(BACK):

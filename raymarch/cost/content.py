@@ -1,4 +1,4 @@
-"""What a scene is made of, as one number: two scenes of the same content have the same picture."""
+"""A content hash of a scene: two scenes of the same content have the same reference picture."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 
-ROOMS = ("expr", "sdf", "scene", "truth")
-"""Whose code decides what the truth of a scene is."""
+PACKAGES = ("expr", "sdf", "scene", "truth")
+"""Packages whose code determines the reference of a scene."""
 
 MARCHING = {
     *("tracer", "max_steps", "epsilon", "normals", "omega", "beta", "step_scale", "step_variation", "schedule"),
@@ -38,16 +38,16 @@ MARCHING = {
         "light_samples",
     ),
 }
-"""Fields of Quality that say how a picture is reached, not which. All others count: a model that truth follows too."""
+"""Fields of Quality that do not change the reference. The reference depends on all others, such as a shading model."""
 
-_BESIDE = {"where", "quality", "node"}
-"""Attributes that no truth depends on, or that are taken in another way: the field's expressions stand for the node."""
+_IGNORED = {"where", "quality", "node"}
+"""Attributes that the reference does not depend on, or that are hashed in another form (the node by its field)."""
 
 
 def content_key(scene: Scene, *more: Any) -> str:
-    """A digest of all that decides a scene's truth, of `more` (size, time, parameters), and of the code of the truth.
+    """Digest of everything that determines a scene's reference: content, `more` (size, time, parameters), and code.
 
-    Where a node was written does not count, nor how the quality reaches its picture.
+    Source locations of nodes and marching options of the quality do not count.
     """
     content = _Content()
     content.add("code", code_key())
@@ -67,10 +67,10 @@ def content_key(scene: Scene, *more: Any) -> str:
 
 @cache
 def code_key() -> str:
-    """A digest of the code that computes truths: another version of it, another truth."""
+    """Digest of the code that computes references, so that a change of the code invalidates the cache."""
     home = Path(__file__).parents[1]
     code = hashlib.sha256(np.__version__.encode())
-    files = [file for room in ROOMS for file in sorted((home / room).rglob("*.py"))]
+    files = [file for room in PACKAGES for file in sorted((home / room).rglob("*.py"))]
     for file in (*files, Path(__file__).with_name("reference.py")):
         code.update(file.name.encode() + file.read_bytes())
     return code.hexdigest()
@@ -81,11 +81,11 @@ def _attributes(part: Any) -> list[str]:
         return ["expressions"]
     slots = [name for kind in type(part).__mro__ for name in getattr(kind, "__slots__", ())]
     own = list(getattr(part, "__dict__", ()))
-    return [name for name in dict.fromkeys(slots + own) if not name.startswith("__") and name not in _BESIDE]
+    return [name for name in dict.fromkeys(slots + own) if not name.startswith("__") and name not in _IGNORED]
 
 
 class _Content:
-    """A running digest. Shared expressions are numbered, so that a graph costs what its nodes do."""
+    """Incremental digest. Shared expressions are numbered, so the cost of a graph is linear in its nodes."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
@@ -130,7 +130,7 @@ class _Content:
                 self._once(part, type(part).__name__, *((n, getattr(part, n)) for n in sorted(_attributes(part))))
 
     def _once(self, part: Any, *content: Any) -> None:
-        """Something that may be met again: then its number says it all."""
+        """Add a part that may occur again; later occurrences add its number only."""
         if part in self._numbers:
             self._text(f"again {self._numbers[part]}")
             return

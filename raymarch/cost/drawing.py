@@ -1,4 +1,4 @@
-"""Settings drawn: over several frames, and at another resolution than the picture's."""
+"""Render settings over several frames, and at other resolutions than that of the picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from raymarch.scene.scene import Scene
 
 
 class Drawn(Protocol):
-    """What is needed of a frame."""
+    """The required interface of a frame."""
 
     @property
     def timings(self) -> Any: ...
@@ -26,7 +26,7 @@ class Drawn(Protocol):
 
 
 class Draws(Protocol):
-    """What is needed of a renderer; a `raymarch.Renderer` is one."""
+    """The required interface of a renderer; `raymarch.Renderer` implements it."""
 
     kept: int
     clock: Any
@@ -41,7 +41,7 @@ class Draws(Protocol):
 class Renderers:
     """A renderer for each resolution, all on one context; use it with `with`.
 
-    given : an open one of the picture's size, which is left open.
+    given : an open renderer of the picture's size; it stays open.
     """
 
     def __init__(self, given: Draws, size: tuple[int, int]) -> None:
@@ -50,7 +50,7 @@ class Renderers:
         self._stack = ExitStack()
 
     def of(self, setting: Setting) -> Draws:
-        """The one that draws a setting."""
+        """The renderer for a setting."""
         size = setting.size(self._size)
         if size == self._size:
             return self._given
@@ -75,7 +75,7 @@ def draw(
     params: Mapping[str, Any] | None = None,
     outputs: Sequence[str] = ("color",),
 ) -> tuple[Drawn, list[Drawn]]:
-    """The last of a setting's frames, and all of them."""
+    """Render all frames of a setting; returns the last one, and the list of all."""
     made = setting.of(scene)
     if setting.frames > 1:
         renderer.forget()
@@ -91,15 +91,15 @@ def timed(
     params: Mapping[str, Any] | None = None,
     output: str = "color",
 ) -> tuple[float, float]:
-    """Milliseconds of one picture: by the renderer's clock, and what passed on the wall clock while it was drawn."""
+    """Milliseconds of one picture, by the renderer's clock and by the wall clock."""
     start = perf_counter()
     claimed = sum(frame.milliseconds for frame in draw(scene, setting, renderer, time, params, (output,))[1])
     return claimed, 1e3 * (perf_counter() - start)
 
 
 def brought_to(values: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
-    """A picture (H, W, 3) brought to a size (width, height): linear interpolation, or, where pixels are many for one,
-    a mean by a tent over them."""
+    """Resample a picture (H, W, 3) to a size (width, height): linear interpolation to enlarge, a tent filter to
+    reduce."""
     height, width = values.shape[:2]
     if (width, height) == size:
         return values
@@ -109,7 +109,7 @@ def brought_to(values: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
 
 
 def nearest(values: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
-    """Values (H, W, ...) at the middles of another size's pixels, each the nearest: depths are not to be mixed."""
+    """Resample values (H, W, ...) by nearest neighbour: depths must not be averaged."""
     height, width = values.shape[:2]
     if (width, height) == size:
         return values
@@ -120,7 +120,7 @@ def nearest(values: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
 
 
 def _tents(given: int, wanted: int) -> NDArray[np.float64]:
-    """Weights of `given` pixels for each of `wanted`, (wanted, given)."""
+    """Filter weights of the `given` pixels for each of the `wanted` ones, (wanted, given)."""
     middle = (np.arange(wanted) + 0.5) * given / wanted - 0.5
     apart = np.abs(np.clip(middle, 0, given - 1)[:, None] - np.arange(given)) / max(1.0, given / wanted)
     weights = np.maximum(1.0 - apart, 0.0)

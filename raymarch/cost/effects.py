@@ -1,4 +1,4 @@
-"""What each effect of a scene costs, and what it changes in the picture: each left out in turn."""
+"""Ablation of effects: the cost of each effect of a scene, and its change of the picture."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ COUNTER = "field_evaluations_"
 
 @dataclass(slots=True)
 class Effect:
-    """An effect, by what is saved where it is left out. All but the flips are differences: with it, less without it.
+    """Cost of an effect. All values but the flips are differences: the scene with the effect minus without it.
 
-    milliseconds : of a frame, as frames of the same turn differ. evaluations : of the field and its gradient a pixel,
-    secondary rays and all. texture_bytes, shader_bytes : of the passes' textures and of the shader's text.
-    flip_mean, flip_p99, flip_max, flip_region : FLIP of the picture without it against that with it.
+    milliseconds : frame time; frames of the same turn are compared. evaluations : of the field and its gradient per
+    pixel, with all secondary rays. texture_bytes, shader_bytes : size of the passes' textures and of the shader's text.
+    flip_mean, flip_p99, flip_max, flip_region : FLIP of the picture without the effect against that with it.
     """
 
     name: str
@@ -75,11 +75,11 @@ class Effect:
 
 
 def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
-    """The scene with each of its effects left out in turn.
+    """The scene without each of its effects in turn.
 
-    An effect is an optional part of the scene that is given (fog, occlusion, ...), a switch of a light or of the sky
-    that is on, a softness that is not 0, one of several lights, textures and relief, bounces of light, all and the last
-    alone, or more than one ray a pixel.
+    Effects are: an optional part of the scene (fog, occlusion, ...), a switch of a light or of the sky that is on, a
+    softness that is not 0, one of several lights, textures and relief, all bounces of light, the last bounce, and more
+    than one ray per pixel.
     """
     for name in _optional_parts(scene):
         yield name, scene.replace(**{name: None})
@@ -109,7 +109,7 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
 
 
 def _optional_parts(scene: Scene) -> list[str]:
-    """What this scene was given and a plain one does not have, by name."""
+    """Names of the optional parts that this scene has and a plain one does not."""
     plain = Scene(scene.node)
     names = [n for n, p in inspect.signature(Scene).parameters.items() if p.default is None]
     return [n for n in names if getattr(plain, n) is None and getattr(scene, n) is not None]
@@ -140,10 +140,10 @@ def ablate(
     progress: Progress | None = None,
     count: Callable[..., float] | None = None,
 ) -> list[Effect]:
-    """Measure each effect of a scene, dearest first.
+    """Measure each effect of a scene, most expensive first.
 
-    renderer : an open one. repeats, seed : as for `raymarch.cost.sweep.sweep`; all variants take turns.
-    count : for tests, in place of `evaluations_of`.
+    renderer : an open renderer. repeats, seed : as for `raymarch.cost.sweep.sweep`; all variants take turns.
+    count : replaces `evaluations_of` in tests.
 
     Raises CostError for a scene without effects.
     """
@@ -153,14 +153,14 @@ def ablate(
     if not variants:
         raise CostError("the scene has no effects", legal="shadows, fog, occlusion, light of the sky, several lights")
     renderer.kept = max(renderer.kept, 4 * (len(variants) + 1))
-    whole = _figures(scene, renderer, time, params, counted)
+    complete = _figures(scene, renderer, time, params, counted)
     found = []
     for i, (name, made) in enumerate(variants):
         tell(f"without {name}", 0.5 * i / len(variants))
         without = _figures(made, renderer, time, params, counted)
-        values = flip(whole["color"], without["color"])
+        values = flip(complete["color"], without["color"])
         p99, largest = (float(v) for v in np.percentile(values, (99, 100)))
-        costs = {n: whole[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
+        costs = {n: complete[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
         found.append(Effect(name, **costs, flip_mean=float(values.mean()), flip_p99=p99, flip_max=largest,
                             flip_region=largest_region(values > BAD)))  # fmt: skip
     turns = random.Random(seed)
@@ -178,7 +178,7 @@ def ablate(
 
 
 def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Callable[..., float]) -> dict[str, Any]:
-    """What needs no clock; two frames are drawn, so that none that is timed later is the first."""
+    """Measurements that need no clock. Two frames are rendered, so that no frame that is timed later is the first."""
     size = renderer.size
     color = renderer.render(scene, time, params, ("color",)).array("color")
     renderer.render(scene, time, params, ("color",))
@@ -197,9 +197,9 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Calla
 
 
 def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None) -> float:
-    """Evaluations of the field and of its gradient, mean a pixel, with those of shadows and all other secondary rays.
+    """Mean evaluations of the field and its gradient per pixel, with those of shadows and all other secondary rays.
 
-    They are counted by the scene's own shader, with a counter written into it, at one ray a pixel and without cones.
+    The scene's own shader with an inserted counter counts them, at one ray per pixel and without cones.
     """
     plain = with_quality(
         scene, replace(scene.quality, samples=1, temporal="off", schedule="single", steps_per_pass=None)
@@ -213,7 +213,8 @@ def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mappi
 
 
 def counting_text(text: str) -> str:
-    """A shader of the colour pass that gives how often it asked the field or its gradient, in place of the colour."""
+    """A shader of the colour pass that writes its number of evaluations of field and gradient in place of the
+    colour."""
     found = 0
     lines = []
     for line in text.splitlines():
@@ -229,8 +230,8 @@ def counting_text(text: str) -> str:
 
 
 def table(effects: list[Effect], name: str) -> Table:
-    """The effects as a table, dearest first."""
-    drawn = Table(title=f"{name}: what each effect costs, and changes", title_justify="left", box=None)
+    """The effects as a table, most expensive first."""
+    drawn = Table(title=f"{name}: cost of each effect, and change of the picture", title_justify="left", box=None)
     headings = ("ms", "95 %", "evals", "texture bytes", "shader bytes", "flip p99", "flip max", "bad region")
     drawn.add_column("effect", no_wrap=True)
     for heading in headings:

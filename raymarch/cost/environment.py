@@ -1,4 +1,4 @@
-"""On what, with what and when something was measured: a time without this says nothing."""
+"""The environment of a measurement: a time is meaningless without it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far each hit of a frame is from the true one, as a picture."""
+"""Depth errors of a frame as a picture."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 
 
 def errors_of(frame: Frame, scene: Scene, params: Mapping[str, Any] | None = None) -> Array:
-    """abs(depth - truth) in pixel footprints, (H, W): inf where a hit is missed or made up, 0 where neither hits.
+    """abs(depth - reference) in pixel footprints, (H, W): inf where a hit is missed or false, 0 where neither hits.
 
-    Traces the truth of the frame's moment with the scene's own camera; params as the frame was rendered with.
+    Traces the reference at the frame's time with the scene's own camera; params : those of the frame.
     """
     assert frame.pose is not None
     known = truth(scene, frame.size, frame.time, params, outputs=())
@@ -30,13 +30,13 @@ def errors_of(frame: Frame, scene: Scene, params: Mapping[str, Any] | None = Non
 
 
 def error_scale() -> Scale:
-    """What the colours of `error_picture` stand for."""
-    quantity = "pixel footprints from the true hit; magenta: a hit that is missed or made up"
+    """The colour scale of `error_picture`."""
+    quantity = "pixel footprints from the true hit; magenta: a missed or false hit"
     return Scale(quantity, LOWEST, HIGHEST, "log")
 
 
 def error_picture(errors: Array) -> Image.Image:
-    """What `errors_of` gives as an 8-bit image of the same size; a wrong hit is magenta."""
+    """The result of `errors_of` as an 8-bit image of the same size; missed and false hits are magenta."""
     pixels = np.asarray(np.rint(255 * error_scale().colored(errors)), np.uint8)
     pixels[~np.isfinite(errors)] = WRONG
     return Image.fromarray(pixels)

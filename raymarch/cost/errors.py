@@ -1,4 +1,4 @@
-"""How far a frame is from the truth, in every way that counts."""
+"""Errors of a frame against the reference."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ Array = NDArray[np.float64]
 NAN = float("nan")
 
 ENOUGH = 0.05
-"""Share of the hits that must lie off silhouettes, if those alone are to speak for the picture."""
+"""Least fraction of the hits away from silhouettes; below it, silhouettes are compared too."""
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Errors of one frame. Where nothing could be compared they are nan.
+    """Errors of one frame. They are nan if nothing could be compared.
 
-    Pixels at silhouettes stand apart: there a hair decides between two surfaces. All but the two `_at_edges` and
-    the picture's leave them out, and take errors where both the frame and the truth hit. Where nearly all that is seen
-    is silhouettes, as on a fractal, distances and normals are compared at them too.
+    Pixels at silhouettes are excluded: there the smallest offset decides which of two surfaces is hit. The exceptions
+    are the two `_at_edges` and the errors of the picture. All others are taken where both the frame and the reference
+    hit. Where nearly all hits are at silhouettes, as on a fractal, distances and normals are compared there too.
 
     Attributes
     ----------
-    pixels : how many were compared.
+    pixels : number of compared pixels.
     apart : False if silhouettes had to be compared too.
-    missed, false : hits that the frame lacks, and that it has too many.
+    missed, false : number of hits that only the reference has, and that only the frame has.
     missed_at_edges, false_at_edges : the same at silhouettes.
-    depth_rms, depth_p50, depth_p99, depth_max : abs(depth - truth), in the scene's unit of length.
-    p1 : the sum of (depth - truth)^2 over all pixels that the truth hits, silhouettes too, the measure of Bálint and
-        Valasek (2018). A ray that has not found its hit counts with how far it came.
-    p1_apart : the same without silhouettes, where one pixel that sees the other surface outweighs all the rest.
-    pixels_p50, pixels_p99, pixels_max : abs(depth - truth) in footprints, a pixel's size at that distance.
+    depth_rms, depth_p50, depth_p99, depth_max : abs(depth - reference), in the scene's unit of length.
+    p1 : the sum of (depth - reference)^2 over all pixels where the reference hits, silhouettes too, the measure of
+        Bálint and Valasek (2018). A ray without a hit counts with the distance that it reached.
+    p1_apart : the same without silhouettes, where one pixel on the other surface outweighs all others.
+    pixels_p50, pixels_p99, pixels_max : abs(depth - reference) in footprints, a pixel's size at that distance.
     normal_p50, normal_p99, normal_max : angle between the normals in degrees.
-    flip_mean, flip_p99, flip_max : FLIP of the picture against the averaged truth, over all pixels.
+    flip_mean, flip_p99, flip_max : FLIP of the picture against the averaged reference, over all pixels.
     flip_region : pixels of the largest connected region where FLIP exceeds 0.2.
     """
 
@@ -69,7 +69,7 @@ class Errors:
 
     @property
     def sound(self) -> bool:
-        """True if no hit is missed or made up away from silhouettes."""
+        """True if no hit is missed or false away from silhouettes."""
         return self.missed == 0 and self.false == 0
 
     def as_dict(self) -> dict[str, float | int | None]:
@@ -88,11 +88,11 @@ def measure(
 
     Parameters
     ----------
-    known : the truth.
+    known : the reference.
     depth : (H, W), inf where nothing was hit.
     normal : (H, W, 3), any length but 0; None leaves the angles nan.
     color : (H, W, 3), linear RGB; None leaves the picture's errors nan.
-    reach : (H, W), how far each ray came; None leaves rays without a hit out of `p1`.
+    reach : (H, W), the distance that each ray reached; None leaves rays without a hit out of `p1`.
 
     Raises ValueError for arrays of another shape.
     """
@@ -130,7 +130,7 @@ def measure(
 
 
 def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]:
-    """The picture's errors alone; color (H, W, 3), linear RGB."""
+    """Errors of the picture alone; color (H, W, 3), linear RGB."""
     values = flip(known.picture, _shaped("color", color, known.picture.shape))
     return {
         "flip_mean": float(values.mean()),
@@ -140,26 +140,26 @@ def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]
 
 
 def check_followed(scene: Scene) -> None:
-    """CostError for a scene whose true picture the truth does not know: it follows no random ways of light."""
+    """Raise CostError for a path-traced scene: the reference has no path tracer, so its picture is unknown."""
     if scene.path_traced:
         raise CostError(
-            "FLIP against the truth, which follows no light that goes random ways: there is no true picture",
+            "FLIP against the reference: it has no path tracer, so there is no reference picture",
             legal="Quality(integrator='whitted'), or a distance in pixels such as 0.5px or pixels_p99",
             where=scene.where,
         )
 
 
 def picture_doubt(known: Reference) -> float:
-    """By how much the true picture may be off by its own noise, as the 99th percentile of FLIP.
+    """Estimate of the noise of the reference picture, as the 99th percentile of FLIP.
 
-    It is that between the mean of all rays and the mean of half of them, which is as far from it as the mean of all is
-    from that of infinitely many. 0 where a pixel has one ray: then nothing is known of it.
+    It is the FLIP between the mean of all rays and the mean of half of them. This difference is as large as that
+    between the mean of all rays and the mean of infinitely many. 0 for one ray per pixel: the noise is then unknown.
     """
     return float(np.percentile(flip(known.picture, known.half), 99))
 
 
 def footprints(known: Reference, depth: ArrayLike) -> Array:
-    """abs(depth - truth) in footprints, (H, W): inf where a hit is missed or made up, 0 where neither hits."""
+    """abs(depth - reference) in footprints, (H, W): inf where a hit is missed or false, 0 where neither hits."""
     return apart(depth, known.depth, known.pixel)
 
 
@@ -179,12 +179,12 @@ def _ranks(name: str, values: Array, *ranks: int) -> dict[str, float]:
 
 
 def _angles(a: Array, b: Array) -> Array:
-    """Degrees between vectors of any length, exact for small angles too."""
+    """Degrees between vectors of any length, accurate for small angles too."""
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("ij,ij->i", a, b)))
 
 
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
     array = np.asarray(values, np.float64)
     if array.shape != shape:
-        raise ValueError(f"errors: {name} has shape {array.shape}, the truth {shape}")
+        raise ValueError(f"errors: {name} has shape {array.shape}, the reference {shape}")
     return array

@@ -1,7 +1,7 @@
-"""FLIP: how different two pictures look when one is flipped to the other, pixel by pixel.
+"""FLIP: the perceived difference of two pictures that are alternated, per pixel.
 
 Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating
-Images" (HPG 2020), the version for pictures of ordinary range. The tests hold it against the authors' own evaluator.
+Images" (HPG 2020), the version for low dynamic range. The tests compare it with the authors' own evaluator.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 PIXELS_PER_DEGREE = 0.7 * (3840 / 0.7) * np.pi / 180
-"""Seen from 0.7 m: a screen of 3840 pixels over 0.7 m."""
+"""A screen of 3840 pixels over 0.7 m, viewed from 0.7 m."""
 
 BAD = 0.2
-"""FLIP from which a pixel counts as bad when regions of bad pixels are looked for."""
+"""FLIP above which a pixel counts as bad in the search for regions of bad pixels."""
 
 _TO_XYZ = np.array(
     [
@@ -40,11 +40,11 @@ _FEATURE_DEGREES = 0.082
 
 
 def flip(reference: ArrayLike, picture: ArrayLike, pixels_per_degree: float = PIXELS_PER_DEGREE) -> Array:
-    """FLIP of each pixel, 0 (no difference is seen) to 1; shape (H, W).
+    """FLIP of each pixel, 0 (no visible difference) to 1; shape (H, W).
 
     Parameters
     ----------
-    reference, picture : (H, W, 3), linear RGB; what lies outside [0, 1] is clipped, as a screen would. NaN counts as 0.
+    reference, picture : (H, W, 3), linear RGB; values outside [0, 1] are clipped, as on a screen. NaN counts as 0.
     pixels_per_degree : of visual angle, > 0.
 
     Raises ValueError for pictures of different or other shapes.
@@ -69,7 +69,7 @@ def _color_difference(a: Array, b: Array, ppd: float) -> Array:
 
 
 def _feature_difference(a: Array, b: Array, ppd: float) -> Array:
-    """Edges and points that are in one picture and not in the other."""
+    """Difference of edges and points between two pictures."""
     lights = ((a + 16.0) / 116.0, (b + 16.0) / 116.0)
     found = []
     for kind in ("edge", "point"):
@@ -86,7 +86,7 @@ def _features(light: Array, kind: str, ppd: float) -> Array:
 
 @cache
 def _feature_kernels(kind: str, ppd: float) -> tuple[Array, Array]:
-    """First or second derivative of a Gaussian, whose positive and negative parts each sum to 1, and the Gaussian."""
+    """First or second derivative of a Gaussian, and the Gaussian. Positive and negative parts each sum to 1."""
     deviation = 0.5 * _FEATURE_DEGREES * ppd
     x = _taps(int(np.ceil(3.0 * deviation)))
     gauss = np.exp(-(x**2) / (2.0 * deviation**2))
@@ -96,8 +96,8 @@ def _feature_kernels(kind: str, ppd: float) -> tuple[Array, Array]:
 
 
 def _filtered(opponent: Array, ppd: float) -> Array:
-    """What the eye resolves, back as linear RGB in [0, 1]."""
-    seen = np.empty_like(opponent)
+    """Picture filtered by the contrast sensitivity of the eye, as linear RGB in [0, 1]."""
+    filtered = np.empty_like(opponent)
     radius = int(np.ceil(3.0 * np.sqrt(_WIDEST / (2.0 * np.pi**2)) * ppd))
     x = _taps(radius) / ppd
     for channel, gaussians in enumerate(_SENSITIVITY):
@@ -107,8 +107,8 @@ def _filtered(opponent: Array, ppd: float) -> Array:
             w / sum(weights) * _separable(opponent[..., channel], k / k.sum(), k / k.sum())
             for w, k in zip(weights, kernels, strict=True)
         ]
-        seen[..., channel] = sum(parts)
-    return np.clip(_from_opponent(seen), 0.0, 1.0)
+        filtered[..., channel] = sum(parts)
+    return np.clip(_from_opponent(filtered), 0.0, 1.0)
 
 
 def _taps(radius: int) -> Array:
@@ -116,7 +116,7 @@ def _taps(radius: int) -> Array:
 
 
 def _separable(values: Array, across: Array, down: Array) -> Array:
-    """Convolution with a kernel for columns and one for rows; the border repeats the picture's edge."""
+    """Convolution with a kernel for columns and one for rows; the border repeats the edge pixels."""
     rows = _convolved(values, across)
     return _convolved(rows.T, down).T
 
@@ -154,7 +154,7 @@ def _lab(rgb: Array) -> Array:
 
 
 def _hunt(lab: Array) -> Array:
-    """The brighter, the more colourful."""
+    """Hunt adjustment: chroma is scaled by lightness."""
     light = lab[..., :1]
     return np.concatenate([light, 0.01 * light * lab[..., 1:]], axis=-1)
 
@@ -167,7 +167,7 @@ def _hyab(a: Array, b: Array) -> Array:
 
 @cache
 def _largest() -> float:
-    """The largest difference of colours: green against blue."""
+    """The largest colour difference: green against blue."""
     green, blue = (_hunt(_lab(np.array([c]))) for c in ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
     return float(_hyab(green, blue)[0] ** _COLOR_POWER)
 
@@ -175,7 +175,7 @@ def _largest() -> float:
 def largest_region(bad: NDArray[Any]) -> int:
     """Pixels of the largest connected region of a mask of shape (H, W), diagonals included; 0 if there is none.
 
-    The mean of a picture forgives a small hole that every eye finds; this does not.
+    The mean over a picture hides a small hole that is clearly visible; this measure does not.
     """
     mask = np.asarray(bad, np.bool_)
     height, width = mask.shape

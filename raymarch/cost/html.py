@@ -1,4 +1,4 @@
-"""A sweep as one file that any browser shows, with nothing to load from elsewhere."""
+"""A sweep as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from raymarch.gpu.frame import srgb
 from raymarch.gpu.scale import Scale
 
 MOST = 6
-"""Points that are shown with pictures."""
+"""Number of points that are shown with pictures."""
 STOPS = 12
 """Colours of a legend's gradient."""
 
@@ -39,7 +39,7 @@ def as_html(made: Sweep, metric: str = "pixels_p99") -> str:
         "<h2>Error against time</h2>",
         _figures(made, metric),
         "<h2>Settings</h2>",
-        '<p class="soft">A dot marks what no other setting beats in both time and error; grey rows miss hits. '
+        '<p class="soft">A dot marks settings that no other beats in both time and error; grey rows miss hits. '
         "A click on a heading sorts.</p>",
         _table(made, metric, table(made, metric), in_table(made, metric)),
         _light(made, metric),
@@ -73,7 +73,7 @@ def _figures(made: Sweep, metric: str) -> str:
 
 
 def _table(made: Sweep, metric: str, drawn: Table, points: list[Point]) -> str:
-    """The columns of a table that the command prints; `points` are its rows."""
+    """A table of the command line as HTML; `points` are its rows."""
     front = {id(p) for p in made.front(metric)}
     head = "".join(f"<th>{escape(str(column.header))}</th>" for column in drawn.columns)
     columns = [list(column.cells) for column in drawn.columns][1:]
@@ -92,9 +92,9 @@ def _light(made: Sweep, metric: str) -> str:
     if drawn is None:
         return ""
     words = (
-        "Other ways to reckon the light: all evaluations of the field and its gradient a pixel, those of shadows too; "
-        "and how far the picture is from the true one. Forms of soft shadows are held against the shadow of the "
-        "light's whole disc."
+        "Other settings of light and shadow: all evaluations of the field and its gradient per pixel, with those of "
+        "shadows; and the error of the picture. Forms of soft shadows are compared with the shadow of the light's "
+        "whole disc."
     )
     listed = _table(made, metric, drawn, lights_of(made, metric))
     return f'<h2>Light and shadow</h2><p class="soft">{words}</p>{listed}'
@@ -105,16 +105,16 @@ def _light(made: Sweep, metric: str) -> str:
 
 def _pictures(made: Sweep, metric: str) -> str:
     known = made.known
-    words = f"mean of {known.samples} float64 rays a pixel, mean standard error {known.spread.mean():.2g}"
-    truth = f'<div class="point truth"><h3>The truth</h3><p class="says">{words}</p>'
+    words = f"mean of {known.samples} float64 rays per pixel, mean standard error {known.spread.mean():.2g}"
+    truth = f'<div class="point truth"><h3>Reference</h3><p class="says">{words}</p>'
     return "".join(
         (
             '<div class="scales">',
-            _legend(FOOTPRINT_SCALE, "distance from the true hit in pixel footprints; magenta: missed or made up"),
-            _legend(FLIP_SCALE, "FLIP: difference that an eye sees"),
+            _legend(FOOTPRINT_SCALE, "distance from the true hit in pixel footprints; magenta: missed or false"),
+            _legend(FLIP_SCALE, "FLIP: perceived difference"),
             "</div>",
             truth,
-            _picture(srgb(known.picture), "true picture"),
+            _picture(srgb(known.picture), "reference picture"),
             "</div>",
             *(_shown(made, p, metric) for p in _chosen(made, metric)),
         )
@@ -122,7 +122,7 @@ def _pictures(made: Sweep, metric: str) -> str:
 
 
 def _chosen(made: Sweep, metric: str) -> list[Point]:
-    """The presets and the scene's own, then the front, as far as there is room."""
+    """The presets and the scene's own setting, then the front, up to the limit."""
     front = made.front(metric)
     ranked = [made.base, *(p for p in made.points if p.setting.preset), *front]
     return list({id(p): p for p in ranked}.values())[:MOST]
@@ -131,7 +131,7 @@ def _chosen(made: Sweep, metric: str) -> list[Point]:
 def _shown(made: Sweep, point: Point, metric: str) -> str:
     errors = point.errors
     words = (
-        f"{point.time} ms; {errors.pixels_p99:.2g} px (p99); {errors.missed} missed, {errors.false} made up; "
+        f"{point.time} ms; {errors.pixels_p99:.2g} px (p99); {errors.missed} missed, {errors.false} false hits; "
         f"FLIP {errors.flip_p99:.2g} (p99) against {held_against(point, made)}; {point.evaluations:.1f} evaluations"
     )
     badge = '<span class="badge">front</span>' if any(p is point for p in made.front(metric)) else ""
@@ -145,8 +145,10 @@ def _shown(made: Sweep, point: Point, metric: str) -> str:
 
 def _legend(scale: Scale, words: str) -> str:
     """A bar of a scale's colours with its marks."""
-    share = np.linspace(0.0, 1.0, STOPS)
-    values = 10.0 ** (np.log10(scale.low) + share * np.log10(scale.high / scale.low)) if scale.kind == "log" else share
+    position = np.linspace(0.0, 1.0, STOPS)
+    values = (
+        10.0 ** (np.log10(scale.low) + position * np.log10(scale.high / scale.low)) if scale.kind == "log" else position
+    )
     colors = ", ".join("rgb({},{},{})".format(*np.rint(255 * c).astype(int)) for c in scale.colored(values))
     ticks = "".join(f"<span>{value:.3g}</span>" for value in scale.ticks)
     bar = f'<div class="bar" style="background: linear-gradient(90deg, {colors})"></div>'

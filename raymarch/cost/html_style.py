@@ -1,4 +1,4 @@
-"""How the report looks, and what makes its tables sortable; it is one file, so both are written into it."""
+"""Style sheet and table script of the report; both are embedded in its single file."""
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #1d2127; --soft: #5c6570; --paper: #fff; --card: #f5f6f8; --line: #dde1e6;
@@ -56,7 +56,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
     head.setAttribute("aria-sort", up ? "ascending" : "descending");
     const rows = [...body.rows].sort((a, b) => {
       const x = value(a, k), y = value(b, k);
-      if (typeof x !== typeof y) return typeof x === "number" ? -1 : 1;  // what has no number stands last
+      if (typeof x !== typeof y) return typeof x === "number" ? -1 : 1;  // text sorts last
       return (x < y ? -1 : x > y ? 1 : 0) * (up ? 1 : -1);
     });
     body.append(...rows);

@@ -14,15 +14,15 @@ from raymarch.errors import CostError
 from raymarch.gpu.scale import Scale
 
 LOWEST, HIGHEST = 1e-4, 10.0
-"""Footprints at the two ends of the colours."""
+"""Footprints at the two ends of the colour scale."""
 WRONG = (255, 0, 255)
-"""Where a hit is missed or made up."""
+"""Colour of missed and false hits."""
 FOOTPRINT_SCALE = Scale("pixel footprints", LOWEST, HIGHEST, "log")
 FLIP_SCALE = Scale("FLIP", 0.0, 1.0)
 
 
 def plotting() -> Any:
-    """matplotlib, or what to install."""
+    """Import matplotlib. CostError with the command to install it."""
     try:
         import matplotlib
     except ImportError:
@@ -39,7 +39,7 @@ def footprint_map(known: Reference, depth: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def flip_map(known: Reference, color: NDArray[Any]) -> NDArray[np.uint8]:
-    """FLIP against the true picture, 0 to 1."""
+    """FLIP against the reference picture, 0 to 1."""
     return _pixels(FLIP_SCALE, flip(known.picture, color))
 
 

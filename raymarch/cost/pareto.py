@@ -1,4 +1,4 @@
-"""Which settings are worth having: those that no other beats in both error and cost."""
+"""The Pareto front: the settings that no other beats in both error and cost."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 def pareto(points: Sequence[T], cost: Callable[[T], float], error: Callable[[T], float]) -> list[T]:
-    """The points that no other one beats: none is as good in both and better in one. By rising cost.
+    """The Pareto-optimal points, by ascending cost: no other is at least as good in both and better in one.
 
     Points whose cost or error is nan are never on the front.
     """
@@ -23,6 +23,6 @@ def pareto(points: Sequence[T], cost: Callable[[T], float], error: Callable[[T],
 
 
 def behind(point: T, points: Sequence[T], cost: Callable[[T], float], error: Callable[[T], float]) -> float:
-    """How many times more a point costs than the cheapest one with no larger error; 1 on the front."""
+    """Cost of a point over that of the cheapest one with no larger error; 1 on the front."""
     rivals = [cost(p) for p in points if error(p) <= error(point)]
     return cost(point) / min([*rivals, cost(point)])

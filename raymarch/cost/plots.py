@@ -1,4 +1,4 @@
-"""Figures of a sweep. matplotlib is needed, and nothing of its global state is touched."""
+"""Figures of a sweep. They need matplotlib and do not change its global state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLORS = {
     "auto_relaxed": "#1f6fc4",
     "bracketing": "#b0207a",
 }
-"""The same colour for a tracer in every figure."""
+"""Colour of each tracer in all figures."""
 
 LABELS = {
     "pixels_p99": "distance from the true hit, pixel footprints, 99th percentile",
@@ -34,8 +34,11 @@ LABELS = {
 
 
 def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
-    """The figure of a sweep: error against time, evaluations beside the floor, and, where tracers were tried at several
-    numbers of steps, error and time relative to the plain tracer as in P1's figure 3."""
+    """The figure of a sweep: error against time, and evaluations with the lower bound N*.
+
+    If tracers were measured at several numbers of steps, it also shows error and time relative to the plain tracer, as
+    in P1's figure 3.
+    """
     steps = by_steps(made)
     columns = 3 if len(steps) > 1 and "plain" in steps else 2
     drawn = blank(6.4 * columns, 5.2)
@@ -53,7 +56,7 @@ def panels(made: Sweep, metric: str = "pixels_p99") -> list[tuple[str, Any]]:
     steps = by_steps(made)
     parts: list[tuple[str, Callable[[Any], None]]] = [
         ("error against time, with the front and the presets", lambda axes: draw_front(axes, made, metric)),
-        ("evaluations of the field, beside the least that could do", lambda axes: draw_evaluations(axes, made)),
+        ("evaluations of the field, with the lower bound N*", lambda axes: draw_evaluations(axes, made)),
     ]
     if len(steps) > 1 and "plain" in steps:
         words = "error and time by the steps of a ray, relative to the plain tracer"
@@ -67,7 +70,7 @@ def panels(made: Sweep, metric: str = "pixels_p99") -> list[tuple[str, Any]]:
 
 
 def blank(width: float, height: float) -> Any:
-    """An empty figure, inches."""
+    """An empty figure; width and height in inches."""
     plotting()
     from matplotlib.figure import Figure
 
@@ -121,7 +124,7 @@ def draw_front(axes: Any, made: Sweep, metric: str) -> None:
 
 
 def draw_evaluations(axes: Any, made: Sweep) -> None:
-    """Evaluations a pixel of the presets and of each tracer at most steps, beside the floor."""
+    """Evaluations per pixel of the presets and of each tracer at its most steps, with the lower bound N*."""
     shown = _longest(made)
     names = [labelled(p) for p in shown]
     colors = [COLORS.get(p.tracer, "#444444") for p in shown]
@@ -136,12 +139,12 @@ def draw_evaluations(axes: Any, made: Sweep) -> None:
         over = f" ({point.evaluations / made.floor:.2f} N*)" if made.floor > 0 else ""
         axes.text(point.evaluations, row, f" {point.evaluations:.1f}{over}", fontsize=7, va="center")
     axes.margins(x=0.25)
-    axes.set_xlabel("evaluations of the field a pixel, primary rays")
+    axes.set_xlabel("evaluations of the field per pixel, primary rays")
     axes.grid(alpha=0.25, axis="x", lw=0.4)
 
 
 def _longest(made: Sweep) -> list[Point]:
-    """The base, the presets, and each tracer at the most steps that it was tried at."""
+    """The base, the presets, and each tracer at its largest number of steps."""
     shown = {id(p): p for p in made.points if p is made.base or p.setting.preset}
     for points in by_steps(made).values():
         shown[id(points[-1])] = points[-1]

@@ -1,4 +1,4 @@
-"""What a scene's settings are judged by: the float64 truth at every pixel, kept from run to run."""
+"""The float64 reference of a scene, with edges and an averaged picture, cached on disk."""
 
 from __future__ import annotations
 
@@ -23,37 +23,38 @@ from raymarch.truth.rays import camera_rays
 from raymarch.truth.tracer import trace
 
 CACHE_VARIABLE = "RAYMARCH_CACHE"
-"""Environment variable that names the folder of kept truths; empty keeps none."""
+"""Environment variable with the cache folder of references; empty disables the cache."""
 
 EDGE_WIDTHS = (0.25, 0.0625)
-"""Pixels within which edges are looked for where nearly every pixel has one."""
+"""Edge distances in pixels that are tried where nearly every pixel has an edge."""
 MOST_AT_EDGES = 0.5
-"""Share of the hits that may stand apart as silhouettes before nearer edges are looked for."""
+"""Fraction of the hits that may be silhouettes before a smaller edge distance is tried."""
 
 AT_ONCE = 500_000
-"""Rays of the picture that are traced together: what memory holds with ease."""
+"""Rays of the picture that are traced together; this bounds the memory."""
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Reference:
-    """The truth of a scene of H rows and W columns; nothing of it comes from a GPU.
+    """The reference of a scene, of H rows and W columns, computed on the CPU alone.
 
     Attributes
     ----------
     depth, hit, normal, material, color, direction : as in `raymarch.truth`: through the centres of the pixels.
-    edges : (H, W) bool, pixels with an edge within `edge_width` pixels of their middle.
-    edge_width : 1, as `raymarch.truth.silhouettes` finds them; less where edges would else take most of the hits, and
-        nothing would be left to compare: then as `raymarch.truth.near_edges` finds them.
+    edges : (H, W) bool, pixels with an edge within `edge_width` pixels of their centre.
+    edge_width : 1, by `raymarch.truth.silhouettes`. Less, by `raymarch.truth.near_edges`, where most hits would be at
+        edges and nothing would be left to compare.
     picture : (H, W, 3), linear RGB averaged over each pixel's square, by `samples` rays in a regular grid.
-    spread : (H, W), standard error of `picture`, the largest of the channels: that of as many rays placed at random,
-        which is more than that of a grid.
-    half : (H, W, 3), the mean of every other one of these rays. It is as far from `picture` as that is from the mean
-        of infinitely many: the difference of the two halves' means, halved, has the standard error of the whole.
-    samples : rays a pixel of the picture.
-    pixel : size of a pixel at distance 1, so that a pixel's footprint at distance t is `pixel * t`.
-    floor : (H, W), N* of `raymarch.truth.floor`; -1 where the field is only an estimate and there is none.
+    spread : (H, W), standard error of `picture`, maximum over the channels, for as many independent random rays. That
+        of a grid is smaller.
+    half : (H, W, 3), the mean of every other one of these rays. Its difference from `picture` is as large as that of
+        `picture` from the mean of infinitely many rays: half the difference of the two halves' means has the standard
+        error of the whole.
+    samples : rays per pixel of the picture.
+    pixel : size of a pixel at distance 1; its footprint at distance t is `pixel * t`.
+    floor : (H, W), N* of `raymarch.truth.floor`; -1 where the field is only an estimate.
     """
 
     depth: NDArray[np.float64]
@@ -85,17 +86,17 @@ def reference(
     samples: int = 1,
     progress: Progress | None = None,
 ) -> Reference:
-    """The truth of a scene, from the cache if it was computed before.
+    """The reference of a scene, from the cache if it was computed before.
 
     Parameters
     ----------
     scene, size, time, params : as `raymarch.truth` takes them.
-    samples : rays a pixel of the averaged picture, a square number from 1 to 256. 1 is the centre alone. 0 leaves out
-        the colours (they are 0 then) and N* (then -1), which take the longest.
-    progress : called with what is being computed.
+    samples : rays per pixel of the averaged picture, a square number from 1 to 256. 1 is the centre alone. 0 skips the
+        colours (then 0) and N* (then -1), which take the longest.
+    progress : called with a description of the current step.
 
-    The cache is keyed by the content of the scene and the code that computes the truth. A file that cannot be read
-    or written there costs time, never the result.
+    The cache is keyed by the content of the scene and the code that computes the reference. A cache file that cannot be
+    read or written costs time, never the result.
     Raises ValueError for another number of samples, SceneError as `raymarch.truth` does.
     """
     check_scene("reference", scene)
@@ -115,26 +116,26 @@ def reference(
 
 
 def cache_folder() -> Path | None:
-    """Where truths are kept: $RAYMARCH_CACHE, else under the user's cache; None if it is set to nothing."""
+    """The cache folder: $RAYMARCH_CACHE, else in the user's cache; None if the variable is empty."""
     given = os.environ.get(CACHE_VARIABLE)
     if given is not None:
         return Path(given) / "truth" if given.strip() else None
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     try:
         return (Path(base) if base else Path.home() / ".cache") / "raymarch" / "truth"
-    except RuntimeError:  # there is no home
+    except RuntimeError:  # there is no home directory
         return None
 
 
 def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progress: Progress) -> Reference:
-    progress("truth: depth, normals, colour")
+    progress("reference: depth, normals, colour")
     known = truth(scene, size, time, params, outputs=("normal", "material"))
     values = set_values(scene.parameters, params, time)
     width, height = known.depth.shape[1], known.depth.shape[0]
     color = known.color if edge else np.zeros((height, width, 3))
     picture, spread, half = color, np.zeros(known.depth.shape), color
     if edge > 1:
-        progress(f"truth: the picture from {edge * edge} rays a pixel")
+        progress(f"reference: the picture from {edge * edge} rays per pixel")
         picture, spread, half = _averaged(scene, (width, height), time, params, edge)
     edges, edge_width = _edges(scene, known, time, params, progress)
     floor = np.full(known.depth.shape, -1, np.int64)
@@ -160,26 +161,26 @@ def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progr
 
 
 def _edges(scene: Scene, known: Truth, time: float, params: Any, progress: Progress) -> tuple[NDArray[np.bool_], float]:
-    """The pixels at silhouettes, and how near an edge must be to count.
+    """The pixels at silhouettes, and the edge distance that defines them.
 
-    Where most hits have an edge within a pixel, as on a fine lattice, they cannot all stand apart. A hit then stands
-    apart only if an edge is nearer still; so near that the others are the larger part. An estimate is left as it is.
+    Where most hits have an edge within a pixel, as on a fine lattice, they cannot all be excluded. The edge distance is
+    then reduced until the excluded hits are the smaller part. An estimate keeps 1.
     """
     edges, width = silhouettes(known), 1.0
     if scene.node.exactness == "estimate":
         return edges, width
-    for nearer in EDGE_WIDTHS:
+    for edge_width in EDGE_WIDTHS:
         if (edges & known.hit).sum() <= MOST_AT_EDGES * known.hit.sum():
             break
-        progress(f"truth: edges within {nearer:g} pixels")
-        edges, width = silhouettes_within(scene, edges, nearer, time, params), nearer
+        progress(f"reference: edges within {edge_width:g} pixels")
+        edges, width = silhouettes_within(scene, edges, edge_width, time, params), edge_width
     return edges, width
 
 
 def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edge: int) -> tuple[Any, Any, Any]:
     """Mean, standard error, and mean of one half, over a grid of `edge` x `edge` rays in each pixel.
 
-    The half is every other ray, as on a chessboard (of an odd number the larger half).
+    The half is every other ray, as on a chessboard; the larger half of an odd number.
     """
     width, height = size
     values = set_values(scene.parameters, params, time)
@@ -208,7 +209,7 @@ def _load(file: Path) -> Reference | None:
 
 
 def _save(file: Path, made: Reference) -> None:
-    """Written beside and renamed, so that nobody reads half a file."""
+    """Save through a temporary file and a rename, so that nobody reads a partial file."""
     partial = None
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The setting to take: the fastest that keeps an error, or the most exact that keeps a time. Measured, not guessed."""
+"""Search for a quality by measurement: the fastest within an error bound, or the most accurate within a time limit."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from raymarch.scene.quality import Quality, provide_searches
 from raymarch.scene.scene import Scene, check_scene
 
 LADDER = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.002)
-"""The epsilons that are tried, coarsest first."""
+"""Candidate epsilons, coarsest first."""
 STEPS = {0.02: 2048, 0.002: 8192}
-"""Steps that a ray may take, from this epsilon down."""
+"""Maximum steps of a ray from this epsilon down."""
 TRACERS = ("auto", "bracketing", "enhanced", "plain")
 SCHEDULES = ("single", "cone")
 SAMPLES = (1, 4, 16)
-"""Rays a pixel that are tried where only they can make the picture better, from the scene's own on."""
+"""Candidate rays per pixel, from the scene's own on, where only more rays can reduce the error of the picture."""
 TRUTH_SAMPLES = (16, 64)
-"""Rays a pixel of the true picture: more where fewer leave it open whether an error is kept."""
+"""Rays per pixel of the reference picture: more where its noise is too large for the error bound."""
 REPEATS = 7
 AGAIN = 15
-"""Frames of what is to keep a time, before that is claimed."""
+"""Frames by which a setting must prove that it is within the time limit."""
 SURE = 0.33
-"""Share of a picture's error that the noise of the truth may take up."""
+"""Fraction of the error bound of a picture that the noise of the reference may take up."""
 CONTENDERS = 2
-"""How many steps of the ladder that keep the error are timed with every tracer."""
+"""Number of epsilons within the error bound that are timed with every tracer."""
 ERROR = {"px": "pixels_p99", "flip": "flip_p99"}
 WORDS = {
     "pixels_p99": "99 % of the hits within {:.3g} px of the true ones",
@@ -46,11 +46,12 @@ WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A setting that was found, and what it reached when it was held against the truth.
+    """The result of a search, with its measured error and time.
 
-    quality : to draw with. name : in what it differs from the scene's own. point : all of its errors.
-    time : median milliseconds with its interval. metric : the error that was looked at. tried : how many settings were.
-    doubt : by how much the truth itself may be off, in that error; see `raymarch.cost.errors.picture_doubt`.
+    quality : the quality found. name : its differences from the scene's own. point : all of its errors.
+    time : median milliseconds with its interval. metric : the error that was bounded. tried : number of settings
+        measured.
+    doubt : uncertainty of the reference in that error; see `raymarch.cost.errors.picture_doubt`.
     """
 
     quality: Quality
@@ -63,16 +64,16 @@ class Found:
 
     @property
     def error(self) -> float:
-        """What it reached: what was measured, and what the truth may be off by."""
+        """The measured error plus the uncertainty of the reference."""
         return self.point.error(self.metric) + self.doubt
 
     @property
     def words(self) -> str:
         """One sentence."""
         errors = self.point.errors
-        apart = "" if self.metric == "flip_p99" or errors.apart else " (silhouettes too, for there is little else)"
+        apart = "" if self.metric == "flip_p99" or errors.apart else " (with silhouettes: there are few other hits)"
         if self.doubt:
-            apart = f" ({self.doubt:.2g} of it for what the truth may be off by)"
+            apart = f" ({self.doubt:.2g} of it is the uncertainty of the reference)"
         return (
             f"{self.name} ({self.point.tracer}): {WORDS[self.metric].format(self.error)}{apart}, no hit missed, "
             f"{self.time.value:.2f} ms [{self.time.low:.2f}, {self.time.high:.2f}]; the best of {self.tried} settings"
@@ -92,7 +93,7 @@ def parse_error(text: str) -> tuple[str, float]:
 
 
 def parse_time(text: str | float) -> float:
-    """ "16ms" or 16 -> 16.0 milliseconds. CostError for anything that is no time above 0."""
+    """ "16ms" or 16 -> 16.0 milliseconds. CostError for anything else."""
     match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s)?\s*", text if isinstance(text, str) else short(text))
     value = float(match[1]) * (1e3 if match[2] == "s" else 1.0) if match else 0.0
     if value <= 0:
@@ -110,22 +111,22 @@ def for_error(
     renderer: Any = None,
     progress: Progress | None = None,
 ) -> Found:
-    """The fastest setting that keeps an error, held against the truth of this very picture.
+    """The fastest setting within an error bound, measured against the reference of this picture.
 
     Parameters
     ----------
     error : see `parse_error`.
-    size, time, params : of the picture that is to keep it.
-    backend : for a renderer of its own; or `renderer` : an open one of that size.
+    size, time, params : of the picture.
+    backend : of a new renderer; or `renderer` : an open one of that size.
 
-    The scene's own `samples` are kept; only for a picture's error more are tried, where fewer will not do. First the
-    coarsest step of a ladder of epsilons is looked for that keeps the error with no hit missed or made up. That one
-    and the next finer are then timed with every tracer, and the fastest is taken of those whose own error keeps the
-    target. A picture's error must keep it together with what
-    the true picture may be off by its own noise; more rays make that less where it is a third of the target.
+    The scene's own `samples` are kept; more are tried only for the error of a picture, where needed. First the search
+    finds the coarsest epsilon within the bound without a missed or false hit. This epsilon and the next finer one are
+    then timed with every tracer. The result is the fastest setting whose own error is within the bound. The error of a
+    picture includes the uncertainty of the reference picture; the reference takes more rays where this is a third of
+    the bound.
 
-    Raises CostError if none does, with the best that was reached; and for a picture's error where light bounces along
-    random ways, which the truth does not follow.
+    Raises CostError if no setting is within the bound, with the best error; and for the error of a path-traced picture,
+    which has no reference.
     """
     check_scene("for_error", scene)
     metric, target = parse_error(error)
@@ -136,14 +137,14 @@ def for_error(
         with _Bench(scene, size, time, params, backend, renderer, progress, samples) as bench:
             if samples == counts[-1] or bench.doubt <= SURE * target:
                 return _fastest(scene, bench, size, metric, target)
-    raise AssertionError("no truth was asked")
+    raise AssertionError("unreachable: no reference was computed")
 
 
 def _fastest(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, target: float) -> Found:
-    """The fastest of the contenders that keep a target."""
+    """The fastest contender within the target."""
     doubt = bench.doubt
     if doubt >= target:
-        raise CostError(f"the true picture itself is known to FLIP {doubt:.2g} only", legal="a larger error")
+        raise CostError(f"the reference picture has a noise of FLIP {doubt:.2g}", legal="a larger error")
     contenders = [
         Setting(_named(scene, quality, size), quality)
         for rung in _rungs(scene, bench, size, metric, target)
@@ -151,7 +152,7 @@ def _fastest(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, ta
     ]
     keeping = [p for p in bench.sweep(contenders) if p.error(metric) + doubt <= target]
     if not keeping:
-        raise AssertionError("a setting kept the error and, drawn again, does not")
+        raise AssertionError("a setting was within the error bound and, rendered again, is not")
     best = min(keeping, key=lambda p: p.time.value)
     return Found(best.setting.quality, best.name, best, best.time, metric, bench.tried, doubt)
 
@@ -166,18 +167,19 @@ def for_time(
     renderer: Any = None,
     progress: Progress | None = None,
 ) -> Found:
-    """The most exact setting whose frames keep a time on this machine.
+    """The most accurate setting whose frames are within a time limit on this machine.
 
     Parameters
     ----------
     within : "16ms", or milliseconds.
     size, moment, params, backend, renderer : as for `for_error`.
 
-    All steps of the ladder are timed in turns, with the scene's own `samples`. Of those whose median keeps the time,
-    and that miss no hit, the one of the smallest error is timed once more by itself, as it will be used, in two halves
-    with the fastest in between. It is given up for the next unless the median of each half keeps the time.
+    All epsilons are timed in turns, with the scene's own `samples`. Of those with a median within the limit and without
+    a missed hit, the one of the smallest error is timed again by itself, as it will be used: in two halves, with the
+    fastest setting in between. It is accepted if the median of each half is within the limit; otherwise the next one is
+    timed.
 
-    Raises CostError if none does, with the fastest.
+    Raises CostError if no setting is within the limit, with the fastest.
     """
     check_scene("for_time", scene)
     target = parse_time(within)
@@ -206,7 +208,7 @@ def for_time(
 
 
 class _Bench:
-    """Where candidates are drawn and judged: a renderer, the truth, and what was tried so far."""
+    """Measures candidates: a renderer, the reference, and the settings measured so far."""
 
     def __init__(
         self,
@@ -230,12 +232,12 @@ class _Bench:
 
     @property
     def doubt(self) -> float:
-        """By how much the truth of a picture may be off; 0 where no picture is asked."""
+        """Uncertainty of the reference picture; 0 for other errors."""
         return picture_doubt(self._known) if self._known.samples > 1 else 0.0
 
     @property
     def tried(self) -> int:
-        """How many settings were drawn."""
+        """Number of settings measured."""
         return len(self._tried)
 
     def sweep(self, settings: Sequence[Setting], repeats: int = REPEATS) -> list[Point]:
@@ -253,7 +255,7 @@ class _Bench:
         ).points
 
     def time(self, point: Point) -> Median:
-        """One setting timed by itself, as it will be used."""
+        """Time one setting by itself, as it will be used."""
         return median(
             [timed(self._scene, point.setting, self._renderer, self._time, self._params)[0] for _ in range(AGAIN)]
         )
@@ -268,12 +270,12 @@ class _Bench:
 
 
 def _rungs(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, target: float) -> list[Point]:
-    """The coarsest settings that keep an error, and the next finer ones; with as few rays a pixel as will do."""
+    """The coarsest settings within an error bound, and the next finer ones, with the fewest rays per pixel."""
     tried: list[Point] = []
     for samples in _sample_counts(scene.quality, metric):
         rungs = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, samples)))
         settings = [Setting(_named(scene, q, size), q) for q in rungs]
-        if metric == "flip_p99":  # more steps cannot mend what takes more rays: ask the finest first
+        if metric == "flip_p99":  # if the finest epsilon fails, only more rays can help
             tried += bench.sweep(settings[-1:], 1)
             if tried[-1].error(metric) + bench.doubt > target:
                 continue
@@ -292,19 +294,21 @@ def _rungs(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, targ
 def _nothing_keeps(metric: str, best: Point, doubt: float) -> CostError:
     if best.errors.sound:
         reached = WORDS[metric].format(best.error(metric) + doubt)
-        return CostError(f"no setting keeps this error: the best, {best.name}, has {reached}", legal="a larger error")
-    wrong = f"misses {best.errors.missed} and makes up {best.errors.false}"
+        return CostError(
+            f"no setting is within this error: the best, {best.name}, has {reached}", legal="a larger error"
+        )
+    wrong = f"misses {best.errors.missed} and has {best.errors.false} false hits"
     return CostError(f"no setting finds every hit: {best.name} {wrong}", legal="a certified field; see explain")
 
 
 def _sample_counts(base: Quality, metric: str) -> tuple[int, ...]:
-    """Rays a pixel to try: the base's own, and for a picture's error more; with a budget there is but one."""
+    """Candidate rays per pixel: the base's own, and more for the error of a picture; one with a step limit per pass."""
     more = SAMPLES if metric == "flip_p99" and base.steps_per_pass is None else ()
     return (base.samples, *(n for n in more if n > base.samples))
 
 
 def _ladder(base: Quality, samples: int) -> Iterator[Quality]:
-    """The base with each epsilon, coarsest first, at a number of rays a pixel."""
+    """The base with each epsilon, coarsest first, at a number of rays per pixel."""
     for epsilon in LADDER:
         steps = max([base.max_steps, *(n for e, n in STEPS.items() if epsilon <= e)])
         yield replace(
@@ -313,7 +317,7 @@ def _ladder(base: Quality, samples: int) -> Iterator[Quality]:
 
 
 def _contenders(scene: Scene, quality: Quality, size: tuple[int, int]) -> list[Quality]:
-    """One quality with every tracer and with and without cones, as far as that makes a difference for this scene."""
+    """A quality with every tracer, with and without cones; duplicates for this scene are dropped."""
     pairs = [replace(quality, tracer=tracer, schedule=schedule) for tracer in TRACERS for schedule in SCHEDULES]
     return list(dict.fromkeys(settled(scene, q, size) for q in pairs))
 

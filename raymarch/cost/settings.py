@@ -1,4 +1,4 @@
-"""The settings that are compared: named axes over the fields of `Quality`, ways to draw, and the scene's light."""
+"""The settings that are compared: named axes over the fields of `Quality`, of `Setting`, and of the scene's light."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ from raymarch.scene.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """What is changed, and the values that are tried: a field of `Quality`, `frames` or `scale` of a `Setting`, or one
-    of `raymarch.cost.variants`. Crossed axes are combined; of the rest one value at a time is changed."""
+    """A field and its candidate values.
+
+    The field is one of `Quality`, `frames` or `scale` of a `Setting`, or one of `raymarch.cost.variants`. Crossed axes
+    are combined; the others change one at a time.
+    """
 
     name: str
     values: tuple[Any, ...]
@@ -45,10 +48,10 @@ AXES = (
     Axis("masking", ("correlated", "separable")),
     *(Axis(v.name, v.values) for v in VARIANTS.values()),
 )
-"""What `raymarch cost` tries."""
+"""Default axes of `raymarch cost`."""
 
 LIGHT = {"shadow_steps", "light_samples", "masking", *VARIANTS}
-"""Axes along which the light changes, and no hit does."""
+"""Axes that change the light, but no hit."""
 
 DRAWN = {"frames": (1, 256), "scale": (0.1, 4.0)}
 """Axes that are fields of a `Setting`, and the ends of their ranges."""
@@ -56,15 +59,15 @@ DRAWN = {"frames": (1, 256), "scale": (0.1, 4.0)}
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A way to draw a scene, under a name that says in what it differs from the base.
+    """Settings to render a scene with; the name lists the differences from the base.
 
     Attributes
     ----------
-    quality : to draw with. preset : that it is, if it is one.
-    frames : of which the picture is the mean; what is timed is all of them.
-    scale : width of what is drawn over that of the picture, which is made from it by interpolation.
+    quality : the quality to render with. preset : its name if it is a preset.
+    frames : number of frames whose mean is the picture; all of them are timed.
+    scale : width of the frame over that of the picture; the picture is resampled from the frame.
     variations : names and values of `raymarch.cost.variants`.
-    light : True if the light is reckoned in another way, which errors of depth do not show.
+    light : True if the setting changes the light, which errors of depth do not show.
     """
 
     name: str
@@ -76,14 +79,14 @@ class Setting:
     light: bool = False
 
     def of(self, scene: Scene) -> Scene:
-        """The scene as this setting draws it. ValueError if the scene has nothing that a variation changes."""
+        """The scene with this setting. ValueError if a variation does not apply to the scene."""
         made = varied(scene, self.variations)
         if made is None:
             raise ValueError(f"{self.name}: the scene has nothing to change")
         return with_quality(made, self.quality)
 
     def size(self, size: tuple[int, int]) -> tuple[int, int]:
-        """Of what is drawn, for a picture of some size."""
+        """Size of the frame for a picture of some size."""
         width, height = (max(1, round(self.scale * n)) for n in size)
         return width, height
 
@@ -93,10 +96,10 @@ def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] 
 
     Parameters
     ----------
-    names : only these of them, all crossed; None is all of AXES.
-    given : values in place of the default ones, by name; a field that has no default axis may be named too.
+    names : use these axes only, all crossed; None is all of AXES.
+    given : values that replace the default ones, by name; a field without a default axis is allowed too.
 
-    Raises CostError for a name that is no axis.
+    Raises CostError for an unknown name.
     """
     known = _known()
     own = dict(given or {})
@@ -117,7 +120,7 @@ def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] 
 def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = None) -> list[Setting]:
     """The settings of a sweep: the scene's own first, the presets, the crossed axes, then the others one at a time.
 
-    Combinations that `Quality` refuses, and those that come to the same for this scene, are left out.
+    Combinations that `Quality` rejects, and duplicates for this scene, are left out.
     """
     base = scene.quality
     found: dict[Any, Setting] = {_meant(scene, Setting("base", base), size): Setting("base", base)}
@@ -143,7 +146,7 @@ def _changes(chosen: Sequence[Axis]) -> list[dict[str, Any]]:
 
 
 def setting(base: Quality, change: Mapping[str, Any]) -> Setting:
-    """A setting by what it changes, by the names of axes. SceneError for what is not legal."""
+    """A setting from changes by axis name. SceneError for illegal values."""
     drawn = {name: value for name, value in change.items() if name in DRAWN}
     variations = tuple((name, value) for name, value in change.items() if name in VARIANTS)
     quality = {name: value for name, value in change.items() if name not in DRAWN and name not in VARIANTS}
@@ -154,15 +157,17 @@ def setting(base: Quality, change: Mapping[str, Any]) -> Setting:
 
 
 def _meant(scene: Scene, made: Setting, size: tuple[int, int] | None) -> Any:
-    """What a setting comes to: equal for two that draw the same, and are held against the same truth."""
+    """Key of a setting: equal for two that render the same picture and have the same reference."""
     drawn = None if size is None else made.size(size)
     varied_scene = made.of(scene)
     return settled(varied_scene, made.quality, drawn), made.frames, made.scale, made.variations
 
 
 def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None) -> Quality:
-    """A quality with what the plan makes of it for this scene: the tracer and the schedule that are taken, the epsilon
-    that is meant. `size` of the picture, by which the plan chooses the schedule."""
+    """A quality with the plan's choices for this scene: tracer, schedule and effective epsilon.
+
+    size : of the picture; the plan chooses the schedule by it.
+    """
     marching = plan(with_quality(scene, quality), size=size).marching
     tracer = marching.tracer
     certified = trusted(with_quality(scene, quality))
@@ -191,7 +196,7 @@ def with_quality(scene: Scene, quality: Quality) -> Scene:
 
 
 def named(change: Mapping[str, Any]) -> str:
-    """A short name: "front 64 steps", "epsilon 0.5"; "base" where nothing changes."""
+    """A short name: "bracketing, 64 steps", "epsilon 0.5"; "base" without changes."""
     words = []
     for name, value in change.items():
         match name:
@@ -227,8 +232,8 @@ def _check_value(name: str, given: Any) -> None:
         return
     if name in DRAWN:
         low, high = DRAWN[name]
-        whole = name == "scale" or isinstance(given, int)
-        if not isinstance(given, int | float) or isinstance(given, bool) or not low <= given <= high or not whole:
+        legal_type = name == "scale" or isinstance(given, int)
+        if not isinstance(given, int | float) or isinstance(given, bool) or not low <= given <= high or not legal_type:
             number = "a number" if name == "scale" else "an integer"
             raise CostError(f"axis {name} = {given!r}", legal=f"{number} from {low:g} to {high:g}")
         return

@@ -1,4 +1,4 @@
-"""A median and how sure it is."""
+"""Medians with confidence intervals."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Median:
-    """A median with an interval that holds the true one with the given probability.
+    """A median with a confidence interval for the true one.
 
-    The interval runs between two of the sorted values (order statistics); it needs no distribution to be assumed.
-    Fewer than 6 values cannot reach 95 %: then the interval is from the smallest to the largest.
+    The ends of the interval are order statistics, so no distribution is assumed. Fewer than 6 values cannot reach 95 %:
+    the interval then extends from the smallest to the largest value.
     """
 
     value: float
@@ -24,7 +24,7 @@ class Median:
     count: int
 
     def overlaps(self, other: Median) -> bool:
-        """True if the two intervals have a value in common."""
+        """True if the two intervals intersect."""
         return self.low <= other.high and other.low <= self.high
 
     def __str__(self) -> str:
@@ -38,7 +38,7 @@ def median(values: Sequence[float]) -> Median:
     ordered = sorted(values)
     n = len(ordered)
     middle = 0.5 * (ordered[(n - 1) // 2] + ordered[n // 2])
-    rank = 0  # values left out on each side
+    rank = 0  # values outside of the interval on each side
     while 2 * (rank + 1) < n and _coverage(n, rank + 1) >= CONFIDENCE:
         rank += 1
     return Median(middle, ordered[rank], ordered[n - 1 - rank], _coverage(n, rank), n)

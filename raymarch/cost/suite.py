@@ -23,23 +23,23 @@ from raymarch.scene.scene import Scene
 
 SCENES = ("mandelbulb", "primitives", "village")
 TRACERS = ("plain", "relaxed_again", "relaxed", "enhanced", "auto_relaxed", "bracketing")
-"""P1's relaxed tracer relaxes again after each step that proved too long; Keinert's, `relaxed`, does not."""
+"""P1's relaxed tracer relaxes again after each overstep; Keinert's, `relaxed`, does not."""
 SCHEDULED = ("plain", "relaxed_again", "enhanced")
 SCHEDULES = ("single", "two", "four", "six", "cone")
 PAIRED = ("plain", "enhanced", "auto_relaxed", "bracketing")
-"""Tracers that are tried for the front, each with and without cones."""
+"""Tracers of the comparison of products, each with and without cones."""
 EPSILONS = (0.5, 0.1, 0.02)
 BARE = Quality(refinement="none", schedule="single", epsilon=0.05, assume_certified=True)
-"""As P1 traces: a ray ends where it comes near enough, and no last step mends what is left."""
+"""As in P1: a ray ends where the field is small enough, without a refinement step."""
 OVERSTEPS = (16, 24)
-"""P1's figure 5 counts the steps that were undone between these."""
+"""P1's figure 5 counts the undone steps in this range."""
 
 Tell = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How much is measured: size of the pictures, frames of each setting, steps that rays may take."""
+    """Extent of the measurement: picture size, frames of each setting, maximum steps of rays."""
 
     size: tuple[int, int]
     repeats: int
@@ -57,7 +57,7 @@ class Measured:
     """One scene.
 
     march : tracers and schedules over steps, timed without shading. product : presets, and tracers over epsilons, as
-    pictures. oversteps : by tracer, the share of the steps 17 to 24 that were undone, (H, W).
+    pictures. oversteps : fraction of the steps 17 to 24 that were undone, by tracer, (H, W).
     """
 
     name: str
@@ -72,7 +72,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """All scenes. `scale` is how it was measured, `seed` that of all random orders."""
+    """The results of all scenes. `scale` is the extent of the measurement, `seed` that of all random orders."""
 
     scenes: tuple[Measured, ...]
     scale: Scale
@@ -83,14 +83,14 @@ class Suite:
         return self.scenes[0].march.environment
 
     def alone(self, name: str) -> Suite:
-        """The same of one scene."""
+        """The results of one scene."""
         return replace(self, scenes=tuple(s for s in self.scenes if s.name == name))
 
     def ratio(self, one: tuple[str, str], other: tuple[str, str], steps: int, what: str) -> Median:
         """One (tracer, schedule) over another at some steps: the geometric mean over the scenes, with its interval.
 
-        what : "time", "error" (P1's without silhouettes, which has no interval) or "product". Times are compared
-        frame by frame of the same turn, so that what slows the machine for a while cancels.
+        what : "time", "error" (P1's without silhouettes, which has no interval) or "product". Times are
+        compared frame by frame within a turn, so that temporary load on the machine cancels.
         """
         logs = []
         for scene in self.scenes:
@@ -170,12 +170,12 @@ def product_settings(scene: Scene, size: tuple[int, int]) -> list[Setting]:
 
 
 def _oversteps(scene: Scene, tracer: str, renderer: Renderer) -> NDArray[np.float64]:
-    """The share of the steps between OVERSTEPS that were undone, (H, W); 0 where the march had ended."""
+    """Fraction of the steps in OVERSTEPS that were undone, (H, W); 0 where the march had ended."""
     counts = []
     for steps in OVERSTEPS:
         made = with_quality(scene, replace(BARE, tracer=tracer, max_steps=steps))
         counts.append(renderer.render(made, outputs=("fallbacks",)).fallbacks.astype(np.float64))
     undone = counts[1] - counts[0]
-    # Each step that is undone is taken again: P1 counts both as one iteration.
-    share: NDArray[np.float64] = undone / (OVERSTEPS[1] - OVERSTEPS[0] - undone)
-    return np.clip(share, 0.0, 1.0)
+    # Each undone step is repeated: P1 counts both as one iteration.
+    fraction: NDArray[np.float64] = undone / (OVERSTEPS[1] - OVERSTEPS[0] - undone)
+    return np.clip(fraction, 0.0, 1.0)

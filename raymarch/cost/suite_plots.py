@@ -43,7 +43,7 @@ def _draw_curves(axes: Any, made: Suite, steps: Any, one: Any, other: Any, name:
 
 def _finish(axes: Any, steps: Any, title: str) -> None:
     axes.axhline(1.0, color="black", lw=0.8)
-    axes.set(xscale="log", yscale="log", xlabel="steps that a ray may take, all levels together")
+    axes.set(xscale="log", yscale="log", xlabel="maximum steps of a ray, all levels together")
     axes.set_xticks(list(steps), [str(s) for s in steps])
     axes.minorticks_off()
     low, high = axes.get_ylim()
@@ -55,7 +55,7 @@ def _finish(axes: Any, steps: Any, title: str) -> None:
 
 
 def figure_5(made: Suite) -> Any:
-    """The share of the steps 17 to 24 that were undone: black none, white all."""
+    """Fraction of the steps 17 to 24 that were undone: black none, white all."""
     names = list(made.scenes[0].oversteps)
     drawn = blank(4.2 * len(made.scenes), 2.7 * len(names))
     axes = np.atleast_2d(drawn.subplots(len(names), len(made.scenes)))

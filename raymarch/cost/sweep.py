@@ -1,4 +1,4 @@
-"""A scene measured at many settings: error, time, evaluations."""
+"""Measure a scene at many settings: error, time, evaluations."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ METRICS = (
     "flip_mean",
     "flip_max",
 )
-"""The errors by which settings may be ordered."""
+"""The errors that settings can be ordered by."""
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of all that is done, 0 to 1."""
+"""Called with the current step and the completed fraction, 0 to 1."""
 Judge = Callable[[Setting], Reference]
 Count = Callable[..., float]
 
 
 @dataclass(slots=True)
 class Point:
-    """One setting, measured.
+    """The measurement of one setting.
 
     Attributes
     ----------
-    setting : its name and quality. tracer : what the plan chose.
-    errors : against the truth.
-    evaluations, iterations : mean of one primary ray. worst_evaluations : of the worst pixel.
-    shader_bytes : of the picture's shader.
-    compile_ms, first_ms : the driver's compilation, and the first frame after it; of no other frame's time a part.
+    setting : name and quality. tracer : the choice of the plan.
+    errors : against the reference.
+    evaluations, iterations : mean over the primary rays. worst_evaluations : of the worst pixel.
+    shader_bytes : size of the picture's shader.
+    compile_ms, first_ms : compilation by the driver, and the first frame after it; not part of `times`.
     times : milliseconds of each measured frame. time : their median with its interval.
-    walls : milliseconds that passed on the wall clock while each was asked for: more than a true time, never less.
-    depth, done, color : what was drawn; `done` is False where a ray ran out of steps; color may be None.
-    known : the truth that it was held against.
-    all_evaluations : of the field and its gradient, mean a pixel, those of shadows and all other rays too; nan where
+    walls : wall-clock milliseconds of each measured frame: an upper bound of its true time.
+    depth, done, color : the rendered arrays; `done` is False where a ray ran out of steps; color may be None.
+    known : the reference of the comparison.
+    all_evaluations : of the field and its gradient, mean per pixel, with those of shadows and all other rays; nan where
         they were not counted.
     """
 
@@ -86,13 +86,13 @@ class Point:
 
     @property
     def error_time(self) -> float:
-        """Error times time, the measure of Bálint and Valasek (2018): `errors.p1` times milliseconds."""
+        """The product of error and time, the measure of Bálint and Valasek (2018): `errors.p1` times milliseconds."""
         return self.errors.p1 * self.time.value
 
     def error(self, metric: str) -> float:
-        """One of the errors; infinite where hits are missed or made up, for those are never traded.
+        """One of the errors; infinite with missed or false hits, because these are never traded for time.
 
-        Where there is nothing to hit, and nothing was, no distance is wrong: it is 0.
+        If neither the reference nor the frame has a hit, the error is 0.
         """
         errors = self.errors
         if not errors.sound or (errors.pixels == 0 and errors.missed_at_edges):
@@ -103,14 +103,14 @@ class Point:
 
 @dataclass(slots=True)
 class Sweep:
-    """All settings of a scene, measured. The first point is the scene's own quality.
+    """The measurements of all settings of a scene. The first point is the scene's own quality.
 
     Attributes
     ----------
-    name : of the scene. known : its truth. floor : mean of N* a pixel; nan for an estimate.
-    seed, repeats : of the order in which frames were drawn, and how often each was.
-    environment : what it was measured on and with.
-    checks : what the report found when it tested itself; see `raymarch.cost.checks`.
+    name : of the scene. known : its reference. floor : mean of N* over the pixels; nan for an estimate.
+    seed, repeats : seed of the frame order, and number of frames of each setting.
+    environment : see `raymarch.cost.environment`.
+    checks : results of the self-checks; see `raymarch.cost.checks`.
     """
 
     name: str
@@ -130,8 +130,10 @@ class Sweep:
         return self.points[0]
 
     def comparable(self, metric: str = "pixels_p99") -> list[Point]:
-        """The sound settings whose errors are of one kind. Those that change the light alone count only where the error
-        is that of the picture, and then if that is to be the scene's own."""
+        """The sound settings with comparable errors.
+
+        Settings that change the light count only for errors of the picture, and only if their reference is the scene's.
+        """
         pictured = metric.startswith("flip")
         sound = [p for p in self.points if p.errors.sound and (pictured or not p.setting.light)]
         return [p for p in sound if p.known is self.known]
@@ -161,21 +163,21 @@ def sweep(
     Parameters
     ----------
     settings : at least one; the first is what others are compared with.
-    known : the truth of the scene, of the renderer's size.
-    repeats : frames of each setting that are timed, >= 1; the settings take turns in random order, so that what else
-        the machine does strikes all alike. From 6 on, a median has a 95 % interval.
+    known : the reference of the scene, at the renderer's size.
+    repeats : timed frames of each setting, >= 1. The settings take turns in random order, so that other load on the
+        machine affects all settings equally. From 6 on, a median has a 95 % interval.
     seed : of that order.
-    output : what is drawn when it is timed: "color", the picture; or "depth", marching and normals without shading,
-        and then no colours are compared.
-    judge : gives the truth of a setting, for those that are to be held against another one than `known`.
-    count : counts all evaluations, `raymarch.cost.effects.evaluations_of`; asked for the first setting and for those
+    output : the timed output: "color", the picture; or "depth", marching and normals without shading. With "depth" no
+        colours are compared.
+    judge : returns the reference of a setting where it is not `known`.
+    count : counts all evaluations, `raymarch.cost.effects.evaluations_of`; called for the first setting and for those
         that change the light.
     """
     check_scene("sweep", scene)
     if not settings or repeats < 1:
         raise ValueError(f"sweep: {len(settings)} settings, {repeats} repeats (at least one of each)")
     tell = progress or (lambda _what, _share: None)
-    renderer.kept = max(renderer.kept, 4 * len(settings))  # else each turn would compile anew
+    renderer.kept = max(renderer.kept, 4 * len(settings))  # otherwise each turn would compile again
     total = len(settings) * (repeats + 2)
     points = []
     with Renderers(renderer, known.size) as renderers:
@@ -209,7 +211,7 @@ def _examine(
     params: Mapping[str, Any] | None,
     output: str,
 ) -> Point:
-    """Everything about a setting but its time: errors, counts, and the first frame, which is no measure of the rest."""
+    """Measure everything of a setting but its time: errors, counts, and the first frame."""
     made, size = setting.of(scene), known.size
     planned = plan(made, size=setting.size(size))
     last, frames = draw(scene, setting, renderer, time, params, (output,))

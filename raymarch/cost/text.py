@@ -1,4 +1,4 @@
-"""A sweep in words and numbers: a table for people, JSON and CSV for programs."""
+"""A sweep as text: a table for people, JSON and CSV for programs."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from raymarch.cost.variants import VARIANTS
 
 Column = tuple[str, Callable[[Point], str]]
 FORMAT = 1
-"""Version of the JSON; it grows when a name changes its meaning or goes."""
+"""Version of the JSON format; it increases when a name changes its meaning or is removed."""
 
 
 def as_dict(made: Sweep, metric: str = "pixels_p99") -> dict[str, Any]:
-    """The sweep as plain data; docs/cost.md describes each name. What is not known is None."""
+    """The sweep as plain data; docs/cost.md describes each name. Unknown values are None."""
     front = {id(p) for p in made.front(metric)}
     known = made.known
     return {
@@ -109,7 +109,7 @@ def _flat(values: dict[str, Any], before: str = "") -> dict[str, Any]:
 
 def table(made: Sweep, metric: str = "pixels_p99", shown: Sequence[Point] | None = None) -> Table:
     """The sweep as a table, fastest first. `*` marks the front; `shown` picks some of the points. Settings that change
-    the light alone are in `light_table`, unless the front is by the picture."""
+    the light alone are in `light_table`, unless the front uses an error of the picture."""
     title = f"{made.name}, {made.known.size[0]}x{made.known.size[1]}"
     return _drawn(made, metric, in_table(made, metric, shown), title, _columns(made, metric))
 
@@ -122,15 +122,14 @@ def in_table(made: Sweep, metric: str, shown: Sequence[Point] | None = None) -> 
 
 
 def lights_of(made: Sweep, metric: str) -> list[Point]:
-    """The points of `light_table` in its order: the scene's own, then as the axes have them; [] if it is alone."""
+    """The points of `light_table` in its order: the scene's own, then the order of the axes; [] without others."""
     comparable = {id(p) for p in made.comparable(metric)}
     light = [p for p in made.points if p.setting.light and id(p) not in comparable]
     return [made.base, *light] if light else []
 
 
 def light_table(made: Sweep, metric: str = "pixels_p99") -> Table | None:
-    """Other ways to reckon the light, by what they cost and how far the picture is from the true one; None if none was
-    tried."""
+    """Settings that change the light, with their costs and the errors of the picture; None if there are none."""
     points = lights_of(made, metric)
     columns: list[Column] = [
         ("ms", lambda p: f"{p.time.value:.2f}"),
@@ -140,14 +139,14 @@ def light_table(made: Sweep, metric: str = "pixels_p99") -> Table | None:
         ("flip p99", lambda p: _short(p.errors.flip_p99)),
         ("flip max", lambda p: _short(p.errors.flip_max)),
         ("bad region", lambda p: str(p.errors.flip_region)),
-        ("held against", lambda p: held_against(p, made)),
+        ("compared with", lambda p: held_against(p, made)),
     ]
     return _drawn(made, metric, points, "light and shadow", columns) if points else None
 
 
 def held_against(point: Point, made: Sweep) -> str:
-    """Whose truth a point's picture is compared with."""
-    return "the scene's truth" if point.known is made.known else "the light's whole disc"
+    """The reference that a point's picture is compared with."""
+    return "the scene's reference" if point.known is made.known else "the light's whole disc"
 
 
 def _drawn(made: Sweep, metric: str, points: Sequence[Point], title: str, columns: Sequence[Column]) -> Table:
@@ -166,7 +165,7 @@ def _drawn(made: Sweep, metric: str, points: Sequence[Point], title: str, column
 
 
 def labelled(point: Point) -> str:
-    """A point's name, with the preset that it is."""
+    """A point's name, with its preset if it is one."""
     preset = point.setting.preset
     return f"{point.name} ({preset})" if preset and preset != point.name else point.name
 
@@ -196,7 +195,7 @@ def _short(value: float) -> str:
 
 
 def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
-    """The sentences below the table: how it was measured, the front, what the scene's own setting is worth."""
+    """The sentences below the table: the measurement, the front, and the rank of the scene's own setting."""
     env = made.environment
     front = made.front(metric)
     lines = [
@@ -205,32 +204,34 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
     ]
     if made.known.samples > 1:
         lines.append(
-            f"the true picture is known to FLIP {picture_doubt(made.known):.2g} (99 % of the pixels) from "
-            f"{made.known.samples} rays a pixel"
+            f"the reference picture has a noise of FLIP {picture_doubt(made.known):.2g} (99 % of the pixels) at "
+            f"{made.known.samples} rays per pixel"
         )
     if made.known.edge_width < 1.0:
         lines.append(
-            f"nearly every pixel has an edge: silhouettes that stand apart are those within {made.known.edge_width:g} "
+            f"nearly every pixel has an edge: excluded silhouettes are those within {made.known.edge_width:g} "
             "pixels of a ray"
         )
     if made.floor > 0:
-        lines.append(f"no ray on its own can be decided with fewer than N* = {made.floor:.2f} evaluations a pixel")
+        lines.append(f"lower bound for rays on their own: N* = {made.floor:.2f} evaluations per pixel")
     if front:
-        lines.append("* no other is both faster and more exact; of those, each a tenth more exact than the one before:")
+        lines.append(
+            "* no other setting is both faster and more accurate; each error listed is a tenth below the previous:"
+        )
         lines.append(f"worth having, by {metric}: " + "; ".join(labelled(p) for p in worth(front, metric)))
     else:
-        lines.append("no setting finds every hit: nothing here is worth having")
+        lines.append("no setting finds every hit: the front is empty")
     if made.base.errors.sound:
         lines.append(f"the scene's own setting {standing(made, metric)}")
     unsound = sum(not p.errors.sound for p in made.points)
     if unsound:
-        lines.append(f"{unsound} settings miss or make up hits and are never on the front")
+        lines.append(f"{unsound} settings have missed or false hits and are never on the front")
     lines += [f"CHECK FAILED, {c.name}: {c.words}" for c in made.checks if not c.holds]
     return lines
 
 
 def worth(front: Sequence[Point], metric: str) -> list[Point]:
-    """Those of a front that make a difference: each with an error at least a tenth below that of the faster ones."""
+    """The points of a front with an error at least a tenth below that of all faster ones."""
     kept: list[Point] = []
     for point in front:
         if not kept or point.error(metric) <= 0.9 * kept[-1].error(metric):
@@ -239,7 +240,7 @@ def worth(front: Sequence[Point], metric: str) -> list[Point]:
 
 
 def standing(made: Sweep, metric: str) -> str:
-    """How far the scene's own setting is from the front, and whether that can be told from noise."""
+    """Distance of the scene's own setting from the front, and whether it is significant."""
     base = made.base
     rivals = [p for p in made.comparable(metric) if p.error(metric) <= base.error(metric)]
     best = min(rivals, key=lambda p: p.time.value)
@@ -247,4 +248,4 @@ def standing(made: Sweep, metric: str) -> str:
     if times <= 1.0:
         return "lies on the front"
     noise = ", within the intervals" if base.time.overlaps(best.time) else ""
-    return f"takes {times:.2f} times what {best.name} takes, the fastest as exact one{noise}"
+    return f"takes {times:.2f} times what {best.name} takes, the fastest one that is as accurate{noise}"

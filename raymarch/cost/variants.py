@@ -1,4 +1,4 @@
-"""Other ways to light a scene than its own, as axes of a sweep: what the fields of `Quality` do not hold."""
+"""Variants of a scene's light and materials as axes of a sweep; `Quality` has no fields for them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from raymarch.sdf.labels import relabelled
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A part of a scene and the ways to have it that are compared.
+    """A part of a scene with the values that are compared.
 
-    make : the scene with one of the values; None if it has nothing that this would change.
-    ideal : the scene whose truth is the right picture for all the values; None is the scene itself.
-    legal : what a value may be, in words. is_legal : whether one is.
+    make : returns the scene with one of the values; None if the value would change nothing.
+    ideal : returns the scene whose reference all values are compared with; None is the scene itself.
+    legal : description of the legal values. is_legal : whether a value is legal.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Variant:
 
 
 def with_penumbra(scene: Scene, form: str) -> Scene | None:
-    """Every soft shadow in one form, or "hard"."""
+    """The scene with all soft shadows in one form, or "hard"."""
     if not any(light.soft for light in scene.lights):
         return None
 
@@ -45,13 +45,13 @@ def with_penumbra(scene: Scene, form: str) -> Scene | None:
 
 
 def with_disc(scene: Scene) -> Scene:
-    """Every soft shadow that of the light's whole disc: what all forms stand for."""
+    """The scene with soft shadows sampled over the light's whole disc, which all forms approximate."""
     return with_penumbra(scene, "sampled") or scene
 
 
 def with_occlusion_samples(scene: Scene, samples: int) -> Scene | None:
-    """The occlusion by another number of samples. What counts near and far stays as it is: the decay, too, is spread
-    over as many more or fewer samples."""
+    """The scene with another number of occlusion samples; the decay is adjusted, so the falloff with distance is
+    equal."""
     own = scene.occlusion
     if own is None or own.steps == samples:
         return None
@@ -60,10 +60,10 @@ def with_occlusion_samples(scene: Scene, samples: int) -> Scene | None:
 
 
 def with_model(scene: Scene, model: str) -> Scene | None:
-    """Every material after Phong, or every one physical.
+    """The scene with all materials Phong, or all physical.
 
-    A highlight is as wide in both: of GGX's slopes alpha and Blinn's exponent n, alpha^2 = 2 / (n + 2) (Walter et al.
-    2007), and Phong's exponent is a quarter of Blinn's.
+    Highlights have the same width in both: alpha of GGX and Blinn's exponent n have alpha^2 = 2 / (n + 2) (Walter et
+    al. 2007), and Phong's exponent is a quarter of Blinn's.
     """
     wanted = model == "physical"
     if all(m.physical == wanted for m in scene.materials) or any(m.transmits or m.relief for m in scene.materials):
@@ -84,7 +84,7 @@ def _as_model(material: Material, physical: bool) -> Material:
     )
 
 
-def _whole(low: int, high: int) -> Callable[[Any], bool]:
+def _integers(low: int, high: int) -> Callable[[Any], bool]:
     return lambda value: type(value) is int and low <= value <= high
 
 
@@ -99,7 +99,7 @@ VARIANTS: dict[str, Variant] = {
             lambda value: value in ("hard", *PENUMBRAS),
             with_disc,
         ),
-        Variant("occlusion_samples", (2, 5, 10), with_occlusion_samples, "an integer from 1 to 32", _whole(1, 32)),
+        Variant("occlusion_samples", (2, 5, 10), with_occlusion_samples, "an integer from 1 to 32", _integers(1, 32)),
         Variant(
             "model",
             ("phong", "physical"),
@@ -109,7 +109,7 @@ VARIANTS: dict[str, Variant] = {
         ),
     )
 }
-"""By the names of their axes."""
+"""Variants by axis name."""
 
 
 def varied(scene: Scene, variations: tuple[tuple[str, Any], ...]) -> Scene | None:
@@ -123,7 +123,7 @@ def varied(scene: Scene, variations: tuple[tuple[str, Any], ...]) -> Scene | Non
 
 
 def ideal_of(scene: Scene, variations: tuple[tuple[str, Any], ...]) -> Scene:
-    """The scene whose truth is the right picture for some variations."""
+    """The scene whose reference some variations are compared with."""
     for name, _ in variations:
         ideal = VARIANTS[name].ideal
         scene = ideal(scene) if ideal is not None else scene
@@ -131,7 +131,7 @@ def ideal_of(scene: Scene, variations: tuple[tuple[str, Any], ...]) -> Scene:
 
 
 def check_values(name: str, values: tuple[Any, ...]) -> None:
-    """CostError for a value that an axis of this name cannot have."""
+    """Raise CostError for an illegal value of an axis."""
     variant = VARIANTS[name]
     for value in values:
         if not variant.is_legal(value):

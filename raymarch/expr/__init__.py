@@ -1,4 +1,4 @@
-"""The little language that fields are written in: typed expressions, their vocabulary and their readings."""
+"""The expression language of fields: typed expressions, their vocabulary, and their readings."""
 
 from raymarch.expr import simplify as _rules  # noqa: F401  registers the simplifications
 from raymarch.expr.function import Function, function, loop, trace

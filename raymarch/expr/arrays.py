@@ -1,7 +1,7 @@
-"""The NumPy reading: float64 is truth, float32 is the twin of what a GPU computes.
+"""The NumPy reading: float64 is the reference, float32 is the twin of the GPU's computation.
 
-One value for each of N points: scalars are arrays (N,), vectors (N, n), matrices (N, n, n); what is the
-same for every point may lack the first axis.
+There is one value for each of N points: scalars are arrays (N,), vectors (N, n), matrices (N, n, n). A value that is
+the same for all points may lack the first axis.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ Array: TypeAlias = Any
 """A NumPy array of any shape and precision."""
 
 SMALLEST = float(np.finfo(np.float32).tiny)
-"""Smallest normal float32: the floor of divisors, logarithms and powers, the same in every reading."""
+"""Smallest normal float32: the lower bound of divisors and of the arguments of logarithms and powers in all
+readings."""
 
 SHORTEST = float(np.sqrt(SMALLEST))
-"""Shortest length whose square is a normal float32. A floor any lower would let a shorter vector, whose length
-underflows to 0, come out of `normalize` longer than 1."""
+"""Shortest length whose square is a normal float32. If it were shorter, `normalize` could return a vector longer than 1
+for a shorter vector, whose length underflows to 0."""
 
 
 def lift(value: Array, own: Type, wanted: Type) -> Array:
-    """A scalar made to stretch over the components of a vector or matrix."""
+    """Broadcast a scalar over the components of a vector or matrix."""
     if own.shape == wanted.shape or own.shape:
         return value
     return np.asarray(value)[(..., *(None,) * len(wanted.shape))]
@@ -208,7 +209,7 @@ FLOAT32 = Arrays(np.float32)
 
 
 class _Bound(threading.local):
-    """The values that are bound, the innermost last; each thread has its own."""
+    """Stack of bound values, the innermost last; each thread has its own."""
 
     def __init__(self) -> None:
         self.stack: list[tuple[Mapping[str, Any], float]] = [({}, 0.0)]
@@ -219,7 +220,7 @@ _bound = _Bound()
 
 @contextmanager
 def bound(params: Mapping[str, Any], time: float) -> Iterator[None]:
-    """Give parameters and time their values while the block runs; a parameter not named keeps its default."""
+    """Bind values to parameters and time inside the block; other parameters keep their defaults."""
     _bound.stack.append((params, time))
     try:
         yield
@@ -230,7 +231,7 @@ def bound(params: Mapping[str, Any], time: float) -> Iterator[None]:
 def evaluator(
     roots: Sequence[Expr], inputs: Sequence[Expr], dtype: type[np.floating[Any]] = np.float64
 ) -> Callable[..., tuple[Array, ...]]:
-    """A function of arrays, one for each input, that gives an array for each root."""
+    """Compile expressions to a function from one array per input to one array per root."""
     reading = FLOAT64 if dtype is np.float64 else FLOAT32
     program = Program(roots, inputs, reading)
 
@@ -242,7 +243,7 @@ def evaluator(
 
 
 def value_of(node: Expr) -> Array:
-    """A float64 value of an expression without variables, under the parameters and time that are bound."""
+    """The float64 value of an expression without variables, for the bound parameters and time."""
     if node.op == "const":
         return np.asarray(node.data)
     return evaluator([node], [])()[0]

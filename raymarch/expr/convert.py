@@ -1,7 +1,7 @@
-"""Where values come in: Python's own types made plain, checked, and refused with what, the value and the legal range.
+"""Conversion and checks of arguments. Errors name the argument, its value and the legal range.
 
-Every public function and class takes its numbers, switches, names and arrays through these converters, so that odd
-ones fail in one way. Numbers must be finite in float32, because that is how they reach the shader.
+Every public function and class converts its numbers, switches, names and arrays here, so that illegal values fail in
+one way. Numbers must be finite in float32, the type in which they reach the shader.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from raymarch.errors import Location, RaymarchError, SceneError, is_users
 T = TypeVar("T")
 
 LARGEST = float(np.finfo(np.float32).max)
-"""The largest number that the shader can hold: values reach it as float32."""
+"""The largest legal number: values reach the shader as float32."""
 
 LONGEST = 80
-"""Characters of a value in a message."""
+"""Maximum number of characters of a value in a message."""
 
 
 def short(value: Any) -> str:
-    """A value for a message: its repr if that is short, else its beginning, its shape, or its type."""
+    """Describe a value for a message: by its repr if that is short, else by its beginning, shape or type."""
     if isinstance(value, np.ndarray) and value.size > 8:
         return f"an array of shape {value.shape}, {value.dtype}"
     if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 256:
@@ -41,19 +41,19 @@ def short(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A NumPy scalar, or an array without axes, as Python's own number, switch or text; all else as it is."""
+    """Convert NumPy scalars and 0-d arrays to Python's own types; return other values unchanged."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         return value.item()
     return value
 
 
 def holdable(value: Any) -> bool:
-    """True if every component is a number that float32 can hold; NaN and infinity are not."""
+    """True if every component is finite in float32."""
     return bool(np.all(np.abs(value) <= LARGEST))
 
 
 def integer(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST, legal: str = "") -> int:
-    """A whole number within a range."""
+    """Convert to an integer within a range."""
     given = plain(value)
     if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
         legal = legal or ("an integer" if high == LARGEST else f"an integer from {low:g} to {high:g}")
@@ -62,7 +62,7 @@ def integer(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST,
 
 
 def real(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST, legal: str = "") -> float:
-    """A number within a range, both ends legal."""
+    """Convert to a number within a closed range."""
     given = plain(value)
     if isinstance(given, int) and abs(given) > LARGEST:
         given = None
@@ -73,7 +73,7 @@ def real(what: str, value: Any, low: float = -LARGEST, high: float = LARGEST, le
 
 
 def switch(what: str, value: Any) -> bool:
-    """True or False."""
+    """Convert to True or False."""
     given = plain(value)
     if not isinstance(given, bool):
         raise SceneError(f"{what} = {short(value)}", legal="True or False")
@@ -81,7 +81,7 @@ def switch(what: str, value: Any) -> bool:
 
 
 def choice(what: str, value: Any, among: Sequence[str], legal: str = "") -> str:
-    """One of some names."""
+    """Check that a value is one of some names."""
     given = plain(value)
     if not isinstance(given, str) or given not in among:
         raise SceneError(f"{what} = {short(value)}", legal=legal or ", ".join(map(repr, among)))
@@ -89,19 +89,19 @@ def choice(what: str, value: Any, among: Sequence[str], legal: str = "") -> str:
 
 
 def instance(what: str, value: Any, kind: Any, legal: str) -> Any:
-    """What is of a kind."""
+    """Check that a value is an instance of a class."""
     if not isinstance(value, kind):
         raise SceneError(f"{what} = {short(value)} ({type(value).__name__})", legal=legal)
     return value
 
 
 def optional(convert: Callable[..., T], what: str, value: Any, *more: Any) -> T | None:
-    """None, or what a converter makes of the value."""
+    """Convert a value, except None."""
     return None if value is None else convert(what, value, *more)
 
 
 def numbers(what: str, value: Any, legal: str) -> NDArray[np.float64]:
-    """An array of real numbers in float64, of any shape, not checked for NaN and infinity."""
+    """Convert to a float64 array of any shape. NaN and infinity are allowed."""
     try:
         array = np.asarray(value)
         if array.dtype.kind in "biuf" or (array.dtype.kind == "O" and array.ndim and _holds_integers(array)):
@@ -115,12 +115,12 @@ def numbers(what: str, value: Any, legal: str) -> NDArray[np.float64]:
 
 
 def _holds_integers(array: NDArray[Any]) -> bool:
-    """True for integers too long for NumPy's own types."""
+    """True for integers that exceed NumPy's types."""
     return all(isinstance(item, int) and not isinstance(item, bool) for item in array.flat)
 
 
 def file_path(what: str, value: Any, legal: str) -> str:
-    """The name of a file."""
+    """Convert to the name of a file."""
     try:
         path = os.fspath(value)
     except TypeError:
@@ -131,7 +131,7 @@ def file_path(what: str, value: Any, legal: str) -> str:
 
 
 def called(what: str, function: Callable[..., T], *args: Any, legal: str) -> T:
-    """What a user's function gives; what it raises is told as a fault of the function."""
+    """Call a user's function. Its exceptions become SceneErrors with the line of the function."""
     try:
         return function(*args)
     except RaymarchError:
@@ -148,6 +148,6 @@ def called(what: str, function: Callable[..., T], *args: Any, legal: str) -> T:
 
 
 def short_fault(fault: BaseException) -> str:
-    """An exception of Python's for a message, in one line."""
+    """A Python exception as one line of a message."""
     text = " ".join(str(fault).split())
     return text[:LONGEST] if isinstance(fault, TypeError) else f"{type(fault).__name__}: {text[:LONGEST]}"

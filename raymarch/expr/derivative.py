@@ -1,12 +1,12 @@
-"""The derivative reading: from an expression to the expression of its gradient.
+"""The derivative reading: symbolic gradients of expressions.
 
-Reverse mode inside a definition. Across a call of a scalar field it goes by one companion function that
-gives gradient and value together (`vec4 sphere_gradient(...)`), so no field is evaluated twice. Loops are
-differentiated forwards, with the tangents carried as more state, because going back would need their history.
+Reverse mode is used inside a definition. A call of a scalar field becomes a call of its companion function, which
+returns gradient and value together (`vec4 sphere_gradient(...)`), so no field is evaluated twice. Loops use forward
+mode, with the tangents as additional state, because reverse mode would need the history of the state.
 
-Where a function has a kink or a singular point, a finite value is given: the derivative of abs(x) and of length(v)
-at 0 is 0; of max(a, b) where a = b it is that of a, unless only b depends on the variable. Kinks of one difference lie
-at one place, so they take one side there (see `_one_sided`): min(a, b) + abs(a - b) and max(a, b) have one derivative.
+Derivatives at kinks and singular points are finite. The derivative of abs(x) and of length(v) at 0 is 0. That of
+max(a, b) where a = b is that of a, unless only b depends on the variable. Kinks of the same difference take the same
+side (see `_one_sided`): min(a, b) + abs(a - b) and max(a, b) have the same derivative.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ONE, ZERO = const(1.0), const(0.0)
 
 
 def _not_above(low: Expr, high: Expr) -> Expr:
-    """Whether low <= high; for vectors 1 or 0 by component."""
+    """Condition low <= high; for vectors 1 or 0 by component."""
     return low <= high if low.type is FLOAT and high.type is FLOAT else v.step(low, high)
 
 
@@ -52,14 +52,14 @@ def _safe_inverse(x: Expr) -> Expr:
 
 
 def _inverse_where_positive(x: Expr) -> Expr:
-    """1 / x for x > 0, else 0: the slope of log, which is constant below its floor."""
+    """1 / x for x > 0, else 0: the derivative of log, which is constant below its lower bound."""
     return _safe_inverse(v.max(x, 0.0))
 
 
 def _within(clamped: Expr) -> Expr:
-    """1 where a clamped number is below its upper limit, or at it if the lower one is known to lie below; else 0.
+    """1 where a clamped number is below its upper limit, or at it if the lower limit is known to be smaller; else 0.
 
-    Between two limits that are equal nothing moves.
+    If both limits are equal, the derivative is 0.
     """
     x, low, high = clamped.args
     apart = low.op == high.op == "const" and bool(np.all(low.data < high.data))
@@ -94,7 +94,7 @@ PARTIALS: Mapping[str, Partials] = {
     "round": (None,),
     "fract": (lambda e: ONE,),
     "hash": (None,),
-    "texture": (None, None, None, None),  # heights are read as slopes instead, see `raymarch.scene.relief`
+    "texture": (None, None, None, None),  # height maps are read as gradients, see `raymarch.scene.relief`
     "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
     "exp": (lambda e: e,),
     "exp2": (lambda e: math.log(2) * e,),
@@ -125,7 +125,7 @@ PARTIALS: Mapping[str, Partials] = {
     "mix": (lambda e: 1.0 - e.args[2], lambda e: e.args[2], lambda e: e.args[1] - e.args[0]),
     "smoothstep": (_no_edges, _no_edges, _smoothstep_slope),
 }
-"""Operations by component: the partial derivative for each argument; None where it is zero everywhere."""
+"""Componentwise operations: the partial derivative for each argument; None where it is zero everywhere."""
 
 
 def _outer(a: Expr, b: Expr) -> Expr:
@@ -141,7 +141,7 @@ def _inner(a: Expr, b: Expr) -> Expr:
 
 
 def _scatter(adjoint: Expr, e: Expr) -> Expr:
-    """Back through a swizzle: the adjoint on the components that were taken, 0 on the others."""
+    """Adjoint of a swizzle: the adjoint on the selected components, 0 on the others."""
     sums = dict.fromkeys("xyzw"[: e.args[0].type.size], ZERO)
     for component, part in zip(e.data, [adjoint] if adjoint.type is FLOAT else adjoint, strict=True):
         sums[component] = sums[component] + part
@@ -149,24 +149,24 @@ def _scatter(adjoint: Expr, e: Expr) -> Expr:
 
 
 def _gather(adjoint: Expr, e: Expr, index: int) -> Expr:
-    """Back through a vector constructor: the components that this argument gave."""
+    """Adjoint of a vector constructor: the components of this argument."""
     start = sum(a.type.size for a in e.args[:index])
     parts = [adjoint[start + i] for i in range(e.args[index].type.size)]
     return parts[0] if len(parts) == 1 else construct(*parts)
 
 
 def _unit(e: Expr, tangent: Expr) -> Expr:
-    """Derivative of normalize in a direction; it is its own transpose."""
+    """Directional derivative of normalize; the Jacobian is symmetric."""
     return (tangent - e * v.dot(e, tangent)) * _safe_inverse(v.length(e.args[0]))
 
 
 def _slope_of_call(e: Expr) -> Expr:
-    """Gradient part of a companion function's result (see `companion`)."""
+    """Gradient part of the result of a companion function (see `companion`)."""
     return swizzle(e, "xyzw"[: e.type.size - 1])
 
 
 def _across(adjoint: Expr, e: Expr) -> Expr:
-    """Back through a probe: what passed from a node to another goes the other way now."""
+    """Adjoint of a probe: a probe in the reverse direction between the two nodes."""
     return make(
         "probe", adjoint.type, (adjoint,), e.data._replace(role="gradient", site=e.data.other, other=e.data.site)
     )
@@ -235,16 +235,16 @@ def gradient(root: Expr, variable: Expr) -> Expr:
 
 
 def value_and_gradient(root: Expr, variable: Expr) -> tuple[Expr, Expr]:
-    """The expression, rewritten to share its work with its gradient, and the gradient."""
+    """The expression, rewritten to share subexpressions with its gradient, and the gradient."""
     opened = _open([root], {variable})[0]
     slope = backpropagate(opened, variable).get(variable, zero(variable.type))
-    while loops := _lifted_loops([opened, slope]):  # a loop that carries tangents gives the values too
+    while loops := _lifted_loops([opened, slope]):  # a loop with tangents also computes the values
         opened, slope = substitute([opened, slope], loops)
     return opened, slope
 
 
 def _lifted_loops(roots: Sequence[Expr]) -> dict[Expr, Expr]:
-    """For each result of a loop whose lifted twin is there as well, the twin's result."""
+    """Results of loops whose version with tangents also occurs, with the results that replace them."""
     wholes = [node for node in topological(roots) if node.op == "loop"]
     twins = {_lifted_from[twin]: twin for twin in wholes if twin in _lifted_from}
     found = {}
@@ -255,11 +255,11 @@ def _lifted_loops(roots: Sequence[Expr]) -> dict[Expr, Expr]:
 
 
 _lifted_from: WeakKeyDictionary[Expr, Expr] = WeakKeyDictionary()
-"""Which loop a loop with tangents was made from."""
+"""The original loop of each loop with tangents."""
 
 
 def sensitivities(root: Expr, marked: Sequence[Expr]) -> list[Expr]:
-    """How much each marked scalar subexpression moves the root: the weights by which materials mix."""
+    """Derivatives of the root by each marked scalar subexpression: the weights of material blending."""
     marks = [var(f"mark {i}", FLOAT) for i in range(len(marked))]
     cut = substitute([root], dict(zip(marked, marks, strict=True)))[0]
     opened = _open([cut], set(marks))[0]
@@ -270,7 +270,7 @@ def sensitivities(root: Expr, marked: Sequence[Expr]) -> list[Expr]:
 
 
 def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
-    """Adjoints of everything between the variables and an opened scalar root."""
+    """Adjoints of all expressions between the variables and an opened scalar root."""
     dependent = depends_on([root], variables)
     adjoints: dict[Expr, Expr] = {root: ONE}
     order = topological([root])
@@ -295,14 +295,14 @@ Sides: TypeAlias = Sequence[tuple[Expr, bool]]
 """Conditions, outermost first, and whether each must hold."""
 
 NESTED = 8
-"""Choices within choices that are looked through."""
+"""Maximum depth of nested choices that are examined."""
 
 
 def _taken(adjoint: Expr, choices: set[Expr]) -> tuple[Expr, Sides]:
-    """The adjoint inside of what some choices take, and those choices.
+    """The adjoint inside the taken side of some choices, and those choices.
 
-    The side that is not taken has the adjoint 0, but slopes there may be infinite, and 0 times that is NaN. So slopes
-    are multiplied by the adjoint inside, and the choice is made of the products.
+    The side that is not taken has the adjoint 0, but derivatives there may be infinite, and the product is NaN.
+    Derivatives are therefore multiplied by the inner adjoint, and the choice is applied to the products.
     """
     sides: list[tuple[Expr, bool]] = []
     while len(sides) < NESTED and (side := _side(adjoint)) is not None and side[0] in choices:
@@ -312,7 +312,7 @@ def _taken(adjoint: Expr, choices: set[Expr]) -> tuple[Expr, Sides]:
 
 
 def _side(adjoint: Expr) -> tuple[Expr, bool] | None:
-    """The condition of a choice between something and 0, and whether something is taken where it holds."""
+    """Condition of a choice between a value and 0, and whether the value is taken where it holds."""
     if adjoint.op != "where" or adjoint.args[1] is adjoint.args[2]:
         return None
     nothing = zero(adjoint.type)
@@ -329,7 +329,7 @@ def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, sides
 
 
 def _sum(a: Expr, b: Expr) -> Expr:
-    """a + b, as one choice where both are chosen alike."""
+    """a + b, as one choice if both have the same condition."""
     side = _side(a)
     if side is None or side != _side(b):
         return a + b
@@ -347,13 +347,13 @@ def _backward(adjoint: Expr, node: Expr, i: int, partials: Mapping[Expr, Partial
     slope = partial(node)
     if node.args[i].type is node.type:
         return _scaled(adjoint, slope)
-    if slope.type is FLOAT:  # a scalar that was stretched over a vector gathers from all components
+    if slope.type is FLOAT:  # a scalar broadcast over a vector sums over all components
         return slope * _inner(adjoint, const(np.ones(adjoint.type.shape)))
     return _inner(adjoint, slope)
 
 
 def _scaled(adjoint: Expr, slope: Expr) -> Expr:
-    """adjoint * slope, as a choice where the slope is 1 on one side and 0 on the other."""
+    """adjoint * slope, as a choice if the slope is 1 on one side and 0 on the other."""
     if slope.op == "where" and slope.args[1].op == slope.args[2].op == "const":
         condition, yes, no = slope.args
         return v.where(condition, adjoint * yes, adjoint * no)
@@ -364,20 +364,20 @@ def _scaled(adjoint: Expr, slope: Expr) -> Expr:
     return adjoint * slope
 
 
-# Ties: kinks of one difference take one side.
+# Ties: kinks of the same difference take the same side.
 
 Terms: TypeAlias = frozenset[tuple[int, Expr]]
-"""A sum of expressions, each with a sign."""
+"""A sum of signed expressions."""
 
 
 class _Side(NamedTuple):
-    """The sign that a difference is given: one where a condition holds, also at 0, the other elsewhere."""
+    """Sign of a difference: one sign where a condition holds, also at 0, the other elsewhere."""
 
     condition: Expr
     sign: int
 
     def choose(self, negative: float, positive: float) -> Expr:
-        """One number where the difference counts as negative, another where it counts as positive."""
+        """`negative` where the difference counts as negative, `positive` elsewhere."""
         yes, no = (negative, positive) if self.sign < 0 else (positive, negative)
         if self.condition.type is BOOL:
             return v.where(self.condition, yes, no)
@@ -385,12 +385,12 @@ class _Side(NamedTuple):
 
 
 def _one_sided(order: Sequence[Expr], dependent: AbstractSet[Expr]) -> dict[Expr, Partials]:
-    """The partial derivatives of kinks that take another side of a tie than those in `PARTIALS`, by node.
+    """Partial derivatives of kinks whose side of a tie differs from that in `PARTIALS`, by node.
 
-    Where a = b, min(a, b) has the derivative of a, as if a were below b. A sum of kinks of a - b is right there only if
-    each takes that side: abs(a - b) has the slope -1 then, and max(a, b) the derivative of b. A comparison of a and b
-    chooses the side, else the first min, else the first max, which prefer an argument that depends on the variable.
-    An abs alone keeps the slope 0, the mean of both sides.
+    Where a = b, min(a, b) has the derivative of a, as if a < b. A sum of kinks of a - b is then right only if all take
+    this side: abs(a - b) has the slope -1, and max(a, b) the derivative of b. The side is chosen by a comparison of a
+    and b, else by the first min, else by the first max; these prefer an argument that depends on the variable. An abs
+    alone keeps the slope 0, the mean of both sides.
     """
     kinks: dict[str, list[Expr]] = {op: [] for op in ("lt", "le", "min", "max", "abs")}
     for node in order:
@@ -423,7 +423,7 @@ def _given(slope: Expr) -> Partial:
 
 
 def _known(terms: Terms, found: Mapping[Terms, _Side]) -> _Side | None:
-    """The side that was chosen for a difference or for its negative."""
+    """The chosen side of a difference or of its negative."""
     if terms in found:
         return found[terms]
     side = found.get(frozenset((-sign, term) for sign, term in terms))
@@ -431,7 +431,8 @@ def _known(terms: Terms, found: Mapping[Terms, _Side]) -> _Side | None:
 
 
 def _difference(kink: Expr) -> Terms:
-    """What is 0 where a kink lies: x for abs(x) and for max(x, 0), a - b for min(a, b), max(a, b) and comparisons."""
+    """The expression that is 0 at a kink: x for abs(x) and max(x, 0), a - b for min(a, b), max(a, b) and
+    comparisons."""
     terms = [term for arg, sign in zip(kink.args, (1, -1), strict=False) for term in _term(arg, sign)]
     if len(terms) == 1 and terms[0][1].op in ("add", "sub"):
         sign, inner = terms[0]
@@ -446,7 +447,7 @@ def _term(e: Expr, sign: int) -> Sequence[tuple[int, Expr]]:
     return () if e.op == "const" and not np.any(e.data) else ((sign, e),)
 
 
-# Opening: calls on the way become companion calls or are inlined, so that the tables above meet no other call.
+# Opening: calls become companion calls or are inlined, so the tables above need no other calls.
 
 
 def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
@@ -459,8 +460,8 @@ def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
         definition: Function = node.data
         along = moving.index(True)
         if definition.type is FLOAT and sum(moving) == 1 and node.args[along].type in (VEC2, VEC3):
-            whole = companion(definition, along)(*args)
-            return whole[whole.type.size - 1]
+            both = companion(definition, along)(*args)
+            return both[both.type.size - 1]
         return substitute([_opened_body(definition, moving)], dict(zip(definition.params, args, strict=True)))[0]
 
     new = rewrite(roots, rule)
@@ -477,12 +478,12 @@ def _opened_body(definition: Function, moving: tuple[bool, ...]) -> Expr:
 
 
 def companion(definition: Function, along: int = 0) -> Function:
-    """The function that gives gradient and value at once: (d/dx, d/dy, d/dz, value) for a vec3 parameter.
+    """The function that returns gradient and value together: (d/dx, d/dy, d/dz, value) for a vec3 parameter.
 
     Parameters
     ----------
     definition : a scalar function.
-    along : which parameter, a vec2 or vec3, the gradient is taken with respect to.
+    along : index of the vec2 or vec3 parameter of the gradient.
     """
     key = ("companion", along)
     if key not in definition.derived:
@@ -499,7 +500,7 @@ def companion(definition: Function, along: int = 0) -> Function:
 
 
 def _back_through_loop(item: Expr, variable: Expr, adjoint: Expr) -> Expr:
-    """The loop's share of the gradient: the adjoint times the tangent along each axis of the variable."""
+    """Contribution of a loop to the gradient: the adjoint times the tangent along each axis of the variable."""
     size = variable.type.size
     axes = [const([1.0 if i == k else 0.0 for k in range(size)]) if size > 1 else ONE for i in range(size)]
     parts = [
@@ -530,7 +531,7 @@ def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> lis
 
 
 def moved_along(root: Expr, variable: Expr, directions: Sequence[Expr]) -> list[Expr]:
-    """The tangents of an expression while a variable moves along some directions of its own type."""
+    """Directional derivatives of an expression with respect to a variable, one for each direction."""
     opened = _open([root], {variable})
     return [moved[0] for moved in tangents(opened, [{variable: direction} for direction in directions])]
 
@@ -548,39 +549,39 @@ def _forward(node: Expr, incoming: Sequence[Expr], partials: Mapping[Expr, Parti
 
 
 def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Expr]:
-    """The tangents of one result of a loop, from a loop whose state carries the tangents of all results."""
-    whole, body = item.args[0], item.args[0].data
-    n, ways = len(body.state), range(len(moved))
-    first = whole.args[:n]
+    """The tangents of one result of a loop, from a loop with the tangents of all results as additional state."""
+    loop_expr, body = item.args[0], item.args[0].data
+    n, directions = len(body.state), range(len(moved))
+    first = loop_expr.args[:n]
     formal = (*body.state, *body.captured)
-    starts = [[moved[d].get(arg, zero(arg.type)) for arg in whole.args] for d in ways]
-    carried = [[var(f"{s.data} along {d}", s.type) for s in body.state] for d in ways]
+    starts = [[moved[d].get(arg, zero(arg.type)) for arg in loop_expr.args] for d in directions]
+    carried = [[var(f"{s.data} along {d}", s.type) for s in body.state] for d in directions]
     lifted = [
         [
             var(f"{c.data} along {d}", c.type) if s is not zero(s.type) else s
             for c, s in zip(body.captured, start[n:], strict=True)
         ]
-        for d, start in zip(ways, starts, strict=True)
+        for d, start in zip(directions, starts, strict=True)
     ]
     inner = _open(body.inner, set(formal))
     step, until = inner[:n], inner[n] if body.until is not None else None
-    still = {k for k in range(n) if all(starts[d][k] is zero(first[k].type) for d in ways)}
-    while True:  # a state that starts without a tangent and never gains one needs none
+    still = {k for k in range(n) if all(starts[d][k] is zero(first[k].type) for d in directions)}
+    while True:  # a state whose tangent starts as 0 and stays 0 needs none
         seeds = [
             {
                 f: zero(f.type) if k in still else t
                 for k, (f, t) in enumerate(zip(formal, carried[d] + lifted[d], strict=True))
             }
-            for d in ways
+            for d in directions
         ]
         after = tangents(step, seeds)
-        gaining = {k for k in still if any(after[d][k] is not zero(first[k].type) for d in ways)}
+        gaining = {k for k in still if any(after[d][k] is not zero(first[k].type) for d in directions)}
         if not gaining:
             break
         still -= gaining
-    moving = [(d, k) for d in ways for k in range(n) if k not in still]
-    around = dict(zip(body.captured, whole.args[n:], strict=True))
-    for d in ways:
+    moving = [(d, k) for d in directions for k in range(n) if k not in still]
+    around = dict(zip(body.captured, loop_expr.args[n:], strict=True))
+    for d in directions:
         around.update({t: s for t, s in zip(lifted[d], starts[d][n:], strict=True) if t.op == "var"})
     results = close_loop(
         body.count,
@@ -591,7 +592,7 @@ def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Exp
         (*first, *(starts[d][k] for d, k in moving)),
         around,
     )
-    if results[0].args[0] is not whole:
-        _lifted_from[results[0].args[0]] = whole
+    if results[0].args[0] is not loop_expr:
+        _lifted_from[results[0].args[0]] = loop_expr
     found = {pair: results[n + i] for i, pair in enumerate(moving)}
-    return [found.get((d, item.data), zero(item.type)) for d in ways]
+    return [found.get((d, item.data), zero(item.type)) for d in directions]

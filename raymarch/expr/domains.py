@@ -1,4 +1,4 @@
-"""What an operation can be given that it is not made for, as the expression of a fault: see `raymarch.expr.faults`."""
+"""Arguments outside the domain of an operation, as fault expressions: see `raymarch.expr.faults`."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from raymarch.expr.node import Expr, const, construct
 from raymarch.expr.types import BOOL, FLOAT
 
 ROUNDING = 2.0**-18
-"""A root of a difference may come out negative by this share of its terms, an arc sine's argument too large by this: 32
-units in the last place of float32, what a chain of some ten operations may add up to."""
+"""Tolerance for rounding: the argument of a root may be negative by this fraction of its terms, that of an arc sine too
+large by this. 32 units in the last place of float32, the error of a chain of some ten operations."""
 
 HIDING = frozenset(
     """
@@ -19,7 +19,7 @@ HIDING = frozenset(
     sample_slope texture hash raw raw_slope call div mod
     """.split()
 )
-"""Operations whose result may be finite although an argument is not; all others hand it on."""
+"""Operations whose result may be finite although an argument is not; all others propagate it."""
 
 _BOUNDED = HIDING - set("exp exp2 pow raw raw_slope call div mod".split()) | {"const", "var", "param", "time"}
 """Operations whose result is finite if their arguments are."""
@@ -31,7 +31,7 @@ NOTHING = const([0.0, 0.0])
 
 
 def merged(faults: Iterable[Expr | None]) -> Expr | None:
-    """The first of some faults that is one."""
+    """The first fault of several that is not 0."""
     result: Expr | None = None
     for fault in dict.fromkeys(faults):
         if fault is not None and fault is not NOTHING:
@@ -48,7 +48,7 @@ def _parts(value: Expr) -> list[Expr]:
 
 
 def _known(e: Expr, depth: int = 6) -> bool:
-    """True where the form of an expression, seen to some depth, shows that it is finite, or has been looked at."""
+    """True if the structure of an expression, to some depth, proves that it is finite or already checked."""
     if e.type is BOOL or e.type.is_matrix or e.op in _BOUNDED:
         return True
     if depth == 0 or e.op not in _HANDING_ON:
@@ -96,7 +96,7 @@ def _stretched(value: Expr, over: Expr) -> list[Expr]:
 
 
 def _is_positive(e: Expr, depth: int = 4) -> bool:
-    """True where the form of the expression shows that it is never 0 (constants), or larger than 0."""
+    """True if the structure of an expression proves that it is larger than 0 (constants: not 0)."""
     if depth == 0:
         return False
     match e.op:

@@ -1,7 +1,7 @@
-"""One engine for every reading that gives values: it walks, a table of rules says what each operation means.
+"""The evaluator of all readings that compute values; a table of rules defines each operation.
 
-A rule is `rule(node, *values of the arguments) -> value`. Functions and loops are handled here, by running
-their inner expressions; a table says only how a loop is repeated.
+A rule is `rule(node, *values of the arguments) -> value`. Functions and loops are handled here, by evaluation of their
+inner expressions. A reading defines only how a loop is repeated.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ Rule: TypeAlias = Callable[..., Any]
 
 
 class Reading(Protocol):
-    """What a table must offer besides its rules."""
+    """The interface of a reading."""
 
     @property
     def rules(self) -> Mapping[str, Rule]:
-        """What each operation means."""
+        """The rule of each operation."""
 
     def leaf(self, node: Expr) -> Any:
         """Value of a constant."""
 
     def repeat(self, body: Loop, program: Program, first: list[Any], captured: list[Any]) -> tuple[Any, ...]:
-        """Value of a loop: `program` gives the next state and, last, the leaving condition if there is one."""
+        """Value of a loop: `program` returns the next state and, last, the exit condition if there is one."""
 
 
 class Program:
-    """Expressions made ready to be evaluated many times: a straight list of steps over numbered slots."""
+    """Expressions compiled for repeated evaluation: a list of steps over numbered slots."""
 
     def __init__(self, roots: Sequence[Expr], inputs: Sequence[Expr], reading: Reading) -> None:
         order = topological(roots)
@@ -65,7 +65,7 @@ class Program:
         slots[: len(inputs)] = inputs
         for rule, node, arguments, result, dead in self._steps:
             slots[result] = rule(node, *[slots[i] for i in arguments])
-            for i in dead:  # large graphs over many points would otherwise hold every intermediate array
+            for i in dead:  # frees intermediate arrays; large graphs over many points would otherwise keep all
                 slots[i] = None
         return tuple(slots[i] for i in self._results)
 

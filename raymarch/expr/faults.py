@@ -1,14 +1,15 @@
-"""The fault reading: from expressions to the expression of the first value in them that went wrong.
+"""The fault reading: from expressions to the expression of their first fault.
 
-It gives a vec2: a code, 0 where all is well, and the value at fault. At fault is what was computed and taken:
+The result is a vec2: a code, 0 without a fault, and the value at fault. Faults are:
 
-- a value that is not finite, where it might vanish (in a `min`, a comparison, an `exp`, ...) or leaves its node;
-- an argument outside of its operation's domain, by more than rounding explains. The vocabulary puts the nearest legal
-  value in its place, so that all stays finite; whether that was meant, it cannot know. Who means it writes it: the root
-  of `max(x, 0)` is no fault.
+- a value that is not finite, where an operation could hide it (`min`, a comparison, `exp`, ...) or where it leaves its
+  node;
+- an argument outside of its operation's domain by more than rounding errors. The vocabulary replaces it by the nearest
+  legal value, so all values stay finite, but the replacement may be unintended. An explicit replacement is no fault,
+  such as the root of `max(x, 0)`.
 
-What a `where` does not take is not looked at, nor is `normalize(0)` or `atan2(0, 0)`: on an axis every direction is as
-good as the others. A fault counts where it arises: a value made from one that is at fault is not counted again.
+The side that a `where` does not take is ignored. `normalize(0)` and `atan2(0, 0)` are no faults: on an axis every
+direction is as good as the others. A fault counts at its origin only, not in values computed from it.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ Role: TypeAlias = Literal["value", "point", "gradient"]
 
 
 class Passage(NamedTuple):
-    """The data of a `probe`: it stands around what passes from one node to another, and gives its first argument.
+    """The data of a `probe`: it marks a value that one node passes to another; its value is its first argument.
 
-    role : what passes. site : number of the node that computed it, from 1. other : of the one that gets it; 0 for none.
+    role : kind of the value. site : number of the node that computed it, from 1. other : number of the node that
+    receives it; 0 for none.
     """
 
     role: Role
@@ -44,18 +46,28 @@ KINDS: Final = (
     *("a power of a negative number", "the arc sine of more than 1", "the arc cosine of more than 1"),
     *("a smoothstep without width", "a colour that is not finite"),
 )
-"""What can go wrong; a code is an index into these, plus STRIDE times the number of the node."""
+"""Kinds of faults. A code is an index into these, plus STRIDE times the number of the node."""
 
 STRIDE: Final = 32
 
 COLOR: Final = len(KINDS) - 1
 
-_OF_ROLES = {"value": 1, "point": 2, "gradient": 3}
-_OF_DOMAINS = {"div": 4, "mod": 5, "sqrt": 6, "log": 7, "log2": 7, "pow": 8, "asin": 9, "acos": 10, "smoothstep": 11}
+_KIND_OF_ROLE = {"value": 1, "point": 2, "gradient": 3}
+_KIND_OF_DOMAIN = {
+    "div": 4,
+    "mod": 5,
+    "sqrt": 6,
+    "log": 7,
+    "log2": 7,
+    "pow": 8,
+    "asin": 9,
+    "acos": 10,
+    "smoothstep": 11,
+}
 
 
 def code(kind: int, site: int) -> float:
-    """The number that stands for a kind of fault at a node."""
+    """The code of a kind of fault at a node."""
     return float(kind + STRIDE * site)
 
 
@@ -80,14 +92,14 @@ def plain(definition: Function) -> Function:
 
 
 def without_probes(roots: Sequence[Expr]) -> list[Expr]:
-    """Expressions without probes, also in the functions that they call."""
+    """The expressions without probes, also inside the functions that they call."""
     return _Reading(checks=False).read(roots, 0)
 
 
 def faults_of(definition: Function) -> Function | None:
-    """The function `vec2 name_faults(...)` of the same parameters; None if nothing in it can go wrong.
+    """The function `vec2 name_faults(...)` of the same parameters; None if it has no possible fault.
 
-    Codes from outside of any probe have the site 0, and get that of the node that calls.
+    Codes from outside of any probe have the site 0; the caller replaces it by its own node.
     """
     if "faults" not in definition.derived:
         found = first_fault([definition.body])
@@ -100,9 +112,9 @@ def faults_of(definition: Function) -> Function | None:
 
 
 def first_fault(roots: Sequence[Expr], kind: int = 1) -> Expr | None:
-    """The first fault in some expressions; None if there can be none.
+    """The first fault in some expressions; None if none is possible.
 
-    kind : of the fault that a root which is not finite is, if it is not a probe.
+    kind : kind of the fault if a root that is no probe is not finite.
     """
     reading = _Reading()
     reading.read(roots, 0)
@@ -113,9 +125,10 @@ def first_fault(roots: Sequence[Expr], kind: int = 1) -> Expr | None:
 
 @dataclass(slots=True)
 class _Reading:
-    """Goes over expressions once.
+    """One pass over expressions.
 
-    values : each expression without probes, its loops with their faults as more state. faults : what went wrong in it.
+    values : each expression without probes; loops have their fault as additional state. faults : the fault of each
+    expression.
     """
 
     checks: bool = True
@@ -124,7 +137,7 @@ class _Reading:
     _results: dict[Expr, tuple[Expr, ...]] = field(default_factory=dict)
 
     def read(self, roots: Sequence[Expr], owner: int) -> list[Expr]:
-        """Read expressions that belong to the node `owner`, where no probe says more; gives their values."""
+        """Read expressions that belong to the node `owner` unless a probe names another; returns their values."""
         order = topological(roots)
         owners = _owners(order, owner)
         for node in order:
@@ -155,19 +168,19 @@ class _Reading:
             return merged([before[0], v.where(args[0], yes, no)])
         if node.op == "probe":
             data: Passage = node.data
-            return merged([before[0], not_finite(args[0], code(_OF_ROLES[data.role], data.site))])
+            return merged([before[0], not_finite(args[0], code(_KIND_OF_ROLE[data.role], data.site))])
         found = before
         if node.op in HIDING:
             looked_at = args[1:] if node.op in ("div", "mod") else args
             found += [not_finite(arg, code(1, site)) for arg in looked_at]
-        if node.op in _OF_DOMAINS:
-            found.append(outside(node.op, args, code(_OF_DOMAINS[node.op], site)))
+        if node.op in _KIND_OF_DOMAIN:
+            found.append(outside(node.op, args, code(_KIND_OF_DOMAIN[node.op], site)))
         if node.op == "call" and (inside := faults_of(node.data)) is not None:
             found.append(_adopted(inside(*args), site))
         return merged(found)
 
     def _loop(self, node: Expr, args: tuple[Expr, ...], site: int) -> tuple[tuple[Expr, ...], Expr | None]:
-        """The results of a loop and what went wrong in it, from a loop that carries its first fault as more state."""
+        """The results of a loop and its fault, from a loop with its first fault as additional state."""
         body: Loop = node.data
         n = len(body.state)
         inner = _Reading(self.checks)
@@ -194,7 +207,7 @@ class _Reading:
 
 
 def _owners(order: Sequence[Expr], owner: int) -> dict[Expr, int]:
-    """The node that each expression belongs to: that of the first probe that its value flows into."""
+    """The node of each expression: that of the first probe that its value flows into."""
     owners: dict[Expr, int] = {}
     for node in reversed(order):
         owners.setdefault(node, owner)
@@ -205,7 +218,7 @@ def _owners(order: Sequence[Expr], owner: int) -> dict[Expr, int]:
 
 
 def _adopted(fault: Expr, site: int) -> Expr:
-    """What went wrong inside of a function, as a fault of the node that calls it."""
+    """A fault inside a function, as a fault of the node that calls it."""
     if site == 0:
         return fault
     unknown = (fault.x > 0.0) & (fault.x < float(STRIDE))

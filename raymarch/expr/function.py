@@ -1,7 +1,7 @@
 """Functions and loops of the expression language.
 
-A `Function` is a definition in its own right: it is written once in the GLSL and called by name.
-A `Loop` carries state from turn to turn. Both are plain data of one `call` or `loop` expression.
+A `Function` is a GLSL function: it is printed once and called by name. A `Loop` carries state from iteration to
+iteration. Both are plain data of a `call` or `loop` expression.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import free_variables, substitute
 
 _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary()
-"""By what they say, so that one that comes back from another process is the one that is here."""
+"""All functions by content, so that unpickling returns the existing object."""
 
 
 @dataclass(eq=False, slots=True, weakref_slot=True)
@@ -33,7 +33,7 @@ class Function:
     names: dict[Expr, str] = field(default_factory=dict)
     where: Location | None = None
     derived: dict[Any, Any] = field(default_factory=dict)
-    """What was made from this one (its gradients, its ready programs), by the key under which it was made."""
+    """Cache of derived objects (gradients, compiled programs) by key."""
 
     def __post_init__(self) -> None:
         _functions.setdefault((self.name, self.params, self.body), self)
@@ -64,14 +64,14 @@ class Function:
         return make("call", self.type, values, self)
 
     def inline(self, *args: Expr) -> Expr:
-        """The body itself, with the parameters replaced."""
+        """The body with the parameters replaced."""
         return substitute([self.body], dict(zip(self.params, args, strict=True)))[0]
 
 
 def _function(name: str, params: Any, body: Any, names: Any, where: Location | None) -> Function:
-    """The function of a pickle, or the one that says the same and is here."""
+    """Unpickle a function; returns the existing one if it is equal."""
     if not isinstance(name, str) or not isinstance(body, Expr) or not all(isinstance(p, Expr) for p in params):
-        raise SceneError(f"unpickling a function: {short(name)}", legal="what pickle made of one")
+        raise SceneError(f"unpickling a function: {short(name)}", legal="the pickle of a function")
     found = _functions.get((name, tuple(params), body))
     return found if found is not None else Function(name, tuple(params), body, dict(names), where)
 
@@ -115,19 +115,19 @@ def trace(
 
 
 def _resume(profiler: Any) -> None:
-    """Give the profiler back its place. That of cProfile is an object that switches itself on, and cannot be called."""
+    """Restore the profiler. That of cProfile is an object that enables itself and cannot be called."""
     sys.setprofile(None if hasattr(profiler, "enable") else profiler)
     if hasattr(profiler, "enable"):
         profiler.enable()
 
 
 def _code_family(code: CodeType) -> set[CodeType]:
-    """A function's code and that of the functions written inside it, such as the step of a loop."""
+    """The code of a function and of its nested functions, such as the step of a loop."""
     return {code}.union(*(_code_family(c) for c in code.co_consts if isinstance(c, CodeType)))
 
 
 def function(**types: Type) -> Callable[[Callable[..., Any]], Function]:
-    """Decorator: a helper that is a GLSL function of its own, with the types of its parameters given by name.
+    """Decorator: define a helper as a GLSL function; the types of its parameters are given by name.
 
     The definition runs once, at import, on symbolic parameters.
     """
@@ -142,10 +142,10 @@ def function(**types: Type) -> Callable[[Callable[..., Any]], Function]:
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """`count` turns at most of `state = step(state)`, left as soon as `until` holds at the start of a turn.
+    """At most `count` iterations of `state = step(state)`; ends as soon as `until` holds at the start of an iteration.
 
-    A loop is closed: `index` counts turns from 0, `state` is what is carried, `captured` are the variables
-    around it that it reads. The loop expression's arguments are the first state, then the captured values.
+    A loop is closed: `index` counts iterations from 0, `state` are the carried variables, `captured` are the outer
+    variables that it reads. The arguments of the loop expression are the initial state, then the captured values.
     """
 
     count: int
@@ -170,10 +170,10 @@ def loop(
 
     Parameters
     ----------
-    count : number of turns, 1 to 65,535, known when the scene is built.
-    state : the first values, one expression each; their types stay.
-    step : function of the turn's index (a float expression) and the state, giving the next state.
-    until : function of the same arguments; the loop ends before a turn in which it holds.
+    count : number of iterations, 1 to 65,535, constant in the scene.
+    state : the initial values, one expression each; their types do not change.
+    step : function of the index (a float expression) and the state; returns the next state.
+    until : function of the same arguments; the loop ends before an iteration in which it holds.
     """
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 65535:
         raise SceneError(f"loop count {short(count)}", legal="an integer from 1 to 65535")
@@ -209,17 +209,20 @@ def close_loop(
     first: tuple[Expr, ...],
     around: Mapping[Expr, Expr] = MappingProxyType({}),
 ) -> tuple[Expr, ...]:
-    """The results of a loop, one expression each. The variables that its body reads from around it are captured;
-    `around` gives their values where they are not themselves."""
+    """The results of a loop, one expression each.
+
+    Outer variables that the body reads are captured. `around` maps them to their values; by default they are
+    themselves.
+    """
     body = (*step, until) if until is not None else step
     captured = tuple(v for v in free_variables(body) if v is not index and v not in state)
-    whole = make(
+    loop_expr = make(
         "loop",
         STATE,
         first + tuple(around.get(v, v) for v in captured),
         Loop(count, index, state, captured, step, until),
     )
-    return tuple(make("item", value.type, (whole,), k) for k, value in enumerate(first))
+    return tuple(make("item", value.type, (loop_expr,), k) for k, value in enumerate(first))
 
 
 def sum_of(terms: Sequence[Expr]) -> Expr:

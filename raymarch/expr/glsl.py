@@ -1,7 +1,7 @@
-"""The GLSL reading: functions of the expression language as text that a person might have written.
+"""The GLSL reading: functions of the expression language as readable GLSL.
 
-One text serves `#version 330 core` and `#version 300 es`. A value gets a temporary only where it is used
-twice, or where a line would nest too deep; temporaries carry the names of the author's own variables.
+One text serves `#version 330 core` and `#version 300 es`. A value gets a temporary only if it is used twice, or if the
+nesting would be too deep. Temporaries have the names of the author's own variables.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _LARGEST = float(np.finfo(np.float32).max)
 
 
 class Line(NamedTuple):
-    """A line of GLSL and the expression that it computes, if it computes one."""
+    """A line of GLSL and the expression that it computes, if any."""
 
     text: str
     source: Expr | None
 
 
 class Piece(NamedTuple):
-    """Text of a subexpression, how tightly it binds, and its parts where it may be broken over lines."""
+    """Text of a subexpression, its precedence, and its parts if it may be broken over lines."""
 
     text: str
     binding: int
@@ -55,7 +55,7 @@ Template: TypeAlias = Callable[["FunctionPrinter", Expr, Sequence[Piece]], Piece
 
 
 def literal(number: float) -> str:
-    """A finite float32 literal with a decimal point, as short as it can be without losing a bit."""
+    """A finite float32 literal with a decimal point, the shortest one without loss of a bit."""
     if not np.isfinite(number) or abs(number) > _LARGEST:
         raise SceneError(f"{number} cannot be written in GLSL", legal="finite numbers up to 3.4e38")
     text = repr(float(str(np.float32(number))))
@@ -93,7 +93,7 @@ def call_text(name: str, pieces: Sequence[Piece], sources: Sequence[Expr]) -> Pi
 
 
 def _call(name: str, *stretch: int) -> Template:
-    """A built-in function. Arguments at the positions in `stretch` may stay scalar beside vectors, others not."""
+    """A built-in function. Arguments at the positions in `stretch` may be scalars beside vectors, others not."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         args = [
@@ -132,7 +132,7 @@ def _infix(symbol: str, binding: int) -> Template:
 
 
 def _order(symbol: str, mirrored: str) -> Template:
-    """A comparison; a constant goes to the right, as one reads it."""
+    """A comparison; a constant is printed on the right."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         left, right = (_wrap(p, PLUS) for p in pieces)
@@ -155,7 +155,7 @@ def _prefix(symbol: str) -> Template:
 
 
 def _guarded(name: str, guard: str, is_safe: Callable[[Expr], bool]) -> Template:
-    """A built-in function whose first argument is brought into its domain, unless it is there by construction."""
+    """A built-in function whose first argument is clamped to its domain, unless it is proved to lie in it."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         first, arg = pieces[0], node.args[0]
@@ -168,7 +168,7 @@ def _guarded(name: str, guard: str, is_safe: Callable[[Expr], bool]) -> Template
 
 
 def is_nonnegative(e: Expr, depth: int = 4) -> bool:
-    """True where the form of the expression, seen to some depth, shows that no component is negative."""
+    """True if the structure of the expression, to some depth, proves that no component is negative."""
     if depth == 0:
         return False
 
@@ -200,7 +200,7 @@ def _positive_constant(e: Expr) -> bool:
 
 
 def _helper(name: str, text: str) -> Template:
-    """A function that GLSL lacks or leaves undefined somewhere; its text is emitted once where it is used."""
+    """A function that GLSL lacks or leaves partly undefined; its text is emitted once if it is used."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         printer.helpers[name, node.type.name] = text.replace("TYPE", node.type.name)
@@ -209,9 +209,9 @@ def _helper(name: str, text: str) -> Template:
     return template
 
 
-# Inverse circular functions are our own: GLSL leaves their accuracy open, and drivers use it. On Mesa the built-in asin
-# and acos are off by up to 4e-4, which times the power of a fractal or a radius is to be seen. The polynomials are
-# minimax fits made for this (Lawson's iteration): asin(s)/s on s <= 1/2 to 5e-9, atan(t)/t on t <= 1 to 1.5e-8.
+# GLSL does not specify the accuracy of inverse trigonometric functions. On Mesa the built-in asin and acos have errors
+# up to 4e-4, which is visible once multiplied by the power of a fractal or a radius. These polynomials are minimax fits
+# (Lawson's iteration): asin(s)/s on s <= 1/2 to 5e-9, atan(t)/t on t <= 1 to 1.5e-8.
 
 _HALF_ARC_SINE = """    float a = min(abs(x), 1.0);
     bool wide = a > 0.5;
@@ -243,7 +243,7 @@ _ATAN2 = """float atan2(float y, float x) {
 
 
 def _own(name: str, text: str) -> Template:
-    """A scalar helper; vectors call it for each component."""
+    """A scalar helper; vectors call it by component."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         printer.helpers[name, "float"] = text
@@ -308,7 +308,7 @@ def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]
 
 
 def _sample(component: str) -> Template:
-    """Interpolated data: value, or slope; both come from one helper."""
+    """Interpolated data: value or gradient; one helper computes both."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         dimension = node.data.dimension
@@ -322,7 +322,7 @@ def _sample(component: str) -> Template:
 
 
 def _texture(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    """A picture's mean over an ellipse."""
+    """Mean of a texture over an ellipse."""
     name = helper_of(node.data)
     printer.helpers[name, ""] = glsl_helper(node.data)
     printer.text.samples[node.data.name] = node.data
@@ -346,7 +346,7 @@ def _raw(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece
 
 
 def _finite(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    """By the bits: compilers turn `not less` into `greater or equal`, which lets NaN through."""
+    """Test by the bits: compilers rewrite `not less` as `greater or equal`, which accepts NaN."""
     size = node.args[0].type.size
     if size == 1:
         text = "bool is_finite(float x) {\n    return (floatBitsToUint(x) & 0x7F800000u) != 0x7F800000u;\n}"
@@ -358,7 +358,7 @@ def _finite(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pi
 
 
 def _probe(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    """Shows each node's value to the function `seen` of the shader's probe: value, point, cell, the node's number."""
+    """Pass value, point, cell and number of each node to the function `seen` of the shader's probe."""
     if node.data.role != "value":
         return pieces[0]
     printer.text.needs.add("seen")
@@ -449,13 +449,13 @@ packSnorm2x16 unpackSnorm2x16 packUnorm2x16 unpackUnorm2x16 packHalf2x16 unpackH
 """
 RESERVED = frozenset(_WORDS.split())
 _TYPE_LIKE = re.compile(r"([iubdhf]?vec[234]|d?mat[234](x[234])?|[iu]?(sampler|image)\w*|texture\w*|noise[1-4])$")
-_PREFIXES = ("gl_", "GL_", "webgl_")  # of OpenGL itself, its macros, and browsers
+_PREFIXES = ("gl_", "GL_", "webgl_")  # reserved by OpenGL, its macros, and browsers
 
 
 def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None = None) -> str:
-    """A legal GLSL name close to the wanted one, and not among those taken.
+    """A legal GLSL name close to the requested one that is not taken.
 
-    `numbers` remembers where counting went for each name, so that thousands of equal wishes stay quick.
+    `numbers` stores the last suffix of each name, so that thousands of equal requests stay fast.
     """
     clean = re.sub(r"_{2,}", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).strip("_") or "value"
     if clean[0].isdigit():
@@ -492,7 +492,7 @@ Printable: TypeAlias = Function | Record
 
 @dataclass(slots=True)
 class Text:
-    """The functions of a field in the order in which they must stand, and what they need around them."""
+    """The functions of a field in order of definition, and their requirements."""
 
     names: dict[Printable, str]
     functions: list[list[Line]]
@@ -502,7 +502,7 @@ class Text:
     samples: dict[str, Samples | Texels] = field(default_factory=dict)
     uniform_names: dict[Expr, str] = field(default_factory=dict)
     needs: set[str] = field(default_factory=set)
-    """What it calls that others give."""
+    """Functions that it calls and that the shader must define."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -515,14 +515,14 @@ class Text:
 
 
 def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Text:
-    """GLSL of some functions and of all that they call, each once."""
+    """GLSL of some functions and of all their callees, each once."""
     order = _callees_first(roots)
     names: dict[Printable, str] = {}
     expressions = [e for f in roots for e in f.inner]
     uniforms = _uniforms(expressions, frozenset(taken))
     occupied = {*taken, *uniforms, TIME, *_names_in_raw(expressions, {*taken, *uniforms, TIME})}
     numbers: dict[str, int] = {}
-    for definition in [*roots, *order]:  # the roots keep the names that they ask for
+    for definition in [*roots, *order]:  # the roots keep their own names
         if definition not in names:
             wanted = definition.name
             names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
@@ -535,7 +535,7 @@ def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Te
 
 
 def _names_in_raw(expressions: Sequence[Expr], taken: set[str]) -> set[str]:
-    """The names that functions written in GLSL take; each may be given once."""
+    """Names defined by raw GLSL functions; SceneError for duplicates."""
     givers: dict[str, RawFunction] = {}
     for node in find(expressions, "raw", "raw_slope"):
         function: RawFunction = node.data
@@ -548,7 +548,7 @@ def _names_in_raw(expressions: Sequence[Expr], taken: set[str]) -> set[str]:
 
 
 def _uniforms(expressions: Sequence[Expr], taken: frozenset[str]) -> dict[str, Expr]:
-    """The parameters that some expressions read, by their GLSL names."""
+    """Parameters of some expressions, by GLSL name."""
     uniforms: dict[str, Expr] = {}
     for leaf in find(expressions, "param"):
         name = uniform_name(leaf, taken)
@@ -563,7 +563,7 @@ def _uniforms(expressions: Sequence[Expr], taken: frozenset[str]) -> dict[str, E
 
 
 def uniform_name(leaf: Expr, taken: frozenset[str] = frozenset()) -> str:
-    """The GLSL name of a parameter, none of those taken, or of the time."""
+    """The GLSL name of a parameter, not among those taken, or of the time."""
     return TIME if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, taken | {TIME})
 
 
@@ -598,7 +598,7 @@ def _direct_calls(roots: Iterable[Expr]) -> list[Expr]:
 
 @dataclass(slots=True)
 class FunctionPrinter:
-    """Prints one function: statements for what is shared, one expression for the rest."""
+    """Prints one function: statements for shared values, one expression for the rest."""
 
     definition: Printable
     text: Text
@@ -645,7 +645,7 @@ class FunctionPrinter:
         return name
 
     def emit(self, roots: Sequence[Expr], finish: Callable[[int, Piece], None]) -> None:
-        """Statements for all that the roots share, then `finish(i, piece)` for each root in turn."""
+        """Print statements for shared values, then call `finish(i, piece)` for each root in turn."""
         loops: dict[Expr, _OpenLoop] = {}
 
         def arguments(node: Expr) -> tuple[Expr, ...]:
@@ -714,7 +714,7 @@ class FunctionPrinter:
     # Loops
 
     def _open(self, node: Expr) -> _OpenLoop:
-        """The loop's body over fresh variables, with the values captured from around it put in."""
+        """The body of a loop over new variables, with the captured values substituted."""
         body: Loop = node.data
         n = len(body.state)
         serial = next_serial()
@@ -764,7 +764,7 @@ class FunctionPrinter:
         self.lines.append(Line("    " * self.indent + "}", None))
 
     def _assign(self, opened: _OpenLoop, news: list[Piece]) -> None:
-        """All state at once: an assignment waits until no other value still reads what it overwrites."""
+        """Assign all state variables; an assignment waits until no other value reads its old value."""
         todo = {k: p for k, p in enumerate(news) if p.text != self.names[opened.state[k]]}
         while todo:
             free = [
@@ -774,9 +774,9 @@ class FunctionPrinter:
             ]
             if not free:
                 k = next(iter(todo))
-                held = self._name("next_" + self.names[opened.state[k]])
-                self._statement(f"{opened.state[k].type} {held} = ", todo[k], ";", opened.step[k])
-                todo[k] = Piece(held, ATOM, 0)
+                saved = self._name("next_" + self.names[opened.state[k]])
+                self._statement(f"{opened.state[k].type} {saved} = ", todo[k], ";", opened.step[k])
+                todo[k] = Piece(saved, ATOM, 0)
                 continue
             for k in free:
                 self._statement(f"{self.names[opened.state[k]]} = ", todo.pop(k), ";", opened.step[k])
@@ -801,12 +801,12 @@ def next_serial() -> int:
 
 
 def roots_only(waiting: Sequence[tuple[int, Expr]], node: Expr, uses: Mapping[Expr, int]) -> tuple[Expr, ...]:
-    """A root that nothing else reads needs no temporary, its statement is its name."""
+    """A root that nothing else reads needs no temporary."""
     return (node,) if uses[node] == 1 and any(root is node for _, root in waiting) else ()
 
 
-def _item(whole: Expr, k: int, type: Type) -> Expr:
-    return make("item", type, (whole,), k)
+def _item(loop_expr: Expr, k: int, type: Type) -> Expr:
+    return make("item", type, (loop_expr,), k)
 
 
 def _mentions(text: str, name: str) -> bool:
@@ -822,7 +822,7 @@ def _default_name(node: Expr) -> str:
 
 
 def _layout(indent: str, before: str, piece: Piece, after: str, source: Expr | None) -> list[Line]:
-    """One line where it fits; else a call with an argument on each line."""
+    """One line if it fits; otherwise a call with one argument per line."""
     flat = f"{indent}{before}{piece.text}{after}"
     if len(flat) <= WIDTH or piece.call is None or len(piece.call[1]) < 2:
         return [Line(flat, source)]

@@ -1,8 +1,8 @@
-"""A random number for each cell of a lattice, the same bit for bit in every reading.
+"""The hash of a lattice cell, bit-identical in all readings.
 
-Cells are counted by whole numbers, which are hashed as integers: a hash made of sines would be chaotic in the last bit
-of its input. The hash is the output permutation of a PCG generator (O'Neill 2014; as a hash Jarzynski and Olano
-2020), once for each coordinate. Its upper 24 bits make a fraction that float32 holds exactly.
+Cell indices are hashed as integers: a hash made of sines would be chaotic in the last bit of its input. The hash is the
+output permutation of a PCG generator (O'Neill 2014; as a hash Jarzynski and Olano 2020), once for each coordinate. Its
+upper 24 bits form a fraction that float32 holds exactly.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from raymarch.expr.types import FLOAT, VEC3
 Array = NDArray[Any]
 
 FARTHEST = 1.0e9
-"""Cells beyond this are taken as this one; a float32 that large and an integer of 32 bits both hold it."""
+"""Cell indices are clamped to this; float32 and 32-bit integers both hold it."""
 
 
 def hash(cell: Operand) -> Expr:
-    """A number from 0 to 1, less than 1, for each cell of the lattice of whole numbers.
+    """A pseudorandom number in [0, 1) for each cell of the integer lattice.
 
-    cell : vec3 of whole numbers; others are rounded.
+    cell : vec3 of integers; other values are rounded.
     """
     value = expr(cell)
     if value.type is not VEC3:
@@ -41,8 +41,8 @@ def _mixed(v: Array) -> Array:
 
 def evaluate(_node: Expr, cell: Array) -> Array:
     """NumPy row of "hash"."""
-    whole = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
-    n = np.atleast_2d(whole).astype(np.int64).astype(np.uint32)
+    rounded = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
+    n = np.atleast_2d(rounded).astype(np.int64).astype(np.uint32)
     bits = _mixed(n[..., 0] + _mixed(n[..., 1] + _mixed(n[..., 2])))
     fraction = (bits >> np.uint32(8)).astype(cell.dtype) * cell.dtype.type(2.0**-24)
     return fraction.reshape(cell.shape[:-1])

@@ -1,7 +1,7 @@
-"""The interval reading: what values can an expression take while parameters run over their ranges?
+"""The interval reading: ranges of expressions over all values of the parameters.
 
-A value is a pair (low, high) of float64 arrays. Operations without a rule of their own answer (-inf, inf),
-which is always true. Bounds, Lipschitz constants and parameter domains are read this way.
+A value is a pair (low, high) of float64 arrays. Operations without a rule return (-inf, inf), which is always valid.
+Bounds, Lipschitz constants and parameter domains are computed this way.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _rising(f: Callable[[Any], Any]) -> Rule:
 
 
 def _times(x: Any, y: Any) -> Any:
-    """Product in which 0 times infinity is 0: the infinite end of a bound is approached, not reached."""
+    """Product with 0 times infinity = 0: the infinite end of an interval is not attained."""
     return np.where((x == 0) | (y == 0), 0.0, x * y)
 
 
@@ -68,7 +68,7 @@ def _abs(a: Interval) -> Interval:
 
 
 def _wave(peak: float) -> Callable[[Interval], Interval]:
-    """sin or cos: `peak` is where the maximum stands, modulo 2 pi."""
+    """sin or cos; `peak` is the position of the maximum modulo 2 pi."""
 
     def rule(a: Interval) -> Interval:
         def reaches(where: float) -> Any:
@@ -246,7 +246,7 @@ RULES: Mapping[str, Rule] = {
 
 
 class Intervals:
-    """The reading; it has no state."""
+    """The interval reading; it has no state."""
 
     @property
     def rules(self) -> Mapping[str, Rule]:

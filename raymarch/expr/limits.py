@@ -1,5 +1,7 @@
-"""Legal ranges that only a frame can decide: an expression of time, or of a parameter, that was given for a value with
-a range. It is marked with that range, wherever it goes; every reading takes the mark for the expression itself.
+"""Legal ranges that are checked in each frame.
+
+A value with a legal range may be an expression of time or of a parameter. It is marked with that range; every reading
+treats the mark as the expression itself.
 """
 
 from __future__ import annotations
@@ -20,9 +22,9 @@ class Limit:
 
     Attributes
     ----------
-    what : the value's name, such as "Sun: intensity". legal : the range in words.
-    low, high : each component lies between them. nonzero : not all of them may be 0.
-    where : the user's line; it does not count for equality.
+    what : the value's name, such as "Sun: intensity". legal : description of the range.
+    low, high : bounds of each component. nonzero : at least one component must not be 0.
+    where : the user's line; it is ignored in comparisons.
     """
 
     what: str
@@ -33,7 +35,7 @@ class Limit:
     where: Location | None = field(default=None, compare=False)
 
     def holds(self, value: Expr) -> bool:
-        """True if no parameter, time or cell takes an expression out of the range, and a constant is finite."""
+        """True if an expression stays in the range for all parameters, times and cells; a constant must be finite."""
         low, high = interval_of(value)
         if value.is_constant and not np.all(np.isfinite(low)):
             return False
@@ -43,9 +45,9 @@ class Limit:
 
 
 def limited(value: Expr, limit: Limit) -> Expr:
-    """The expression, marked with its range unless nothing can take it out of that."""
+    """Mark an expression with its range, unless it always stays in it."""
     if value.op == "within" and value.data == limit:
-        return value  # of a value that exists already
+        return value  # already marked
     if value.is_constant or (limit.holds(value) and not may_overflow(value)):
         return value
     marked = Limit(limit.what, limit.legal, limit.low, limit.high, limit.nonzero, user_location())
@@ -53,5 +55,5 @@ def limited(value: Expr, limit: Limit) -> Expr:
 
 
 def may_overflow(value: Expr) -> bool:
-    """True if an expression of time or parameters has an operation whose result may be no finite number."""
+    """True if an expression contains an operation whose result may not be finite."""
     return bool(find([value], "div", "mod", "exp", "exp2", "pow", "log", "log2", "sinh", "cosh", "tan"))

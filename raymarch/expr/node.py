@@ -1,7 +1,7 @@
 """Expressions: immutable, typed, hash-consed. Two equal expressions are one object.
 
-An `Expr` is an operation, its arguments and at most one piece of plain data. What the operations
-mean is not written here: each reading (GLSL, NumPy, intervals, derivative) is a table over their names.
+An `Expr` is an operation, its arguments and at most one piece of plain data. Each reading (GLSL, NumPy, intervals,
+derivative) defines the operations by a table over their names.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ Floats: TypeAlias = NDArray[np.floating[Any]]
 
 
 class Expr:
-    """A value that is computed for each point. Make one with the vocabulary, not with this constructor.
+    """A value computed for each point. Create it with the vocabulary, not with this constructor.
 
     Attributes
     ----------
-    op : name of the operation, a key of every reading's table.
+    op : name of the operation, a key of the tables of all readings.
     type : its GLSL type.
-    args : the expressions that it reads.
+    args : the argument expressions.
     data : the constant of a `const`, the name of a `var`, the components of a `swizzle`, ...
-    where : the line that first wrote it.
+    where : the source line that created it first.
     """
 
     __slots__ = ("__weakref__", "args", "data", "op", "type", "where")
-    __array_ufunc__ = None  # NumPy must leave `array * expr` to __rmul__
+    __array_ufunc__ = None  # NumPy then calls __rmul__ for `array * expr`
 
     op: str
     type: Type
@@ -70,11 +70,11 @@ class Expr:
 
     def __float__(self) -> float:
         raise SceneError(
-            f"an expression ({self.op}: {self.type}) has no number yet, it is computed for each point",
+            f"an expression ({self.op}: {self.type}) has no numeric value: it is computed for each point",
             legal="use the functions of raymarch's vocabulary in place of the math module's",
         )
 
-    # Arithmetic, as in GLSL: a scalar works with every component of a vector.
+    # Arithmetic, as in GLSL: scalars are broadcast over vectors.
     def __add__(self, other: Operand) -> Expr:
         return elementwise("add", self, other)
 
@@ -201,21 +201,21 @@ class Expr:
 
 
 Operand: TypeAlias = Expr | float | Sequence[Any] | NDArray[Any]
-"""What stands for a value: an expression, a number, or a sequence of 2 to 4 of them."""
+"""An operand: an expression, a number, or a sequence of 2 to 4 of them."""
 
 _interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
 _interning = threading.Lock()
 
 
 def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls: type[Expr] = Expr) -> Expr:
-    """The one expression of this operation, arguments and data; no simplification (see `simplify`)."""
+    """The unique expression of this operation, arguments and data, without simplification (see `simplify`)."""
     key = (op, type, args, (data.tobytes(), data.dtype.char) if isinstance(data, np.ndarray) else data)
     found = _interned.get(key)
     if found is not None:
         return found
     node = object.__new__(cls)
-    node.op, node.type, node.args, node.data, node.where = op, type, args, data, _writer()
-    with _interning:  # another thread may have made it meanwhile
+    node.op, node.type, node.args, node.data, node.where = op, type, args, data, _creation_line()
+    with _interning:  # another thread may have created it in the meantime
         found = _interned.get(key)
         if found is None:
             _interned[key] = found = node
@@ -241,7 +241,7 @@ def _rows(root: Expr) -> list[tuple[Any, ...]]:
 
 
 def _remade(rows: Any) -> Expr:
-    """The expression of a table, which is the one that is here if it says the same."""
+    """The expression of a table; returns the existing one if it is equal."""
     made: list[Expr] = []
     try:
         for op, name, arguments, data, where in rows:
@@ -259,18 +259,18 @@ def _remade(rows: Any) -> Expr:
             made.append(node)
         return made[-1]
     except (TypeError, ValueError, IndexError, StopIteration) as fault:
-        raise SceneError(f"unpickling an expression: {fault}", legal="what pickle made of one") from fault
+        raise SceneError(f"unpickling an expression: {fault}", legal="the pickle of an expression") from fault
 
 
 def _operations() -> set[str]:
-    """What may come out of a pickle."""
+    """Operations that unpickling accepts."""
     from raymarch.expr.arrays import RULES
 
     return {*RULES, "const", "var", "param", "time", "call", "loop", "item", "apply", "mark", "cell"}
 
 
-def _writer() -> Location | None:
-    """The line outside this room that asked for the expression."""
+def _creation_line() -> Location | None:
+    """The source line outside of this package that created the expression."""
     frame: FrameType | None = sys._getframe(2)
     while frame is not None and frame.f_code.co_filename.startswith(_HERE):
         frame = frame.f_back
@@ -294,7 +294,7 @@ def _type_of_shape(array: NDArray[Any]) -> Type:
     if array.ndim == 2 and array.shape[0] == array.shape[1] and 2 <= array.shape[0] <= 4:
         return MATRICES[array.shape[0]]
     raise SceneError(
-        f"an array of shape {array.shape} is no value of the expression language",
+        f"an array of shape {array.shape} is not a value of the expression language",
         legal="a number, a vector of 2 to 4 numbers or a square matrix",
     )
 
@@ -312,14 +312,13 @@ def expr(value: Operand) -> Expr:
         if array is not None:
             return const(array)
     raise SceneError(
-        f"{short(value)} ({type(value).__name__}) is no number, vector or expression",
+        f"{short(value)} ({type(value).__name__}) is not a number, vector or expression",
         legal="a number, a sequence of 2 to 4 numbers, or an expression",
     )
 
 
 def _numeric(value: Any) -> NDArray[Any] | None:
-    """None for texts, which NumPy would read as numbers, for rows of different lengths, and for integers that no float
-    holds."""
+    """Convert to an array. None for strings, ragged sequences, and integers that exceed float64."""
     try:
         array = np.asarray(value)
         return (
@@ -332,11 +331,11 @@ def _numeric(value: Any) -> NDArray[Any] | None:
 
 
 _LINEAR = {"add", "sub", "mul", "div", "neg"}
-"""The operations by component that GLSL has for matrices too."""
+"""Componentwise operations that GLSL also has for matrices."""
 
 
 def elementwise(op: str, *operands: Operand) -> Expr:
-    """An operation on each component; scalars work with every component of the widest operand."""
+    """A componentwise operation; scalars are broadcast over the widest operand."""
     args = tuple(map(expr, operands))
     type = _widest(op, args)
     if type.is_matrix and op not in _LINEAR:
@@ -403,7 +402,7 @@ def construct(*parts: Operand) -> Expr:
 
 
 def var(name: str, type: Type) -> Expr:
-    """A parameter of a function, or the carried state of a loop."""
+    """A parameter of a function, or a state variable of a loop."""
     return make("var", type, (), name)
 
 
@@ -412,7 +411,7 @@ _simplifiers: list[Simplifier] = []
 
 
 def simplify(op: str, type: Type, args: tuple[Expr, ...], data: Any = None) -> Expr:
-    """The expression, after constants are folded and identities (x + 0, x * 1, ...) are taken out."""
+    """Create an expression after constant folding and removal of identities (x + 0, x * 1, ...)."""
     for rule in _simplifiers:
         simple = rule(op, type, args, data)
         if simple is not None:
@@ -421,6 +420,6 @@ def simplify(op: str, type: Type, args: tuple[Expr, ...], data: Any = None) -> E
 
 
 def simplifier(rule: Simplifier) -> Simplifier:
-    """Register a rule that may replace an expression about to be made by a simpler one."""
+    """Register a rule that may replace a new expression by a simpler one."""
     _simplifiers.append(rule)
     return rule

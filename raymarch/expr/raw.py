@@ -1,7 +1,6 @@
 """A function that a user wrote in GLSL, as an operation of the language.
 
-Nothing can be seen inside of it, so NumPy needs a twin, intervals know nothing, and the gradient is a central
-difference of the function itself.
+It is opaque: NumPy needs a twin, its interval is unbounded, and its gradient is a central difference.
 """
 
 from __future__ import annotations
@@ -24,9 +23,11 @@ Twin: TypeAlias = Callable[[Array], Any]
 
 
 def step_of(dtype: Any) -> float:
-    """Step of the central differences, over the size of the solid or of the coordinates, the larger one: where what
-    rounding adds, eps / h, and what the formula leaves out, h^2, are of one size. 0.0049 in float32 (so the gradient
-    is good to some 2e-5), 6e-6 in float64."""
+    """Step of the central differences, relative to the larger of the size of the solid and the coordinates.
+
+    At this step the rounding error eps / h equals the truncation error h^2: 0.0049 in float32 (the gradient is accurate
+    to some 2e-5), 6e-6 in float64.
+    """
     return float(np.cbrt(np.finfo(dtype).eps))
 
 
@@ -36,10 +37,10 @@ class RawFunction:
 
     Attributes
     ----------
-    name : of the function. code : its GLSL, and that of what it calls.
-    twin : the same in NumPy, from points (N, 3) to values (N,); None if there is none.
-    size : of the solid, a length: what the step of its gradient is measured by.
-    where : the user's line that gave it.
+    name : name of the function. code : its GLSL, with its callees.
+    twin : the same function in NumPy, from points (N, 3) to values (N,); None if there is none.
+    size : length of the solid, which scales the step of its gradient.
+    where : the user's line that defined it.
     """
 
     name: str
@@ -50,7 +51,7 @@ class RawFunction:
 
     @property
     def defines(self) -> frozenset[str]:
-        """The names that the code gives to functions, constants and macros, and that of the gradient."""
+        """Names of functions, constants and macros that the code defines, and the name of the gradient."""
         return (
             frozenset({f"{self.name}_slope"})
             | frozenset(re.findall(r"^\s*#\s*define\s+(\w+)", self.code, re.M))
@@ -64,7 +65,7 @@ def without_comments(code: str) -> str:
 
 
 def _outermost(code: str) -> str:
-    """What stands outside of all braces, without comments."""
+    """The code outside of all braces, without comments."""
     depth, kept = 0, []
     for character in without_comments(code):
         depth += (character == "{") - (character == "}")
@@ -87,7 +88,7 @@ def slope(e: Expr) -> Expr:
 
 
 def without_twin(body: Expr) -> bool:
-    """True if the values of an expression are known to the GPU only."""
+    """True if only the GPU can evaluate an expression."""
     return any(node.data.twin is None for node in find([body], "raw", "raw_slope"))
 
 
@@ -96,7 +97,7 @@ def evaluate(node: Expr, p: Array) -> Array:
     function: RawFunction = node.data
     if function.twin is None:
         raise SceneError(
-            f"the GLSL function {function.name} has no NumPy twin, so its values are known to the GPU only",
+            f"the GLSL function {function.name} has no NumPy twin, so only the GPU can evaluate it",
             legal="glsl_node(..., twin=a function from points (N, 3) to distances (N,))",
         )
     points = p.reshape(-1, 3)

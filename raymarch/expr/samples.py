@@ -1,7 +1,7 @@
-"""Sampled data as a function of position: an array that is interpolated linearly.
+"""Sampled data as a function of position, with linear interpolation.
 
-Coordinates count texels: 0 is the centre of the first one, n - 1 of the last. Outside, the value at the edge stays.
-GLSL fetches the texels and interpolates in float32 itself, because texture units round the weights to 8 bits.
+Coordinates are in texels: 0 is the centre of the first one, n - 1 that of the last. Outside, coordinates are clamped.
+The GLSL fetches texels and interpolates in float32, because texture units round the weights to 8 bits.
 """
 
 from __future__ import annotations
@@ -57,17 +57,17 @@ class Samples:
 
     @property
     def nbytes(self) -> int:
-        """Of the texture."""
+        """Size of the texture in bytes."""
         return self.values.nbytes
 
     @property
     def label(self) -> str:
-        """What messages call it."""
+        """Name in messages."""
         return f"samples of {' x '.join(map(str, self.size))}"
 
     @property
     def channels(self) -> int:
-        """One."""
+        """1."""
         return 1
 
     @property
@@ -77,8 +77,8 @@ class Samples:
 
     @property
     def steepest(self) -> float:
-        """An upper bound of the interpolated function's slope, per texel: cell by cell, the largest difference
-        along each axis, taken together."""
+        """An upper bound of the gradient's length, per texel: in each cell, the norm of the largest differences along
+        the axes."""
         values = self.values.astype(np.float64)
         total = np.zeros(tuple(n - 1 for n in values.shape))
         for axis in range(values.ndim):
@@ -94,7 +94,7 @@ class Samples:
 
 
 def sample(data: Samples, at: Operand) -> Expr:
-    """The data at a position in texels, interpolated linearly; the edge's value outside.
+    """The data at a position in texels, with linear interpolation; clamped outside.
 
     data : 2D or 3D. at : vec2 (x, y) or vec3 (x, y, z).
     """
@@ -115,7 +115,7 @@ def sample_slope(e: Expr) -> Expr:
 
 
 def _corners(data: Samples, at: Array) -> tuple[Array, list[tuple[tuple[int, ...], Array]]]:
-    """Weights along each axis, and the value at each corner of the cell that holds a position."""
+    """Weights along each axis, and the values at the corners of the cell that contains a position."""
     size = np.array(data.size)
     cell = np.clip(np.nan_to_num(np.floor(at)), 0, size - 2).astype(np.int64)
     weight = at - cell.astype(at.dtype)
@@ -143,9 +143,9 @@ def evaluate_slope(node: Expr, at: Array) -> Array:
     for axis in range(node.data.dimension):
         total: Array = np.zeros(at.shape[:-1], at.dtype)
         for corner, value in corners:
-            share = np.where(np.array(corner) == 1, weight, 1 - weight)
-            share[..., axis] = 1 if corner[axis] else -1
-            total = total + value * np.prod(share, axis=-1)
+            factors = np.where(np.array(corner) == 1, weight, 1 - weight)
+            factors[..., axis] = 1 if corner[axis] else -1
+            total = total + value * np.prod(factors, axis=-1)
         parts.append(total)
     return np.stack(parts, axis=-1)
 

@@ -1,7 +1,7 @@
-"""Rules that run whenever an expression is made: constants fold, identities vanish.
+"""Simplification of new expressions: constant folding and identities.
 
-Folding uses the float64 reading, so a literal and a uniform of the same value follow the same rules.
-x * 0 becomes 0 although inf * 0 is not: fields are finite by their facts, and derivatives are full of zeros.
+Folding uses the float64 reading, so literals and uniforms of the same value follow the same rules. x * 0 becomes 0
+although inf * 0 is NaN: fields are finite by their facts, and derivatives contain many zeros.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
 
 
 def _add_components(a: Expr, b: Expr) -> Expr | None:
-    """Gradients come as (x, 0, 0) + (0, y, z): add them where they are not zero."""
+    """Sum of vectors with disjoint components, such as (x, 0, 0) + (0, y, z) in gradients."""
     if a.op == b.op == "construct" and all(p.type is FLOAT for p in a.args + b.args):
         sums = tuple(elementwise("add", p, q) for p, q in zip(a.args, b.args, strict=True))
         return make("construct", a.type, sums)
@@ -122,8 +122,11 @@ def _scalars(v: Expr) -> list[Expr]:
 
 
 def _placed(m: Expr, v: Expr) -> Expr | None:
-    """A constant matrix times a vector. What is less than the rounding of a full turn, 2^-50, beside the rest of its
-    row is 0, such as the cosine of a quarter turn; a matrix that only swaps and mirrors axes picks components."""
+    """A constant matrix times a vector.
+
+    Elements below 2^-50 of their row, the rounding error of a full turn, count as 0, such as the cosine of a quarter
+    turn. A matrix that only permutes and negates axes becomes a selection of components.
+    """
     size = np.abs(m.data)
     data = np.where(size < 2.0**-50 * size.max(axis=1, keepdims=True), 0.0, m.data)
     if np.all(np.sort(np.abs(data), axis=1) == np.eye(m.type.size)[-1]):

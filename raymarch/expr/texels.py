@@ -1,7 +1,7 @@
-"""Pictures as data: values at texels, with the smaller versions of them that far surfaces are read from.
+"""Texture data with mipmaps.
 
-A picture is stored as half floats, so that the truth and the graphics card read the same numbers. Each level of the
-pyramid is the mean of what it stands for, in linear values, so every level has the mean of the whole.
+Texels are half floats, so that the reference and the GPU read the same numbers. Each mip level is the mean of the level
+below in linear values, so all levels have the same mean.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
 
 WRAPS: Final = ("repeat", "mirror", "clamp")
 LARGEST = 4096
-"""Texels along either edge."""
+"""Maximum number of texels along an edge."""
 
 
 class Texels:
-    """A picture of 1 to 3 channels with its pyramid.
+    """A texture of 1 to 3 channels with its mipmaps.
 
     Attributes
     ----------
-    levels : float16 (h, w, channels) each, level 0 first; row 0 is the lowest, v grows upwards. Each level has half the
-        texels of the one before along each axis, rounded down, and the last has one.
-    wrap : what lies outside: "repeat", "mirror", or "clamp", which is the edge's texels.
-    label : what messages call it; it does not count for equality. Equal texels are equal.
+    levels : float16 (h, w, channels) each, level 0 first; row 0 is the bottom, v points upwards. Each level has half
+        the texels of the previous one along each axis, rounded down; the last has one.
+    wrap : values outside: "repeat", "mirror", or "clamp" to the edge.
+    label : name in messages; it is ignored in comparisons. Textures with equal texels are equal.
     """
 
     __slots__ = ("key", "label", "levels", "wrap")
@@ -66,7 +66,7 @@ class Texels:
 
     @property
     def dimension(self) -> int:
-        """2: of the GLSL sampler."""
+        """2, the dimension of the GLSL sampler."""
         return 2
 
     @property
@@ -82,17 +82,17 @@ class Texels:
 
     @property
     def type(self) -> Type:
-        """Of one value."""
+        """Type of one value."""
         return vector(self.channels)
 
     @property
     def nbytes(self) -> int:
-        """Of all levels."""
+        """Size of all levels in bytes."""
         return sum(level.nbytes for level in self.levels)
 
 
 def pyramid(values: Array) -> tuple[Array, ...]:
-    """The values and all their smaller versions, float16; (h, w, channels) each."""
+    """All mip levels of some values, float16; (h, w, channels) each."""
     levels = [values]
     while max(levels[-1].shape[:2]) > 1:
         levels.append(_halved(_halved(levels[-1], 0), 1))
@@ -103,7 +103,7 @@ def pyramid(values: Array) -> tuple[Array, ...]:
 
 
 def _halved(values: Array, axis: int) -> Array:
-    """Half as many along an axis, rounded down: each the mean of the stretch that it covers."""
+    """Reduce an axis to half its length, rounded down, by means over the covered intervals."""
     n = values.shape[axis]
     m = max(n // 2, 1)
     if n == m:
@@ -113,7 +113,7 @@ def _halved(values: Array, axis: int) -> Array:
         return np.moveaxis(0.5 * (first[0::2] + first[1::2]), 0, axis)
     total = np.concatenate([np.zeros_like(first[:1]), np.cumsum(first, axis=0, dtype=np.float64)])
     ends = np.arange(m + 1) * (n / m)
-    whole = np.minimum(ends.astype(int), n - 1)
-    share = (ends - whole).reshape(-1, *(1,) * (first.ndim - 1))
-    means = np.diff(total[whole] + share * first[whole], axis=0) * (m / n)
+    base = np.minimum(ends.astype(int), n - 1)
+    weight = (ends - base).reshape(-1, *(1,) * (first.ndim - 1))
+    means = np.diff(total[base] + weight * first[base], axis=0) * (m / n)
     return np.moveaxis(means.astype(values.dtype), 0, axis)

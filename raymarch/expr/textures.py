@@ -1,9 +1,9 @@
-"""Pictures as a function of position, filtered over a footprint.
+"""Textures as a function of position, filtered over the pixel footprint.
 
-What a pixel sees of a picture is close to an ellipse, given by two vectors in the picture: the images of the axes of
-the pixel's footprint on the surface. The mean over the ellipse is that of up to 16 samples along its longer axis, each
-from the level of the pyramid whose texels are as wide as the shorter one (McCormack et al. 1999, "Feline"). Where the
-ellipse is longer still, wider texels are taken: a blur, but no moire.
+The footprint of a pixel in the texture is nearly an ellipse with two conjugate axes: the images of the axes of the
+footprint on the surface. The mean over the ellipse is approximated by up to 16 samples along its longer axis, each from
+the mip level whose texels are as wide as the shorter axis (McCormack et al. 1999, "Feline"). For longer ellipses
+coarser levels are used: a blur, but no moire.
 """
 
 from __future__ import annotations
@@ -21,21 +21,22 @@ from raymarch.expr.types import FLOAT, VEC2
 Array = NDArray[Any]
 
 TAPS = 16
-"""Samples along the longer axis, at most."""
+"""Maximum number of samples along the longer axis."""
 
 LEAST = 2.0**-10
-"""Below this weight a picture is not read: less than the rounding of its half floats."""
+"""Below this weight a texture is not read: it is less than the rounding of half floats."""
 
 SLACK = 0.05
-"""An ellipse so little longer than wide, in widths, is read as a circle; rounding must not double the samples."""
+"""An ellipse that is longer than wide by less than this, in widths, counts as a circle; rounding must not double the
+samples."""
 
 
 def texture(data: Texels, at: Operand, across: Operand, along: Operand, weight: Operand = 1.0) -> Expr:
-    """A picture's mean over an ellipse, times a weight; where that is below 2^-10, 0, and nothing is read.
+    """Mean of a texture over an ellipse, times a weight. Where the weight is below 2^-10 it is 0 without a read.
 
-    at : vec2, 0 to 1 from the left to the right and from the bottom to the top of the picture.
+    at : vec2 (u, v), 0 to 1 from left to right and from bottom to top.
     across, along : vec2, the full extents of the ellipse along two conjugate axes, in the same units.
-    Returns a float, vec2 or vec3 by the channels of the data.
+    Returns a float, vec2 or vec3, according to the channels of the data.
     """
     args = tuple(map(expr, (at, across, along, weight)))
     if [a.type for a in args] != [VEC2, VEC2, VEC2, FLOAT]:
@@ -60,7 +61,7 @@ def evaluate(node: Expr, at: Array, across: Array, along: Array, weight: Array) 
 
 
 def _mean(data: Texels, at: Array, across: Array, along: Array) -> Array:
-    """Over the ellipses of N points, (N, channels)."""
+    """Mean over the ellipses of N points, (N, channels)."""
     size = np.array(data.size, at.dtype)
     axis, longest, shortest = _ellipse(across * size, along * size)
     wide = np.maximum(shortest, np.maximum(longest / TAPS, 1))
@@ -75,7 +76,7 @@ def _mean(data: Texels, at: Array, across: Array, along: Array) -> Array:
 
 
 def _ellipse(a: Array, b: Array) -> tuple[Array, Array, Array]:
-    """The longer axis (N, 2) of the ellipse with the conjugate axes a and b, its length, and that of the shorter."""
+    """The longer axis (N, 2) of the ellipse with the conjugate axes a and b, and the lengths of both axes."""
     xx, yy = a[:, 0] ** 2 + b[:, 0] ** 2, a[:, 1] ** 2 + b[:, 1] ** 2
     xy = a[:, 0] * a[:, 1] + b[:, 0] * b[:, 1]
     half = (xx - yy) / 2
@@ -94,10 +95,10 @@ def _between_levels(data: Texels, at: Array, level: Array) -> Array:
     total = np.zeros((len(at), data.channels), at.dtype)
     for k in np.unique(low):
         rows = np.flatnonzero(low == k)
-        share = (level[rows] - k)[:, None]
+        weight = (level[rows] - k)[:, None]
         value = _within_level(data, k, at[rows])
-        if share.any():
-            value = value * (1 - share) + _within_level(data, k + 1, at[rows]) * share
+        if weight.any():
+            value = value * (1 - weight) + _within_level(data, k + 1, at[rows]) * weight
         total[rows] = value
     return total
 
@@ -116,13 +117,14 @@ def _within_level(data: Texels, level: int, at: Array) -> Array:
     for corner in ((0, 0), (1, 0), (0, 1), (1, 1)):
         index = cell + np.array(corner)
         index = index % size if data.wrap == "repeat" else np.clip(index, 0, size - 1)
-        share = np.where(np.array(corner) == 1, w, 1 - w)
-        total += (share[:, :1] * share[:, 1:]) * texels[index[:, 1], index[:, 0]].astype(at.dtype)
+        factors = np.where(np.array(corner) == 1, w, 1 - w)
+        total += (factors[:, :1] * factors[:, 1:]) * texels[index[:, 1], index[:, 0]].astype(at.dtype)
     return total
 
 
 def interval(node: Expr, *_args: Any) -> tuple[Array, Array]:
-    """Interval row of "texture": from the smallest to the largest value of the data, or 0 for its weight."""
+    """Interval row of "texture": from the smallest to the largest value of the data, and 0, because the weight may be
+    0."""
     values = node.data.levels[0].astype(np.float64)
     ends = np.minimum(values.min((0, 1)), 0.0), np.maximum(values.max((0, 1)), 0.0)
     low, high = (end if node.type.is_vector else end[0] for end in ends)
@@ -130,12 +132,12 @@ def interval(node: Expr, *_args: Any) -> tuple[Array, Array]:
 
 
 def helper_of(data: Texels) -> str:
-    """The name of the GLSL function that reads it."""
+    """Name of the GLSL function that reads the texture."""
     return "filtered_mirrored" if data.wrap == "mirror" else "filtered"
 
 
 def glsl_helper(data: Texels) -> str:
-    """Its text. Mirroring is done on coordinates: at the edge of a mirrored picture clamping is the same."""
+    """Text of the GLSL function. Coordinates are mirrored: at the edge of a mirrored texture clamping is equivalent."""
     point = "at + ((float(i) + 0.5) / float(taps) - 0.5) * axis"
     read = f"1.0 - abs(mod({point}, 2.0) - 1.0)" if data.wrap == "mirror" else point
     return _HELPER.replace("NAME", helper_of(data)).replace("POINT", read)

@@ -34,7 +34,7 @@ FLOAT = Type("float", ())
 VEC2, VEC3, VEC4 = (Type(f"vec{n}", (n,)) for n in (2, 3, 4))
 MAT2, MAT3, MAT4 = (Type(f"mat{n}", (n, n)) for n in (2, 3, 4))
 STATE = Type("state", ())
-"""The value of a loop: several results at once, taken apart by `item`. It has no GLSL name of its own."""
+"""The value of a loop: a tuple of results, accessed by `item`. It has no GLSL type."""
 
 TYPES = (BOOL, FLOAT, VEC2, VEC3, VEC4, MAT2, MAT3, MAT4, STATE)
 VECTORS = {2: VEC2, 3: VEC3, 4: VEC4}

@@ -1,7 +1,7 @@
-"""The words that fields are written in, in GLSL's own names. All take and give expressions; numbers are welcome.
+"""The functions of the expression language, with GLSL's names. All take expressions or numbers and return expressions.
 
-Where GLSL leaves a result undefined, these define it: `sqrt` takes a negative number as 0, the base of `pow` and the
-argument of `log` stop at the smallest normal float32, `asin` and `acos` clamp to [-1, 1], `atan2(0, 0)` is 0 and
+Results that GLSL leaves undefined are defined: `sqrt` of a negative number is 0, the base of `pow` and the argument of
+`log` are clamped to the smallest normal float32, `asin` and `acos` clamp to [-1, 1], `atan2(0, 0)` is 0 and
 `normalize(0)` is 0.
 """
 
@@ -34,7 +34,7 @@ def ceil(x: Operand) -> Expr:
 
 
 def round(x: Operand) -> Expr:
-    """Nearest whole number; halves go up, on every driver."""
+    """Nearest integer; halves round up, on every driver."""
     return _unary("round", x)
 
 
@@ -115,7 +115,7 @@ def tanh(x: Operand) -> Expr:
 
 
 def pow(x: Operand, y: Operand) -> Expr:
-    """max(x, 1.1754944e-38) to the power of y, so x**0 is 1 everywhere; for powers of signed numbers multiply."""
+    """max(x, 1.1754944e-38) to the power of y, so x**0 is 1 everywhere. For powers of signed numbers, multiply."""
     return elementwise("pow", x, y)
 
 
@@ -207,7 +207,7 @@ def distance(a: Vec, b: Vec) -> Expr:
 
 
 def normalize(v: Vec) -> Expr:
-    """v / |v|; the zero vector stays zero, vectors shorter than 1.1e-19 stay shorter than 1."""
+    """v / |v|; the zero vector stays zero. Vectors shorter than 1.1e-19 do not reach length 1."""
     args = _vectors("normalize", v)
     return simplify("normalize", args[0].type, args)
 
@@ -239,7 +239,7 @@ def _of_size(size: int, parts: tuple[Operand, ...]) -> Expr:
 
 
 def columns(*vectors: Operand) -> Expr:
-    """The matrix with these columns, as GLSL's mat2, mat3 and mat4 constructors take them."""
+    """The matrix with these columns, as in GLSL's mat2, mat3 and mat4 constructors."""
     args = _vectors("columns", *vectors)
     if len(args) != args[0].type.size:
         raise SceneError(f"a matrix of {len(args)} columns of {args[0].type}", legal="as many columns as rows")
@@ -254,7 +254,7 @@ def transpose(m: Operand) -> Expr:
 
 
 def rotation2(v: Operand, angle: Operand) -> Expr:
-    """A vec2 turned by an angle in radians, counter-clockwise."""
+    """Rotate a vec2 by an angle in radians, counter-clockwise."""
     value, c, s = expr(v), cos(angle), sin(angle)
     return vec2(c * value.x - s * value.y, s * value.x + c * value.y)
 
@@ -267,8 +267,8 @@ def all_of(first: Expr, *conditions: Expr) -> Expr:
 
 
 def stop_gradient(x: Operand) -> Expr:
-    """x itself, for derivatives a constant: where a distance is stationary, how x was found does not matter.
+    """x as a constant for derivatives: where a distance is stationary in x, its derivative by x is 0.
 
-    Rounded to 2^-40, which is nothing in float32, and squared nothing in float64.
+    x is rounded to multiples of 2^-40: negligible in float32, and in float64 at second order.
     """
     return round(expr(x) * 2.0**40) * 2.0**-40

@@ -1,4 +1,4 @@
-"""Going over expression graphs without recursion, however deep they are."""
+"""Traversal of expression graphs without recursion, for any depth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def topological(roots: Iterable[Below], arguments: Callable[[Below], tuple[Below
 def topological(
     roots: Iterable[Any], arguments: Callable[[Any], tuple[Any, ...]] = lambda node: node.args
 ) -> list[Any]:
-    """All expressions below the roots, or other things below others, each once, arguments before what uses them."""
+    """All expressions below the roots (or other graph nodes), each once, arguments before their users."""
     order: list[Any] = []
     seen: set[Any] = set()
     stack: list[tuple[Any, bool]] = [(root, False) for root in reversed(list(roots))]
@@ -34,7 +34,7 @@ def topological(
 
 
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
-    """The same operation on other arguments, simplified anew."""
+    """The same operation on other arguments, simplified again."""
     if args == node.args:
         return node
     if node.op in _UNSIMPLIFIED:
@@ -43,7 +43,7 @@ def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
 
 
 def rewrite(roots: Iterable[Expr], rule: Callable[[Expr, tuple[Expr, ...]], Expr]) -> dict[Expr, Expr]:
-    """Replace bottom-up: `rule(node, new arguments)` gives what stands for each node."""
+    """Replace bottom-up: `rule(node, new arguments)` returns the replacement of each node."""
     new: dict[Expr, Expr] = {}
     for node in topological(roots):
         new[node] = rule(node, tuple(new[arg] for arg in node.args))
@@ -71,12 +71,12 @@ def depends_on(roots: Iterable[Expr], variables: Iterable[Expr]) -> set[Expr]:
 
 
 def free_variables(roots: Iterable[Expr]) -> list[Expr]:
-    """The `var` leaves below the roots. Functions and loops are closed: what they read stands in their arguments."""
+    """The `var` leaves below the roots. Functions and loops are closed: they read their arguments only."""
     return [node for node in topological(roots) if node.op == "var"]
 
 
 def find(roots: Iterable[Expr], *ops: str) -> list[Expr]:
-    """The distinct expressions of some operations below the roots, inside called functions and loops too."""
+    """The distinct expressions of some operations below the roots, also inside called functions and loops."""
     found: dict[Expr, None] = {}
     pending, seen = list(roots), set[object]()
     while pending:

@@ -1,4 +1,4 @@
-"""The reference: what a scene looks like in float64, traced on the CPU, with nothing of the shader's in it."""
+"""The float64 reference renderer on the CPU. It uses nothing of the shader or the GPU."""
 
 from raymarch.truth.compare import Comparison, compare, silhouettes
 from raymarch.truth.tracer import Truth, truth

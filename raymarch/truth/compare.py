@@ -1,4 +1,7 @@
-"""A frame held against the truth, away from silhouettes, where a hair decides between two surfaces."""
+"""Compare a frame with the reference away from silhouettes.
+
+At a silhouette the smallest offset of a ray decides which of two surfaces it hits.
+"""
 
 from __future__ import annotations
 
@@ -12,24 +15,26 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.truth.tracer import Truth
 
 JUMP = 0.25
-"""Distance from each other's tangent plane, in pixels at that depth, that no curvature need explain."""
+"""Tolerated distance from each other's tangent plane without curvature, in pixels at that depth."""
 CREASE = 3.0
-"""How many times more the normal turns across a crease than beside it."""
+"""The normal turns at least this many times more across a crease than beside it."""
 TURN = np.radians(1.0)
-"""Turns of the normal up to this are no crease, whatever is beside them: half a step of an 8-bit colour."""
+"""Smaller turns of the normal are never a crease: half a step of an 8-bit colour."""
 CORNER = np.radians(30.0)
-"""Turns from one pixel to the next beyond this are a crease in any case: a ball of two pixels' radius."""
+"""Larger turns from one pixel to the next are always a crease: a sphere with a radius of two pixels turns as much."""
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """How far a frame is from the truth. Errors are taken where both hit, away from silhouettes; nan if nowhere.
+    """Errors of a frame against the reference.
+
+    Errors are taken where both hit, away from silhouettes. They are nan if there is no such pixel.
 
     Attributes
     ----------
-    pixels : number of pixels away from silhouettes. compared : those of them where both hit.
-    missed_hits : pixels among them where the truth hits and the frame does not. false_hits : the reverse.
-    depth_p50, depth_p99, depth_max : |depth - truth| / truth; median, 99th percentile, largest.
+    pixels : number of pixels away from silhouettes. compared : number of these where both hit.
+    missed_hits : number of these where the reference hits and the frame does not. false_hits : the reverse.
+    depth_p50, depth_p99, depth_max : |depth - reference| / reference; median, 99th percentile, largest.
     normal_p50, normal_p95, normal_p99, normal_max : angle between the normals, in degrees.
     """
 
@@ -47,14 +52,14 @@ class Comparison:
 
 
 def compare(frame_depth: ArrayLike, frame_normal: ArrayLike | None, truth: Truth, width: int = 1) -> Comparison:
-    """Hold depths and normals of a frame against the truth.
+    """Compare depths and normals of a frame with the reference.
 
     Parameters
     ----------
-    frame_depth : (H, W), inf where nothing was hit (NaN counts as that too).
+    frame_depth : (H, W), inf where nothing was hit; NaN counts as no hit.
     frame_normal : (H, W, 3), any length but 0; None leaves the angles nan.
-    truth : of the same scene, size, time and parameters.
-    width : pixels around silhouettes that are left out; see `silhouettes`.
+    truth : the reference of the same scene, size, time and parameters.
+    width : width of the excluded band around silhouettes in pixels; see `silhouettes`.
 
     Raises ValueError for arrays of another shape.
     """
@@ -81,11 +86,11 @@ def compare(frame_depth: ArrayLike, frame_normal: ArrayLike | None, truth: Truth
 
 
 def silhouettes(truth: Truth, width: int = 1) -> NDArray[np.bool_]:
-    """The pixels within `width` pixels of an edge in the picture; bools of shape (H, W).
+    """Mask of the pixels within `width` pixels of an edge in the picture; bools of shape (H, W).
 
-    An edge runs between two of eight neighbours where one hits and the other does not, the material changes, the
-    normal has a crease, or the depth jumps: neither point lies near the tangent plane of the other. `width` 1 gives
-    the pixels on both sides of an edge, each one more another ring around them. 0 gives none.
+    An edge runs between two of eight neighbours where only one hits, the material changes, the normal has a crease,
+    or the depth jumps. The depth jumps where neither point lies near the tangent plane of the other. `width` 1 gives
+    the pixels on both sides of an edge. Each further unit adds a ring around them. 0 gives none.
 
     Raises ValueError for a negative width.
     """
@@ -118,7 +123,7 @@ STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 def _neighbours(shape: tuple[int, ...]) -> Iterator[tuple[Window, Window, Window, Window]]:
     """Indices of all pairs of neighbours (a, b), and of the pixels before a and after b on the same line.
 
-    Beyond the border the pixels before and after are a and b themselves.
+    Beyond the border of the picture, a and b themselves replace the pixels before and after.
     """
     rows, columns = np.indices(shape)
     for down, right in STEPS:
@@ -135,10 +140,10 @@ def _neighbours(shape: tuple[int, ...]) -> Iterator[tuple[Window, Window, Window
 
 
 def _jump(truth: Truth, a: Window, b: Window, turn: Any) -> NDArray[np.bool_]:
-    """Neither point is as near to the tangent plane of the other as one surface can make it.
+    """Whether both points are farther from each other's tangent plane than one smooth surface allows.
 
-    If the normal turns by `turn` over a pixel of width w, seen at an angle of cosine c, the surface leaves the
-    tangent plane by turn w / (2 c^2) along the ray; twice that is allowed for.
+    If the normal turns by `turn` over a pixel of width w, viewed at an angle of cosine c, the surface departs from the
+    tangent plane by turn w / (2 c^2) along the ray. Twice that is tolerated.
     """
     both = truth.hit[a] & truth.hit[b]
     depth_a, depth_b = np.where(both, truth.depth[a], 1.0), np.where(both, truth.depth[b], 1.0)
@@ -152,7 +157,7 @@ def _jump(truth: Truth, a: Window, b: Window, turn: Any) -> NDArray[np.bool_]:
 
 
 def _off_plane(truth: Truth, a: Window, depth_a: Any, b: Window, depth_b: Any) -> NDArray[np.float64]:
-    """How far along its ray b lies from the tangent plane of a."""
+    """Distance of b from the tangent plane of a, measured along the ray of b."""
     normal = truth.normal[a]
     along_a = np.einsum("ij,ij->i", truth.direction[a], normal)
     along_b = np.einsum("ij,ij->i", truth.direction[b], normal)
@@ -162,12 +167,12 @@ def _off_plane(truth: Truth, a: Window, depth_a: Any, b: Window, depth_b: Any) -
 
 
 def _turn(truth: Truth, a: Window, b: Window) -> NDArray[np.float64]:
-    """Angle between the normals of pixels that both hit, else 0."""
+    """Angle between the normals where both pixels hit, else 0."""
     return np.where(truth.hit[a] & truth.hit[b], _angle(truth.normal[a], truth.normal[b]), 0.0)
 
 
 def _angle(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:
-    """Angle between vectors of any length, in radians, exact for small ones too."""
+    """Angle between vectors of any length, in radians, accurate for small angles too."""
     result: NDArray[np.float64] = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("ij,ij->i", a, b))
     return result
 
@@ -181,5 +186,5 @@ def _percentiles(values: NDArray[np.float64], *ranks: int) -> tuple[float, ...]:
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     array = np.asarray(values, np.float64)
     if array.shape != shape:
-        raise ValueError(f"compare: {name} has shape {array.shape}, the truth {shape}")
+        raise ValueError(f"compare: {name} has shape {array.shape}, the reference {shape}")
     return array

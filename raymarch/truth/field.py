@@ -1,4 +1,4 @@
-"""The field of a scene at one moment, in float64: distances, gradients, weights of the materials."""
+"""The field of a scene at one time, in float64: distances, gradients, material weights."""
 
 from __future__ import annotations
 
@@ -26,54 +26,56 @@ Array: TypeAlias = NDArray[Any]
 Evaluate: TypeAlias = Callable[..., tuple[Array, ...]]
 
 BLOCK = 1 << 14
-"""Points that are evaluated at once: the arrays of a field of ordinary size then stay in the processor's cache."""
+"""Points evaluated at once: the arrays of a field of ordinary size then stay in the CPU cache."""
 
 LINEAR = {"var", "add", "sub", "neg", "mul", "div", "dot", "cross", "matmul", "swizzle", "construct"}
-"""Operations without kinks and steps. An expression of these whose gradient is constant is affine."""
+"""Operations without kinks and steps. An expression of these with a constant gradient is affine."""
 
 
 class Field:
     """The field of a scene with its parameters and time set.
 
-    The field is min(planes, rest): `planes` are the operands of an outermost union that are affine in the point,
-    whose roots along a ray are known in closed form; `rest` is all else and may be None. Where there is no
-    such operand, `rest` is the whole field.
+    The field is min(planes, rest). `planes` are the operands of an outermost union that are affine in the point: their
+    roots along a ray have a closed form. `rest` contains all other operands and may be None. Without affine operands,
+    `rest` is the whole field.
 
     Attributes
     ----------
     plane_normals : gradients of the planes, shape (k, 3); k may be 0.
-    certified : False for an estimate, of which nothing may be relied on.
+    certified : False for a field whose exactness is "estimate": its values are not safe steps.
     """
 
     def __init__(self, scene: Scene, values: Values) -> None:
         self._scene, self._values = scene, values
         self.certified = scene.node.exactness != "estimate"
-        whole = lower(scene.node)
-        p = whole.params[0]
-        affine, other = _split(whole.body, p)
-        self._whole = evaluator([whole.body], [p])
+        root = lower(scene.node)
+        p = root.params[0]
+        affine, other = _split(root.body, p)
+        self._root = evaluator([root.body], [p])
         self._rest = evaluator([balanced(other, min)], [p]) if other else None
         self._planes = evaluator(affine, [p])
         normals = [values.of(gradient(operand, p)) for operand in affine]
         self.plane_normals: NDArray[np.float64] = np.array(normals, np.float64).reshape(-1, 3)
-        slope = companion(whole)
-        self._gradient = evaluator([slope.body], slope.params)
+        gradient_function = companion(root)
+        self._gradient = evaluator([gradient_function.body], gradient_function.params)
         self._marks, self._weights = _material_weights(scene)
-        self._looks = evaluator([number for mark in self._marks for number in _numbers_of(look_of(mark))], [p, *SEEN])
+        self._materials = evaluator(
+            [number for mark in self._marks for number in _numbers_of(look_of(mark))], [p, *SEEN]
+        )
 
     def distance(self, points: Array) -> NDArray[np.float64]:
         """Signed distance; points (N, 3) -> (N,). Raises SceneError where it is NaN."""
-        return self._numbers(self._whole, points)[0]
+        return self._numbers(self._root, points)[0]
 
     def rest(self, points: Array) -> NDArray[np.float64]:
-        """The distance without the planes, inf where nothing is left; (N, 3) -> (N,)."""
+        """Distance to everything but the planes, inf if there is nothing else; (N, 3) -> (N,)."""
         if self._rest is None:
             return np.full(points.shape[0], np.inf)
         return self._numbers(self._rest, points)[0]
 
     @property
     def has_rest(self) -> bool:
-        """False if the field is one of planes only."""
+        """False if the field consists of planes only."""
         return self._rest is not None
 
     def planes(self, points: Array) -> NDArray[np.float64]:
@@ -83,48 +85,48 @@ class Field:
         return self._numbers(self._planes, points)
 
     def gradient(self, points: Array) -> NDArray[np.float64]:
-        """Gradient of the distance; (N, 3) -> (N, 3). What is not finite is given as 0."""
+        """Gradient of the distance; (N, 3) -> (N, 3). Gradients that are not finite become 0."""
         (value,) = self._run(self._gradient, points, (4,))
         return np.where(np.isfinite(value[:, :3]).all(axis=1, keepdims=True), value[:, :3], 0.0)
 
     def material_weights(self, points: Array) -> NDArray[np.float64]:
-        """Share of each material of the scene in the surface, >= 0 with sum 1; (N, 3) -> (N, len(materials)).
+        """Weight of each material of the scene, >= 0 with sum 1; (N, 3) -> (N, len(materials)).
 
-        The share is |d field / d distance| of the parts made of it. Where no part moves the field at all, the
-        surface is made of the default material.
+        The weight is |d field / d distance| summed over the parts with that material. Where all these derivatives are
+        0, the default material has weight 1.
         """
         materials = self._scene.materials
         weights = np.zeros((points.shape[0], len(materials)))
-        for mark, share in zip(self._marks, self._run(self._weights, points, ()), strict=True):
-            weights[:, materials.index(mark.data)] += np.abs(share)
+        for mark, weight in zip(self._marks, self._run(self._weights, points, ()), strict=True):
+            weights[:, materials.index(mark.data)] += np.abs(weight)
         total = weights.sum(axis=1)
         weights[~((total > 0.0) & np.isfinite(total))] = np.eye(len(materials))[0]
         return weights / weights.sum(axis=1, keepdims=True)
 
     @property
     def mapped(self) -> bool:
-        """True if looks depend on how the surface is seen."""
+        """True if material values depend on the normal and the pixel footprint."""
         return any(m.textured or m.relief for m in self._scene.materials)
 
     @property
     def patterned(self) -> bool:
-        """True if looks depend on the point where they are asked."""
+        """True if material values depend on the point where they are evaluated."""
         return self.mapped or any(m.patterned for m in self._scene.materials)
 
-    def looks(self, points: Array, *frame: Array) -> dict[str, NDArray[np.float64]]:
-        """The values of the surface's material, mixed by the weights: by name, (N, 3) -> (N, 1) or (N, 3).
+    def material_values(self, points: Array, *frame: Array) -> dict[str, NDArray[np.float64]]:
+        """Material values blended by the material weights: by name, (N, 3) -> (N, 1) or (N, 3).
 
-        frame : unit normals and the two axes of the footprint, (N, 3) each; they may be left out if nothing is mapped.
+        frame : unit normals and the two axes of the footprint, (N, 3) each; not needed unless `mapped`.
         """
         default = self._scene.materials[0]
-        usual = np.array([self._values.of(number) for number in _numbers_of(default.expressions)])
-        shape = (len(self._marks), len(usual), len(points))
+        default_values = np.array([self._values.of(number) for number in _numbers_of(default.expressions)])
+        shape = (len(self._marks), len(default_values), len(points))
         weights = np.abs(np.array(self._run(self._weights, points, ()))).reshape(shape[0], shape[2])
-        values = np.array(self._run(self._looks, points, (), *(frame or 3 * (points,)))).reshape(shape)
+        values = np.array(self._run(self._materials, points, (), *(frame or 3 * (points,)))).reshape(shape)
         total = weights.sum(axis=0)
-        seen = (total > 0.0) & np.isfinite(total)
-        mixed = np.einsum("mn,mkn->nk", np.where(seen, weights, 0.0) / np.where(seen, total, 1.0), values)
-        mixed = np.where(seen[:, None], mixed, usual)
+        blended = (total > 0.0) & np.isfinite(total)
+        mixed = np.einsum("mn,mkn->nk", np.where(blended, weights, 0.0) / np.where(blended, total, 1.0), values)
+        mixed = np.where(blended[:, None], mixed, default_values)
         ends = np.cumsum([value.type.size for value in default.expressions])
         return dict(zip(FIELDS, np.split(mixed, ends[:-1], axis=1), strict=True))
 
@@ -140,7 +142,7 @@ class Field:
     def _run(
         self, evaluate: Evaluate, points: Array, shape: tuple[int, ...], *more: Array
     ) -> list[NDArray[np.float64]]:
-        """All results at all points, block by block; each has `shape` at each point."""
+        """Evaluate all results at all points in blocks; each result has `shape` at each point."""
         blocks = [[v[i : i + BLOCK] for v in (points, *more)] for i in range(0, max(len(points), 1), BLOCK)]
         with bound(self._values.params, self._values.time):
             parts = [[np.broadcast_to(v, (len(b[0]), *shape)) for v in evaluate(*b)] for b in blocks]
@@ -148,7 +150,7 @@ class Field:
 
 
 def _split(root: Expr, p: Expr) -> tuple[list[Expr], list[Expr]]:
-    """The operands of an outermost minimum: those that are affine in p, and the others."""
+    """Operands of the outermost minimum: the affine ones, and the others."""
     affine: list[Expr] = []
     other: list[Expr] = []
     pending, seen = [root], set[Expr]()
@@ -169,7 +171,7 @@ def _split(root: Expr, p: Expr) -> tuple[list[Expr], list[Expr]]:
 
 
 def _inlined(part: Expr) -> Expr:
-    """The expression with the bodies of all functions in place of their calls."""
+    """The expression with all function calls inlined."""
     while calls := [node for node in topological([part]) if node.op == "call"]:
         (part,) = substitute([part], {call: call.data.inline(*call.args) for call in calls})
     return part
@@ -182,13 +184,13 @@ def _is_affine(part: Expr, p: Expr) -> bool:
     return p not in topological([gradient(part, p)])
 
 
-def _numbers_of(look: Sequence[Expr]) -> list[Expr]:
-    """The fields of a material, vectors component by component."""
-    return [number for value in look for number in (value if value.type.is_vector else (value,))]
+def _numbers_of(fields: Sequence[Expr]) -> list[Expr]:
+    """The fields of a material as scalars: vectors are split into components."""
+    return [number for value in fields for number in (value if value.type.is_vector else (value,))]
 
 
 def _material_weights(scene: Scene) -> tuple[list[Expr], Evaluate]:
-    """The marked parts, and an evaluator of how much the distance of each moves the field."""
+    """The marked parts, and an evaluator of d field / d distance for each."""
     marked = Lowering().field(scene.node, label=scene.materials[0])
     marks, weights = weights_of(marked)
     return marks, evaluator(weights, marked.params)

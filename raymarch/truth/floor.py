@@ -1,9 +1,9 @@
-"""The fewest evaluations that could show what a ray hits.
+"""Lower bound on the number of field evaluations that decide what a ray hits.
 
-For a 1-Lipschitz field f, t - f(t) and t + f(t) never fall along a ray. With everything up to the front e known to be
-free, a sample at c proves the stretch from c - f(c) to c + f(c) free, so the best next sample is the largest c with
-c - f(c) <= e, and it moves the front to c + f(c). Taking the best each time is optimal, because a front that
-is farther never hurts. A real tracer cannot know where that c is; it is found here by bisection, free of charge.
+For a 1-Lipschitz field f, t - f(t) and t + f(t) never decrease along a ray. Let the ray be proved free up to the
+front e. A sample at c proves the interval from c - f(c) to c + f(c) free. The best next sample is therefore the largest
+c with c - f(c) <= e: it moves the front to c + f(c). This greedy choice is optimal, because a farther front is never
+worse. A real tracer does not know this c. Here bisection finds it, and its evaluations are not counted.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ LIMIT = 20_000
 def floor_evaluations(
     scene: Scene, size: tuple[int, int] = (160, 90), time: float = 0.0, params: Mapping[str, Any] | None = None
 ) -> NDArray[np.int64]:
-    """N*, the least number of field evaluations with which a ray on its own can be decided, in float64.
+    """N*, the least number of field evaluations that decide a single ray, in float64.
 
     Parameters
     ----------
-    scene : a scene whose field is certified ("exact" or "bound"); its Quality says how near a hit is.
+    scene : a scene whose field is certified ("exact" or "bound"); its Quality defines the hit distance.
     size : (width, height) in pixels.
 
     Returns
     -------
-    shape (height, width). 0 for a ray that misses the scene's box. Rays that share work may need fewer.
+    shape (height, width). 0 for a ray that misses the scene's bounding box. Rays that share work may need fewer.
     Raises SceneError for a field that is only an estimate.
     """
     if scene.node.exactness == "estimate":
-        raise SceneError("a floor for a field that is only an estimate", legal="a field that is 'exact' or 'bound'")
+        raise SceneError("floor_evaluations: the field is only an estimate", legal="a field that is 'exact' or 'bound'")
     width, height = size
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
@@ -51,7 +51,7 @@ def floor_evaluations(
     side = -1.0 if is_inside(field, pose.position) else 1.0
     cone = scene.quality.near(certified=True) * pose.pixel(height)
 
-    def ask(rows: NDArray[Any], t: NDArray[Any]) -> NDArray[np.float64]:
+    def evaluate(rows: NDArray[Any], t: NDArray[Any]) -> NDArray[np.float64]:
         return side * field.distance(rays.at(rows, t))
 
     counts = np.zeros(width * height, np.int64)
@@ -64,11 +64,11 @@ def floor_evaluations(
         low, high = front.copy(), np.maximum(end, front)
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            reaches = middle - ask(rows, middle) <= front
+            reaches = middle - evaluate(rows, middle) <= front
             low, high = np.where(reaches, middle, low), np.where(reaches, high, middle)
-        reaches = end - ask(rows, end) <= front
+        reaches = end - evaluate(rows, end) <= front
         best = np.where(reaches, end, low)
-        value = ask(rows, best)
+        value = evaluate(rows, best)
         counts[rows] += 1
         front = np.maximum(front, best + value)
         going = (value >= cone * best) & (front < end)

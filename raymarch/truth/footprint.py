@@ -1,4 +1,4 @@
-"""What a pixel covers of a surface."""
+"""The footprint of a pixel on a surface."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LOWEST = 1e-4
-"""Cosine under which a surface is taken to be seen at most: at a horizon a pixel covers all that lies beyond."""
+MIN_COSINE = 1e-4
+"""Lower bound of the cosine of incidence: at a horizon the footprint would be unbounded."""
 
 
 def footprint(normals: Array, directions: Array, width: Array) -> tuple[Array, Array]:
-    """The axes of the ellipses that round pixels cut from planes, as long as the ellipses are, (N, 3) each.
+    """Full axes of the ellipses in which cones of round pixels meet the tangent planes, (N, 3) each.
 
-    normals, directions : unit vectors, of the surface and of the ray, (N, 3). width : of the pixel there, (N,).
-    The first lies across the ray and is as long as the pixel is wide, the second is that over the cosine.
+    normals, directions : unit surface normals and ray directions, (N, 3). width : of the pixel at that depth, (N,).
+    The first axis is perpendicular to the ray and as long as the pixel is wide. The second is longer by 1 / cosine.
     """
-    across = np.cross(normals, -directions)
-    size = np.linalg.norm(across, axis=1, keepdims=True)
+    minor = np.cross(normals, -directions)
+    size = np.linalg.norm(minor, axis=1, keepdims=True)
     x, y, z = normals.T
     none = np.zeros_like(x)
     other = np.where(np.abs(normals[:, 1:2]) < 0.9, np.stack([z, none, -x], 1), np.stack([none, -z, y], 1))
-    across = np.where(size < 1e-4, other, across)
-    across = across * (width[:, None] / np.linalg.norm(across, axis=1, keepdims=True))
+    minor = np.where(size < 1e-4, other, minor)
+    minor = minor * (width[:, None] / np.linalg.norm(minor, axis=1, keepdims=True))
     cosine = np.abs(np.einsum("ij,ij->i", normals, directions))[:, None]
-    return across, np.cross(normals, across) / np.maximum(cosine, LOWEST)
+    return minor, np.cross(normals, minor) / np.maximum(cosine, MIN_COSINE)

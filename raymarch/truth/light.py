@@ -1,4 +1,4 @@
-"""What comes from a light to some points, and how much of it soft shadows let through."""
+"""Incident light of emitters, soft shadows and the microfacet BRDF in float64."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from raymarch.truth.rays import Rays, unit
 
 Array = NDArray[np.float64]
 
-TURNS = 5_000
-"""Steps after which a soft shadow is taken as it is."""
+MAX_STEPS = 5_000
+"""Maximum steps of a soft shadow; after these the visibility found so far is used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +31,18 @@ class Incoming:
 
 
 def incoming(light: Light, values: Values, points: Array, far: float) -> Incoming:
-    """What a light sends to some points.
+    """Incident light of an emitter at some points.
 
-    The distance to a sun is twice how far rays are traced from the camera: no two points of the scene are farther
-    apart.
+    The distance to a sun is twice the far distance of camera rays: no two points of the scene are farther apart.
     """
     radiance = values.of(light.radiance)
     if isinstance(light, Sun):
         direction = np.broadcast_to(values.of(light.direction), points.shape)
         return Incoming(direction, np.full(len(points), 2.0 * far), np.broadcast_to(radiance, points.shape))
     assert isinstance(light, PointLight)
-    way = values.of(light.position) - points
-    distance = np.linalg.norm(way, axis=1)
-    direction = unit(way)
+    offset = values.of(light.position) - points
+    distance = np.linalg.norm(offset, axis=1)
+    direction = unit(offset)
     weight = _falloff(light, values, distance)
     if isinstance(light, SpotLight):
         outer, inner = (float(values.of(c)) for c in light.cosines)
@@ -53,49 +52,49 @@ def incoming(light: Light, values: Values, points: Array, far: float) -> Incomin
 
 
 def _falloff(light: PointLight, values: Values, distance: Array) -> Array:
-    """What is left of a light at a distance; a light that touches the surface adds nothing to it."""
-    share = np.inf if light.range is None else values.of(light.range)
+    """Attenuation at a distance; 0 for a light that touches the surface."""
+    end = np.inf if light.range is None else values.of(light.range)
     if light.attenuation is not None:
         constant, linear, quadratic = values.of(light.attenuation)
         divisor = np.maximum(constant + distance * (linear + distance * quadratic), 1e-300)
-        return np.maximum(1.0 - distance / share, 0.0) / divisor
-    window = np.maximum(1.0 - (distance / share) ** 4, 0.0) ** 2
+        return np.maximum(1.0 - distance / end, 0.0) / divisor
+    window = np.maximum(1.0 - (distance / end) ** 4, 0.0) ** 2
     result: Array = window / np.where(distance > 0.0, distance, np.inf) ** 2
     return result
 
 
-PARTS = 64
-"""Points of a light's disc that stand for all of them where the shader takes one at random."""
+DISC_SAMPLES = 64
+"""Number of points that replace the shader's random point on the disc of a light."""
 
 
-def parts_of(come: Incoming, width: Array) -> Iterator[Incoming]:
-    """The same light from even points of its disc; `width` is the sine of its angular radius, (N,)."""
-    helper = np.where(np.abs(come.direction[:, 1:2]) < 0.9, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-    across = unit(np.cross(come.direction, helper))
-    along = np.cross(come.direction, across)
-    for k in range(PARTS):
-        r, turn = np.minimum(width[:, None], 0.999) * np.sqrt((k + 0.5) / PARTS), k * 2.399963
+def disc_samples(incident: Incoming, width: Array) -> Iterator[Incoming]:
+    """The same light from evenly spread points of its disc; `width` is the sin2_h of its angular radius, (N,)."""
+    helper = np.where(np.abs(incident.direction[:, 1:2]) < 0.9, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    across = unit(np.cross(incident.direction, helper))
+    along = np.cross(incident.direction, across)
+    for k in range(DISC_SAMPLES):
+        r, phi = np.minimum(width[:, None], 0.999) * np.sqrt((k + 0.5) / DISC_SAMPLES), k * 2.399963
         c = np.sqrt(1.0 - r * r)
-        direction = c * come.direction + r * (np.cos(turn) * across + np.sin(turn) * along)
-        yield Incoming(direction, come.distance, come.radiance / c)
+        direction = c * incident.direction + r * (np.cos(phi) * across + np.sin(phi) * along)
+        yield Incoming(direction, incident.distance, incident.radiance / c)
 
 
 def soft_visibility(
     light: Light, values: Values, field: Callable[[Array], Array], rays: Rays, box: Facts, near: Array, end: Array
 ) -> Array:
-    """Share of a soft light that is seen along each ray, (N,), by the rule that the light names.
+    """Visible fraction of a soft light along each ray, (N,), by the light's `penumbra`.
 
-    field : distances, positive outside. near : where the rays start to look, > 0. end : the light's distance.
+    field : distances, positive outside. near : start of the rays, > 0. end : distance of the light.
 
-    These are approximations of what a light's disc would show; here they are taken with the steps of the shader, in
-    float64. How far they are from the truth of a disc is measured by `tests/truth/test_truth_soft_shadows.py`.
+    These forms approximate the visible fraction of the disc. They are evaluated with the steps of the shader, in
+    float64. `tests/truth/test_truth_soft_shadows.py` measures their errors against the disc.
     """
     width = values.of(light.softness) / (1.0 if isinstance(light, Sun) else np.maximum(end, 1e-300))
     width = np.broadcast_to(width, end.shape)
     s, stop = _inside_cone(rays, box, width, near, end)
     rule = {"two-sided": _TwoSided, "cone": _Cone, "triangulated": _Triangulated}[light.penumbra](len(end))
     row = np.flatnonzero(s < stop)
-    for _ in range(TURNS):
+    for _ in range(MAX_STEPS):
         if not row.size:
             break
         r = field(rays.at(row, s[row]))
@@ -105,25 +104,25 @@ def soft_visibility(
 
 
 class _Cone:
-    """The smallest clearance over the disc's radius so far, from -1, nothing is left, to 1; (N,)."""
+    """The smallest clearance over the disc's radius so far, from -1 (fully occluded) to 1; (N,)."""
 
     def __init__(self, n: int) -> None:
         self.least = np.ones(n)
 
     def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
-        """Takes in the distances r at s on some rays; gives the length of the next step."""
+        """Update with the distances r at s on some rays; returns the length of the next step."""
         least = np.minimum(self.least[row], r / (width * s))
         self.least[row] = np.where(r <= 0.125 * near, -1.0, least)
         return r
 
     def visibility(self) -> Array:
-        """Share of the light, (N,)."""
+        """Visible fraction of the light, (N,)."""
         result: Array = np.maximum(self.least, 0.0)
         return result
 
 
 class _Triangulated(_Cone):
-    """The same, with the clearance between two samples; `last` is the distance at the sample before, 0 for none."""
+    """`_Cone` with the clearance between samples estimated; `last` is the previous distance, 0 for none."""
 
     def __init__(self, n: int) -> None:
         super().__init__(n)
@@ -140,7 +139,7 @@ class _Triangulated(_Cone):
 
 
 class _TwoSided(_Cone):
-    """The clearance on both sides of the edge: inside of an obstacle it is negative."""
+    """`_Cone` with signed clearance: negative inside of an occluder."""
 
     def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
         reach = width * s
@@ -155,7 +154,7 @@ class _TwoSided(_Cone):
 
 
 def _inside_cone(rays: Rays, box: Facts, width: Array, near: Array, end: Array) -> tuple[Array, Array]:
-    """Where cones about the rays, of slope `width`, enter and leave a box."""
+    """Distances at which cones about the rays enter and leave a box; `width` is the tangent of their half angle."""
     start, stop = near.copy(), end.copy()
     for axis in range(3):
         o, d = rays.origins[:, axis], rays.directions[:, axis]
@@ -181,14 +180,13 @@ def microfacets(
     masking: str,
     compensated: bool = True,
 ) -> Array:
-    """The Cook-Torrance reflectance of a surface times the cosine to the light and pi, (N, 3).
+    """Cook-Torrance BRDF times n_dot_l and pi, (N, 3).
 
     normal, view, light : unit vectors (N, 3). color, f0 : (N, 3). metalness, roughness : (N, 1). masking : see
-    `Quality`. compensated : metal gives back what several facets mirror, see `multiscatter_albedo`.
+    `Quality`. compensated : add the multiple scattering of metals, see `multiscatter_albedo`.
 
-    D after GGX (Walter et al. 2007), F after Schlick (1994), masking after Smith, correlated by height
-    (Heitz 2014) or separable; the diffuse part is what gets in between the facets, see `interface_transmittance`. Below 0 of either
-    cosine it is 0.
+    D is GGX (Walter et al. 2007), F is Schlick (1994), and the masking-shadowing is Smith's, height-correlated (Heitz
+    2014) or separable. The diffuse term uses `interface_transmittance`. The result is 0 where n_dot_l <= 0.
     """
     n_dot_l = np.einsum("ij,ij->i", normal, light)[:, None]
     n_dot_v = np.maximum(np.einsum("ij,ij->i", normal, view)[:, None], 1e-4)
@@ -196,24 +194,24 @@ def microfacets(
     n_dot_l = np.where(lit, n_dot_l, 1.0)
     half_vector = unit(light + view)
     alpha = np.maximum(roughness * roughness, 1e-3)
-    square, rest = alpha**2, 1.0 - alpha**2
-    cosine = np.einsum("ij,ij->i", normal, half_vector)[:, None]
-    sine = np.sum(np.cross(normal, half_vector) ** 2, axis=1, keepdims=True)
-    density = square / (sine + square * cosine**2) ** 2  # times pi
-    to_eye, to_light = (np.sqrt(c * c * rest + square) for c in (n_dot_v, n_dot_l))
+    alpha2, one_minus_alpha2 = alpha**2, 1.0 - alpha**2
+    n_dot_h = np.einsum("ij,ij->i", normal, half_vector)[:, None]
+    sin2_h = np.sum(np.cross(normal, half_vector) ** 2, axis=1, keepdims=True)
+    d_ggx = alpha2 / (sin2_h + alpha2 * n_dot_h**2) ** 2  # times pi
+    lambda_v, lambda_l = (np.sqrt(c * c * one_minus_alpha2 + alpha2) for c in (n_dot_v, n_dot_l))
     if masking == "correlated":
-        hidden = 0.5 / (n_dot_l * to_eye + n_dot_v * to_light)
+        v_smith = 0.5 / (n_dot_l * lambda_v + n_dot_v * lambda_l)
     else:
-        hidden = 1.0 / ((n_dot_l + to_light) * (n_dot_v + to_eye))
+        v_smith = 1.0 / ((n_dot_l + lambda_l) * (n_dot_v + lambda_v))
     base = f0 * (1.0 - metalness) + color * metalness
-    tilt = np.clip(1.0 - np.einsum("ij,ij->i", half_vector, view)[:, None], 0.0, 1.0)
-    mirrored = (base + (1.0 - base) * tilt**5) * density * hidden
-    inside = interface_transmittance(n_dot_l, n_dot_v, roughness) * (1.0 - metalness)
-    several: Any = 0.0
+    v_dot_h = np.einsum("ij,ij->i", half_vector, view)[:, None]
+    specular = (base + (1.0 - base) * np.clip(1.0 - v_dot_h, 0.0, 1.0) ** 5) * d_ggx * v_smith
+    transmitted = interface_transmittance(n_dot_l, n_dot_v, roughness) * (1.0 - metalness)
+    multiscatter: Any = 0.0
     if compensated:
         lobe = missing_albedo(n_dot_l, roughness, masking) / mean_missing_albedo(roughness, masking)
-        several = lobe * multiscatter_albedo(n_dot_v, color, metalness, roughness, masking)
-    result: Array = np.where(lit, n_dot_l * (mirrored + several + inside * (1.0 - f0) * color), 0.0)
+        multiscatter = lobe * multiscatter_albedo(n_dot_v, color, metalness, roughness, masking)
+    result: Array = np.where(lit, n_dot_l * (specular + multiscatter + transmitted * (1.0 - f0) * color), 0.0)
     return result
 
 
@@ -249,9 +247,10 @@ _MISSING = {
 
 
 def missing_albedo(v: Any, r: Any, masking: str) -> Array:
-    """What white facets of roughness r keep of light under the cosine v, as they mirror it once: 1 less their
-    directional albedo. A fit to the integral of `microfacets`: at most 0.008 below it and 0.005 above with correlated
-    masking, 0.01 and 0.005 with separable."""
+    """1 minus the single-scattering directional albedo of white microfacets of roughness r at n_dot_v = v.
+
+    A fit to the integral of `microfacets`: at most 0.008 below it and 0.005 above with correlated masking, 0.01 and
+    0.005 with separable."""
     fit, alpha, c = _MISSING[masking], np.maximum(r * r, 1e-6), np.clip(v, 1e-4, 1.0)
     above = polyval(c, [polyval(alpha, k) for k in fit.above], tensor=False)
     below = polyval(c, [polyval(alpha, k) for k in fit.below], tensor=False)
@@ -260,26 +259,26 @@ def missing_albedo(v: Any, r: Any, masking: str) -> Array:
 
 
 def mean_missing_albedo(r: Any, masking: str) -> Array:
-    """The mean of `missing_albedo`, weighted by the cosine."""
+    """Cosine-weighted mean of `missing_albedo`."""
     fit, r = _MISSING[masking], np.maximum(r, 1e-3)
     result: Array = polyval(r, fit.mean_above) / polyval(r, fit.mean_below)
     return result
 
 
 def multiscatter_albedo(v: Array, color: Array, metalness: Any, r: Any, masking: str) -> Array:
-    """The share of even light that a metal gives back under the cosine v after several of its facets have mirrored it
-    (Kulla and Conty 2017)."""
+    """Multiple-scattering directional albedo of a metal at n_dot_v = v (Kulla and Conty 2017)."""
     missing = mean_missing_albedo(r, masking)
-    mean = color + (1.0 - color) / 21.0  # of Schlick's reflectance
+    mean = color + (1.0 - color) / 21.0  # cosine-weighted mean of Schlick's Fresnel term
     further = mean**2 * (1.0 - missing) / (1.0 - mean * missing)
     result: Array = metalness * missing_albedo(v, r, masking) * further
     return result
 
 
 def albedo_f90(v: Array, r: Array) -> Array:
-    """The share of even light from all around that facets of roughness r, seen under the cosine v, give back beyond
-    f0 (1 - this): what Schlick's (1 - v)^5 comes to on a rough surface. A fit to the integral of `microfacets`: at most
-    0.003 below it, 0.03 above, and 0.1 above where v < 0.1."""
+    """Directional albedo of the f90 part of Schlick's Fresnel term, (1 - v)^5 averaged over a surface of roughness r.
+
+    The directional albedo is f0 (1 - this) + this. A fit to the integral of `microfacets`: at most 0.003 below it, 0.03
+    above, and 0.1 above where v < 0.1."""
     result: Array = np.maximum(1.0 - v, 0.0) ** _power(r) / (1.0 + r * r * (6.6 + 17.43 * r))
     return result
 
@@ -289,10 +288,10 @@ def _power(r: Array) -> Array:
 
 
 def interface_transmittance(to_light: Array, v: Array, r: Array) -> Array:
-    """The light that gets in between the facets under the cosine `to_light` and out under v, over the share (1 - f0).
+    """Transmittance through the interface, in at n_dot_l = `to_light` and out at n_dot_v = v, over (1 - f0).
 
-    After Kelemen and Szirmay-Kalos (2001): what is not given back on either way, over what is not given back on the
-    mean, 2 times the integral of v times `albedo_f90`. At roughness 0 the diffuse part of Ashikhmin and Shirley (2000).
+    (1 - a(to_light)) (1 - a(v)) / (1 - mean) with a = `albedo_f90` and its cosine-weighted mean, 2 times the integral
+    of v a(v) (Kelemen and Szirmay-Kalos 2001). At roughness 0 this is the diffuse term of Ashikhmin and Shirley (2000).
     """
     power = _power(r)
     mean = 2.0 * albedo_f90(np.zeros_like(power), r) / ((power + 1.0) * (power + 2.0))
@@ -300,8 +299,9 @@ def interface_transmittance(to_light: Array, v: Array, r: Array) -> Array:
 
 
 def directional_albedo(v: Array, r: Array, masking: str) -> tuple[Array, Array]:
-    """What facets of roughness r, seen under the cosine v, give back of even light from all around, mirroring it once:
-    f0 times the first value plus the second."""
-    whole = 1.0 - missing_albedo(v, r, masking)
-    edge = np.minimum(albedo_f90(v, r), whole)
-    return whole - edge, edge
+    """Single-scattering directional albedo of microfacets of roughness r at n_dot_v = v.
+
+    It is f0 times the first value plus the second."""
+    total = 1.0 - missing_albedo(v, r, masking)
+    edge = np.minimum(albedo_f90(v, r), total)
+    return total - edge, edge

@@ -1,15 +1,15 @@
-"""The first root of many functions of one variable, each of which never changes faster than its argument.
+"""First roots of many 1-Lipschitz functions of one variable.
 
-Along a unit ray a 1-Lipschitz field is such a function f(t). A sample r = f(c) > 0 proves (c - r, c + r) free of
-roots, and that is all that is ever relied on: what lies before a ray's `front` is proved free, sample by sample.
-Guesses (the slope so far) only choose where to ask next. A guess that leaps too far leaves an `island`, a free
-stretch that the front does not touch yet; the gap before it is then halved until it is closed, after which the
-front goes on behind the island, so no sample is wasted.
+Along a unit ray a 1-Lipschitz field is such a function f(t). A sample r = f(c) > 0 proves the interval (c - r, c + r)
+free of roots. Results rely on this fact alone: everything before a ray's `front` is proved free, sample by sample.
+Estimates (the slope so far) only choose the next sample. An estimate that leaps too far leaves an `island`: a free
+interval that the front does not touch yet. The gap before it is then bisected until it is closed. The front continues
+behind the island, so no sample is wasted.
 
-Next to a root of slope -k a front gains a factor (1 - k) / (1 + k) a sample, twice what plain sphere tracing gains,
-and no method that sees values alone gains more. The proof therefore stops at a gap of `GAP` times the distance:
-if the sign changes inside, the root is taken by bracketing. A ray that creeps on after `PATIENCE` samples
-(it touches a surface, or grazes it below a tenth of a degree) may leave larger gaps, which are reported.
+Next to a root of slope -k a front gains a factor (1 - k) / (1 + k) per sample, twice the gain of plain sphere tracing.
+No method that uses values alone gains more. The proof therefore stops at a gap of `GAP` times the distance. If the sign
+changes inside, bracketing finds the root. A ray that still creeps after `PATIENCE` samples (it touches a surface, or
+grazes it below a tenth of a degree) may leave larger gaps; these are reported.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ Value: TypeAlias = Callable[[Array, Array], Array]
 
 ULP = float(np.finfo(np.float64).eps)
 NOISE = 8 * ULP
-"""Values up to this many times the size of the coordinates are 0: what rounding leaves of a sum of a few terms."""
+"""Values up to this many times the size of the coordinates count as 0: the rounding error of a sum of a few terms."""
 GAP = math.sqrt(ULP)
-"""Widest stretch before a root that needs no proof, over the distance: 1.5e-8. Bracketing halves the digits that
-are left to find, so a root is exact after two or three secant steps from here."""
+"""Widest interval before a root that needs no proof, over the distance: 1.5e-8. Each secant step halves the number of
+missing digits, so a root is exact after two or three steps from here."""
 PATIENCE = 6000
 """Samples after which a ray may leave larger gaps: enough for a gap of `GAP` at 0.1 degrees."""
 CREEPING = 1e-5
-"""A ray creeps while its values are below this share of the distance, 1/100 of a pixel of a picture 1,000 high. One
-that keeps farther away is never allowed a larger gap: it reaches its end in some 1 / `CREEPING` samples at most."""
+"""A ray creeps while its values are below this fraction of the distance: 1/100 of a pixel of a picture 1,000 high. A
+ray with larger values is never allowed a larger gap: it reaches its end in some 1 / `CREEPING` samples at most."""
 DOUBLING = 250
-"""Samples of creeping after which the gap allowed doubles; 26 times that many make it the whole distance."""
+"""Creeping samples after which the allowed gap doubles; after 26 times as many it is the whole distance."""
 RISE = 0.9
-"""Largest slope that a guess relies on; the true one stays below 1, where the next sample would be at infinity."""
+"""Largest slope in an estimate; the true slope stays below 1, where the next sample would be at infinity."""
 HALF = 0.5
-"""Share of an estimated distance that `first_root_of_estimate` walks."""
+"""Fraction of an estimated distance that `first_root_of_estimate` steps."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """The stretch of each line that is searched, and the lengths that its tolerances are measured in.
+    """The search interval of each line, and the lengths that scale its tolerances.
 
     Attributes
     ----------
-    start, end : the stretch, each of shape (N,), finite; nothing is found where end <= start.
+    start, end : the interval, each of shape (N,), finite; nothing is found where end <= start.
     size : size of the coordinates at t = 0: rounding errors are measured in size + t.
-    travelled : length of the way to t = 0: gaps are measured in travelled + t.
+    travelled : length of the path up to t = 0: gaps are measured in travelled + t.
     """
 
     start: Array
@@ -62,11 +62,11 @@ class Lines:
     travelled: Array
 
     def noise(self, rows: Array, t: Array) -> Array:
-        """Values up to this are 0."""
+        """Values up to this count as 0."""
         return NOISE * (self.size[rows] + t)
 
     def gap(self, rows: Array, t: Array) -> Array:
-        """The widest stretch before a root that needs no proof."""
+        """The widest interval before a root that needs no proof."""
         return np.maximum(GAP * (self.travelled[rows] + t), 8 * self.noise(rows, t))
 
 
@@ -76,8 +76,8 @@ class Roots:
 
     Attributes
     ----------
-    t : where it is, inf where there is none; shape (N,).
-    evaluations : how many values were asked for, integers of shape (N,).
+    t : position of the root, inf if there is none; shape (N,).
+    evaluations : number of evaluations, integers of shape (N,).
     gap : length before the root that was not proved free; shape (N,).
     """
 
@@ -88,13 +88,12 @@ class Roots:
 
 @dataclass(slots=True)
 class _Rays:
-    """Those still under way. All arrays have shape (n,).
+    """Rays whose search is not finished. All arrays have shape (n,).
 
-    row : their number. front : up to here there is no root. near, near_value : the sample that set the front.
-    slope : df/dt as far as it is known. end : where the search ends; end_value : the value there, once a
-    sample has found it to be 0 or less. low : where the island starts, inf for none; island, island_value :
-    the sample at its far side. creeping : samples below `CREEPING` after `PATIENCE`. skipped : length of the gaps
-    left so far.
+    row : index of the ray. front : up to here there is no root. near, near_value : the sample that set the front.
+    slope : estimate of df/dt. end : end of the search; end_value : the value there, once a sample has found it to be 0
+    or less. low : start of the island, inf for none; island, island_value : the sample of the island. creeping : number
+    of samples below `CREEPING` after `PATIENCE`. skipped : length of the gaps left so far.
     """
 
     row: Array
@@ -118,20 +117,21 @@ class _Rays:
         return self.end_value <= 0.0
 
     def next_sample(self, widest: Array, bold: Array) -> Array:
-        """Where the sphere of the next sample is expected to just touch the front.
+        """Position of the next sample, whose sphere is expected to just touch the front.
 
-        widest : the gap allowed before a root; one expected there is asked for beyond it. bold : leap over as much.
+        widest : the gap allowed before a root. If a root is expected within it, the sample lies beyond it. bold : the
+        sample lies at least this gap beyond the front.
         """
         slope = np.clip(self.slope, -1.0, RISE)
         at_front = self.near_value * (1.0 + slope)
-        ask = self.front + at_front / (1.0 - slope)
+        sample = self.front + at_front / (1.0 - slope)
         root_is_near = (slope < 0.0) & (at_front <= 0.5 * widest * -slope)
-        ask = np.where(root_is_near | bold, np.maximum(ask, self.front + widest), ask)
-        ask = np.where(self.low < np.inf, 0.5 * (self.front + self.low), ask)
-        return np.where(ask < self.end, ask, np.where(self.bracketed, 0.5 * (self.front + self.end), self.end))
+        sample = np.where(root_is_near | bold, np.maximum(sample, self.front + widest), sample)
+        sample = np.where(self.low < np.inf, 0.5 * (self.front + self.low), sample)
+        return np.where(sample < self.end, sample, np.where(self.bracketed, 0.5 * (self.front + self.end), self.end))
 
     def take(self, c: Array, r: Array, noise: Array) -> None:
-        """Learn from the samples r = f(c)."""
+        """Update the state with the samples r = f(c)."""
         zero = r <= noise
         touches = ~zero & (c - r <= self.front + ULP * c)
         apart = ~zero & ~touches
@@ -154,12 +154,12 @@ class _Rays:
         self.low = np.where(apart, c - r, self.low)
 
     def skip(self, now: Array) -> None:
-        """Leave the gap before the island."""
+        """Skip the gap before the island without a proof."""
         self.skipped = np.where(now, self.skipped + (self.low - self.front), self.skipped)
         self._cross(now)
 
     def _cross(self, now: Array) -> None:
-        """Let the front go on behind the island."""
+        """Move the front behind the island."""
         further = now & (self.island + self.island_value > self.front)
         rise = (self.island_value - self.near_value) / (self.island - self.near)
         self.slope = np.where(further & (self.island > self.near), rise, self.slope)
@@ -170,15 +170,15 @@ class _Rays:
 
 
 def first_root(value: Value, lines: Lines) -> Roots:
-    """The first root of each function, proved to be the first up to `Roots.gap`.
+    """The first root of each function; no earlier root exists outside `Roots.gap`.
 
-    value : functions that start above 0 and never change faster than t. A value that is 0 to rounding is a root.
+    value : 1-Lipschitz functions that start above 0. A value that is 0 within rounding is a root.
     """
     found = _Found(lines)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rays = found.start(value)
         while rays.row.size:
-            late = found.evaluations[rays.row[0]] >= PATIENCE  # every ray under way has taken as many samples
+            late = found.evaluations[rays.row[0]] >= PATIENCE  # all active rays have taken as many samples
             widest = lines.gap(rays.row, rays.front)
             creeps = late & (rays.near_value < CREEPING * (lines.travelled[rays.row] + rays.near))
             if late:
@@ -200,14 +200,14 @@ def first_root(value: Value, lines: Lines) -> Roots:
 
 
 def first_root_of_estimate(value: Value, lines: Lines) -> Roots:
-    """The same where nothing is promised: plain steps of half the value. Nothing is proved; `Roots.gap` is inf.
+    """The first root of an estimate, by steps of half the value. Nothing is proved; `Roots.gap` is inf.
 
-    A ray that is not done after `PATIENCE` samples has a root where it is if the value there is below the gap
-    allowed, else none.
+    A ray that is not finished after `PATIENCE` samples has a root at its last sample if the value there is below the
+    allowed gap, else none.
     """
     found = _Found(lines)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rays = found.start(value, share=HALF)
+        rays = found.start(value, step_scale=HALF)
         for _ in range(PATIENCE):
             if not rays.row.size:
                 break
@@ -227,7 +227,7 @@ def first_root_of_estimate(value: Value, lines: Lines) -> Roots:
 
 
 class _Found:
-    """Results as they come in."""
+    """Collects the results."""
 
     def __init__(self, lines: Lines) -> None:
         n = lines.start.shape[0]
@@ -236,8 +236,8 @@ class _Found:
         self.roots = Roots(np.full(n, np.inf), self.evaluations, np.zeros(n))
         self._brackets: list[_Rays] = []
 
-    def start(self, value: Value, share: float = 1.0) -> _Rays:
-        """The first sample of each line, and the rays that go on from there."""
+    def start(self, value: Value, step_scale: float = 1.0) -> _Rays:
+        """Take the first sample of each line; returns the rays that continue."""
         row = np.flatnonzero(self.lines.end > self.lines.start)
         t = self.lines.start[row]
         r = value(row, t)
@@ -247,7 +247,7 @@ class _Found:
         nowhere, unknown = np.full(row.shape, np.inf), np.full(row.shape, np.nan)
         rays = _Rays(
             row=row,
-            front=t + share * r,
+            front=t + step_scale * r,
             near=t,
             near_value=r,
             slope=np.full(row.shape, -1.0),  # the first step is a plain one
@@ -262,21 +262,21 @@ class _Found:
         return rays.only(~zero & (rays.front < rays.end))
 
     def keep(self, rays: _Rays) -> None:
-        """Rays with a bracket: positive at `near`, free up to `front`, 0 or less at `end`."""
+        """Store rays with a bracket: positive at `near`, free up to `front`, 0 or less at `end`."""
         if rays.row.size:
             self.roots.gap[rays.row] = np.maximum(rays.end - rays.front, 0.0)
             self._brackets.append(rays)
 
     def finish(self, value: Value) -> Roots:
-        """Narrow all brackets to a root."""
+        """Refine all brackets to roots."""
         if self._brackets:
             parts = [(b.row, b.near, b.near_value, b.end, b.end_value) for b in self._brackets]
             row, a, fa, b, fb = (np.concatenate(column) for column in zip(*parts, strict=True))
-            self.roots.t[row] = self._narrow(value, row, a, fa, b, fb)
+            self.roots.t[row] = self._refine(value, row, a, fa, b, fb)
         return self.roots
 
-    def _narrow(self, value: Value, row: Array, a: Array, fa: Array, b: Array, fb: Array) -> Array:
-        """A root between a (where the value is positive) and b (0 or less): regula falsi after Illinois.
+    def _refine(self, value: Value, row: Array, a: Array, fa: Array, b: Array, fb: Array) -> Array:
+        """A root between a (positive value) and b (0 or less) by the Illinois method, a regula falsi.
 
         It ends at a value below rounding, or at a bracket of a few units in the last place.
         """

@@ -1,4 +1,4 @@
-"""Silhouettes nearer to a ray than a pixel: for pictures with an edge in nearly every pixel."""
+"""Silhouettes at sub-pixel distance from a ray, for pictures with an edge in nearly every pixel."""
 
 from __future__ import annotations
 
@@ -15,43 +15,43 @@ from raymarch.truth.rays import Rays, camera_rays, unit
 from raymarch.truth.tracer import trace
 
 BLOCK = 5
-"""Rays on each side of a block around a pixel's middle: `silhouettes` looks two to each side."""
+"""Side of the block of rays around a pixel's centre: `silhouettes` reads two neighbours on each side."""
 AT_ONCE = 20_000
-"""Blocks that are traced together: what memory holds with ease."""
+"""Blocks traced together; this bounds the memory."""
 
 
 def silhouettes_within(
     scene: Scene,
-    asked: NDArray[np.bool_],
+    pixels: NDArray[np.bool_],
     spacing: float,
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
 ) -> NDArray[np.bool_]:
-    """Which of the pixels asked for have an edge within `spacing` pixels of their middle.
+    """Mask of the requested pixels with an edge within `spacing` pixels of their centre.
 
     Parameters
     ----------
     scene, time, params : as for `raymarch.truth`.
-    asked : (H, W), the pixels to look at; the others come out False.
-    spacing : pixels, above 0. At 1 an edge is what `silhouettes` says; below, the same rule is held against rays that
-        are so much nearer to each other, as if the picture had so many more pixels.
+    pixels : (H, W), the pixels to examine; the others are False in the result.
+    spacing : pixels, above 0. At 1 the rule is that of `silhouettes`. Below 1 the same rule is applied to rays at this
+        spacing, as in a picture of higher resolution.
 
     Returns
     -------
     (H, W) bool.
     """
-    height, width = asked.shape
+    height, width = pixels.shape
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
-    middle = camera_rays(pose, width, height).directions.reshape(height, width, 3)
+    centre = camera_rays(pose, width, height).directions.reshape(height, width, 3)
     right, up = pose.frame[:, 0], pose.frame[:, 1]
     steps = (np.arange(BLOCK) - BLOCK // 2) * spacing * pose.pixel(height)
     shift = steps[None, :, None] * right - steps[:, None, None] * up  # rows run downwards
-    found = np.zeros(asked.shape, np.bool_)
-    row, column = np.nonzero(asked)
+    found = np.zeros(pixels.shape, np.bool_)
+    row, column = np.nonzero(pixels)
     for start in range(0, len(row), AT_ONCE):
         i, j = row[start : start + AT_ONCE], column[start : start + AT_ONCE]
-        ahead = middle[i, j] / -(middle[i, j] @ pose.frame[:, 2])[:, None]  # at distance 1 before the camera
+        ahead = centre[i, j] / -(centre[i, j] @ pose.frame[:, 2])[:, None]  # at distance 1 before the camera
         rays = Rays(pose.position[None, :], unit((ahead[:, None, None] + shift).reshape(-1, 3)))
         blocks = trace(scene, values, pose, rays, (BLOCK * len(i), BLOCK), spacing * pose.pixel(height))
         found[i, j] = silhouettes(blocks)[BLOCK // 2 :: BLOCK, BLOCK // 2]

@@ -13,7 +13,7 @@ from raymarch.sdf.facts import Facts
 from raymarch.truth.march import Lines
 
 BOX_MARGIN = 1e-9
-"""What a box is grown by, over its own size and place: above rounding, far below a pixel."""
+"""Relative margin of a box, over its largest coordinate: above rounding errors, far below a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Rays:
 
     Attributes
     ----------
-    origins, directions : shape (N, 3); one origin of shape (1, 3) serves all rays.
+    origins, directions : shape (N, 3); all rays may share one origin of shape (1, 3).
     """
 
     origins: NDArray[np.float64]
@@ -35,7 +35,7 @@ class Rays:
         return points
 
     def lines(self, box: Facts, end: NDArray[Any] | float, travelled: NDArray[Any] | float = 0.0) -> Lines:
-        """The stretches of the rays, up to `end`, in a box outside of which nothing is."""
+        """The intervals of the rays inside the bounding box of the scene, up to `end`."""
         n = len(self.directions)
         enter, leave = _slabs(self, box)
         size = np.linalg.norm(self.origins, axis=1)
@@ -48,7 +48,7 @@ class Rays:
 
 
 def camera_rays(pose: Pose, width: int, height: int, rows: range | None = None) -> Rays:
-    """Rays through the centres of all pixels, row by row from the top of the picture; or of some `rows` alone."""
+    """Rays through the centres of all pixels, row by row from the top of the picture; `rows` selects some rows."""
     row = np.arange(height) if rows is None else np.array(rows)
     x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * (width / height) * pose.tan_half_fov
     y = (1.0 - 2.0 * (row + 0.5) / height) * pose.tan_half_fov
@@ -57,14 +57,14 @@ def camera_rays(pose: Pose, width: int, height: int, rows: range | None = None) 
 
 
 def unit(vectors: NDArray[Any]) -> NDArray[np.float64]:
-    """Vectors of shape (N, 3) at length 1; a zero vector stays zero."""
+    """Normalize vectors of shape (N, 3); a zero vector stays zero."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     result: NDArray[np.float64] = vectors / np.where(lengths > 0.0, lengths, 1.0)
     return result
 
 
 def _slabs(rays: Rays, box: Facts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where rays enter and leave a box, each of shape (N,); infinite sides do not clip."""
+    """Distances at which rays enter and leave a box, each of shape (N,); infinite sides do not clip."""
     if box.empty:
         return np.full(len(rays.directions), np.inf), np.full(len(rays.directions), -np.inf)
     ends = np.concatenate([box.lower, box.upper])

@@ -1,4 +1,4 @@
-"""What the light makes of a surface: two models, shadows, emission, fog."""
+"""Shading of surfaces in float64: Phong and microfacet models, shadows, emission, ambient occlusion, fog."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from raymarch.scene.sky import harmonics_at
 from raymarch.truth.field import Field
 from raymarch.truth.footprint import footprint
 from raymarch.truth.light import (
-    PARTS,
+    DISC_SAMPLES,
     Incoming,
     directional_albedo,
+    disc_samples,
     incoming,
     microfacets,
     multiscatter_albedo,
-    parts_of,
     soft_visibility,
 )
 from raymarch.truth.march import GAP, NOISE
@@ -34,17 +34,17 @@ Array = NDArray[np.float64]
 
 @dataclass(eq=False)
 class Surface:
-    """The points that were hit, N of them. What is not asked for is not computed.
+    """N hit points. Values are computed on first access.
 
     Attributes
     ----------
-    scene, values, field : what was hit, at which moment.
-    origin, directions : from where they are seen, (3,) or (N, 3), and along which unit directions, (N, 3).
+    scene, values, field : the scene, its parameter values and its field.
+    origin, directions : ray origins, (3,) or (N, 3), and unit ray directions, (N, 3).
     depth : distances from the origin, (N,).
-    far : how far rays are traced. inside : the origin lies in the solid.
-    pixel : width of a pixel at distance 1. travelled : way of the light before the origin, (N,) or a number.
-    within : it lies in glass, which the light has entered on its way, and which takes `absorption` of it, (N, 3), on a
-        unit of length. dull : lights shine on anything smoother as on that.
+    far : far distance of camera rays. inside : the origin lies in the solid.
+    pixel : width of a pixel at distance 1. travelled : path length from the camera to the origin, (N,) or a number.
+    in_glass : the origin lies in glass that the path has entered; its absorption coefficient is `absorption`, (N, 3),
+        per unit of length. min_roughness : lower bound of the roughness towards lights and sky.
     """
 
     scene: Scene
@@ -56,61 +56,63 @@ class Surface:
     far: float
     inside: bool
     pixel: float
-    within: bool = False
+    in_glass: bool = False
     absorption: Array | None = None
-    dull: float = 0.0
+    min_roughness: float = 0.0
     travelled: Array | float = 0.0
 
     @cached_property
     def points(self) -> Array:
-        """The points, (N, 3)."""
+        """Hit points, (N, 3)."""
         return self.origin + self.depth[:, None] * self.directions
 
     @cached_property
     def normals(self) -> Array:
-        """Unit normals out of the solid, (N, 3); where there is no gradient, they face the viewer."""
-        slope = self.field.gradient(self.points)
-        return unit(np.where(slope.any(axis=1, keepdims=True), slope, -self.directions))
+        """Unit outward normals, (N, 3); where the gradient is 0, they face the viewer."""
+        gradient = self.field.gradient(self.points)
+        return unit(np.where(gradient.any(axis=1, keepdims=True), gradient, -self.directions))
 
     @cached_property
     def weights(self) -> Array:
-        """Share of each material, (N, len(scene.materials))."""
+        """Weight of each material, (N, len(scene.materials))."""
         return self.field.material_weights(self.points)
 
     @property
     def material(self) -> NDArray[np.int64]:
-        """Index of the material with the largest share, (N,)."""
+        """Index of the material with the largest weight, (N,)."""
         return np.argmax(self.weights, axis=1)
 
-    def light(self, followed: Any = 0.0) -> Array:
-        """What the surface gives off and gets from lights and sky, (N, 3).
+    def light(self, traced: Any = 0.0) -> Array:
+        """Outgoing radiance: emission and reflected light of emitters and sky, (N, 3).
 
-        followed : share of its reflection that is not taken from the sky, because its way is followed, (N, 1).
+        traced : fraction of the specular reflection that a traced ray replaces, so the sky does not add it, (N, 1).
         """
-        color = self.look["emission"] + self._from_sky(followed)
+        color = self.material_values["emission"] + self._from_sky(traced)
         for light in self.scene.lights:
-            color = color + self._from(light)
+            color = color + self._from_light(light)
         return color
 
-    def glint(self) -> Array:
-        """What it mirrors of lights where it is the outside of glass, (N, 3)."""
-        f0 = ((self.look["ior"] - 1.0) / (self.look["ior"] + 1.0)) ** 2
+    def dielectric_highlights(self) -> Array:
+        """Specular highlights of the lights on the outside of glass, (N, 3)."""
+        f0 = ((self.material_values["ior"] - 1.0) / (self.material_values["ior"] + 1.0)) ** 2
         coat = {"color": np.zeros(3), "metalness": np.zeros(1), "f0": f0, "physical": np.ones(1)}
         outside = replace(self)
-        outside.look = {name: np.broadcast_to(coat.get(name, value), value.shape) for name, value in self.look.items()}
-        return sum((outside._from(light) for light in self.scene.lights), np.zeros_like(self.points))
+        outside.material_values = {
+            name: np.broadcast_to(coat.get(name, value), value.shape) for name, value in self.material_values.items()
+        }
+        return sum((outside._from_light(light) for light in self.scene.lights), np.zeros_like(self.points))
 
-    def through_fog(self, color: Array) -> Array:
-        """What fog leaves of a colour at the surface, (N, 3) -> (N, 3)."""
+    def apply_fog(self, color: Array) -> Array:
+        """Attenuate a colour at the surface by the fog, (N, 3) -> (N, 3)."""
         fog = self.scene.fog
         if fog is None:
             return color
-        through = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
-        return self.values.of(fog.color) * (1.0 - through) + color * through
+        transmittance = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
+        return self.values.of(fog.color) * (1.0 - transmittance) + color * transmittance
 
     @cached_property
-    def _open(self) -> Array:
-        """Share of the ambient light that corners leave, (N, 1)."""
+    def _ambient_occlusion(self) -> Array:
+        """Ambient occlusion factor, 1 where nothing occludes, (N, 1)."""
         occlusion = self.scene.occlusion
         if occlusion is None:
             return np.ones((len(self.depth), 1))
@@ -124,132 +126,142 @@ class Surface:
             weights += decay**i
         return np.clip(1.0 - strength * missing / weights, 0.0, 1.0)[:, None]
 
-    def _from_sky(self, followed: Any) -> Array:
-        """What the sky adds, by the rules of `Sky(light=True)`, (N, 3)."""
-        sky, look, n = self.scene.sky, self.look, self.shading_normals
+    def _from_sky(self, traced: Any) -> Array:
+        """Reflected light of the sky, see `Sky(light=True)`, (N, 3)."""
+        sky, material, n = self.scene.sky, self.material_values, self.shading_normals
         if not sky.light:
             return np.zeros((len(self.depth), 3))
         light = sky.harmonics(self.values)
-        even = np.maximum(harmonics_at(n) @ light, 0.0)
-        seen = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
-        mirrored = self.directions + 2.0 * seen * n
+        irradiance = np.maximum(harmonics_at(n) @ light, 0.0)
+        n_dot_v = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
+        reflected = self.directions + 2.0 * n_dot_v * n
         masking = self.scene.quality.masking
-        rough, metal, color, f0 = self._roughness, look["metalness"], look["color"], look["f0"]
+        rough, metal, color, f0 = self._roughness, material["metalness"], material["color"], material["f0"]
         around = (
-            sky.seen(mirrored, self.values) * (1.0 - rough) + np.maximum(harmonics_at(mirrored) @ light, 0.0) * rough
+            sky.seen(reflected, self.values) * (1.0 - rough) + np.maximum(harmonics_at(reflected) @ light, 0.0) * rough
         )
         base = f0 * (1.0 - metal) + color * metal
-        share, edge = directional_albedo(seen, rough, masking)
-        back = base * share + edge
-        inside = (1.0 - edge) * (1.0 - f0) * (1.0 - metal)
-        several: Any = 0.0
+        scale, bias = directional_albedo(n_dot_v, rough, masking)
+        albedo = base * scale + bias
+        transmitted = (1.0 - bias) * (1.0 - f0) * (1.0 - metal)
+        multiscatter: Any = 0.0
         if self.scene.quality.energy_compensation:
-            several = even * multiscatter_albedo(seen, color, metal, rough, masking)
-        glossy = (1.0 - followed) * (around * back + several) + even * inside * color
-        ambient = look["open"] * self._open
-        result: Array = ambient * (look["physical"] * glossy + (1.0 - look["physical"]) * color * even)
+            multiscatter = irradiance * multiscatter_albedo(n_dot_v, color, metal, rough, masking)
+        glossy = (1.0 - traced) * (around * albedo + multiscatter) + irradiance * transmitted * color
+        ambient = material["open"] * self._ambient_occlusion
+        result: Array = ambient * (material["physical"] * glossy + (1.0 - material["physical"]) * color * irradiance)
         return result
 
     @cached_property
-    def look(self) -> dict[str, Array]:
-        """Material of each point, mixed: colours (N, 3), the others (N, 1)."""
+    def material_values(self) -> dict[str, Array]:
+        """Blended material values at each point: colours (N, 3), the others (N, 1)."""
         if not self.field.mapped:
-            return self.field.looks(self._inner)
+            return self.field.material_values(self._material_points)
         width = self.scene.quality.footprint * self.pixel * (self.travelled + self.depth)
-        return self.field.looks(self._inner, self.normals, *footprint(self.normals, self.directions, width))
+        return self.field.material_values(
+            self._material_points, self.normals, *footprint(self.normals, self.directions, width)
+        )
 
     @property
-    def _inner(self) -> Array:
-        """Where materials are evaluated, (N, 3): for patterns a little inside the solid, so that a face on the jump of
-        a pattern does not show the rounding of each hit."""
+    def _material_points(self) -> Array:
+        """Points where materials are evaluated, (N, 3).
+
+        Patterns are evaluated slightly inside the solid: on a face that coincides with a discontinuity of the pattern,
+        rounding errors of the hits would be visible.
+        """
         if not self.field.patterned:
             return self.points
         return self.points - self.offset[:, None] * self.normals
 
     @property
     def _roughness(self) -> Array:
-        """Towards lights and sky, (N, 1)."""
-        return np.maximum(self.look["roughness"], self.dull)
+        """Roughness towards lights and sky, (N, 1)."""
+        return np.maximum(self.material_values["roughness"], self.min_roughness)
 
     @cached_property
     def shading_normals(self) -> Array:
-        """Bent by the material, and from inside the solid those of the walls on the side that is seen."""
+        """Normals perturbed by bump and normal maps, on the viewer's side where the origin lies in the solid."""
         normals = self.normals
         if self.field.mapped:
-            side = np.where(self._away, -1.0, 1.0)
-            bent = unit(normals - self.look["tilt"])
-            low = 0.01 + side * np.einsum("ij,ij->i", bent, self.directions)[:, None]
-            normals = unit(bent - side * np.maximum(low, 0.0) * self.directions)
-        return np.where(self._away, -normals, normals) if self.inside else normals
+            side = np.where(self._back_facing, -1.0, 1.0)
+            perturbed = unit(normals - self.material_values["tilt"])
+            low = 0.01 + side * np.einsum("ij,ij->i", perturbed, self.directions)[:, None]
+            normals = unit(perturbed - side * np.maximum(low, 0.0) * self.directions)
+        return np.where(self._back_facing, -normals, normals) if self.inside else normals
 
     @property
     def geometric_normals(self) -> Array:
-        """Normals of the solid, on the side of the shading normals, (N, 3)."""
-        return np.where(self._away, -self.normals, self.normals) if self.inside else self.normals
+        """Geometric normals on the side of the shading normals, (N, 3)."""
+        return np.where(self._back_facing, -self.normals, self.normals) if self.inside else self.normals
 
     @cached_property
-    def _away(self) -> NDArray[np.bool_]:
-        """Where the solid's normal points away from the viewer, (N, 1)."""
+    def _back_facing(self) -> NDArray[np.bool_]:
+        """Whether the outward normal points away from the viewer, (N, 1)."""
         return np.einsum("ij,ij->i", self.normals, self.directions)[:, None] > 0.0
 
-    def _from(self, light: Light) -> Array:
-        """What one light adds. One whose points are sampled is the mean of even points of its disc."""
-        come = incoming(light, self.values, self.points, self.far)
+    def _from_light(self, light: Light) -> Array:
+        """Reflected light of one emitter. A light with sampled penumbra is the mean over points of its disc."""
+        incident = incoming(light, self.values, self.points, self.far)
         if not (light.soft and light.penumbra == "sampled"):
-            return self._answered(light, come)
+            return self._reflected(light, incident)
         width = self.values.of(light.softness)
-        spread = width / np.maximum(come.distance, 1e-300) if isinstance(light, PointLight) else width
-        spread = np.broadcast_to(spread, come.distance.shape)
-        return sum((self._answered(light, part) for part in parts_of(come, spread)), np.zeros_like(self.points)) / PARTS
+        spread = width / np.maximum(incident.distance, 1e-300) if isinstance(light, PointLight) else width
+        spread = np.broadcast_to(spread, incident.distance.shape)
+        return (
+            sum((self._reflected(light, part) for part in disc_samples(incident, spread)), np.zeros_like(self.points))
+            / DISC_SAMPLES
+        )
 
-    def _answered(self, light: Light, come: Incoming) -> Array:
-        """What comes from one direction: the answers of the two models, each by its share."""
-        n_dot_l = np.einsum("ij,ij->i", self.shading_normals, come.direction)
-        visible = self._visible(light, come, (n_dot_l > 0.0) & come.radiance.any(axis=1))[:, None]
-        share = self.look["physical"]
+    def _reflected(self, light: Light, incident: Incoming) -> Array:
+        """Reflected light from one direction: Phong and microfacets, blended by the weight of the physical model."""
+        n_dot_l = np.einsum("ij,ij->i", self.shading_normals, incident.direction)
+        visible = self._visibility(light, incident, (n_dot_l > 0.0) & incident.radiance.any(axis=1))[:, None]
+        weight = self.material_values["physical"]
         added = np.zeros_like(self.points)
-        if np.any(share < 1.0):
-            added += (1.0 - share) * self._phong(come, n_dot_l[:, None], visible)
-        if np.any(share > 0.0):
-            look = self.look
-            answer = microfacets(
+        if np.any(weight < 1.0):
+            added += (1.0 - weight) * self._phong(incident, n_dot_l[:, None], visible)
+        if np.any(weight > 0.0):
+            material = self.material_values
+            brdf = microfacets(
                 self.shading_normals,
                 -self.directions,
-                come.direction,
-                look["color"],
-                look["metalness"],
+                incident.direction,
+                material["color"],
+                material["metalness"],
                 self._roughness,
-                look["f0"],
+                material["f0"],
                 self.scene.quality.masking,
                 self.scene.quality.energy_compensation,
             )
-            added += share * come.radiance * visible * answer
+            added += weight * incident.radiance * visible * brdf
         return added
 
-    def _phong(self, come: Incoming, n_dot_l: Array, visible: Array) -> Array:
-        look = self.look
-        reflected = 2.0 * n_dot_l * self.shading_normals - come.direction
-        seen = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
-        gloss = look["specular"] * seen ** look["shininess"] * (n_dot_l > 0.0)
-        direct = visible * (look["color"] * np.maximum(n_dot_l, 0.0) + gloss)
-        result: Array = come.radiance * (look["open"] * self._open * look["ambient"] * look["color"] + direct)
+    def _phong(self, incident: Incoming, n_dot_l: Array, visible: Array) -> Array:
+        material = self.material_values
+        reflected = 2.0 * n_dot_l * self.shading_normals - incident.direction
+        r_dot_v = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
+        specular = material["specular"] * r_dot_v ** material["shininess"] * (n_dot_l > 0.0)
+        direct = visible * (material["color"] * np.maximum(n_dot_l, 0.0) + specular)
+        result: Array = incident.radiance * (
+            material["open"] * self._ambient_occlusion * material["ambient"] * material["color"] + direct
+        )
         return result
 
-    def _visible(self, light: Light, come: Incoming, asked: NDArray[Any]) -> Array:
-        """Share of a light that is seen from the surface, 0 to 1. What is not asked is 0 for a light with a shadow."""
+    def _visibility(self, light: Light, incident: Incoming, needed: NDArray[Any]) -> Array:
+        """Visible fraction of a light, 0 to 1. It is 0 where not `needed`, if the light has a shadow."""
         if not light.shadow:
-            return np.ones(len(asked))
-        visible = np.zeros(len(asked))
+            return np.ones(len(needed))
+        visible = np.zeros(len(needed))
         if isinstance(light, PointLight) and light.shadow_radius is not None:
-            beyond = come.distance >= self.values.of(light.shadow_radius)
+            beyond = incident.distance >= self.values.of(light.shadow_radius)
             visible[beyond] = 1.0
-            asked = asked & ~beyond
-        row = np.flatnonzero(asked)
+            needed = needed & ~beyond
+        row = np.flatnonzero(needed)
         if not row.size:
             return visible
         offset = self.offset[row]
-        rays = Rays(self.points[row] + offset[:, None] * self.shading_normals[row], come.direction[row])
-        box, end = self.scene.node.facts, come.distance[row]
+        rays = Rays(self.points[row] + offset[:, None] * self.shading_normals[row], incident.direction[row])
+        box, end = self.scene.node.facts, incident.distance[row]
         if light.soft and light.penumbra != "sampled":
             side = -1.0 if self.inside else 1.0
             visible[row] = soft_visibility(
@@ -261,11 +273,11 @@ class Surface:
 
     @cached_property
     def offset(self) -> Array:
-        """How far off the surface shadow rays start, and how far inside of it patterns are asked, (N,).
+        """Offset of secondary rays from the surface, and of pattern evaluations into the solid, (N,).
 
-        It must exceed the residual of the hit, some units in the last place of the coordinates. Far more than
-        that costs nothing: `GAP` (the square root of a unit) of the distance is a millionth of a pixel. Much less
-        would cost time, as a ray that leaves a round surface along its tangent takes 1 / sqrt(offset) steps.
+        It must exceed the residual of the hit, some units in the last place of the coordinates. A far larger offset
+        does no harm: `GAP` (the square root of a unit) of the distance is a millionth of a pixel. A much smaller one
+        would cost time: a ray that leaves a round surface along its tangent takes 1 / sqrt(offset) steps.
         """
         size = np.linalg.norm(self.origin, axis=-1) + self.depth
         offset: Array = np.maximum(GAP * self.depth, 64 * NOISE * size)

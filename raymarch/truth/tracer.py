@@ -1,4 +1,4 @@
-"""The picture in float64."""
+"""Render a picture in float64 on the CPU."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from raymarch.truth.field import Field
 from raymarch.truth.rays import Rays, camera_rays
 from raymarch.truth.shading import Surface
 from raymarch.truth.visibility import first_hits, is_inside
-from raymarch.truth.whitted import light_of
+from raymarch.truth.whitted import radiance
 
 OUTPUTS = ("depth", "normal", "material", "color")
 
 
 @dataclass(eq=False)
 class Truth:
-    """A picture of H rows and W columns in float64; row 0 is its top.
+    """A reference picture of H rows and W columns in float64; row 0 is the top.
 
     Attributes
     ----------
     depth : (H, W), distance along the unit ray; inf where nothing was hit.
     hit : (H, W) bool.
     residual : (H, W), |field| at the hit; 0 where nothing was hit.
-    evaluations : (H, W) int, field values that the search for the hit took.
-    gap : (H, W), length of the ray before its end that was not proved free: should something be hidden there, the
-        depth is too large by no more. Below 1.5e-8 of the depth, but for rays that touch a surface or graze
-        it; inf for a field whose exactness is "estimate", where nothing can be proved.
-    position : (3,), where the camera stands. direction : (H, W, 3), the unit rays.
-    normal, material, color : see there; computed on first access if they were not asked for.
+    evaluations : (H, W) int, number of field evaluations of the search for the hit.
+    gap : (H, W), length before the end of the ray that was not proved free. The error of the depth is at most this.
+        Below 1.5e-8 of the depth, except for rays that touch or graze a surface. inf for a field whose exactness is
+        "estimate": nothing can be proved there.
+    position : (3,), position of the camera. direction : (H, W, 3), unit ray directions.
+    normal, material, color : see the properties; computed on first access if they were not requested.
     """
 
     depth: NDArray[np.float64]
@@ -53,30 +53,30 @@ class Truth:
 
     @cached_property
     def normal(self) -> NDArray[np.float64]:
-        """(H, W, 3), unit normals out of the solid, from the symbolic gradient; 0 where nothing was hit.
+        """(H, W, 3), unit outward normals from the symbolic gradient; 0 where nothing was hit.
 
-        They are never flipped: seen from inside the solid they point away. Where the gradient vanishes, the normal is
-        minus the ray's direction.
+        They are never flipped: from inside the solid they point away from the viewer. Where the gradient vanishes, the
+        normal is the negative ray direction.
         """
         return self._picture(self._surface.normals, np.zeros(3))
 
     @cached_property
     def material(self) -> NDArray[np.int64]:
-        """(H, W), index into `scene.materials` of what has the largest share; -1 where nothing was hit."""
+        """(H, W), index into `scene.materials` of the material with the largest weight; -1 where nothing was hit."""
         return self._picture(self._surface.material, np.int64(-1))
 
     @cached_property
     def color(self) -> NDArray[np.float64]:
-        """(H, W, 3), linear RGB, >= 0 and without an upper end; the colour of the sky where nothing was hit."""
+        """(H, W, 3), linear RGB, >= 0, unbounded above; the colour of the sky where nothing was hit."""
         surface = self._surface
-        light = light_of(surface) if surface.scene.whitted else surface.light()
-        return self._picture(surface.through_fog(light), self._sky)
+        light = radiance(surface) if surface.scene.whitted else surface.light()
+        return self._picture(surface.apply_fog(light), self._sky)
 
     def _picture(self, values: Any, background: Any) -> NDArray[Any]:
-        made = np.empty((*self.hit.shape, *values.shape[1:]), values.dtype)
-        made[...] = background
-        made[self.hit] = values
-        return made
+        result = np.empty((*self.hit.shape, *values.shape[1:]), values.dtype)
+        result[...] = background
+        result[self.hit] = values
+        return result
 
 
 def truth(
@@ -90,19 +90,20 @@ def truth(
 
     Parameters
     ----------
-    scene : what to trace.
+    scene : the scene to render.
     size : (width, height) in pixels, each >= 1.
     time : seconds, finite.
     params : values of parameters by name, within their ranges; the others keep their defaults.
-    outputs : what to compute at once, of "depth", "normal", "material", "color". The rest follows on first access.
+    outputs : arrays to compute at once, of "depth", "normal", "material", "color". The others are computed on first
+        access.
 
-    Every ray is marched by steps that a 1-Lipschitz field proves safe (`raymarch.truth.march`), so no surface is
-    stepped over, however thin; each hit is then narrowed to a few units in the last place. A field whose
-    exactness is "estimate" promises nothing: it is marched by plain steps of half its value, and may have holes.
+    Rays are marched by steps that are safe for a 1-Lipschitz field (`raymarch.truth.march`), so no surface is stepped
+    over, however thin. Each hit is then refined to a few units in the last place. A field whose exactness is "estimate"
+    gives no guarantee: it is marched by steps of half its value, and the picture may have holes.
 
-    From inside a solid |field| is marched: the wall that hides the outside is shown. With f the field,
-    n the normal towards the viewer's side, l the unit vector to a light and v the one to the viewer, a surface of
-    colour C has the colour
+    From inside a solid |field| is marched, so the inner side of its surface is visible. Let n be the normal on the
+    viewer's side, l the unit vector to a light and v the unit vector to the viewer. A Phong surface of colour C has the
+    colour
 
         sum over lights of c (ambient C + visible (C max(n.l, 0) + specular max(r.v, 0)^shininess [n.l > 0]))
 
@@ -119,26 +120,26 @@ def truth(
             raise SceneError(f"truth: output {short(name)}", legal=", ".join(OUTPUTS))
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
-    made = trace(scene, values, pose, camera_rays(pose, width, height), (height, width), pose.pixel(height))
+    result = trace(scene, values, pose, camera_rays(pose, width, height), (height, width), pose.pixel(height))
     for name in outputs:
-        getattr(made, name)
-    return made
+        getattr(result, name)
+    return result
 
 
 def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int, int], pixel: float) -> Truth:
-    """The truth along rays from where the camera stands, H times W of them, as a picture of shape (H, W).
+    """Trace H times W rays from the position of the camera; the result is a picture of shape (H, W).
 
-    pixel : width, at distance 1, of what each ray stands for.
+    pixel : width of the footprint of each ray at distance 1.
     """
     far = scene.far(pose)
-    moment = Field(scene, values)
-    inside = is_inside(moment, pose.position)
-    roots = first_hits(moment, rays, rays.lines(scene.node.facts, far), inside)
+    scene_field = Field(scene, values)
+    inside = is_inside(scene_field, pose.position)
+    roots = first_hits(scene_field, rays, rays.lines(scene.node.facts, far), inside)
     rows = np.flatnonzero(np.isfinite(roots.t))
     directions, depth = rays.directions[rows], roots.t[rows]
-    surface = Surface(scene, values, moment, pose.position, directions, depth, far, inside, pixel)
+    surface = Surface(scene, values, scene_field, pose.position, directions, depth, far, inside, pixel)
     residual = np.zeros(roots.t.shape)
-    residual[rows] = np.abs(moment.distance(surface.points))
+    residual[rows] = np.abs(scene_field.distance(surface.points))
     return Truth(
         depth=roots.t.reshape(shape),
         hit=np.isfinite(roots.t).reshape(shape),

@@ -1,4 +1,4 @@
-"""What rays meet first in a field."""
+"""First intersections of rays with a field."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from raymarch.truth.rays import Rays
 
 
 def first_hits(field: Field, rays: Rays, lines: Lines, inside: bool) -> Roots:
-    """The first surface on each ray.
+    """First intersection of each ray with the surface.
 
-    inside : the rays start in the solid, and look for the way out of it.
+    inside : the rays start in the solid, and the exit is searched for.
 
-    Outside, planes of an outermost union are met in closed form, so that the rest need not creep along them;
-    a plane's root then is where the search in the rest ends.
+    Outside, planes of an outermost union are intersected in closed form, so the search in the rest need not creep along
+    them. It ends at the root of the nearest plane.
     """
     search = first_root if field.certified else first_root_of_estimate
     if inside:
@@ -34,7 +34,7 @@ def first_hits(field: Field, rays: Rays, lines: Lines, inside: bool) -> Roots:
 
 
 def _planes(field: Field, rays: Rays, lines: Lines) -> NDArray[np.float64]:
-    """Where each ray first meets a plane, inf where it meets none; shape (N,)."""
+    """Distance to the first plane on each ray, inf if there is none; shape (N,)."""
     height = field.planes(rays.origins)
     sinking = -field.plane_normals @ rays.directions.T
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -51,6 +51,6 @@ def is_inside(field: Field, point: NDArray[Any]) -> bool:
 def unblocked(
     field: Field, rays: Rays, box: Facts, end: NDArray[Any] | float, travelled: NDArray[Any], inside: bool
 ) -> NDArray[Any]:
-    """Whether each ray meets nothing up to `end`; booleans of shape (N,)."""
+    """Whether each ray is free up to `end`; booleans of shape (N,)."""
     lines = rays.lines(box, end, travelled)
     return ~np.isfinite(first_hits(field, rays, lines, inside).t)

@@ -22,7 +22,7 @@ SETTINGS = [
     Setting("base", rm.Quality()),
     *(Setting(name, rm.Quality(tracer=name)) for name in quality.TRACERS if name != "auto"),
     *(Setting(f"epsilon {e}", rm.Quality(epsilon=e)) for e in (2.0, 0.5, 0.01)),
-    *(Setting(f"correction {name}", rm.Quality(refinement=name)) for name in quality.REFINEMENTS),
+    *(Setting(f"refinement {name}", rm.Quality(refinement=name)) for name in quality.REFINEMENTS),
     Setting("few steps", rm.Quality(max_steps=12)),
 ]
 

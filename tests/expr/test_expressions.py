@@ -151,8 +151,8 @@ def test_whole_arrays_stay_with_the_expression() -> None:
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "if": (lambda: 1 if A < B else 2, "no truth value"),
     "and": (lambda: (A < B) and (B < A), "no truth value"),
-    "float": (lambda: float(A), "no number yet"),
-    "math": (lambda: math.sin(A), "no number yet"),
+    "float": (lambda: float(A), "no numeric value"),
+    "math": (lambda: math.sin(A), "no numeric value"),
     "sizes": (lambda: P + Q, "mixes sizes"),
     "bool arithmetic": (lambda: (A < B) + 1, "bool"),
     "order of vectors": (lambda: P < P, "cannot order vec3 and vec3"),

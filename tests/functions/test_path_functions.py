@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
 from raymarch.gpu.context import Context
 from raymarch.truth.light import microfacets
-from raymarch.truth.whitted import FAINT, reflectance
+from raymarch.truth.whitted import THROUGHPUT_CUTOFF, reflectance
 
 ULP = 2.0**-24
 LAST = 1 - ULP
@@ -26,7 +26,7 @@ def slanted(cosines: ArrayLike, turn: float = 0.0) -> NDArray[np.float64]:
 
 
 def test_a_way_is_faint_by_its_brightest_colour(egl: Context) -> None:
-    low, high = 0.999 * FAINT, 1.001 * FAINT
+    low, high = 0.999 * THROUGHPUT_CUTOFF, 1.001 * THROUGHPUT_CUTOFF
     weights = np.array([[low, low, low], [high, 0, 0], [0, high, 0], [0, 0, high], [1, 1, 1], [0, 0, 0]])
     found = run(egl, modules("path/cutoff"), "float(below_cutoff({0}))", [(VEC3, weights)])
     np.testing.assert_array_equal(found, [1, 0, 0, 0, 0, 1])

@@ -13,7 +13,7 @@ from raymarch import glsl
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
-from raymarch.truth.lobes import sample_cosine, sample_visible_normal, random_of_pixel, visible_facets
+from raymarch.truth.lobes import pdf_visible_normal, random_of_pixel, sample_cosine, sample_visible_normal
 
 N = 1_000_000
 ACROSS, AROUND = 16, 12
@@ -51,7 +51,9 @@ def test_cosine_lobe() -> None:
 @pytest.mark.parametrize("cosine", [0.2, 0.6, 0.99])
 def test_facets_that_are_seen(alpha: float, cosine: float) -> None:
     view = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
-    statistic, freedom = chi_squared(sample_visible_normal(view, alpha, numbers()), lambda h: visible_facets(view, alpha, h))
+    statistic, freedom = chi_squared(
+        sample_visible_normal(view, alpha, numbers()), lambda h: pdf_visible_normal(view, alpha, h)
+    )
     assert statistic < chi2.ppf(0.999, freedom)
 
 
@@ -60,7 +62,7 @@ def test_a_wrong_density_is_found_out() -> None:
     u = numbers()
     assert chi_squared(sample_cosine(u), lambda d: 0 * d[:, 2] + 0.5 / np.pi)[0] > 1e4
     view = np.array([0.8, 0.0, 0.6])
-    assert chi_squared(sample_visible_normal(view, 0.5, u), lambda h: visible_facets(view, 0.52, h))[0] > 500
+    assert chi_squared(sample_visible_normal(view, 0.5, u), lambda h: pdf_visible_normal(view, 0.52, h))[0] > 500
 
 
 def test_numbers_are_even_and_dimensions_independent() -> None:
