@@ -276,6 +276,6 @@ def test_an_empty_part_is_warned_of_with_its_line() -> None:
     apart = rm.sphere() & rm.sphere().translate((5, 0, 0))
     assert apart.where is not None
     (warning,) = plan(rm.Scene(apart.rotate(0.3, "x") | rm.box())).warnings
-    assert warning.startswith(f"hard_intersection at {apart.where}") and "empty" in warning
+    assert warning.startswith(f"intersection at {apart.where}") and "empty" in warning
     assert any("the solid is empty" in found for found in plan(rm.Scene(apart)).warnings)
     assert not plan(rm.Scene(rm.sphere() & rm.sphere().translate((1, 0, 0)))).warnings

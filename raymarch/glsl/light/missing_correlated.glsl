@@ -1,4 +1,4 @@
-// What white microfacets keep of light under a cosine, as they mirror it once: 1 less their directional albedo. A fit to
+// 1 minus the directional albedo of white microfacets: the energy that single scattering loses at a cosine. A fit to
 // the integral of GGX with correlated masking, between 0.008 below and 0.005 above.
 // needs:
 // gives: missing_albedo

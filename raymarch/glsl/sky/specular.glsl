@@ -1,6 +1,6 @@
-// The sky's light on a surface of microfacets. Matte: its mean, less what does not enter. Mirrored: between the sky that
-// the mirror faces and its mean, by roughness, times what the facets give back in a white furnace; but for
-// the share of the reflection whose way is followed.
+// Light of the sky on a microfacet material. Diffuse part: the sky's mean times the transmittance of the interface.
+// Specular part: the sky in the mirror direction, interpolated to its mean by roughness, times the directional albedo.
+// The fraction of the reflection that secondary rays trace is left out.
 // needs: Surface Material directional_albedo sky sky_mean
 // gives: specular_sky
 vec3 specular_sky(Surface surface, float followed) {
