@@ -1,4 +1,4 @@
-"""The generated part of bounces: one way of light from surface to surface, by chance."""
+"""Generated code of path tracing: one random path per sample."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from raymarch.shader.surface import normal_of, place_of, surface_of
 
 
 def path_tracing(text: Lines, plan: Plan) -> None:
-    """The colour of a hit where light bounces: a way from surface to surface, and the light that joins it at each."""
+    """The colour of a hit: a random path over up to n bounces, with direct light at each surface."""
     scene, add, glass = plan.scene, text.add, plan.glass is not None
     shines = bool(scene.lights) and plan.model != "phong"
     add("vec3 shade(Ray ray, Hit hit) {")
@@ -18,12 +18,12 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     add("    float first = hit.t;")
     add("    float travelled = 0.0;")
     if shines:
-        # Seen from a matte surface, a light in a mirror is a speck that chance finds too seldom (Kaplanyan 2013).
-        add("    float dull = 0.0;  // roughness below which surfaces no longer mirror lights")
+        # Path regularisation (Kaplanyan 2013): highlights on mirrors seen from rough surfaces are too rarely sampled.
+        add("    float dull = 0.0;  // smallest roughness for highlights of lights")
     if glass:
-        add("    float side = 1.0;  // -1 inside of glass")
+        add("    float side = 1.0;  // -1 inside glass")
         add("    vec3 absorption = vec3(0.0);")
-        add("    vec3 before = ray.origin;  // where the light comes to last")
+        add("    vec3 before = ray.origin;  // previous vertex of the path")
     side = "side" if glass else "1.0"
     add(f"    for (int bounce = 0; bounce <= {scene.bounces}; bounce++) {{")
     add("        travelled += hit.t;")
@@ -84,17 +84,17 @@ def path_tracing(text: Lines, plan: Plan) -> None:
 
 
 def _into_glass(text: Lines, plan: Plan) -> None:
-    """Whether a way goes on through glass, by its share."""
+    """Whether a path meets the glass or the opaque part of a material, chosen by transmission."""
     text.add(f"        Glass glass = glass_at({place_of(plan)});", "Glass", "glass_at")
     text.add("        bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;")
 
 
 def _glass(text: Lines, plan: Plan, shines: bool) -> None:
-    """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
+    """The next direction of a path that meets glass, up to the opening brace of the other case."""
     frosted = any(material.frosted for material in plan.scene.materials)
     for line in (
         "if (enters) {",
-        f"    if (bounce == {plan.scene.bounces}) {{",  # what would still come is the sky's, lest glass end in black
+        f"    if (bounce == {plan.scene.bounces}) {{",  # the sky's radiance, so that glass does not turn black
         "        color += weight * sky(ray.direction);",
         "        break;",
         "    }",
@@ -116,11 +116,11 @@ CLEAR = (
     "    absorption = glass.absorption;",
     "}",
 )
-"""How a way goes on where all glass is smooth."""
+"""The next direction at smooth glass."""
 
 FROSTED = (
     "float inside = side;",
     "if (!sample_rough_dielectric(surface, glass, dimension, side, direction, weight)) break;",
     "if (side != inside) absorption = glass.absorption;",
 )
-"""How it goes on where some is not."""
+"""The next direction if some glass is rough."""

@@ -1,8 +1,8 @@
-"""The generated part of shading where both ways of the light are followed, mirrored and bent, without chance.
+"""Generated code of Whitted ray tracing: both the reflected and the refracted ray are traced, without randomness.
 
 After the bounded ray tree of Huang, Chen and Cheng, "Signed Distance Field in Real-time Rendering" (2020), section 11:
-GLSL has no recursion, so that ways wait in an array until they are followed. The newest is followed first, so that no
-more than one way waits for each surface on the present one.
+GLSL has no recursion, so rays wait in an array (a stack) until they are traced. The newest is traced first, so at most
+one ray waits for each surface on the current path.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from raymarch.shader.surface import normal_of, place_of, surface_of
 
 
 def tree(text: Lines, plan: Plan) -> None:
-    """The colour of a hit: what it is lit by, and what its mirrored and bent ways bring from up to n more surfaces."""
+    """The colour of a hit: direct light, and the light of reflected and refracted rays over up to n bounces."""
     mirrors = any(m.mirrors for m in plan.scene.materials)
     text.add("vec3 shade(Ray ray, Hit hit) {", "sky", "trace_secondary", "spawn_ray", "below_cutoff")
     text.add("    vec3 color = vec3(0.0);")
@@ -30,7 +30,7 @@ def tree(text: Lines, plan: Plan) -> None:
 
 
 def _chain(text: Lines, plan: Plan) -> None:
-    """The ways where nothing is bent: one, from mirror to mirror."""
+    """The ray without glass: a single chain from mirror to mirror."""
     surface, name = surface_of(plan, "ray", "travelled")
     solid, needs = normal_of(plan)
     for line in (
@@ -41,8 +41,8 @@ def _chain(text: Lines, plan: Plan) -> None:
         f"    Surface surface = {surface};",
         "    surface.t = travelled;",
         f"    float followed = bounce < {plan.scene.bounces} ? mirror_weight(surface.material) : 0.0;",
-        f"    vec3 onwards = {_share(plan)} * mirror_reflectance(surface);",
-        *_dulled(plan, "    ", "bounce"),
+        f"    vec3 onwards = {_traced(plan)} * mirror_reflectance(surface);",
+        *_regularized(plan, "    ", "bounce"),
         "    color += weight * direct_light(surface, followed);",
         "    weight *= onwards;",
         "    if (below_cutoff(weight)) break;",
@@ -60,7 +60,7 @@ def _chain(text: Lines, plan: Plan) -> None:
 
 
 def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
-    """All ways, the newest first."""
+    """All rays of the tree, the newest first."""
     deepest = plan.scene.bounces
     surface, name = surface_of(plan, "at.ray", "at.travelled")
     for line in (
@@ -89,8 +89,8 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
     followed = f"at.bounce < {deepest} ? mirror_weight(surface.material) : 0.0" if mirrors else "0.0"
     text.add(f"        float followed = {followed};", *({"mirror_weight"} if mirrors else ()))
     if mirrors:
-        text.add(f"        vec3 onwards = {_share(plan)} * mirror_reflectance(surface);", "mirror_reflectance")
-    for line in _dulled(plan, "        ", "at.bounce"):
+        text.add(f"        vec3 onwards = {_traced(plan)} * mirror_reflectance(surface);", "mirror_reflectance")
+    for line in _regularized(plan, "        ", "at.bounce"):
         text.add(line)
     if plan.scene.lights:
         text.add("        if (at.side > 0.0) color += at.weight * direct_light(surface, followed, glass, through);")
@@ -99,17 +99,17 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         if plan.emission is not None:
             own = f"emission_at({place_of(plan)})"
             text.add(f"        if (at.side > 0.0) color += through * at.weight * {own};", "emission_at")
-    # What would still come is taken for the sky, lest the ways that glass keeps within end in black.
+    # Rays that are still inside glass at the last bounce return the sky's radiance, so that they do not turn black.
     text.add(f"        if (at.bounce == {deepest}) {{")
     text.add("            color += through * at.weight * sky(at.ray.direction);")
     text.add("            continue;")
     text.add("        }")
-    _parted(text, plan, mirrors)
+    _split(text, plan, mirrors)
     text.add("    }")
 
 
-def _parted(text: Lines, plan: Plan, mirrors: bool) -> None:
-    """The two ways that go on from a surface of glass. One that is faint leaves its share to the other."""
+def _split(text: Lines, plan: Plan, mirrors: bool) -> None:
+    """The reflected and the refracted ray at glass. If one is below the cutoff, the other takes its weight."""
     solid, needs = normal_of(plan)
     text.add("        float ratio = at.side > 0.0 ? 1.0 / glass.ior : glass.ior;")
     text.add("        float back = fresnel_dielectric(clamp(dot(surface.normal, surface.view), 0.0, 1.0), ratio);")
@@ -136,14 +136,14 @@ def _parted(text: Lines, plan: Plan, mirrors: bool) -> None:
         text.add(f"        {line}")
 
 
-def _dulled(plan: Plan, indent: str, bounce: str) -> list[str]:
-    """Seen in a mirror, a light in another one would be a speck far below a pixel; it is spread a little."""
+def _regularized(plan: Plan, indent: str, bounce: str) -> list[str]:
+    """A light reflected by two mirrors would be a highlight far below a pixel. A larger roughness widens it."""
     if not plan.scene.lights or plan.model == "phong":
         return []
     rough = "surface.material.roughness"
     return [f"{indent}if ({bounce} > 0) {rough} = max({rough}, {2.0 * SMOOTH});"]
 
 
-def _share(plan: Plan) -> str:
-    """The share of a surface whose reflection is followed."""
+def _traced(plan: Plan) -> str:
+    """The fraction of a surface's reflection that is traced, as GLSL text."""
     return "followed * surface.material.physical" if plan.model == "mixed" else "followed"

@@ -49,8 +49,8 @@ float samples_kept(ivec2 at, float most) {
     return min(most, pow(0.25 * noise / change + 0.037037, 0.3333333) - 0.3333333);
 }
 
-// The colour of a moving pixel with a short history. A sample off the pixel's centre is worse than one at the centre, so
-// it is mixed with the mean of the samples around, weighted by a Gaussian about the centre. The Gaussian's width
+// The colour of a moving pixel with a short history. A sample off the pixel's centre is worse than one at the centre,
+// so it is mixed with the mean of the samples around, weighted by a Gaussian about the centre. The Gaussian's width
 // minimises the error at straight edges. `share` is the weight of the sample itself, which grows with the history.
 vec4 at_middle(ivec2 at, vec4 color, vec2 jitter, float share) {
     if (share >= 1.0) return color;
