@@ -31,8 +31,8 @@ def metal_bsdf(text: Lines, plan: Plan) -> None:
     """The function that reflects a light if some materials are metallic: the model's BSDF plus multiple scattering."""
     bsdf = BSDF[plan.model]
     for line in (
-        "vec3 eval_bsdf_of_metal(Surface surface, vec3 several, Light light, float visibility) {",
-        f"    return {bsdf}(surface, light, visibility) + multiscatter(several, surface, light, visibility);",
+        "vec3 eval_bsdf_of_metal(Surface surface, vec3 ms_albedo, Light light, float visibility) {",
+        f"    return {bsdf}(surface, light, visibility) + multiscatter(ms_albedo, surface, light, visibility);",
         "}",
         "",
     ):
@@ -42,7 +42,7 @@ def metal_bsdf(text: Lines, plan: Plan) -> None:
 def _bsdf_of(plan: Plan) -> tuple[str, str]:
     """The start of a call that reflects a light, up to the light, and the function that it needs."""
     bsdf = BSDF[plan.model]
-    return "eval_bsdf_of_metal(surface, several" if compensated(plan.scene) else f"{bsdf}(surface", bsdf
+    return "eval_bsdf_of_metal(surface, ms_albedo" if compensated(plan.scene) else f"{bsdf}(surface", bsdf
 
 
 def all_lights(text: Lines, plan: Plan, values: Values) -> None:
@@ -89,9 +89,9 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
         samples = plan.scene.quality.light_samples
         if samples > 1:
             stride = 2 * len(plan.scene.lights)
-            add(f"Light whole_{i} = light;")
+            add(f"Light centre_{i} = light;")
             add(f"for (int k = 0; k < {samples}; k++) {{")
-            add(f"    light = sample_disc(whole_{i}, {width}, {_dimension(i)} + {stride} * k);", "sample_disc")
+            add(f"    light = sample_disc(centre_{i}, {width}, {_dimension(i)} + {stride} * k);", "sample_disc")
             seen = _visibility(text, light, value)
             add(f"    color += {call}, light, {seen}) / {literal(samples)};", bsdf)
             add("}")
@@ -169,13 +169,13 @@ def _loop(text: Lines, plan: Plan) -> None:
             if samples > 1:
                 stride = 2 * len(plan.scene.lights)
                 add(f"if (caster.x == {number}) {{")
-                add("    Light whole = light;")
+                add("    Light centre = light;")
                 add(f"    for (int k = 0; k < {samples}; k++) {{")
-                add(f"        light = sample_disc(whole, {width}, {first} + {stride} * k);", "sample_disc")
+                add(f"        light = sample_disc(centre, {width}, {first} + {stride} * k);", "sample_disc")
                 shown = "hard_shadow(surface, light)"
                 shown = f"{near.removesuffix(' && ')} ? {shown} : 1.0" if near else shown
-                add(f"        float seen = {shown};")
-                add(f"        color += {call}, light, seen) / {literal(samples)};", "hard_shadow")
+                add(f"        float visible = {shown};")
+                add(f"        color += {call}, light, visible) / {literal(samples)};", "hard_shadow")
                 add("    }")
                 add("    continue;")
                 add("}")

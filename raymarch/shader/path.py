@@ -19,7 +19,7 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     add("    float travelled = 0.0;")
     if shines:
         # Path regularisation (Kaplanyan 2013): highlights on mirrors seen from rough surfaces are too rarely sampled.
-        add("    float dull = 0.0;  // smallest roughness for highlights of lights")
+        add("    float min_roughness = 0.0;  // smallest roughness for highlights of lights")
     if glass:
         add("    float side = 1.0;  // -1 inside glass")
         add("    vec3 absorption = vec3(0.0);")
@@ -40,9 +40,9 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     if glass:
         _into_glass(text, plan)
     if shines:
-        add(f"{indent}Surface shown = surface;")
-        add(f"{indent}shown.material.roughness = max(surface.material.roughness, dull);")
-    seen = "shown" if shines else "surface"
+        add(f"{indent}Surface regularized = surface;")
+        add(f"{indent}regularized.material.roughness = max(surface.material.roughness, min_roughness);")
+    seen = "regularized" if shines else "surface"
     if glass and shines:
         add(f"{indent}if (side > 0.0) color += weight * direct_light({seen}, glass, enters ? 1.0 : 0.0);")
     else:
@@ -57,20 +57,20 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     need = {"phong": {"sample_diffuse"}, "physical": {physical}, "mixed": {"sample_diffuse", physical}}[plan.model]
     given = "(surface, dimension, direction, weight)"
     if plan.model == "mixed":
-        add(f"{indent}bool goes = random_of_pixel(dimension + 5) < surface.material.physical", *need)
+        add(f"{indent}bool sampled = random_of_pixel(dimension + 5) < surface.material.physical", *need)
         add(f"{indent}    ? {physical}{given} : sample_diffuse{given};")
-        add(f"{indent}if ({last} || !goes) break;")
+        add(f"{indent}if ({last} || !sampled) break;")
     else:
         add(f"{indent}if ({last} || !{next(iter(need))}{given}) break;", *need)
     if shines:
         matte = "surface.material.metalness < 1.0 ? max(surface.material.roughness, 0.4) : surface.material.roughness"
-        add(f"{indent}dull = max(dull, {matte});")
+        add(f"{indent}min_roughness = max(min_roughness, {matte});")
     if glass:
         add("        }")
     add("        float start;")
     solid, needs = normal_of(plan)
-    add(f"        vec3 outwards = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
-    add("        ray = spawn_ray(surface.p, outwards, direction, travelled, start);", "spawn_ray")
+    add(f"        vec3 side_normal = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
+    add("        ray = spawn_ray(surface.p, side_normal, direction, travelled, start);", "spawn_ray")
     add(f"        hit = trace_secondary(ray, start, travelled, {side});", "trace_secondary")
     add("        if (!hit.found) {")
     add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);", "sky")
@@ -99,7 +99,7 @@ def _glass(text: Lines, plan: Plan, shines: bool) -> None:
         "        break;",
         "    }",
         *(f"    {line}" for line in (FROSTED if frosted else CLEAR)),
-        *(["    dull = max(dull, surface.material.roughness);"] if frosted and shines else []),
+        *(["    min_roughness = max(min_roughness, surface.material.roughness);"] if frosted and shines else []),
         "} else {",
     ):
         text.add(f"        {line}", "sample_rough_dielectric" if frosted else "fresnel_dielectric")

@@ -58,23 +58,25 @@ def _lit(text: Lines, plan: Plan, values: Values) -> None:
     In GLSL, `traced` is the fraction of the reflection that secondary rays trace. `transmission` is the fraction of
     the surface that is glass; glass reflects lights too.
     """
-    followed = ", float followed" if plan.scene.whitted else ""
+    traced = ", float traced" if plan.scene.whitted else ""
     dielectric = plan.glass is not None and bool(plan.scene.lights)
-    glass = ", Glass glass, float through" if dielectric else ""
-    text.add(f"vec3 direct_light(Surface surface{followed}{glass}) {{", "Surface")
+    glass = ", Glass glass, float transmission" if dielectric else ""
+    text.add(f"vec3 direct_light(Surface surface{traced}{glass}) {{", "Surface")
     text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if plan.emission is not None else 'vec3(0.0)'};")
     text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
     if dielectric:
-        kept = f" + through * emission_at({place_of(plan)})" if plan.emission is not None else ""
-        text.add(f"    color = (1.0 - through) * color{kept};", "Glass")
+        kept = f" + transmission * emission_at({place_of(plan)})" if plan.emission is not None else ""
+        text.add(f"    color = (1.0 - transmission) * color{kept};", "Glass")
         if compensated(plan.scene):
-            text.add("    several *= 1.0 - through;")
+            text.add("    ms_albedo *= 1.0 - transmission;")
         if plan.model == "mixed":  # the Phong part keeps its colour
-            text.add("    surface.material.physical = mix(surface.material.physical, 1.0, through);")
-            text.add("    set_dielectric(glass, through / max(surface.material.physical, 1.0e-6));", "set_dielectric")
+            text.add("    surface.material.physical = mix(surface.material.physical, 1.0, transmission);")
+            text.add(
+                "    set_dielectric(glass, transmission / max(surface.material.physical, 1.0e-6));", "set_dielectric"
+            )
         else:
-            text.add("    surface.material = as_dielectric(surface.material, glass, through);", "as_dielectric")
+            text.add("    surface.material = as_dielectric(surface.material, glass, transmission);", "as_dielectric")
     if plan.scene.lights:
         all_lights(text, plan, values)
     for line in ("    return color;", "}", ""):
@@ -96,8 +98,8 @@ def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
 
 FROM_SKY = {
     "phong": "diffuse_sky(surface)",
-    "physical": "specular_sky(surface, {followed})",
-    "mixed": "mix(diffuse_sky(surface), specular_sky(surface, {followed}), surface.material.physical)",
+    "physical": "specular_sky(surface, {traced})",
+    "mixed": "mix(diffuse_sky(surface), specular_sky(surface, {traced}), surface.material.physical)",
 }
 """The sky's light on a surface by model, without the fraction of its reflection that secondary rays trace."""
 
@@ -105,10 +107,10 @@ FROM_SKY = {
 def _ambient(text: Lines, plan: Plan, values: Values) -> None:
     """Ambient light: that of the sky, and ambient visibility for the ambient term of Phong materials."""
     scene = plan.scene
-    several = compensated(scene) and (ambient_sky(scene) or bool(scene.lights))
-    if several:
+    multiple = compensated(scene) and (ambient_sky(scene) or bool(scene.lights))
+    if multiple:
         share = "surface.material.physical * " if plan.model == "mixed" else ""
-        text.add(f"    vec3 several = {share}multiscatter_albedo(surface);", "multiscatter_albedo", by="a metal")
+        text.add(f"    vec3 ms_albedo = {share}multiscatter_albedo(surface);", "multiscatter_albedo", by="a metal")
     shares = _occluded_by_map(plan)
     dimmed = shares or occluded(scene, plan.model)
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
@@ -127,11 +129,11 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
             plan.model
         ]
         factor = "open * " if dimmed else ""
-        light = FROM_SKY[plan.model].format(followed="followed" if scene.whitted else "0.0")
-        if several:
+        light = FROM_SKY[plan.model].format(traced="traced" if scene.whitted else "0.0")
+        if multiple:
             needs = (*needs, "sky_mean")
-            rest = "(1.0 - followed) * " if scene.whitted else ""
-            light = f"({light} + {rest}several * sky_mean(surface.normal))"
+            rest = "(1.0 - traced) * " if scene.whitted else ""
+            light = f"({light} + {rest}ms_albedo * sky_mean(surface.normal))"
         text.add(f"    color += {factor}{light};", *needs, by="the sky's light", where=scene.where)
 
 
