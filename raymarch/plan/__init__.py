@@ -1,4 +1,4 @@
-"""What this scene calls for: facts, features, passes and modules, each with its reason."""
+"""The plan of a scene: its facts, features, passes and GLSL modules, each with a reason."""
 
 from raymarch.plan import explain, lights
 from raymarch.plan.feature import Feature

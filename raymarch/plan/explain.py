@@ -1,4 +1,4 @@
-"""The plan in words and as plain data."""
+"""Print a plan, or return it as plain data."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from raymarch.plan.presets import meanings
 
 
 def as_dict(plan: Plan) -> dict[str, Any]:
-    """The plan as plain data for JSON. Infinite bounds are None."""
+    """The plan as plain data for JSON. Infinite values are None."""
     facts = plan.given.node.facts
     return {
         "field": {
@@ -48,7 +48,10 @@ def _finite(value: float) -> float | None:
 
 
 def show(plan: Plan, shader_bytes: int, console: Any) -> None:
-    """Print the plan, a reason a line. `console` is a rich console."""
+    """Print the plan, one reason per line, to a rich console.
+
+    shader_bytes : size of the shader text.
+    """
     node = plan.given.node
 
     def heading(text: str) -> None:
@@ -63,7 +66,7 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
     row("lipschitz", f"{node.lipschitz:.4g}")
     row("bounds", f"({lower}) to ({upper})")
     row("nodes", f"{plan.nodes}, with {plan.shapes} distinct shapes")
-    row("operations", f"{plan.operations} in one evaluation")
+    row("operations", f"{plan.operations} per evaluation")
     heading("Passes")
     for chosen in plan.passes:
         row(chosen.name, f"{chosen.textures} texture{'s' * (chosen.textures > 1)}: {chosen.reason}")
@@ -84,7 +87,7 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
         heading("Parameters")
         for spec in plan.parameters.values():
             row(spec.name, f"{spec.value}, {spec.legal}")
-    heading("Presets (--quality), as measured on the examples; --error measures this scene")
+    heading("Presets (--quality), measured on the examples; --error measures this scene")
     for meaning in meanings(plan.given):
         row(meaning.name, meaning.words)
     for warning in plan.warnings:
@@ -98,6 +101,6 @@ def _bytes(count: int) -> str:
 
 _MEANING = {
     "exact": "the Euclidean distance everywhere",
-    "bound": "never larger than the distance, so no step goes through a surface",
+    "bound": "never larger than the distance, so no step passes through a surface",
     "estimate": "no guarantee",
 }

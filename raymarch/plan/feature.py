@@ -1,4 +1,4 @@
-"""One line of the plan: something that a scene may call for, and why it does or does not."""
+"""A feature of the plan: an effect that a scene uses or not, with the reason."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from raymarch.errors import Location
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """Something that a scene may call for: whether it does, and because of what."""
+    """An effect, whether the scene uses it, and why.
+
+    where : the user's line that calls for it, if there is one.
+    """
 
     name: str
     used: bool

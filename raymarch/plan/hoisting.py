@@ -1,8 +1,8 @@
-"""What of a field depends on time alone is worked out in float64, once a frame.
+"""Hoisting: subexpressions that depend on time alone are computed on the CPU in float64, once per frame.
 
-A day after the start one unit in the last place of float32 is .0078 s: an angle of `time` would turn in jerks. Sines,
-angles and offsets of time reach the shader as uniforms instead, which is also less work for every evaluation. A wave
-such as sin(x + time), in which time meets the point, is the same wave after each turn: there the turns are left out.
+After a day, an ulp of `time` in float32 is .0078 s, so an angle that grows with time would turn in jerks. Sines, angles
+and offsets of time are passed as uniforms instead, which also saves work in each evaluation of the field. A wave such
+as sin(x + time) depends on time and on the point. It is periodic, so its time term is reduced modulo the period.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from raymarch.expr.walk import find, rebuild, rewrite, topological
 from raymarch.scene.parameter import Spec, Value, Values
 
 HELD = {"var", "apply", "cell", "loop", "item", "mark", "sample", "sample_slope", "texture", "raw", "raw_slope"}
-"""Operations that depend on the point, or that only the shader can do."""
+"""Operations that depend on the point, or that only the shader can evaluate."""
 
 
 def hoisted_from(
     field: Function, origins: dict[Expr, Location], known: Mapping[str, Expr] = MappingProxyType({})
 ) -> tuple[Function, dict[str, Expr]]:
-    """The field with new parameters in place of what depends on time alone, and the expression of each parameter.
+    """The field with its time-only subexpressions replaced by new parameters, and the expression of each parameter.
 
-    `origins`, the user's line of each expression, is continued for the new ones. `known` are the parameters of another
-    field of the scene, which this one shares; they are among those that are given back.
+    origins : the user's line of each expression; lines of new expressions are added.
+    known : parameters already hoisted from another field of the scene. They are reused and also returned.
     """
     moments = dict(known)
     leaves = {node: _leaf(name, node, origins) for name, node in known.items()}
@@ -54,14 +54,14 @@ def _leaf(name: str, node: Expr, origins: Mapping[Expr, Location]) -> Expr:
 
 
 def _called(definition: Function) -> tuple[Function, ...]:
-    """The functions in which time may meet the point."""
+    """The functions that may combine time with the point."""
     still, _ = _of_time(definition.body)
     calls = [node for node in topological([definition.body]) if node.op == "call" and node not in still]
     return tuple(node.data for node in calls if find([node.data.body], "time"))
 
 
 def _calling(body: Expr, made: Mapping[Function, Function], origins: dict[Expr, Location]) -> Expr:
-    """The body with calls of other functions in place of those that were made anew."""
+    """The body with calls redirected to the rewritten functions."""
     still, _ = _of_time(body)
 
     def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
@@ -73,12 +73,12 @@ def _calling(body: Expr, made: Mapping[Function, Function], origins: dict[Expr, 
 
 
 def _replaced(body: Expr, leaves: Mapping[Expr, Expr], origins: dict[Expr, Location]) -> Expr:
-    """The body with others in place of some expressions."""
+    """The body with each key of `leaves` replaced by its value."""
     return _rewritten(body, lambda node, args: leaves[node] if node in leaves else rebuild(node, args), origins)
 
 
 def _rewritten(body: Expr, rule: Callable[[Expr, tuple[Expr, ...]], Expr], origins: dict[Expr, Location]) -> Expr:
-    """The body after a rule for each of its expressions, whose lines stay theirs."""
+    """The body rewritten by `rule`; rewritten expressions keep the user's lines."""
     new = rewrite([body], rule)
     for old, changed in new.items():
         if changed is not old and old in origins:
@@ -87,7 +87,7 @@ def _rewritten(body: Expr, rule: Callable[[Expr, tuple[Expr, ...]], Expr], origi
 
 
 def at_moment(moments: Mapping[str, Expr], values: Values) -> Values:
-    """The values of a frame, with those of the new parameters."""
+    """The values of a frame, including those of the hoisted parameters."""
     if not moments:
         return values
     known = {name: _plain(values.of(node)) for name, node in moments.items()}
@@ -95,7 +95,7 @@ def at_moment(moments: Mapping[str, Expr], values: Values) -> Values:
 
 
 def _largest(body: Expr) -> list[Expr]:
-    """The expressions of time that something other uses, but not time itself: float32 holds that as well as can be."""
+    """The maximal time-only expressions. `time` itself is not among them: hoisting it would gain no precision."""
     still, moving = _of_time(body)
     found = {arg: None for node in topological([body]) if node not in still for arg in node.args if arg in moving}
     if body in moving:
@@ -104,8 +104,10 @@ def _largest(body: Expr) -> list[Expr]:
 
 
 def _of_time(body: Expr) -> tuple[set[Expr], set[Expr]]:
-    """What does not depend on the point and can be a parameter, which no matrix and no truth can; and of that, what
-    depends on time."""
+    """The expressions that do not depend on the point and can be parameters, and those of them that depend on time.
+
+    Matrices and booleans cannot be parameters.
+    """
     still: set[Expr] = set()
     moving: set[Expr] = set()
     for node in topological([body]):
@@ -118,7 +120,7 @@ def _of_time(body: Expr) -> tuple[set[Expr], set[Expr]]:
 
 
 def _phases(body: Expr) -> dict[Expr, Expr]:
-    """The waves in which a term of time is added to one of the point, and the same with whole turns left out."""
+    """The sines and cosines of sums with a time term, each with its copy whose term is reduced modulo the period."""
     still, moving = _of_time(body)
     waves = {}
     for node in topological([body]):
@@ -131,7 +133,7 @@ def _phases(body: Expr) -> dict[Expr, Expr]:
 
 
 def _turned(phase: Expr, period: float, moving: set[Expr]) -> Expr:
-    """A sum whose terms of time are taken to within a period; a factor of the sum shortens it."""
+    """The sum with its time terms reduced modulo the period; a factor of the sum divides the period."""
     done: dict[tuple[Expr, float], Expr] = {}
     pending = [(phase, period)]
     while pending:
@@ -154,7 +156,7 @@ def _turned(phase: Expr, period: float, moving: set[Expr]) -> Expr:
 
 
 def _factor(term: Expr) -> Expr | None:
-    """The number that a product is a multiple of; None for all else."""
+    """The constant factor of a product, None if there is none."""
     if term.op != "mul":
         return None
     return next((arg for arg in term.args if arg.is_constant and arg.type is FLOAT and arg.data != 0), None)

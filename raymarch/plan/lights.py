@@ -1,4 +1,4 @@
-"""How lights reach the shader: a few as text, many as data that one loop goes through."""
+"""Lights in the shader: few are written as code, many are rows of a texture that one loop reads."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 
 AS_TEXT = 8
-"""Up to so many lights are written out, each with what it needs; more become the rows of a texture and one loop."""
+"""Up to this many lights are written as code. More become rows of a texture, read in one loop."""
 
 SUN, POINT, ATTENUATED = 0.0, 1.0, 2.0
 
 
 def as_data(scene: Scene) -> bool:
-    """True if the lights are data."""
+    """True if the lights are rows of a texture."""
     return len(scene.lights) > AS_TEXT
 
 
 def traits(scene: Scene) -> frozenset[str]:
-    """What at least one of the lights has; what none has is not in the shader.
+    """The traits of all lights together. The shader holds no code for other traits.
 
-    "sun", "point", "attenuated" (kinds of source), "window", "fade" (an end to them), "spot", "hard" and the names of
-    soft shadows.
+    Kinds of light: "sun", "point", "attenuated". Falloff at the range: "window" for inverse-square lights, "fade" for
+    lights with an attenuation. Also "spot", "hard" for hard shadows, and the names of soft shadows.
     """
     return frozenset[str]().union(*(traits_of(light) for light in scene.lights))
 
 
 def traits_of(light: Light) -> set[str]:
-    """What one light has; see `traits`."""
+    """The traits of one light; see `traits`."""
     found = set()
     if isinstance(light, PointLight):
         own = light.attenuation is not None
@@ -49,7 +49,7 @@ def traits_of(light: Light) -> set[str]:
 
 
 def columns(has: frozenset[str]) -> list[str]:
-    """The names of the texels of a light's row: what the lights of this scene need, no more."""
+    """The names of the texels in a light's row: only those that the lights of the scene need."""
     found = ["place", "source"]
     if "attenuated" in has:
         found.append("terms")
@@ -61,16 +61,16 @@ def columns(has: frozenset[str]) -> list[str]:
 
 
 def shadows(has: frozenset[str]) -> list[str]:
-    """The kinds of shadow among the lights, in the order of their numbers in the data, from 1."""
+    """The kinds of shadow that the lights cast. Their numbers in the texture are their positions here, from 1."""
     return [kind for kind in ("hard", "two-sided", "cone", "triangulated", "sampled") if kind in has]
 
 
 def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
-    """The lights of one frame, shape (lights, texels, 4).
+    """The lights of one frame as float32, shape (lights, texels, 4).
 
-    place: position or direction, kind of source. source: radiance, radius or 0. terms: attenuation. axis: of a spot;
-    its fourth value is 1 for a spot. cone: outer and inner cosine. caster: number of the kind of shadow or 0, softness,
-    shadow radius or 0.
+    place : position or direction; kind of light. source : radiance; range, or 0 for none. terms : constant, linear and
+    quadratic attenuation. axis : direction of a spot; 1 for a spot, else 0. cone : outer and inner cosine of a spot.
+    caster : number of the kind of shadow, or 0; softness; shadow radius, or 0 for none.
     """
     has = traits(scene)
     names, kinds = columns(has), shadows(has)

@@ -1,4 +1,4 @@
-"""How the rays of a scene are marched: tracer, schedule, and the modules that do it."""
+"""The marching of a scene: its tracer, its schedule, and the GLSL modules of both."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 
 MODULES = {"relaxed_again": "relaxed"}
-"""Tracers whose module has another name."""
+"""Tracers whose module has a different name."""
 
 SECONDARY = ("light/shadow", "light/cone", "light/triangulated", "light/two_sided", "path/secondary")
-"""Modules that march rays from one surface to the next, or to a light."""
+"""Modules that march secondary rays: from one surface to the next, or to a light."""
 
 WORTH = 3e7
-"""Operations of the field times pixels from which "auto" marches cones first. Below, a second program and pass cost
+"""Operations of the field times pixels from which schedule "auto" marches cones. Below, a second program and pass cost
 more than the evaluations that they save."""
 
 
@@ -26,7 +26,8 @@ more than the evaluations that they save."""
 class Marching:
     """The tracer and the schedule of a scene, each with its reason.
 
-    steps : that a ray may take after its cones. steps_per_pass : of one pass, None if all are taken in one.
+    steps : largest number of steps of a ray, not counting those of its cones.
+    steps_per_pass : largest number of steps in one pass; None to take all steps in one pass.
     """
 
     tracer: str
@@ -38,29 +39,30 @@ class Marching:
 
     @property
     def resumed(self) -> bool:
-        """True if rays are marched over many passes."""
+        """True if rays are marched over several passes."""
         return self.steps_per_pass is not None
 
     @property
     def passes(self) -> int:
-        """In how many passes a ray is marched at most."""
+        """The largest number of passes that march a ray."""
         return 1 if self.steps_per_pass is None else -(-self.steps // self.steps_per_pass)
 
     @property
     def jittered(self) -> bool:
-        """True if rays come from all of a pixel's square, and not from its middle alone."""
+        """True if rays go through any point of a pixel, not only its centre."""
         return PIXEL in self.schedule.levels
 
     @property
     def cones(self) -> bool:
-        """True if something is marched before the rays."""
+        """True if cones are marched before the rays."""
         return bool(self.schedule.levels)
 
 
 def choose(scene: Scene, operations: int, size: tuple[int, int] | None) -> Marching:
-    """The tracer and the schedule for a scene.
+    """Choose the tracer and the schedule for a scene.
 
-    operations : of one evaluation of the field. size : of the picture, if it is known.
+    operations : arithmetic operations in one evaluation of the field.
+    size : (width, height) of the picture in pixels, None if not known.
     """
     quality = scene.quality
     certified = trusted(scene)
@@ -73,13 +75,13 @@ def choose(scene: Scene, operations: int, size: tuple[int, int] | None) -> March
         and (quality.samples > 1 or quality.temporal != "off")
     ):
         schedule = Schedule((*schedule.levels, PIXEL), schedule.share)
-        schedule_reason += "; the samples of a pixel start where the cone around it ended"
+        schedule_reason += "; the samples of a pixel start where its cone ended"
     steps = max(1, round(schedule.share * quality.max_steps))
     return Marching(tracer, tracer_reason, schedule, schedule_reason, steps, quality.steps_per_pass)
 
 
 def trusted(scene: Scene) -> bool:
-    """True if the field is no larger than the distance, or is taken for such a one."""
+    """True if the field is certified to be no larger than the distance, or Quality(assume_certified=True) says so."""
     return scene.node.exactness != "estimate" or scene.quality.assume_certified
 
 
@@ -87,12 +89,12 @@ def _choose_tracer(quality: Quality, certified: bool) -> tuple[str, str]:
     asked = quality.tracer
     if not certified:
         if asked not in ("auto", "plain"):
-            return "plain", f"the field is an estimate, on which Quality(tracer={asked!r}) would be fooled"
-        return "plain", "the field is an estimate, which proves no longer step"
+            return "plain", f"the field is an estimate, so the longer steps of Quality(tracer={asked!r}) are not safe"
+        return "plain", "the field is an estimate, so longer steps are not safe"
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
     if asked == "auto":
-        return "auto_relaxed", "the field is certified, so a step is as long as its spheres prove"
+        return "auto_relaxed", "the field is certified, so the unbounding spheres prove relaxed steps"
     return asked, f"Quality(tracer={asked!r})"
 
 
@@ -102,85 +104,96 @@ def _choose_schedule(
     asked = quality.schedule
     if not certified:
         if asked in ("auto", "single"):
-            return SINGLE, "the field is an estimate, which does not prove a cone free"
-        return SINGLE, f"the field is an estimate, which does not prove the cones of Quality(schedule={asked!r}) free"
+            return SINGLE, "the field is an estimate, so no cone is certain to be empty"
+        return (
+            SINGLE,
+            f"the field is an estimate, so the cones of Quality(schedule={asked!r}) are not certain to be empty",
+        )
     if quality.shortened:
-        return SINGLE, "no cone is proven free of a field that needs shorter steps"
+        return SINGLE, "Quality(step_scale=..., step_variation=...) shortens steps, so no cone is certain to be empty"
     if asked != "auto":
         return SCHEDULES[asked], f"Quality(schedule={asked!r})"
     if size is None:
         return SINGLE, "the size of the picture is not known"
     work = operations * size[0] * size[1]
     if work < WORTH:
-        return SINGLE, f"{work:.2g} operations for one evaluation a pixel, too few for cones to pay"
-    return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation a pixel, of which cones save the larger part"
+        return SINGLE, f"{work:.2g} operations for one evaluation per pixel, too few for cones to save time"
+    return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation per pixel, enough for cones to save time"
 
 
 def safe_step(quality: Quality) -> list[tuple[str, str]]:
-    """The module that says how far a plain step goes, with its reason."""
+    """The modules that give the length of a plain step, each with its reason."""
     if quality.step_variation > 0:
         why = f"Quality(step_variation={quality.step_variation:g})"
-        return [("march/safe_step_varied", why), ("random/pixel", "steps differ from pixel to pixel")]
+        return [("march/safe_step_varied", why), ("random/pixel", "step lengths vary from pixel to pixel")]
     if quality.step_scale < 1:
         return [("march/safe_step_scaled", f"Quality(step_scale={quality.step_scale:g})")]
     return [("march/safe_step", "a plain step is as long as the distance")]
 
 
 def secondary(quality: Quality, names: Iterable[str]) -> list[tuple[str, str]]:
-    """What the modules that march from a surface onwards need besides, if any of `names` is one of them."""
+    """The modules that secondary rays need, if any of the modules `names` marches them."""
     if not any(name in SECONDARY for name in names):
         return []
     found = safe_step(quality)
     if any(name in SECONDARY and name != "light/two_sided" for name in names):
-        found.append(("march/extrapolate", "what becomes of rays that run out of steps on their way from a surface"))
+        found.append(("march/extrapolate", "secondary rays that run out of steps are extrapolated"))
     return found
 
 
 def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str, str]]:
-    """The modules that march, each with its reason."""
+    """The modules that march primary rays, each with its reason.
+
+    epsilon : distance to a surface, in pixel widths, at which a ray starts to refine its hit.
+    """
     quality, facts = scene.quality, scene.node.facts
-    found = [(f"view/camera{'_interpolated' * (quality.rays == 'interpolated')}", "every picture has a camera")]
+    found = [(f"view/camera{'_interpolated' * (quality.rays == 'interpolated')}", "every scene has a camera")]
     add = found.append
     cone = "_cone" * marching.cones
-    add((f"march/epsilon{cone}", f"a ray looks for its hit within {epsilon:g} pixel widths of a surface"))
-    add(("march/hit", "what a ray found"))
-    add((f"march/distance{cone}", "the field is asked along rays" + " and cones" * marching.cones))
+    add((f"march/epsilon{cone}", f"a ray refines its hit within {epsilon:g} pixel widths of a surface"))
+    add(("march/hit", "the state of a ray and its hit"))
+    add((f"march/distance{cone}", "the field is evaluated along rays" + " and cones" * marching.cones))
     if quality.refinement == "proven":
-        add(("march/refine", "the last steps towards a surface are along the measured slope, and proven"))
+        add(("march/refine", "the last steps follow the measured derivative, and each is verified"))
     else:
         add(
             (
                 f"march/refine_{'none' if quality.refinement == 'none' else 'slope'}",
-                f"{quality.refinement!r} correction",
+                f"Quality(refinement={quality.refinement!r})",
             )
         )
     if marching.tracer != "bracketing":
-        add(("march/loop", "a ray goes on until it is near a surface"))
+        add(("march/loop", "a ray steps until it is near a surface"))
         aims = marching.tracer == "auto_relaxed" and quality.refinement == "proven"
-        add((f"march/aim{cone if aims else '_never'}", "where a step of a ray may lead" + " onto the surface" * aims))
-    add(("march/on_exhausted", f"a ray may take {quality.max_steps} steps"))
+        add(
+            (
+                f"march/aim{cone if aims else '_never'}",
+                "whether a step may aim at the surface" if aims else "no step aims at the surface",
+            )
+        )
+    add(("march/on_exhausted", f"a ray that runs out of its {quality.max_steps} steps keeps its closest sample"))
     tracer = MODULES.get(marching.tracer, marching.tracer)
     add((f"march/{tracer}", marching.tracer_reason))
     if tracer == "plain":
         found += safe_step(quality)
     below, above = np.isfinite(facts.upper), np.isfinite(facts.lower)
     if np.any(below) or np.any(above):
-        add(("march/below", "the scene's box ends on some side"))
+        add(("march/below", "the scene's box is bounded on some side"))
         if np.any(above):
-            add(("march/above", "the scene's box ends below on some axis"))
+            add(("march/above", "the scene's box has a lower bound on some axis"))
         if np.any(above & below) and not marching.cones:
-            add(("march/slab", "the scene's box has two ends on some axis"))
-        add(("march/clipped", "rays are marched inside the scene's box only"))
+            add(("march/slab", "the scene's box has both bounds on some axis"))
+        add(("march/clipped", "rays are marched only inside the scene's box"))
     else:
-        add(("march/whole", "the scene's box has no end on any side"))
+        add(("march/whole", "the scene's box is unbounded on all sides"))
     on = "_on" * marching.cones
     if marching.cones:
         add(("march/carry", marching.schedule_reason))
     if marching.cones or marching.resumed:
-        add((f"march/begin{on}", "rays go on from where cones ended" if on else "rays start at the camera"))
+        add((f"march/begin{on}", "rays start where their cones ended" if on else "rays start at the camera"))
     if marching.resumed:
         add(("march/state", f"Quality(steps_per_pass={quality.steps_per_pass})"))
-        add(("march/resumed", "what passes before found"))
+        add(("march/resumed", "the hits that the march passes found"))
     else:
         add((f"march/trace{on}", marching.schedule_reason))
     return found

@@ -1,4 +1,4 @@
-"""How surfaces look: materials mixed by how much each part moves the field at the hit."""
+"""Materials at a hit, blended by weights: the partial derivatives of the field by each part."""
 
 from __future__ import annotations
 
@@ -21,13 +21,12 @@ Key = TypeVar("Key")
 
 
 @dataclass(slots=True)
-class Looks:
-    """What is generated to know a surface by.
+class Evaluation:
+    """The generated functions that evaluate materials. Each is None if it is not needed.
 
-    model : how materials are shaded: "phong", "physical", or "mixed" where there are both.
-    record : fills the struct Material. emission : light that the surface gives off. glass : fills the
-    struct Glass. relief : fills the struct Relief. index : of the main material.
-    The functions are None where nothing asks for them.
+    model : how materials are shaded: "phong", "physical", or "mixed" if there are both.
+    record : fills the struct Material. emission : emitted radiance. glass : fills the struct Glass.
+    relief : fills the struct Relief. index : index of the material with the largest weight.
     """
 
     model: str = "phong"
@@ -38,10 +37,10 @@ class Looks:
     index: Function | None = None
 
 
-def materials_of(scene: Scene, lowering: Lowering, look: bool, index: bool) -> Looks:
-    """How a surface looks, and which material it is of: mixed by how much each part moves the field at the hit.
+def materials_of(scene: Scene, lowering: Lowering, shaded: bool, index: bool) -> Evaluation:
+    """The functions that evaluate materials at a hit, blended with the same weights as normals.
 
-    look, index : which of the functions are needed.
+    shaded : True if the functions that shade are needed. index : True if the index of the material is needed.
     """
     default = scene.materials[0]
     marked = lowering.again().field(scene.node, label=default)
@@ -50,8 +49,8 @@ def materials_of(scene: Scene, lowering: Lowering, look: bool, index: bool) -> L
     weights = parts if len(set(values)) > 1 else [const(1.0)]
     chosen = [mark.data for mark in marks] or [default]
     kinds = {m.physical for m in chosen}
-    made = Looks("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
-    if look:
+    made = Evaluation("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
+    if shaded:
         fields = _mixed(values, weights)
         params = (*marked.params, *SEEN) if mapped(scene) and surfaced(scene) else marked.params
 
@@ -73,34 +72,34 @@ def materials_of(scene: Scene, lowering: Lowering, look: bool, index: bool) -> L
 
 
 def _mixed(values: Sequence[tuple[Expr, ...]], weights: Sequence[Expr]) -> dict[str, Expr]:
-    """Each field of a material, mixed from all by their weights."""
-    weight_of = {_read_where(look, weight): weight for look, weight in _summed(values, weights).items()}
+    """Each field of a material: the weighted mean over all materials."""
+    weight_of = {_read_where(fields_of, weight): weight for fields_of, weight in _summed(values, weights).items()}
     total = sum(weight_of.values(), const(0.0))
     total = where(total <= 0.0, 1.0, total)
     fields = {}
     for k, name in enumerate(FIELDS):
-        each = [look[k] for look in weight_of]
+        each = [fields_of[k] for fields_of in weight_of]
         same = all(v is each[0] for v in each)
         mixed = sum((weight * v for weight, v in zip(weight_of.values(), each, strict=True)), const(0.0)) / total
         fields[name] = each[0] if same else mixed
     return fields
 
 
-def _read_where(look: tuple[Expr, ...], share: Expr) -> tuple[Expr, ...]:
-    """The look of a part, its textures read only where the part is seen."""
-    if share.is_constant or not find(look, "texture"):
-        return look
-    shown = where(share <= 0.0, 0.0, 1.0)
+def _read_where(values: tuple[Expr, ...], weight: Expr) -> tuple[Expr, ...]:
+    """The fields of a part's material; its textures are read only where its weight is above 0."""
+    if weight.is_constant or not find(values, "texture"):
+        return values
+    visible = where(weight <= 0.0, 0.0, 1.0)
 
     def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
-        return rebuild(node, (*args[:3], shown * args[3]) if node.op == "texture" else args)
+        return rebuild(node, (*args[:3], visible * args[3]) if node.op == "texture" else args)
 
-    new = rewrite(look, rule)
-    return tuple(new[value] for value in look)
+    new = rewrite(values, rule)
+    return tuple(new[value] for value in values)
 
 
 def _largest(materials: Sequence[Material], found: Sequence[Material], weights: Sequence[Expr]) -> Expr:
-    """The index of the material with the largest share."""
+    """The index of the material with the largest weight."""
     best, index = const(-1.0), const(0.0)
     for material, weight in _summed(found, weights).items():
         index = where(best < weight, float(materials.index(material)), index)
@@ -109,8 +108,8 @@ def _largest(materials: Sequence[Material], found: Sequence[Material], weights: 
 
 
 def _summed(keys: Sequence[Key], weights: Sequence[Expr]) -> dict[Key, Expr]:
-    """How much of each is seen at a point of the surface."""
+    """The sum of the weights of each key."""
     sums = {key: const(0.0) for key in keys}
-    for key, weight in zip(keys, weights, strict=False):  # a single weight stands for all, which are equal
+    for key, weight in zip(keys, weights, strict=False):  # a single weight stands for all, whose values are equal
         sums[key] = sums[key] + weight
     return sums

@@ -1,11 +1,10 @@
-"""Where the points of a solid were in the frame before, while parameters and time move them.
+"""Motion vectors: the position of a surface point in the previous frame, when parameters and time move the solid.
 
-Each shape has a space of its own, and what is painted or carved stays in place there. A point of the scene was where
-the transforms of the frame before lead to the same point of that space. One step of Newton's method finds it, exactly
-for translations, rotations, scales and shears. In a blend, each part moves the point by its share of the material.
+Each shape has its own object space, in which patterns and carvings stay fixed. A point was where the transforms of the
+previous frame map to the same point of object space. One step of Newton's method finds it, and is exact for
+translations, rotations, scales and shears. In a blend, the motion is the mean of the parts' motions by material weight.
 
-The function runs with the uniforms of the frame BEFORE. Values of the frame that is drawn now reach it through twins of
-the parameters.
+The function runs with the uniforms of the PREVIOUS frame. Twins of the parameters pass the values of the current frame.
 """
 
 from __future__ import annotations
@@ -30,67 +29,68 @@ from raymarch.sdf.weights import weights_of
 STILL = const((0.0, 0.0, 0.0))
 
 FLAT = 1e-3
-"""The volume of a unit cube below which a transform counts as flat, so that it leads nowhere back."""
+"""Relative volume of a mapped unit cube below which a transform counts as singular, so that no motion is computed."""
 
 MOST = 64
-"""Parts of a solid whose motion is followed; where there are more, the text of the shader would grow too long."""
+"""Largest number of parts with motion vectors; with more, the shader text would grow too long."""
 
 
 def changes(scene: Scene) -> bool:
-    """True if anything that is seen, the camera apart, reads time or a parameter."""
+    """True if anything but the camera reads time or a parameter."""
     return bool(find(scene.replace(camera=Camera()).expressions(), "time", "param"))
 
 
 def motion_of(
     scene: Scene, lowering: Lowering, moments: Mapping[str, Expr], origins: dict[Expr, Location]
 ) -> tuple[Function, dict[str, Expr], dict[str, Expr]]:
-    """`vec3 place_before(vec3 p)`: where the point p of this frame was in the one before, as far as transforms tell.
+    """`vec3 place_before(vec3 p)`: where the point p of this frame was in the previous frame, by transforms alone.
 
-    Also the expressions of time alone, those of this function among them, and what each twin stands for, by its name.
+    Also returns the time-only expressions, including those of this function, and the leaf that each twin stands for,
+    by the twin's name.
     """
     marked, moments = hoisted_from(lowering.again().field(scene.node, label=PARTS), origins, moments)
     (p,) = marked.params
     twins = {leaf: _twin(leaf) for leaf in find([marked.body], "param", "time")}
     plain = {twin: leaf for leaf, twin in twins.items()}
     now = Function("now", (p,), _exchanged(marked.body, twins, {}))
-    ways = []
+    motions = []
     for mark in find([now.body], "mark"):
         here = mark.args[1]
         before = _exchanged(here, plain, {})
-        follows = (
+        tracked = (
             here is not before and here.type is VEC3 and free_variables([here]) == [p] and not find([here], "cell")
         )
-        ways.append(_led_back(here, before, p) if follows else STILL)
-    way = STILL
-    if all(each is ways[0] for each in ways):
-        way = ways[0]
-    elif len(ways) <= MOST:
+        motions.append(_motion_back(here, before, p) if tracked else STILL)
+    motion = STILL
+    if all(each is motions[0] for each in motions):
+        motion = motions[0]
+    elif len(motions) <= MOST:
         _, weights = weights_of(now)
         total = sum_of(weights)
-        moved = [share * each for share, each in zip(weights, ways, strict=True) if each is not STILL]
-        way = sum_of(moved) / where(total <= 0.0, 1.0, total)
-    used = {twin.data.name: plain[twin] for twin in find([way], "param") if twin in plain}
-    return Function("place_before", (p,), p + way), moments, used
+        moved = [weight * each for weight, each in zip(weights, motions, strict=True) if each is not STILL]
+        motion = sum_of(moved) / where(total <= 0.0, 1.0, total)
+    used = {twin.data.name: plain[twin] for twin in find([motion], "param") if twin in plain}
+    return Function("place_before", (p,), p + motion), moments, used
 
 
 def _twin(leaf: Expr) -> Expr:
-    """The parameter that stands for another, or for time, as it is in this frame."""
+    """The parameter that holds the value of another parameter, or of time, in the current frame."""
     name, value = ("time", 0.0) if leaf.op == "time" else (leaf.data.name, leaf.data.value)
     return make("param", leaf.type, (), Spec(f"now {name}", value, None, None))
 
 
-def _led_back(here: Expr, before: Expr, p: Expr) -> Expr:
-    """The way to the point that the frame before leads to where this one leads p: a step of Newton's method."""
+def _motion_back(here: Expr, before: Expr, p: Expr) -> Expr:
+    """The motion from p to the point that the previous frame maps where this frame maps p: one Newton step."""
     x, y, z = moved_along(before, p, [const(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
     apart = here - before
     volume = dot(x, cross(y, z))
-    way = construct(dot(cross(y, z), apart), dot(cross(z, x), apart), dot(cross(x, y), apart))
+    motion = construct(dot(cross(y, z), apart), dot(cross(z, x), apart), dot(cross(x, y), apart))
     flat = abs(volume) <= FLAT * length(x) * length(y) * length(z)
-    return where(flat, STILL, way / where(flat, 1.0, volume))
+    return where(flat, STILL, motion / where(flat, 1.0, volume))
 
 
 def _exchanged(body: Expr, leaves: Mapping[Expr, Expr], made: dict[Function, Function]) -> Expr:
-    """The expression with its leaves exchanged, in the functions and loops below it too."""
+    """The expression with its leaves replaced, also inside the functions and loops that it uses."""
 
     def concerned(inner: Sequence[Expr]) -> bool:
         return any(leaf in leaves for leaf in find(inner, "param", "time"))

@@ -1,4 +1,4 @@
-"""The passes of a plan: draws of the full-screen quad into float textures."""
+"""The passes of a plan: draw calls of the full-screen quad into float textures."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ OUTPUTS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """One draw of the full-screen quad: its outputs, and how many colour textures it fills.
+    """One draw call of the full-screen quad.
 
-    defines : names that the preprocessor knows in this pass alone.
-    shades : True if it gives surfaces their colour. extension : of OpenGL, that it cannot do without; "" for none.
+    module : the GLSL module with its `main`. textures : number of float colour textures that it writes.
+    defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
+    extension : the OpenGL extension that it requires; "" for none.
     """
 
     name: str
@@ -33,36 +34,38 @@ class Pass:
 
     @property
     def head(self) -> tuple[str, ...]:
-        """Its own lines before the shader's text."""
+        """The lines of this pass alone that precede the shader body."""
         wanted = (f"#extension {self.extension} : require",) if self.extension else ()
         return (*wanted, *(f"#define {name}" for name in self.defines))
 
 
-CONE: Final = Pass("cone", "view/cone", 1, "rays start where the cones around them ended", ("CONE",))
+CONE: Final = Pass("cone", "view/cone", 1, "rays start where their cones ended", ("CONE",))
 
-MARCH: Final = Pass("march", "view/march", 3, "rays take some steps in each pass, and go on in the next")
+MARCH: Final = Pass("march", "view/march", 3, "rays take a part of their steps in each pass")
 
-SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample of each pixel, and what it saw", shades=True)
+SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample per pixel: colour and visible surface", shades=True)
 
-BEFORE: Final = Pass("before", "temporal/before", 2, "what this frame sees, where it was in the frame before")
+BEFORE: Final = Pass(
+    "before", "temporal/before", 2, "positions and colours of this frame's points in the previous frame"
+)
 
-RESOLVE: Final = Pass("color", "temporal/resolve", 2, "the picture: the sample, and what earlier frames saw there")
+RESOLVE: Final = Pass("color", "temporal/resolve", 2, "the picture: the new sample blended with the history")
 
 DRAWN: Final = {
     "color": Pass("color", "view/color", 1, "the picture", shades=True),
-    "geometry": Pass("geometry", "view/geometry", 3, "depth, normal, material or counts were asked for"),
-    "slice": Pass("slice", "view/slice", 1, "the field over a plane was asked for"),
+    "geometry": Pass("geometry", "view/geometry", 3, "depth, normal, material or counts were requested"),
+    "slice": Pass("slice", "view/slice", 1, "the field on a plane was requested"),
     "cycles": Pass(
-        "cycles", "view/cycles", 1, "clock cycles were asked for", shades=True, extension="GL_ARB_shader_clock"
+        "cycles", "view/cycles", 1, "clock cycles were requested", shades=True, extension="GL_ARB_shader_clock"
     ),
 }
-"""What can be asked for, by name."""
+"""The passes that can be requested, by name."""
 
 
 def passes_of(names: Sequence[str], quality: Quality, cones: bool, changes: bool = False) -> list[Pass]:
-    """The passes that draw what is asked for, and those that they need, in the order in which they are drawn.
+    """The requested passes and those that they need, in drawing order.
 
-    changes : True if the scene reads time or parameters.
+    names : of `DRAWN`. cones : True if cones are marched first. changes : True if the scene reads time or parameters.
     """
     found = [CONE] if cones else []
     found += [MARCH] if quality.steps_per_pass is not None else []
@@ -79,10 +82,10 @@ def passes_of(names: Sequence[str], quality: Quality, cones: bool, changes: bool
 
 
 def joining(drawn: Sequence[Pass]) -> list[tuple[str, str]]:
-    """The modules by which samples and frames are joined, each with its reason."""
+    """The modules that accumulate samples and frames, each with its reason."""
     modules = {p.module for p in drawn}
     if "temporal/resolve" in modules:
-        reason = "what earlier frames saw is found again where it went"
+        reason = "the history is reprojected to this frame"
         moved = "changed" if BEFORE.module in modules else "unchanged"
         return [(f"temporal/{name}", reason) for name in ("finite", "history", "reproject", "clip", moved)]
     return [("temporal/finite", "samples are averaged")] if "view/accumulate" in modules else []

@@ -1,6 +1,7 @@
 """The plan between a scene and its shader.
 
-It decides what is in the shader at all. What is not called for is not in the text; `explain` says why.
+The plan chooses the functions, modules and passes of the shader. The shader text contains nothing that the scene does
+not use. `explain` prints the reasons.
 """
 
 from __future__ import annotations
@@ -34,16 +35,16 @@ from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
 
 LARGEST = 1024
-"""Shapes that a field may have as text. Beyond this, compilers take many seconds or fail."""
+"""Largest number of shapes written as code. With more, compilers take many seconds or fail."""
 
 
 @dataclass(slots=True)
 class Plan:
-    """What is to be compiled and drawn for a scene.
+    """The functions, modules and passes that draw a scene.
 
-    given : the scene as it was given. origin : the point that the shader counts coordinates from, shape (3,), float64.
-    moments : what the field reads of time alone, by the name of the parameter that stands for it.
-    scene : the same scene from there; what else is here belongs to it.
+    given : the scene of the caller. origin : origin of the shader's coordinates in that scene, shape (3,), float64.
+    moments : hoisted time-only expressions, by the name of the parameter that replaces each.
+    scene : the scene relative to `origin`; all other attributes describe it.
     """
 
     given: Scene
@@ -70,11 +71,11 @@ class Plan:
     textures: list[Data] = default(default_factory=list)
     warnings: list[str] = default(default_factory=list)
     twins: dict[str, Expr] = default(default_factory=dict)
-    """What stands for the present values where all others are those of the frame before; see `raymarch.plan.motion`."""
+    """Leaves whose current values the motion pass reads, by the name of their twin; see `raymarch.plan.motion`."""
     conditions: list[Condition] = default(default_factory=list)
-    """What the values of each frame must keep, because it could not be shown ahead."""
+    """Conditions checked against the values of each frame, because they could not be proven in advance."""
     further: list[Function] = default(default_factory=list)
-    """Functions of the point that a module reads besides."""
+    """Further functions of the point that modules call."""
 
     @property
     def tracer(self) -> str:
@@ -83,22 +84,22 @@ class Plan:
 
     @property
     def certified(self) -> bool:
-        """True if the field is no larger than the distance, so that nothing is stepped over; or is taken for such."""
+        """True if the field is no larger than the distance, or Quality(assume_certified=True) is set."""
         return marching.trusted(self.scene)
 
     @property
     def epsilon(self) -> float:
-        """How near a ray comes, in pixel widths, before it looks for its hit."""
+        """Distance to a surface, in pixel widths, at which a ray starts to refine its hit."""
         return self.scene.quality.near(self.certified)
 
     @property
     def lights_as_data(self) -> bool:
-        """True if the lights are rows of a texture rather than text."""
+        """True if the lights are rows of a texture rather than code."""
         return self.material is not None and lights.as_data(self.scene)
 
     @property
     def compile_seconds(self) -> float:
-        """About how long a software renderer takes to compile the field and to draw it first.
+        """Estimated seconds that a software renderer takes to compile the field and draw its first frame.
 
         Measured on llvmpipe: chains of 100, 200 and 1,000 smooth unions take 4.5, 16 and 346 s, polygons of 50 and 100
         corners 7 and 22 s. The time grows with the square of the operations in the text.
@@ -107,12 +108,12 @@ class Plan:
 
     @property
     def sky_light(self) -> bool:
-        """True if the shader reads the harmonics of the sky."""
+        """True if the shader reads the spherical harmonics of the sky."""
         return self.material is not None and shading.ambient_sky(self.scene)
 
     @property
     def clipped(self) -> bool:
-        """True if the scene's box bounds the rays on some side."""
+        """True if the scene's box is bounded on some side, so that rays are clipped to it."""
         facts = self.scene.node.facts
         return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
 
@@ -123,11 +124,11 @@ def plan(
     size: tuple[int, int] | None = None,
     lowering: Lowering | None = None,
 ) -> Plan:
-    """Plan a scene. PlanError for clashing parameters or a field that is too large.
+    """Plan a scene. Raises PlanError for clashing parameters or a field that is too large.
 
-    passes : names of what is to be drawn, of `raymarch.plan.passes.DRAWN`; passes that they need are added.
-    size : (width, height) of the picture, by which the plan weighs what a further pass would save.
-    lowering : the pass over the nodes; None is a plain one.
+    passes : names of the requested passes, of `raymarch.plan.passes.DRAWN`; passes that they need are added.
+    size : (width, height) of the picture in pixels; decides whether marching cones first saves time.
+    lowering : translates nodes to expressions; None for a new `Lowering`.
     """
     check_scene("plan", scene)
     given, origin = scene, origin_of(scene)
@@ -176,9 +177,9 @@ def plan(
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
     if shaded or geometry:
-        looks = materials_of(scene, lowering, shaded, geometry)
-        made.model, made.material, made.emission = looks.model, looks.record, looks.emission
-        made.material_index, made.glass, made.relief = looks.index, looks.glass, looks.relief
+        found = materials_of(scene, lowering, shaded, geometry)
+        made.model, made.material, made.emission = found.model, found.record, found.emission
+        made.material_index, made.glass, made.relief = found.index, found.glass, found.relief
     if BEFORE in drawn:
         place, made.moments, made.twins = motion_of(scene, lowering, moments, lowering.origins)
         made.further.append(place)
@@ -193,9 +194,9 @@ def plan(
 
 
 def _operations(definition: Function, turns: bool = True) -> int:
-    """Arithmetic operations of one evaluation, functions counted at each call.
+    """Arithmetic operations of one evaluation; functions count at each call.
 
-    turns : loops count once a turn; else once, as in the text.
+    turns : if True, a loop's body counts once per iteration; else once, as in the text.
     """
     costs: dict[object, int] = {}
 
@@ -238,40 +239,44 @@ def _describe_effects(made: Plan) -> None:
         made.features.append(Feature(name, used, yes if used else no))
 
     made.features += shading.features(scene)
-    feature("ray clipping", made.clipped, "the scene's box ends on some side", "the scene has no end on any side")
+    feature(
+        "ray clipping", made.clipped, "the scene's box is bounded on some side", "the scene is unbounded on all sides"
+    )
     animated = bool(find(scene.expressions(), "time"))
     feature("time", animated, "the scene reads time", "nothing reads time")
     feature("parameters", bool(made.parameters), f"{len(made.parameters)} uniforms", "no Param is used")
     geometry = any(p.name == "geometry" for p in made.passes)
-    feature("geometry pass", geometry, "arrays beyond colour were asked for", "only the picture was asked for")
+    feature("geometry pass", geometry, "arrays besides colour were requested", "only the picture was requested")
     moved = bool(np.any(made.origin))
     place = ", ".join(f"{v:.8g}" for v in made.origin)
-    feature("camera-relative", moved, f"coordinates count from ({place}), near the camera", "the scene is not far away")
+    feature(
+        "camera-relative", moved, f"coordinates are relative to ({place})", "coordinates are small enough for float32"
+    )
     quality = scene.quality
     feature("cones", made.marching.cones, made.marching.schedule_reason, made.marching.schedule_reason)
-    feature("anti-aliasing", quality.samples > 1, f"{quality.samples} rays a pixel", "one ray a pixel")
+    feature("anti-aliasing", quality.samples > 1, f"{quality.samples} rays per pixel", "one ray per pixel")
     temporal = quality.temporal != "off"
     kept = f"Quality(temporal={quality.temporal!r})" if temporal else "the samples of a pixel are averaged"
-    feature("history textures", temporal or quality.samples > 1, kept, "nothing is accumulated over frames or samples")
+    feature("history textures", temporal or quality.samples > 1, kept, "no frames or samples are accumulated")
     made.features.sort(key=lambda f: not f.used)
 
 
 def _warnings(scene: Scene) -> list[str]:
-    """What is legal but may not be what was meant."""
+    """Warnings about input that is legal but may not be intended."""
     found = []
     if scene.node.facts.empty:
-        found.append("the solid is empty: its operands' boxes do not meet")
+        found.append("the solid is empty: the bounding boxes of its operands do not overlap")
     if scene.node.exactness == "estimate":
-        found.append("the field is an estimate: nothing guarantees that no surface is missed")
+        found.append("the field is an estimate: rays may miss surfaces")
     for node in all_nodes(scene.node)[1:]:
         if node.facts.empty and not any(child.facts.empty for child in node.children):
             place = f" at {node.where}" if node.where else ""
-            found.append(f"{node.name}{place} is empty: its operands' boxes do not meet")
+            found.append(f"{node.name}{place} is empty: the bounding boxes of its operands do not overlap")
     for node in all_nodes(scene.node):
         if node.name in ("round", "shell") and node.children[0].exactness != "exact":
             place = f" at {node.where}" if node.where else ""
             found.append(
                 f"{node.name}{place} acts on a {node.children[0].exactness} field ({node.children[0].name}): "
-                "the surface moves by less than was asked where that is loose"
+                "where the bound is loose, the surface moves by less than requested"
             )
     return found

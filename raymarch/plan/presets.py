@@ -1,4 +1,4 @@
-"""What the presets of Quality mean for a scene: known before anything is drawn."""
+"""The accuracy of the presets of Quality for a scene, computed without drawing it."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ from raymarch.scene.quality import PRESETS, PROMISED
 from raymarch.scene.scene import Scene
 
 HEIGHT = 360
-"""Rows of the picture that lengths are given for: those of `raymarch render`."""
+"""Height in pixels of the picture that `Meaning.length` refers to: the default of `raymarch render`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """A preset in terms of a scene.
+    """The accuracy of one preset for a scene.
 
-    name : of the preset. pixels : how far 99 % of the hits may lie from the true ones, in pixel footprints; None if
-    the field is an estimate, of which nothing can be promised. length : the same in the scene's unit, at the middle of
-    what has an end, in a picture of 360 rows; None if nothing has one. epsilon : how near a ray comes, in pixels,
-    before it looks for its hit. own : whether it is the scene's own quality.
+    name : of the preset.
+    pixels : error that 99 % of the hits do not exceed, in pixel footprints; None if the field is an estimate, for which
+        nothing is guaranteed.
+    length : the same error in the scene's unit, at the centre of its bounded part, in a picture of 360 rows; None if
+        no part is bounded.
+    epsilon : distance to a surface, in pixel widths, at which a ray starts to refine its hit.
+    own : True if it is the quality of the scene.
     """
 
     name: str
@@ -32,16 +35,16 @@ class Meaning:
 
     @property
     def words(self) -> str:
-        """One line."""
-        own = "; this is the scene's own" if self.own else ""
+        """The preset in one line of text."""
+        own = "; the scene uses this" if self.own else ""
         if self.pixels is None:
-            return f"the field is an estimate, nothing is promised; rays end within {self.epsilon:g} px{own}"
-        length = "" if self.length is None else f", {self.length:.2g} at the scene's middle in {HEIGHT} rows"
-        return f"99 % of the hits within {self.pixels:g} px{length}; looks for a hit within {self.epsilon:g} px{own}"
+            return f"the field is an estimate, no accuracy is guaranteed; rays end within {self.epsilon:g} px{own}"
+        length = "" if self.length is None else f", {self.length:.2g} at the scene's centre in {HEIGHT} rows"
+        return f"99 % of the hits within {self.pixels:g} px{length}; refines hits within {self.epsilon:g} px{own}"
 
 
 def meanings(scene: Scene) -> list[Meaning]:
-    """All presets, coarsest first, with the parameters' defaults and at time 0."""
+    """All presets for a scene, coarsest first, with default parameters and at time 0."""
     certified = scene.node.exactness != "estimate"
     footprint = _footprint(scene)
     found = []
@@ -54,7 +57,7 @@ def meanings(scene: Scene) -> list[Meaning]:
 
 
 def _footprint(scene: Scene) -> float | None:
-    """Size of a pixel at the middle of what has an end."""
+    """Width of a pixel at the centre of the scene's bounded part, None if no part is bounded."""
     subject = scene.subject
     if subject is None:
         return None

@@ -1,6 +1,6 @@
-"""The probe build: the plan of a picture whose field is looked at node by node while it is drawn.
+"""Probe plans: plans whose shader inspects each node of the field while it draws.
 
-Ordinary plans hold nothing of it. The picture is marched and shaded as ever, by one sample a pixel and without cones.
+Other plans contain no probe code. The picture is marched and shaded as usual, with one sample per pixel and no cones.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 
-FAULTS = Pass("nonfinite", "view/nonfinite", 3, "values that went wrong were asked for", shades=True)
-SLOPES = Pass("lipschitz", "view/lipschitz", 3, "slopes of all nodes were asked for", shades=True)
+FAULTS = Pass("nonfinite", "view/nonfinite", 3, "invalid values were requested", shades=True)
+SLOPES = Pass("lipschitz", "view/lipschitz", 3, "Lipschitz constants of all nodes were requested", shades=True)
 
 
 @dataclass(frozen=True, slots=True)
 class Probing:
-    """A plan and the nodes that it looks at; their numbers count from 1 in this order."""
+    """A plan and the nodes that it inspects, numbered from 1 in this order."""
 
     plan: Plan
     nodes: tuple[Node, ...]
 
 
-def bare(scene: Scene) -> Scene:
-    """The scene drawn by one sample a pixel, marched in one go."""
+def single_sample(scene: Scene) -> Scene:
+    """The scene with one sample per pixel, marched in one pass without cones."""
     return scene.replace(
         quality=scene.quality.replace(samples=1, temporal="off", schedule="single", steps_per_pass=None)
     )
 
 
 def plan_faults(scene: Scene) -> Probing:
-    """A plan that finds the first value of each pixel that is not finite or out of its domain."""
+    """A plan that finds the first value of each pixel that is not finite or outside its domain."""
     made, nodes = _planned(scene, FAULTS)
-    looked_at = [e for f in _surface(made) for e in f.inner]
-    field, surface = first_fault([made.field.body]), first_fault(looked_at)
+    inspected = [e for f in _surface(made) for e in f.inner]
+    field, surface = first_fault([made.field.body]), first_fault(inspected)
     further = [_function("field_faults", made.field, field), _function("surface_faults", made.field, surface)]
     _strip(made, plain(made.field))
     made.further = further
@@ -50,7 +50,7 @@ def plan_faults(scene: Scene) -> Probing:
 
 
 def plan_slopes(scene: Scene) -> Probing:
-    """A plan that finds how steep each node is along the rays."""
+    """A plan that measures the largest slope of each node along the rays."""
     made, nodes = _planned(scene, SLOPES)
     _strip(made, made.field)
     modules = ["temporal/finite", "probe/watch", "probe/watch_calls"]
@@ -60,7 +60,7 @@ def plan_slopes(scene: Scene) -> Probing:
 
 def _planned(scene: Scene, chosen: Pass) -> tuple[Plan, tuple[Node, ...]]:
     nodes: list[Node] = []
-    made = plan(bare(scene), lowering=Lowering(sites=nodes))
+    made = plan(single_sample(scene), lowering=Lowering(sites=nodes))
     made.modules = [(name, reason) for name, reason in made.modules if name != made.passes[0].module]
     made.modules.append((chosen.module, chosen.reason))
     made.passes = [chosen]
@@ -68,7 +68,7 @@ def _planned(scene: Scene, chosen: Pass) -> tuple[Plan, tuple[Node, ...]]:
 
 
 def _surface(made: Plan) -> list[Function | Record]:
-    """What is asked once, at the hit. Looks that take more than the point, those with textures, show in the colour."""
+    """The functions evaluated at the hit. Faults of textured materials (more arguments) show in the colour."""
     functions = (made.gradient, made.material, made.emission, made.glass)
     return [f for f in functions if f is not None and f.params == made.field.params]
 
@@ -78,7 +78,7 @@ def _function(name: str, like: Function, fault: Expr | None) -> Function:
 
 
 def _strip(made: Plan, field: Function) -> None:
-    """Give `field` another name, for a module gives a field that looks; take the probes out of all else."""
+    """Rename `field`, because a module defines `field` with probes, and remove the probes from all other functions."""
     made.field = Function("field_value", field.params, field.body, field.names, field.where)
     made.gradient, made.emission = (None if f is None else plain(f) for f in (made.gradient, made.emission))
     made.material, made.relief, made.glass = (

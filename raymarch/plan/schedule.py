@@ -1,4 +1,4 @@
-"""Schedules: which coarser pictures are marched first, so that rays start where a cone around them ended."""
+"""Schedules: coarse levels of cones that are marched first, so that rays start where their cones ended."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A picture of cones.
+    """A level of cones.
 
     Attributes
     ----------
-    scale : its width and height over those of the final picture, above 0 and up to 1.
-    share : the part of the steps that its cones may take; 1 marches them until they can go on no more.
+    scale : width and height relative to the final picture, above 0 and up to 1.
+    share : fraction of the steps that its cones may take; 1 marches them until they stop.
     """
 
     scale: float
     share: float = 1.0
 
     def size(self, picture: tuple[int, int]) -> tuple[int, int]:
-        """(width, height) in cells."""
+        """(width, height) of the level in cells."""
         return max(1, round(picture[0] * self.scale)), max(1, round(picture[1] * self.scale))
 
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Levels from coarse to fine, and the part of the steps that is left for the rays."""
+    """Levels from coarse to fine, and the fraction of the steps that remains for the rays."""
 
     levels: tuple[Level, ...] = ()
     share: float = 1.0
@@ -35,7 +35,7 @@ class Schedule:
 def _published(scales: tuple[float, ...]) -> Schedule:
     """Bálint and Valasek 2018: an eighth of the steps for each level, the rest for the rays.
 
-    Their pattern for six resolutions leaves 3/8 after four eighths, which is one short: there are five levels.
+    Their table for six resolutions leaves 3/8 after four eighths. It omits one of the five levels.
     """
     return Schedule(tuple(Level(scale, 1 / 8) for scale in scales), 1 - len(scales) / 8)
 
@@ -50,7 +50,7 @@ SCHEDULES: Final = {
     "cone": Schedule((Level(1 / 4),)),
     "cones": Schedule((Level(1 / 16), Level(1 / 4), Level(1 / 2))),
 }
-"""By the name that `Quality` has for it."""
+"""Schedules by their names in `Quality`."""
 
 PIXEL: Final = Level(1.0)
-"""The cone around one whole pixel: where all of its samples start."""
+"""One cone around each whole pixel; all samples of the pixel start where it ended."""

@@ -1,4 +1,4 @@
-"""What the look of a scene calls for: which modules shade it, and what `explain` says of it."""
+"""The modules that shade a scene, and the features of its lights, materials and sky."""
 
 from __future__ import annotations
 
@@ -12,100 +12,102 @@ from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 
 MODULES = {
-    "sun": ("light/sun", "a light from infinitely far away"),
-    "point": ("light/point", "a light falls off with the inverse square of the distance"),
-    "attenuated": ("light/attenuated", "a light has an attenuation of its own"),
+    "sun": ("light/sun", "a directional light"),
+    "point": ("light/point", "a point light with inverse-square falloff"),
+    "attenuated": ("light/attenuated", "a point light with an attenuation"),
     "window": ("light/window", "a light has a range"),
     "fade": ("light/fade", "a light with an attenuation has a range"),
-    "spot": ("light/spot", "a light shines into a cone"),
+    "spot": ("light/spot", "a spot light"),
     "hard": ("light/shadow", "a light casts a hard shadow"),
     "two-sided": ("light/two_sided", "a light casts a soft shadow"),
-    "cone": ("light/cone", "a light casts a soft shadow by its cone"),
+    "cone": ("light/cone", "a light casts a cone soft shadow"),
     "triangulated": ("light/triangulated", "a light casts a triangulated soft shadow"),
-    "sampled": ("light/sample_disc", "a light casts the shadows of its points, one a sample"),
+    "sampled": ("light/sample_disc", "a light casts a soft shadow by sampling its disc"),
 }
-"""The module that each trait of lights calls for, and why."""
+"""The module of each trait of a light, with the reason."""
 
 SOFT = ("two-sided", "cone", "triangulated")
 
 
 def surfaced(scene: Scene) -> bool:
-    """True if light from elsewhere falls on surfaces, so that their normals and materials count."""
+    """True if surfaces reflect light or emit a pattern, so that their normals and materials are needed."""
     return bool(scene.lights) or scene.sky.light or scene.path_traced or scene.whitted or _glows_by_pattern(scene)
 
 
 def mapped(scene: Scene) -> bool:
-    """True if a look depends on how the surface is seen: some material has a texture, or bends its normal."""
+    """True if a material has a texture or a relief, so that it depends on the normal and the footprint."""
     return any(m.textured or m.relief for m in scene.materials)
 
 
 def patterned(scene: Scene) -> bool:
-    """True if a look depends on the point where it is asked, which is then just inside the solid."""
+    """True if a material depends on the point. Materials are then evaluated just inside the solid."""
     return mapped(scene) or any(m.patterned for m in scene.materials)
 
 
 def _glows_by_pattern(scene: Scene) -> bool:
-    """True if what is given off depends on the point, or on how it is seen: it takes the normal of the surface."""
+    """True if emission depends on the point or the footprint, so that the normal of the surface is needed."""
     return any(m.emits and (m.textured or m.patterned) for m in scene.materials)
 
 
 def lit(scene: Scene) -> bool:
-    """True if light falls on any surface, or comes from one."""
+    """True if any surface reflects or emits light."""
     return surfaced(scene) or any(m.emits for m in scene.materials)
 
 
 def ambient_sky(scene: Scene) -> bool:
-    """True if the sky lights surfaces by its mean; where light path_traced, ways that end in the sky bring its light."""
+    """True if the sky lights surfaces by its mean. In path tracing, paths that end in the sky add its light instead."""
     return scene.sky.light and not scene.path_traced
 
 
 def compensated(scene: Scene) -> bool:
-    """True if there may be metal, which gives back the light that several of its facets mirror."""
+    """True if some material may be metallic and multiple scattering between its microfacets is compensated."""
     metal = scene.quality.energy_compensation and any(m.metallic for m in scene.materials)
     return metal and (bool(scene.lights) or ambient_sky(scene) or scene.path_traced)
 
 
 def occluded(scene: Scene, model: str) -> bool:
-    """True if there is ambient light for an AmbientOcclusion to dim."""
+    """True if the scene has an AmbientOcclusion and ambient light."""
     return scene.occlusion is not None and ambient(scene, model)
 
 
 def ambient(scene: Scene, model: str) -> bool:
-    """True if some light comes from nowhere in particular."""
+    """True if the scene has ambient light: from the sky, or from lights on Phong materials."""
     return ambient_sky(scene) or (bool(scene.lights) and model != "physical")
 
 
 def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, str]]:
     """The modules that shade, each with its reason.
 
-    model : how surfaces are lit, None if they are not. colored : a picture is drawn, lit or not.
+    model : "phong", "physical" or "mixed"; None if surfaces are not shaded. colored : True if a pass writes colour.
     """
     found: list[tuple[str, str]] = []
     if model is not None and surfaced(scene):
-        found.append((f"material/{model}", "light shades materials"))
+        found.append((f"material/{model}", "surfaces are shaded"))
         found += _surfaces(scene)
         if scene.lights:
-            found += _answers(scene, model)
+            found += _bsdfs(scene, model)
         for trait in sorted(lights.traits(scene), key=list(MODULES).index):
             name, why = MODULES[trait]
             first = next((light for light in scene.lights if trait in lights.traits_of(light)), None)
             found.append((name, f"{why}: {type(first).__name__} at {first.where}" if first else why))
         if ambient_sky(scene):
-            found += _from_sky(scene, model)
+            found += _sky_light(scene, model)
         if any(light.shadow for light in scene.lights):
-            found += [("light/spawn_ray", "a light casts a shadow"), _outward(scene)]
+            found += [("light/spawn_ray", "a light casts a shadow"), _geometric_normal(scene)]
         if "sampled" in lights.traits(scene):
-            found.append(("random/pixel", "a point of a light is chosen at random"))
-            found += [("light/shadow", "the shadow of a point")] if "hard" not in lights.traits(scene) else []
+            found.append(("random/pixel", "a point on the light is sampled"))
+            found += (
+                [("light/shadow", "a shadow ray to the sampled point")] if "hard" not in lights.traits(scene) else []
+            )
         if compensated(scene):
-            found += _several(scene)
+            found += _multiscatter(scene)
         if scene.path_traced or scene.whitted:
-            found += _ways(scene, model) if scene.path_traced else _tree(scene, model)
+            found += _path_tracing(scene, model) if scene.path_traced else _whitted(scene, model)
         if occluded(scene, model):
             found.append(("light/ambient_occlusion", "Scene(occlusion=...)"))
     if colored:
         if scene.sky.constant:
-            found.append(("sky/constant", "what is seen where nothing is hit"))
+            found.append(("sky/constant", "background of one colour"))
         if scene.fog is not None:
             found.append(("sky/fog", "Scene(fog=...)"))
     reasons: dict[str, str] = {}
@@ -115,29 +117,29 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
 
 
 def _surfaces(scene: Scene) -> list[tuple[str, str]]:
-    """The modules that find the material of a hit."""
+    """The modules that evaluate the material of a hit."""
     if mapped(scene):
         why = "a material has a texture or relief"
         return [("material/relief", why), ("light/inner", why), ("light/mapped", why)]
     if patterned(scene):
         why = "a material is a function of the point"
         return [("light/inner", why), ("light/patterned", why)]
-    return [("light/light", "light shades materials")]
+    return [("light/light", "surfaces are shaded")]
 
 
-def _outward(scene: Scene) -> tuple[str, str]:
-    """The module that knows the side on which rays leave a surface."""
+def _geometric_normal(scene: Scene) -> tuple[str, str]:
+    """The module of the geometric normal, along which rays are offset from a surface."""
     return (
         "light/geometric_normal_mapped" if mapped(scene) else "light/geometric_normal",
-        "rays leave along the normal of the solid",
+        "rays are offset along the geometric normal",
     )
 
 
-def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules by which surfaces answer a light."""
+def _bsdfs(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules that reflect a light."""
     found = []
     if model != "physical":
-        found.append(("light/phong", "a material is shaded after Phong"))
+        found.append(("light/phong", "a material is Phong"))
     if model != "phong":
         found += [
             ("light/fresnel", "a material is physical"),
@@ -150,29 +152,29 @@ def _answers(scene: Scene, model: str) -> list[tuple[str, str]]:
     if model == "mixed":
         glass = (scene.path_traced or scene.whitted) and any(m.transmits for m in scene.materials)
         name = "light/mixed_dielectric" if glass else "light/mixed"
-        found.append((name, "some materials are physical and some after Phong"))
+        found.append((name, "some materials are physical and some are Phong"))
     return found
 
 
 def _by_masking(scene: Scene, name: str) -> tuple[str, str]:
-    """The module of a name that has one for each masking."""
+    """The module for the chosen masking; `{}` in `name` stands for it."""
     masking = scene.quality.masking
     return name.format(masking), f"Quality(masking={masking!r})"
 
 
-def _several(scene: Scene) -> list[tuple[str, str]]:
-    """The modules by which metals give back what several facets mirror."""
+def _multiscatter(scene: Scene) -> list[tuple[str, str]]:
+    """The modules that compensate multiple scattering between the microfacets of metals."""
     why = "a material is a metal"
     found = [_by_masking(scene, f"light/{name}") for name in ("missing_{}", "missing_mean_{}")]
     found.append(("light/multiscatter_albedo", why))
     return [*found, ("light/multiscatter", why)] if scene.lights else found
 
 
-def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules by which light bounces."""
+def _path_tracing(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules of path tracing."""
     why = f"Scene(bounces={scene.bounces})"
     found = [("path/secondary", why), ("light/spawn_ray", why), ("path/lobes", why), ("random/pixel", why)]
-    found += [_outward(scene)] if mapped(scene) else []
+    found += [_geometric_normal(scene)] if mapped(scene) else []
     if model != "physical":
         found.append(("path/diffuse", why))
     if model != "phong":
@@ -188,25 +190,25 @@ def _ways(scene: Scene, model: str) -> list[tuple[str, str]]:
 
 
 def _glass(scene: Scene) -> list[tuple[str, str]]:
-    """The modules of what transmits."""
-    lights = [("path/dielectric", "lights shine on glass")] if scene.lights else []
+    """The modules of materials that transmit light."""
+    lights = [("path/dielectric", "lights are reflected by glass")] if scene.lights else []
     return [("path/fresnel_dielectric", "a material transmits light"), *lights]
 
 
-def _tree(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules by which all ways of mirrors and glass are followed."""
+def _whitted(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules of Whitted ray tracing."""
     why = "Quality(integrator='whitted')"
     found = [("path/secondary", why), ("light/spawn_ray", why), ("path/cutoff", why)]
-    found += [_outward(scene)] if mapped(scene) else []
+    found += [_geometric_normal(scene)] if mapped(scene) else []
     if any(m.mirrors for m in scene.materials):
-        found += [("light/fresnel", "a material mirrors"), ("path/mirror", "a material mirrors")]
+        found += [("light/fresnel", "a material is a mirror"), ("path/mirror", "a material is a mirror")]
     if any(m.transmits for m in scene.materials):
-        found += [*_glass(scene), ("path/branch", "glass parts the light's way in two")]
+        found += [*_glass(scene), ("path/branch", "glass splits a ray into two")]
     return found
 
 
-def _from_sky(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules by which surfaces answer the sky."""
+def _sky_light(scene: Scene, model: str) -> list[tuple[str, str]]:
+    """The modules that light surfaces by the sky."""
     why = f"{type(scene.sky).__name__}(light=True)"
     found = [("sky/mean", why)]
     if model != "physical":
@@ -218,7 +220,7 @@ def _from_sky(scene: Scene, model: str) -> list[tuple[str, str]]:
 
 
 def features(scene: Scene) -> list[Feature]:
-    """What there is of lights, shadows, materials and fog, used or not."""
+    """The features of lights, shadows, materials, sky and fog, used or not."""
     found: list[Feature] = []
 
     def feature(name: str, used: bool, yes: str, no: str, where_: Location | None = None) -> None:
@@ -234,20 +236,20 @@ def features(scene: Scene) -> list[Feature]:
     of_lights("point lights", plain, "no PointLight in the scene")
     of_lights("spot lights", [x for x in every if isinstance(x, SpotLight)], "no SpotLight in the scene")
     of_lights("sphere lights", [x for x in every if isinstance(x, SphereLight)], "no SphereLight in the scene")
-    few = f"up to {lights.AS_TEXT} lights are written out"
+    few = f"up to {lights.AS_TEXT} lights are written as code"
     feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop", few)
     of_lights("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
-    of_lights("soft shadows", [x for x in every if x.soft], "no light with a shadow has a softness", casts)
+    of_lights("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)
     others = scene.materials[1:]
     feature("materials", bool(others), f"{len(others)} besides the default", "no node has a material")
     real = next((m for m in others if m.physical), None)
     feature("microfacets", real is not None, "a material is physical", "no material is physical", _place(real))
     metal = next((m for m in others if m.metallic), None)
-    why = "Quality(energy_compensation=False)" if not scene.quality.energy_compensation else "no light falls on metal"
+    why = "Quality(energy_compensation=False)" if not scene.quality.energy_compensation else "metal receives no light"
     why = "no material is a metal" if metal is None else why
-    feature("light between facets", compensated(scene), "a material is a metal", why, _place(metal))
+    feature("multiple scattering", compensated(scene), "a material is a metal", why, _place(metal))
     patterned = next((m for m in others if m.patterned), None)
-    why = "no value of a material is a function of the position"
+    why = "no material has a value that is a function of the position"
     feature("patterns", patterned is not None, "a material has one", why, _place(patterned))
     own = next((m for m in others if m.textured or m.relief), None)
     why = "no material has a texture or relief"
@@ -255,24 +257,25 @@ def features(scene: Scene) -> list[Feature]:
     glowing = next((m for m in others if m.emits), None)
     feature("emission", glowing is not None, "a material has one", "no material has one", _place(glowing))
     feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")
-    bent = next((m for m in others if m.transmits), None)
-    feature("glass", bent is not None, "a material transmits light", "no material transmits light", _place(bent))
+    transmitting = next((m for m in others if m.transmits), None)
+    why = "no material transmits light"
+    feature("glass", transmitting is not None, "a material transmits light", why, _place(transmitting))
     rough = next((m for m in others if m.frosted), None)
-    why = "Quality(integrator='whitted') shows rough glass as clear" if scene.whitted else "Scene has no bounces"
+    why = "Quality(integrator='whitted') renders rough glass as smooth" if scene.whitted else "Scene has no bounces"
     why = "no glass is rough" if rough is None else why
     used = rough is not None and scene.path_traced
-    feature("frosted glass", used, "a material is rough, and transmits", why, _place(rough))
-    several = f"one way of up to {scene.bounces} more surfaces for each sample"
+    feature("frosted glass", used, "a material is rough and transmits light", why, _place(rough))
+    several = f"one random path of up to {scene.bounces} bounces per sample"
     if scene.whitted:
-        several = f"all ways of mirrors and glass to up to {scene.bounces} more surfaces"
-    why = "nothing mirrors or transmits, for Quality(integrator='whitted')" if scene.bounces else "Scene has no bounces"
+        several = f"all reflected and refracted rays of up to {scene.bounces} bounces"
+    why = "Quality(integrator='whitted') finds no mirror and no glass" if scene.bounces else "Scene has no bounces"
     feature("bounces of light", scene.path_traced or scene.whitted, several, why)
-    feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky lights nothing")
-    shares = bool(every) and not all(m.physical for m in scene.materials)
-    dimmed = scene.occlusion is not None and (ambient_sky(scene) or shares)
+    feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky does not light surfaces")
+    ambient_lights = bool(every) and not all(m.physical for m in scene.materials)
+    dimmed = scene.occlusion is not None and (ambient_sky(scene) or ambient_lights)
     steps = scene.occlusion.steps if scene.occlusion is not None else 0
-    why = "Scene has no occlusion" if scene.occlusion is None else "there is no ambient light to keep out"
-    feature("ambient occlusion", dimmed, f"{steps} evaluations a hit", why)
+    why = "Scene has no occlusion" if scene.occlusion is None else "the scene has no ambient light"
+    feature("ambient occlusion", dimmed, f"{steps} evaluations per hit", why)
     feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")
     return found
 

@@ -15,7 +15,7 @@ Data: TypeAlias = Samples | Texels
 
 
 def textures_of(plan: Plan) -> list[Data]:
-    """Pictures and sampled data that the field and the looks read, each once."""
+    """The pictures and sampled data that the field and the materials read, each once."""
     functions = (plan.field, plan.material, plan.relief, plan.emission, plan.glass)
     roots = [root for function in functions if function is not None for root in function.inner]
     if any(p.shades for p in plan.passes):

@@ -1,4 +1,4 @@
-"""From a plan to one GLSL text, and from a line of that text back to the user's own line."""
+"""Link a plan to one GLSL text, and map its lines back to the user's lines."""
 
 from raymarch.shader.assemble import Shader, assemble
 

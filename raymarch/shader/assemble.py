@@ -1,7 +1,7 @@
-"""The fragment shader of a plan: generated field code, and only the modules that the plan names.
+"""Assemble the fragment shader of a plan: generated code, and only the GLSL modules that the plan names.
 
-Everything is a chunk with what it needs and gives; chunks are put in order by that, so that the text depends on
-the plan alone and not on what else lies in the package.
+Each part is a chunk with the names that it needs and gives. Chunks are ordered by these names, so the text depends on
+the plan alone, not on other files of the package.
 """
 
 from __future__ import annotations
@@ -49,11 +49,12 @@ class Shader:
 
     Attributes
     ----------
-    body : its lines, without version and defines.
-    passes : names of the passes in it; with more than one, `PASS` chooses. heads : lines that each begins with.
-    parameters : GLSL name of the uniform of each parameter, by the parameter's own name.
-    uses_time : whether it has a uniform u_time.
-    samples : sampled data and pictures by the name of their texture.
+    body : lines of the text, without version and defines.
+    passes : names of its passes; if there are several, the define `PASS` selects one.
+    heads : lines that precede the body, for each pass.
+    parameters : GLSL name of the uniform of each parameter, by the parameter's name.
+    uses_time : True if it has a uniform u_time.
+    samples : sampled data and pictures, by the name of their texture.
     """
 
     body: tuple[Mapped, ...]
@@ -64,7 +65,7 @@ class Shader:
     samples: Mapping[str, Samples | Texels]
 
     def text(self, chosen: str | None = None, version: str = "330 core") -> str:
-        """The whole text for one pass (the first by default), ready for the compiler.
+        """The whole text of one pass, the first by default, ready to compile.
 
         version : "330 core", or "300 es" for WebGL 2.
         """
@@ -75,12 +76,12 @@ class Shader:
         own = list(self.heads[index])
         if len(self.passes) == 1:
             return [*HEADERS[version], *own]
-        # As many lines whatever a pass has, so that lines are counted alike in all.
+        # Pad to equally many lines, so that line numbers agree between passes.
         own += [""] * (max(1, *(len(head) for head in self.heads)) - len(own))
         return [*HEADERS[version], f"#define PASS {index}", *own]
 
     def locate(self, line: int, version: str = "330 core") -> tuple[str, Location | None]:
-        """What made a line of the text (counted from 1), in words, and the user's line if one did."""
+        """Describe the origin of a line of the text, counted from 1, and give the user's line if there is one."""
         index = line - 1 - len(self._head(self.passes[0], version))
         if not 0 <= index < len(self.body):
             return "the shader's header", None
@@ -125,7 +126,7 @@ def _module(name: str) -> Chunk:
 
 
 def _in_order(chunks: Sequence[Chunk]) -> list[Chunk]:
-    """Chunks after what they need; a name that nothing gives is a fault of the plan."""
+    """The chunks sorted so that each follows those that it needs. AssertionError if no chunk gives a needed name."""
     givers: dict[str, Chunk] = {}
     for chunk in chunks:
         for name in chunk.gives:
@@ -165,11 +166,11 @@ def _main(mains: Sequence[Chunk]) -> list[Mapped]:
 
 
 CONE_SHARE = 0.25
-"""A cone ends where it could go on by less than this share of its own radius."""
+"""A cone ends where its safe step is less than this fraction of its radius."""
 
 
 def _constants(plan: Plan) -> Chunk:
-    """The numbers of the quality that the chosen tracer reads."""
+    """The constants of Quality that the modules read."""
     quality = plan.scene.quality
     steps = str(quality.max_steps)
     values = {
@@ -199,10 +200,10 @@ def _constants(plan: Plan) -> Chunk:
 
 
 def _scene_box(plan: Plan) -> Chunk:
-    """The part of a ray inside the scene's box, padded so that rounding cannot cut the surface off.
+    """The part of a ray inside the scene's box, which is padded so that rounding cannot cut off the surface.
 
-    A cone is inside from where its nearest edge is: its radius u_cone t moves each plane out, which is as if its axis
-    pointed further inwards. For rays u_cone is 0.
+    A cone is inside where any of its points is: its radius u_cone t moves each plane outwards, as if its axis pointed
+    further inwards. For rays u_cone is 0.
     """
     steps, needs = [], {"Ray"}
     cones = plan.marching.cones
@@ -224,7 +225,7 @@ def _scene_box(plan: Plan) -> Chunk:
 
 
 def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
-    """All functions that are made from expressions, printed together so that each definition stands once."""
+    """All functions generated from expressions, printed together so that each definition appears once."""
     optional = (plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
     text = print_functions(roots, taken)
@@ -244,16 +245,16 @@ def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[st
 
 
 class _Places:
-    """The user's line for each part of the field.
+    """The user's line of each part of the field.
 
-    An expression stands where the node that became it was written. A definition's own function serves all nodes that
-    use it, and stands where the first of them was written.
+    An expression belongs to the line of the node that it was lowered from. A definition's function is shared by all
+    nodes that use it, and belongs to the line of the first.
     """
 
     def __init__(self, plan: Plan) -> None:
         self.origins: Mapping[Expr, Location] = plan.origins
         self._scene = plan.scene.where
-        self._slopes = {  # a gradient asks the companions of what the field asks, with the same arguments
+        self._gradients = {  # a gradient calls the companions of the field's functions, with the same arguments
             (e.data.derived.get(("companion", 0)), e.args): where for e, where in plan.origins.items() if e.op == "call"
         }
         self._first_use: dict[Location | None, Location | None] = {}
@@ -266,12 +267,12 @@ class _Places:
                     self._first_use.setdefault(call.data.where, node.where)
 
     def of(self, source: Expr) -> Location | None:
-        """Of an expression in the field or its gradient."""
+        """The user's line of an expression in the field or its gradient."""
         found = self.origins.get(source)
-        return self._slopes.get((source.data, source.args)) if found is None and source.op == "call" else found
+        return self._gradients.get((source.data, source.args)) if found is None and source.op == "call" else found
 
     def around(self, owner: Printable) -> Location | None:
-        """Of a function as a whole."""
+        """The user's line of a whole function."""
         where = owner.where if isinstance(owner, Function) else None
         if where in self._first_use:
             return self._first_use[where]
@@ -279,7 +280,7 @@ class _Places:
 
 
 def _mapped(text: Text, places: _Places) -> list[Mapped]:
-    """The printed functions, each line with what made it."""
+    """The printed functions, each line with its origin."""
     lines: list[Mapped] = []
     owners = {name: owner for owner, name in text.names.items()}
     given = {
@@ -291,7 +292,7 @@ def _mapped(text: Text, places: _Places) -> list[Mapped]:
             lines += [Mapped(line, f"line {i} of the GLSL of {helper}", given.get(helper)) for i, line in rows]
             lines.append(Mapped("", helper))
         else:
-            lines += [Mapped(line, "a helper of the vocabulary") for line in [*code.split("\n"), ""]]
+            lines += [Mapped(line, "a helper function of the expression language") for line in [*code.split("\n"), ""]]
     for printed in text.functions:
         name = printed[0].text.partition("(")[0].split()[-1]
         around = places.around(owners[name])
@@ -307,7 +308,7 @@ def _mapped_line(line: Line, name: str, around: Location | None, places: _Places
     place = places.of(source)
     if place is not None:
         return Mapped(line.text, f"{source.data.name if source.op == 'call' else source.op} in {name}", place)
-    # Equal expressions are one, so that this one may have been written first in another scene.
+    # Equal expressions are shared, so this one may have been written first in another scene.
     written = source.where
     if is_users(written.file):
         return Mapped(line.text, f"{name}, {written}", around or written)

@@ -1,4 +1,4 @@
-"""The scene's box, as marching and shadows see it."""
+"""Generated code that clips rays and cones to the scene's box."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from raymarch.shader.chunk import Chunk, Lines
 
 
 def scene_cone(plan: Plan) -> Chunk:
-    """The part of a cone about a ray, of a slope `width`, that meets the scene's box: the box seen by soft shadows.
+    """The range of a ray in which a cone around it overlaps the scene's box; for soft shadows.
 
-    A point beside the ray by width * t is below a plane at `upper` where origin + (direction - width) t is.
+    `width` is the tangent of the cone's half angle. A point at a distance width * t from the ray can be below a plane
+    at `upper` where origin + (direction - width) t is below it.
     """
     text = Lines("the scene's bounds")
     text.add("vec2 scene_cone(Ray ray, vec2 range, float width) {", "Ray")
@@ -29,12 +30,15 @@ def scene_cone(plan: Plan) -> Chunk:
 
 
 def box_ends(facts: Facts) -> list[tuple[str, float | None, float | None]]:
-    """Each axis with the ends of the scene's box, None for none, padded so that rounding cannot cut the surface off."""
+    """Each axis with the lower and upper bound of the scene's box, None if unbounded.
+
+    Bounds are padded so that rounding cannot cut off the surface.
+    """
     found: list[tuple[str, float | None, float | None]] = []
     for i, axis in enumerate("xyz"):
         ends = [float(facts.lower[i]), float(facts.upper[i])]
         largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
-        pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's own coordinates
+        pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's coordinates
         low, high = (e + d if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
         found.append((axis, low, high))
     return found

@@ -1,4 +1,4 @@
-"""Pieces of a shader's text."""
+"""Parts of a shader's text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from raymarch.expr.node import Expr
 
 @dataclass(frozen=True, slots=True)
 class Mapped:
-    """A line of the shader: its text, what made it in words, and the user's line if one did."""
+    """A line of the shader: its text, a description of its origin, and the user's line if there is one."""
 
     text: str
     made_by: str
@@ -21,7 +21,7 @@ class Mapped:
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Lines that belong together, with the names that they need and give."""
+    """Consecutive lines, with the names that they need and give."""
 
     name: str
     needs: frozenset[str]
@@ -31,7 +31,7 @@ class Chunk:
 
 @dataclass(slots=True)
 class Lines:
-    """Lines under way, and the names that they need."""
+    """A builder of lines, and of the names that they need."""
 
     made_by: str
     lines: list[Mapped] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Lines:
 
 
 class Values:
-    """Values of the scene that the shader asks for by name: literals where they are constant, else functions."""
+    """Values of the scene that the shader reads by name: literals if constant, else functions."""
 
     def __init__(self) -> None:
         self.functions: list[Function] = []

@@ -1,4 +1,4 @@
-"""The generated part of lights: what each adds to a surface, written out, or in a loop over the rows of a texture."""
+"""Generated code that adds the light of each source to a surface: unrolled, or in a loop over rows of a texture."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ SHADOW = {
     "triangulated": "triangulated_shadow",
     "sampled": "hard_shadow",
 }
-"""The functions of the kinds of shadow."""
+"""The GLSL function of each kind of shadow."""
 
 RANGES = {"window": "range_window", "fade": "linear_falloff"}
-"""The functions by which lights end, by the trait of a light."""
+"""The GLSL functions of falloff at the range, by the trait of a light."""
 
 BSDF = {"phong": "eval_phong", "physical": "eval_microfacet", "mixed": "eval_bsdf"}
-"""The functions by which the models reflect a light."""
+"""The GLSL functions that reflect a light, by model."""
 
 
 def metal_bsdf(text: Lines, plan: Plan) -> None:
-    """The function that answers a light where some surfaces are metal: the model's, and what several facets mirror."""
-    answer = BSDF[plan.model]
+    """The function that reflects a light if some materials are metallic: the model's BSDF plus multiple scattering."""
+    bsdf = BSDF[plan.model]
     for line in (
-        "vec3 eval_bsdf_of_metal(Surface surface, vec3 several, Light light, float visibility) {",
-        f"    return {answer}(surface, light, visibility) + multiscatter(several, surface, light, visibility);",
+        "vec3 eval_bsdf_of_metal(Surface surface, vec3 ms_albedo, Light light, float visibility) {",
+        f"    return {bsdf}(surface, light, visibility) + multiscatter(ms_albedo, surface, light, visibility);",
         "}",
         "",
     ):
-        text.add(line, "Surface", "Light", answer, "multiscatter", by="a metal")
+        text.add(line, "Surface", "Light", bsdf, "multiscatter", by="a metal")
 
 
 def _bsdf_of(plan: Plan) -> tuple[str, str]:
-    """The start of a call that answers a light, up to the light, and the name that it needs."""
-    answer = BSDF[plan.model]
-    return "eval_bsdf_of_metal(surface, several" if compensated(plan.scene) else f"{answer}(surface", answer
+    """The start of a call that reflects a light, up to the light, and the function that it needs."""
+    bsdf = BSDF[plan.model]
+    return "eval_bsdf_of_metal(surface, ms_albedo" if compensated(plan.scene) else f"{bsdf}(surface", bsdf
 
 
 def all_lights(text: Lines, plan: Plan, values: Values) -> None:
-    """What all lights add to the colour of a surface."""
+    """Add the light of all sources to the colour of a surface."""
     if lights.as_data(plan.scene):
         _loop(text, plan)
         return
@@ -55,9 +55,9 @@ def all_lights(text: Lines, plan: Plan, values: Values) -> None:
 
 
 def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> None:
-    """The lines of one light, with its numbers in them."""
+    """The lines of one light, with its values as literals where constant."""
     by, where = type(light).__name__, light.where
-    call, answer = _bsdf_of(plan)
+    call, bsdf = _bsdf_of(plan)
 
     def value(name: str, of: Expr) -> str:
         return values.text(f"light_{i}_{name}", of, where)
@@ -89,24 +89,24 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
         samples = plan.scene.quality.light_samples
         if samples > 1:
             stride = 2 * len(plan.scene.lights)
-            add(f"Light whole_{i} = light;")
+            add(f"Light centre_{i} = light;")
             add(f"for (int k = 0; k < {samples}; k++) {{")
-            add(f"    light = sample_disc(whole_{i}, {width}, {_dimension(i)} + {stride} * k);", "sample_disc")
+            add(f"    light = sample_disc(centre_{i}, {width}, {_dimension(i)} + {stride} * k);", "sample_disc")
             seen = _visibility(text, light, value)
-            add(f"    color += {call}, light, {seen}) / {literal(samples)};", answer)
+            add(f"    color += {call}, light, {seen}) / {literal(samples)};", bsdf)
             add("}")
             return
         add(f"light = sample_disc(light, {width}, {_dimension(i)});", "sample_disc")
-    add(f"color += {call}, light, {_visibility(text, light, value)});", answer)
+    add(f"color += {call}, light, {_visibility(text, light, value)});", bsdf)
 
 
 def _dimension(light: int) -> int:
-    """The first random dimension of a light, beyond those of bounces."""
+    """The first random dimension of a light, beyond those of path tracing."""
     return 1024 + 2 * light
 
 
 def _visibility(text: Lines, light: Light, value: Callable[[str, Expr], str]) -> str:
-    """How much of a light is seen from the surface, as text."""
+    """The visibility of a light from the surface, as GLSL text."""
     if not light.shadow:
         return "1.0"
     call = SHADOW[light.penumbra if light.soft else "hard"]
@@ -121,15 +121,15 @@ def _visibility(text: Lines, light: Light, value: Callable[[str, Expr], str]) ->
 
 
 def _loop(text: Lines, plan: Plan) -> None:
-    """The lines of all lights together: their numbers come from the rows of a texture."""
+    """The loop over all lights, which reads their values from the rows of a texture."""
     has = lights.traits(plan.scene)
     names = lights.columns(has)
-    call, answer = _bsdf_of(plan)
+    call, bsdf = _bsdf_of(plan)
 
     def add(line: str, *needs: str) -> None:
         text.add(f"        {line}", *needs, where=plan.scene.where)
 
-    text.add(f"    for (int i = 0; i < {len(plan.scene.lights)}; i++) {{", "u_lights", "Light", answer)
+    text.add(f"    for (int i = 0; i < {len(plan.scene.lights)}; i++) {{", "u_lights", "Light", bsdf)
     for k, name in enumerate(names):
         add(f"vec4 {name} = texelFetch(u_lights, ivec2({k}, i), 0);")
     add("Light light;")
@@ -169,13 +169,13 @@ def _loop(text: Lines, plan: Plan) -> None:
             if samples > 1:
                 stride = 2 * len(plan.scene.lights)
                 add(f"if (caster.x == {number}) {{")
-                add("    Light whole = light;")
+                add("    Light centre = light;")
                 add(f"    for (int k = 0; k < {samples}; k++) {{")
-                add(f"        light = sample_disc(whole, {width}, {first} + {stride} * k);", "sample_disc")
+                add(f"        light = sample_disc(centre, {width}, {first} + {stride} * k);", "sample_disc")
                 shown = "hard_shadow(surface, light)"
                 shown = f"{near.removesuffix(' && ')} ? {shown} : 1.0" if near else shown
-                add(f"        float seen = {shown};")
-                add(f"        color += {call}, light, seen) / {literal(samples)};", "hard_shadow")
+                add(f"        float visible = {shown};")
+                add(f"        color += {call}, light, visible) / {literal(samples)};", "hard_shadow")
                 add("    }")
                 add("    continue;")
                 add("}")
@@ -192,6 +192,6 @@ def _loop(text: Lines, plan: Plan) -> None:
 
 
 def light_rows() -> Chunk:
-    """The texture that holds many lights."""
-    lines = (Mapped("uniform sampler2D u_lights;  // a row for each light", "the scene's lights"),)
+    """The texture with the values of all lights."""
+    lines = (Mapped("uniform sampler2D u_lights;  // one row per light", "the scene's lights"),)
     return Chunk("light rows", frozenset(), frozenset({"u_lights"}), lines)

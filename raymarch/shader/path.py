@@ -1,4 +1,4 @@
-"""The generated part of bounces: one way of light from surface to surface, by chance."""
+"""Generated code of path tracing: one random path per sample."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from raymarch.shader.surface import normal_of, place_of, surface_of
 
 
 def path_tracing(text: Lines, plan: Plan) -> None:
-    """The colour of a hit where light bounces: a way from surface to surface, and the light that joins it at each."""
+    """The colour of a hit: a random path over up to n bounces, with direct light at each surface."""
     scene, add, glass = plan.scene, text.add, plan.glass is not None
     shines = bool(scene.lights) and plan.model != "phong"
     add("vec3 shade(Ray ray, Hit hit) {")
@@ -18,12 +18,12 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     add("    float first = hit.t;")
     add("    float travelled = 0.0;")
     if shines:
-        # Seen from a matte surface, a light in a mirror is a speck that chance finds too seldom (Kaplanyan 2013).
-        add("    float dull = 0.0;  // roughness below which surfaces no longer mirror lights")
+        # Path regularisation (Kaplanyan 2013): highlights on mirrors seen from rough surfaces are too rarely sampled.
+        add("    float min_roughness = 0.0;  // smallest roughness for highlights of lights")
     if glass:
-        add("    float side = 1.0;  // -1 inside of glass")
+        add("    float side = 1.0;  // -1 inside glass")
         add("    vec3 absorption = vec3(0.0);")
-        add("    vec3 before = ray.origin;  // where the light comes to last")
+        add("    vec3 before = ray.origin;  // previous vertex of the path")
     side = "side" if glass else "1.0"
     add(f"    for (int bounce = 0; bounce <= {scene.bounces}; bounce++) {{")
     add("        travelled += hit.t;")
@@ -40,9 +40,9 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     if glass:
         _into_glass(text, plan)
     if shines:
-        add(f"{indent}Surface shown = surface;")
-        add(f"{indent}shown.material.roughness = max(surface.material.roughness, dull);")
-    seen = "shown" if shines else "surface"
+        add(f"{indent}Surface regularized = surface;")
+        add(f"{indent}regularized.material.roughness = max(surface.material.roughness, min_roughness);")
+    seen = "regularized" if shines else "surface"
     if glass and shines:
         add(f"{indent}if (side > 0.0) color += weight * direct_light({seen}, glass, enters ? 1.0 : 0.0);")
     else:
@@ -57,20 +57,20 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     need = {"phong": {"sample_diffuse"}, "physical": {physical}, "mixed": {"sample_diffuse", physical}}[plan.model]
     given = "(surface, dimension, direction, weight)"
     if plan.model == "mixed":
-        add(f"{indent}bool goes = random_of_pixel(dimension + 5) < surface.material.physical", *need)
+        add(f"{indent}bool sampled = random_of_pixel(dimension + 5) < surface.material.physical", *need)
         add(f"{indent}    ? {physical}{given} : sample_diffuse{given};")
-        add(f"{indent}if ({last} || !goes) break;")
+        add(f"{indent}if ({last} || !sampled) break;")
     else:
         add(f"{indent}if ({last} || !{next(iter(need))}{given}) break;", *need)
     if shines:
         matte = "surface.material.metalness < 1.0 ? max(surface.material.roughness, 0.4) : surface.material.roughness"
-        add(f"{indent}dull = max(dull, {matte});")
+        add(f"{indent}min_roughness = max(min_roughness, {matte});")
     if glass:
         add("        }")
     add("        float start;")
     solid, needs = normal_of(plan)
-    add(f"        vec3 outwards = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
-    add("        ray = spawn_ray(surface.p, outwards, direction, travelled, start);", "spawn_ray")
+    add(f"        vec3 side_normal = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
+    add("        ray = spawn_ray(surface.p, side_normal, direction, travelled, start);", "spawn_ray")
     add(f"        hit = trace_secondary(ray, start, travelled, {side});", "trace_secondary")
     add("        if (!hit.found) {")
     add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);", "sky")
@@ -84,22 +84,22 @@ def path_tracing(text: Lines, plan: Plan) -> None:
 
 
 def _into_glass(text: Lines, plan: Plan) -> None:
-    """Whether a way goes on through glass, by its share."""
+    """Whether a path meets the glass or the opaque part of a material, chosen by transmission."""
     text.add(f"        Glass glass = glass_at({place_of(plan)});", "Glass", "glass_at")
     text.add("        bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;")
 
 
 def _glass(text: Lines, plan: Plan, shines: bool) -> None:
-    """Where a way goes on that meets glass, up to the opening of what is done where it does not."""
+    """The next direction of a path that meets glass, up to the opening brace of the other case."""
     frosted = any(material.frosted for material in plan.scene.materials)
     for line in (
         "if (enters) {",
-        f"    if (bounce == {plan.scene.bounces}) {{",  # what would still come is the sky's, lest glass end in black
+        f"    if (bounce == {plan.scene.bounces}) {{",  # the sky's radiance, so that glass does not turn black
         "        color += weight * sky(ray.direction);",
         "        break;",
         "    }",
         *(f"    {line}" for line in (FROSTED if frosted else CLEAR)),
-        *(["    dull = max(dull, surface.material.roughness);"] if frosted and shines else []),
+        *(["    min_roughness = max(min_roughness, surface.material.roughness);"] if frosted and shines else []),
         "} else {",
     ):
         text.add(f"        {line}", "sample_rough_dielectric" if frosted else "fresnel_dielectric")
@@ -116,11 +116,11 @@ CLEAR = (
     "    absorption = glass.absorption;",
     "}",
 )
-"""How a way goes on where all glass is smooth."""
+"""The next direction at smooth glass."""
 
 FROSTED = (
     "float inside = side;",
     "if (!sample_rough_dielectric(surface, glass, dimension, side, direction, weight)) break;",
     "if (side != inside) absorption = glass.absorption;",
 )
-"""How it goes on where some is not."""
+"""The next direction if some glass is rough."""

@@ -1,4 +1,4 @@
-"""The generated part of shading: the colour of a hit from the scene's lights and fog."""
+"""Generated code of shading: the colour of a hit from emission, sky, lights and fog."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from raymarch.shader.whitted import tree
 
 
 def shading(plan: Plan, values: Values) -> Chunk:
-    """The colour of a hit: what it gives off, each light in turn, a shadow only where it casts one, then fog.
+    """The function `shade`: emission, ambient light, each light with its shadow if it casts one, then fog.
 
-    What it reads of the scene by name goes into `values`.
+    values : collects the scene's values that the code reads by name.
     """
     scene = plan.scene
     text = Lines("the scene's lights")
@@ -53,25 +53,30 @@ def shading(plan: Plan, values: Values) -> Chunk:
 
 
 def _lit(text: Lines, plan: Plan, values: Values) -> None:
-    """The light that a surface gets from the sources, and gives off. `followed` is the share of its reflection that
-    other path_tracing bring, `through` that of the light that goes through glass, which still mirrors lights."""
-    followed = ", float followed" if plan.scene.whitted else ""
+    """The function `direct_light`: emission, ambient light and lights at one vertex of a path or ray tree.
+
+    In GLSL, `traced` is the fraction of the reflection that secondary rays trace. `transmission` is the fraction of
+    the surface that is glass; glass reflects lights too.
+    """
+    traced = ", float traced" if plan.scene.whitted else ""
     dielectric = plan.glass is not None and bool(plan.scene.lights)
-    glass = ", Glass glass, float through" if dielectric else ""
-    text.add(f"vec3 direct_light(Surface surface{followed}{glass}) {{", "Surface")
+    glass = ", Glass glass, float transmission" if dielectric else ""
+    text.add(f"vec3 direct_light(Surface surface{traced}{glass}) {{", "Surface")
     text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if plan.emission is not None else 'vec3(0.0)'};")
     text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
     if dielectric:
-        kept = f" + through * emission_at({place_of(plan)})" if plan.emission is not None else ""
-        text.add(f"    color = (1.0 - through) * color{kept};", "Glass")
+        kept = f" + transmission * emission_at({place_of(plan)})" if plan.emission is not None else ""
+        text.add(f"    color = (1.0 - transmission) * color{kept};", "Glass")
         if compensated(plan.scene):
-            text.add("    several *= 1.0 - through;")
-        if plan.model == "mixed":  # Phong's share keeps its colour
-            text.add("    surface.material.physical = mix(surface.material.physical, 1.0, through);")
-            text.add("    set_dielectric(glass, through / max(surface.material.physical, 1.0e-6));", "set_dielectric")
+            text.add("    ms_albedo *= 1.0 - transmission;")
+        if plan.model == "mixed":  # the Phong part keeps its colour
+            text.add("    surface.material.physical = mix(surface.material.physical, 1.0, transmission);")
+            text.add(
+                "    set_dielectric(glass, transmission / max(surface.material.physical, 1.0e-6));", "set_dielectric"
+            )
         else:
-            text.add("    surface.material = as_dielectric(surface.material, glass, through);", "as_dielectric")
+            text.add("    surface.material = as_dielectric(surface.material, glass, transmission);", "as_dielectric")
     if plan.scene.lights:
         all_lights(text, plan, values)
     for line in ("    return color;", "}", ""):
@@ -79,7 +84,7 @@ def _lit(text: Lines, plan: Plan, values: Values) -> None:
 
 
 def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
-    """The lines, and what of the sky and the fog they read by name."""
+    """The chunk of these lines. Adds the values of sky and fog that they read by name."""
     scene = plan.scene
     if scene.sky.constant:
         values.add("sky_color", scene.sky.radiance, scene.where)
@@ -93,20 +98,20 @@ def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
 
 FROM_SKY = {
     "phong": "diffuse_sky(surface)",
-    "physical": "specular_sky(surface, {followed})",
-    "mixed": "mix(diffuse_sky(surface), specular_sky(surface, {followed}), surface.material.physical)",
+    "physical": "specular_sky(surface, {traced})",
+    "mixed": "mix(diffuse_sky(surface), specular_sky(surface, {traced}), surface.material.physical)",
 }
-"""What the sky adds to a surface, by model, but for the share of its reflection that is followed."""
+"""The sky's light on a surface by model, without the fraction of its reflection that secondary rays trace."""
 
 
 def _ambient(text: Lines, plan: Plan, values: Values) -> None:
-    """Light without a place: the sky's, and the share of each light that Phong's materials take as such."""
+    """Ambient light: that of the sky, and ambient visibility for the ambient term of Phong materials."""
     scene = plan.scene
-    several = compensated(scene) and (ambient_sky(scene) or bool(scene.lights))
-    if several:
+    multiple = compensated(scene) and (ambient_sky(scene) or bool(scene.lights))
+    if multiple:
         share = "surface.material.physical * " if plan.model == "mixed" else ""
-        text.add(f"    vec3 several = {share}multiscatter_albedo(surface);", "multiscatter_albedo", by="a metal")
-    shares = _opened_by_map(plan)
+        text.add(f"    vec3 ms_albedo = {share}multiscatter_albedo(surface);", "multiscatter_albedo", by="a metal")
+    shares = _occluded_by_map(plan)
     dimmed = shares or occluded(scene, plan.model)
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
     if occluded(scene, plan.model):
@@ -124,16 +129,16 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
             plan.model
         ]
         factor = "open * " if dimmed else ""
-        light = FROM_SKY[plan.model].format(followed="followed" if scene.whitted else "0.0")
-        if several:
+        light = FROM_SKY[plan.model].format(traced="traced" if scene.whitted else "0.0")
+        if multiple:
             needs = (*needs, "sky_mean")
-            rest = "(1.0 - followed) * " if scene.whitted else ""
-            light = f"({light} + {rest}several * sky_mean(surface.normal))"
+            rest = "(1.0 - traced) * " if scene.whitted else ""
+            light = f"({light} + {rest}ms_albedo * sky_mean(surface.normal))"
         text.add(f"    color += {factor}{light};", *needs, by="the sky's light", where=scene.where)
 
 
-def _opened_by_map(plan: Plan) -> bool:
-    """True if a material keeps out some of the ambient light that there is."""
+def _occluded_by_map(plan: Plan) -> bool:
+    """True if the scene has ambient light and some material has an occlusion value or map."""
     if plan.relief is None or not ambient(plan.scene, plan.model):
         return False
     share = dict(plan.relief.fields)["open"]

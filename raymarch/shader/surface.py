@@ -1,4 +1,4 @@
-"""How the functions of looks are asked: with maps, with patterns, and without."""
+"""Generated calls that evaluate materials: with maps, with patterns, or without both."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from raymarch.plan.shading import patterned
 
 
 def place_of(plan: Plan) -> str:
-    """What says where on a surface a look is asked: its point, and where there are maps also how it is seen."""
+    """The arguments of material functions: the point, and with maps also the normal and the footprint."""
     point = "surface.inner" if patterned(plan.scene) else "surface.p"
     return point + (", surface.geometric_normal, surface.dpdx, surface.dpdy" if plan.relief is not None else "")
 
 
 def surface_of(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
-    """A call for the surface that a ray met after light has `travelled` so far, and the name of its function."""
+    """The call that makes the surface interaction of a hit, and the name of its function.
+
+    travelled : GLSL expression for the length of the path up to the hit.
+    """
     if not patterned(plan.scene):
         return f"surface_interaction({ray}, hit)", "surface_interaction"
     name = "surface_interaction_patterned" if plan.relief is None else "surface_interaction_mapped"
@@ -21,5 +24,5 @@ def surface_of(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
 
 
 def normal_of(plan: Plan) -> tuple[str, tuple[str, ...]]:
-    """The normal of the solid itself, bent by no map, on the side of the other one, and what it needs."""
+    """The geometric normal, on the side of the shading normal, and the names that it needs."""
     return ("surface.normal", ()) if plan.relief is None else ("geometric_normal(surface)", ("geometric_normal",))

@@ -1,4 +1,4 @@
-"""How many textures a shader may read."""
+"""The limit on the number of textures of a shader."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from raymarch.plan import Plan
 from raymarch.shader.chunk import Chunk, Mapped
 
 UNITS = 16
-"""What any driver of OpenGL 3.3 and WebGL 2 has room for in a fragment shader."""
+"""Texture units that every OpenGL 3.3 and WebGL 2 driver has in a fragment shader."""
 
 
 def refuse_too_many(plan: Plan, shared: Sequence[Mapped], mains: Sequence[Chunk]) -> None:
-    """PlanError if a pass reads more textures than all drivers have room for.
+    """Raise PlanError if a pass reads more textures than every driver supports.
 
-    shared : the lines that all passes have. mains : what each has besides.
+    shared : the lines of all passes. mains : the further lines of each pass.
     """
     read = _samplers(shared) + max(_samplers(chunk.lines) for chunk in mains)
     if read > UNITS:
         names = ", ".join(data.label for data in plan.textures)
         raise PlanError(
-            f"the shader reads {read} textures, of the scene {len(plan.textures)}: {names}",
-            legal=f"up to {UNITS} in all; equal pictures are one texture, and so are the channels of one",
+            f"the shader reads {read} textures, {len(plan.textures)} of them from the scene: {names}",
+            legal=f"up to {UNITS} in all; equal pictures share one texture, as do the channels of a picture",
             where=next((m.where for m in plan.scene.materials if m.textured), plan.scene.where),
         )
 

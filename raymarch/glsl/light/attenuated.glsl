@@ -1,4 +1,5 @@
-// A light from one point that falls off as a polynomial of the distance says: constant, linear, quadratic.
+// Point light with an attenuation: the radiance is divided by a quadratic polynomial of the distance. `terms` holds the
+// constant, linear and quadratic coefficients.
 // needs: Light
 // gives: attenuated_light
 Light attenuated_light(vec3 p, vec3 position, vec3 radiance, vec3 terms) {

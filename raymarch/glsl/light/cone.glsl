@@ -1,5 +1,5 @@
-// Soft shadow by the smallest clearance over the radius of the light's disc at that distance (Quilez 2008): dark at the
-// edge where half of the light is seen, but for one evaluation a step.
+// Soft shadow (Quilez 2008): the smallest ratio of the field to the radius of the light's disc at that distance. It
+// costs one evaluation per step, but is 0 where half of the light is visible.
 // needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_cone u_side
 // gives: cone_shadow
 float cone_shadow(Surface surface, Light light, float width) {

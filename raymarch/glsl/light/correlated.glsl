@@ -1,5 +1,4 @@
-// The part of the microfacets that is lit and seen, over 4 times both cosines: Smith's form for GGX, correlated by height
-// (Heitz 2014).
+// Visibility term of microfacets, G2 / (4 n_dot_l n_dot_v): Smith masking for GGX, height-correlated (Heitz 2014).
 // needs:
 // gives: v_smith
 float v_smith(float n_dot_l, float n_dot_v, float alpha) {

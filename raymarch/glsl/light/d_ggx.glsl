@@ -1,5 +1,5 @@
-// Density of microfacets that face along a direction: GGX (Walter et al. 2007). The sine comes from a cross product: near
-// a mirror, 1 - cosine^2 would lose all its digits.
+// GGX distribution of microfacet normals (Walter et al. 2007). The sine comes from a cross product, because 1 -
+// cosine^2 would lose all digits for a nearly smooth surface.
 // needs:
 // gives: d_ggx
 float d_ggx(vec3 normal, vec3 half_vector, float alpha) {

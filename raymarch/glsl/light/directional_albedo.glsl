@@ -1,4 +1,4 @@
-// What facets give back of even light from all around, as f0 times the first value plus the second, mirroring it once.
+// Directional albedo of single scattering by microfacets: f0 times the first component plus the second.
 // needs: albedo_f90 missing_albedo
 // gives: directional_albedo
 vec2 directional_albedo(float v, float r) {

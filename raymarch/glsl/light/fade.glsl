@@ -1,4 +1,4 @@
-// A light with an attenuation of its own fades evenly towards its radius, and is 0 beyond.
+// Linear falloff of a light with an attenuation: 1 at the light, 0 from its range on.
 // needs:
 // gives: linear_falloff
 float linear_falloff(float far, float radius) {

@@ -1,5 +1,5 @@
-// The share of light that a surface mirrors, after Schlick (1994). Powers are products: pow of a negative base is
-// undefined, and rounding makes one of 1 - cosine.
+// Fresnel reflectance after Schlick (1994). Powers are products: pow of a negative base is undefined, and rounding can
+// make 1 - cosine negative.
 // needs:
 // gives: pow5 fresnel_schlick
 float pow5(float x) {

@@ -1,4 +1,4 @@
-// The normal of the solid, which is the one that is lit where no map bends it.
+// The geometric normal, for materials without normal mapping: equal to the shading normal.
 // needs: Surface
 // gives: geometric_normal
 vec3 geometric_normal(Surface surface) {

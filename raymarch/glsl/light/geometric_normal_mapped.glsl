@@ -1,4 +1,4 @@
-// The normal of the solid, which no map bends, on the side on which the bent one is.
+// The geometric normal, for materials with normal mapping, flipped to the side of the shading normal.
 // needs: Surface
 // gives: geometric_normal
 vec3 geometric_normal(Surface surface) {

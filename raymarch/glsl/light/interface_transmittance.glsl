@@ -1,7 +1,7 @@
-// The part of the light that gets in between the facets, is spread evenly there and gets out again, over f0's share:
-// what is not given back on the way in, nor on the way out, over what is not given back on the mean (Kelemen and
-// Szirmay-Kalos 2001). The mean, 2 times the integral of the cosine times `albedo_f90`, has a closed form. For mirrors
-// this is 21/20 (1 - (1 - l)^5) (1 - (1 - v)^5), the diffuse part of Ashikhmin and Shirley (2000).
+// Diffuse transmittance of the microfacet interface, relative to f0's part: light that enters, is scattered diffusely
+// and leaves again. It is (1 - albedo(l)) (1 - albedo(v)) / (1 - mean albedo), with `albedo_f90` as albedo (Kelemen and
+// Szirmay-Kalos 2001). The mean, 2 times the integral of the cosine times `albedo_f90`, has a closed form. For smooth
+// surfaces this is 21/20 (1 - (1 - l)^5) (1 - (1 - v)^5), the diffuse part of Ashikhmin and Shirley (2000).
 // needs: albedo_f90
 // gives: interface_transmittance
 float interface_transmittance(float l, float v, float r) {

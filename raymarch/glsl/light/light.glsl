@@ -1,18 +1,18 @@
-// A surface point that is to be lit, and the light that comes to it from one source.
+// The surface interaction of a hit, and a light sample.
 // needs: Ray Hit Material surface_normal material_at u_side
 // gives: Surface Light surface_interaction
 struct Surface {
     vec3 p;
-    vec3 normal;  // on the side that is seen
-    vec3 view;  // towards the eye
-    float t;  // distance from the eye, along the ray
+    vec3 normal;  // on the side of the camera
+    vec3 view;  // towards the camera
+    float t;  // distance from the camera along the ray
     Material material;
 };
 
 struct Light {
-    vec3 direction;  // towards the source
+    vec3 direction;  // towards the light
     float distance;
-    vec3 radiance;  // of a white matte surface that faces it; 0 where the source does not reach
+    vec3 radiance;  // reflected by a white diffuse surface that faces the light; 0 out of its range
 };
 
 Surface surface_interaction(Ray ray, Hit hit) {

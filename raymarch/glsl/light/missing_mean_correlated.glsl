@@ -1,4 +1,4 @@
-// The mean over all cosines of what white microfacets keep of light with correlated masking, weighted by the cosine.
+// The cosine-weighted mean over the hemisphere of `missing_albedo`, for correlated masking.
 // needs:
 // gives: mean_missing_albedo
 float mean_missing_albedo(float roughness) {

@@ -1,5 +1,5 @@
-// What white microfacets keep of light under a cosine, as they mirror it once: 1 less their directional albedo. A fit to
-// the integral of GGX with separable masking, between 0.01 below and 0.005 above.
+// Energy that single scattering by white microfacets loses at a cosine: 1 minus their directional albedo. A fit to the
+// integral of GGX with separable masking, between 0.01 below and 0.005 above.
 // needs:
 // gives: missing_albedo
 float missing_albedo(float cosine, float roughness) {

@@ -1,4 +1,4 @@
-// The answer of a surface that is shaded after Phong in one share and by microfacets in the other.
+// The BSDF of a material that interpolates a Phong and a microfacet material.
 // needs: Surface Light eval_phong eval_microfacet
 // gives: eval_bsdf
 vec3 eval_bsdf(Surface surface, Light light, float visibility) {

@@ -1,11 +1,11 @@
-// The answer of a surface that is shaded after Phong in one share, and by microfacets in the other; of these, a part is
-// the outside of glass.
+// The BSDF of a material that interpolates a Phong and a microfacet material. A share of the microfacet part is the
+// outer surface of glass.
 // needs: Surface Light Glass eval_phong eval_microfacet as_dielectric
 // gives: eval_bsdf set_dielectric over_it dielectric_share
 Glass over_it = Glass(0.0, 1.5, vec3(0.0));
 float dielectric_share = 0.0;
 
-// How much of the microfacets is the outside of a glass.
+// Sets the glass, and its share of the microfacet part.
 void set_dielectric(Glass glass, float share) {
     over_it = glass;
     dielectric_share = share;

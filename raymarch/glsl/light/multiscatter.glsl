@@ -1,5 +1,5 @@
-// The light of one source that several facets of a metal mirror, one after the other, times pi: a wide lobe, the same with
-// light and eye exchanged. `albedo` is the share of even light that it gives back.
+// Multiple scattering between the microfacets of a metal, for one light, times pi: a wide, reciprocal lobe. `albedo` is
+// its directional albedo.
 // needs: Surface Light missing_albedo mean_missing_albedo
 // gives: multiscatter
 vec3 multiscatter(vec3 albedo, Surface surface, Light light, float visibility) {

@@ -1,5 +1,4 @@
-// The light of one source that a surface sends to the eye, after Phong: ambient, diffuse and highlight share the
-// colour of the source.
+// Phong reflection of one light. The ambient, diffuse and specular terms all use the radiance of the light.
 // needs: Surface Light
 // gives: eval_phong
 vec3 eval_phong(Surface surface, Light light, float visibility) {

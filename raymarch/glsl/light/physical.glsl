@@ -1,5 +1,5 @@
-// The light of one source that a surface sends to the eye, by microfacets (Cook and Torrance 1982) over a diffuse part
-// that gives off no more than what they let in. Times pi, as all brightness is counted.
+// Microfacet reflection of one light (Cook and Torrance 1982), plus a diffuse part that reflects only light that passes
+// the interface. The result is multiplied by pi, as all radiance here.
 // needs: Surface Light Material fresnel_schlick d_ggx v_smith interface_transmittance
 // gives: eval_microfacet
 vec3 eval_microfacet(Surface surface, Light light, float visibility) {

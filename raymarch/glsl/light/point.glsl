@@ -1,4 +1,4 @@
-// A light from one point; it falls off with the inverse square of the distance.
+// Point light with inverse-square falloff.
 // needs: Light
 // gives: point_light
 Light point_light(vec3 p, vec3 position, vec3 radiance) {

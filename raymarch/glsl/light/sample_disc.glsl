@@ -1,11 +1,12 @@
-// One point of a light's disc at random, for a hard shadow and an answer of its own: over many samples, what the whole disc
-// does. `width` is the sine of its angular radius. Points are even on the disc that the light's ball makes on a plane
-// across the way; each stands for a solid angle of 1 over the cosine, so that a matte surface gets what a point would give.
+// One random point on a light's disc, for a hard shadow and BSDF evaluation of its own. The mean over many samples
+// converges to the whole disc. `width` is the sine of the angular radius. Points are uniform on the projection of the
+// light's sphere to a plane perpendicular to the light's direction. Each is weighted by 1 / cosine for its solid angle,
+// so that a diffuse surface is as bright as under a point light.
 // needs: Light random_of_pixel
 // gives: sample_disc
 Light sample_disc(Light light, float width, int dimension) {
     vec3 d = light.direction;
-    float s = d.z < 0.0 ? -1.0 : 1.0;  // the branchless basis of Duff et al. (2017)
+    float s = d.z < 0.0 ? -1.0 : 1.0;  // branchless orthonormal basis (Duff et al. 2017)
     float a = -1.0 / (s + d.z);
     float b = d.x * d.y * a;
     vec3 across = vec3(1.0 + s * d.x * d.x * a, s * b, -s * d.x);

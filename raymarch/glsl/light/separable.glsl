@@ -1,5 +1,5 @@
-// The part of the microfacets that is lit and seen, over 4 times both cosines: Smith's form for GGX, as if the one had
-// nothing to do with the other (Walter et al. 2007).
+// Visibility term of microfacets, G2 / (4 n_dot_l n_dot_v): Smith masking for GGX, separable: masking and shadowing are
+// independent (Walter et al. 2007).
 // needs:
 // gives: v_smith
 float v_smith(float n_dot_l, float n_dot_v, float alpha) {

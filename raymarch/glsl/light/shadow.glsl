@@ -1,8 +1,8 @@
-// Hard shadow: 0 if anything stands between a surface point and the light, else 1.
-// The ray counts as blocked well before a surface, but nearer to it than where it starts, so that it does not meet the one
-// that it comes from; or at half of the field's value where it starts, if that is less, because a bound may be flat there.
-// The coordinates grow along the ray, and with them what float32 can tell apart.
-// A surface that faces away from the light, or that it does not reach, needs no ray.
+// Hard shadow: 0 if an occluder lies between a surface point and the light, else 1.
+// The ray counts as blocked at a distance to a surface above 0 but below that at which it starts, so that it does not
+// hit the surface that it starts from. If half of the field's value at the start is less, that is the threshold,
+// because a bound may be flat there. The threshold grows along the ray with the coordinates and their ulp.
+// No ray is traced for a surface that faces away from the light or is out of its range.
 // needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_box u_side
 // gives: hard_shadow
 float hard_shadow(Surface surface, Light light) {

@@ -1,5 +1,6 @@
-// The ray that leaves a surface, from two epsilons off it. It begins that far along its own line, lest shadows and what
-// is seen through glass be shifted; only where that would be more than four times as far, along the normal too.
+// A ray that starts at a surface, offset by two epsilons from it. The offset is along the ray, to keep shadows and
+// refracted images in place. At grazing angles, where this would take more than four times the offset, the rest is
+// along the normal.
 // needs: Ray epsilon
 // gives: spawn_ray
 Ray spawn_ray(vec3 p, vec3 normal, vec3 direction, float travelled, out float start) {

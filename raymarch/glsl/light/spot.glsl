@@ -1,4 +1,4 @@
-// The cone of a spot light: 0 at the cosine `outer` to its axis and 1 from `inner` on.
+// Angular falloff of a spot light: 0 at the cosine `outer` to its axis, 1 from `inner` on.
 // needs:
 // gives: spot_falloff
 float spot_falloff(vec3 to_light, vec3 axis, float outer, float inner) {

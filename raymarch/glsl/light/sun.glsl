@@ -1,5 +1,5 @@
-// A light from infinitely far away; `direction` points towards it. No point of the scene is farther from the camera
-// than u_far, so no two are farther apart than twice that.
+// Directional light; `direction` points towards it. No point of the scene is farther from the camera than u_far, so no
+// two points are farther apart than twice that.
 // needs: Light u_far
 // gives: sun_light
 Light sun_light(vec3 direction, vec3 radiance) {

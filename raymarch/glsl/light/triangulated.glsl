@@ -1,5 +1,6 @@
-// Soft shadow as by a cone, with the clearance where the ray passes nearest between two samples (Aaltonen 2018): the
-// spheres of two steps meet in a circle, and the obstacle is taken to be on it. The first step knows no other.
+// Soft shadow (Aaltonen 2018): as light/cone, with the point of closest approach estimated between two samples. The
+// spheres of two steps intersect in a circle, on which the occluder is assumed to lie. The first step has no sample
+// before it.
 // needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_cone u_side
 // gives: triangulated_shadow
 float triangulated_shadow(Surface surface, Light light, float width) {
@@ -17,7 +18,7 @@ float triangulated_shadow(Surface surface, Light light, float width) {
         last = r;
         r = u_side * field(ray.origin + s * ray.direction);
         if (r <= near + GROWTH * s) return 0.0;
-        // Where it would be farther back than the last sample, the obstacle is not between the two, but behind both.
+        // If the circle lies before the last sample, the occluder is not between the two samples, but beyond both.
         float back = r * r < 2.0 * last * last ? r * r / (2.0 * last) : 0.0;
         least = min(least, sqrt(r * r - back * back) / (width * (s - back)));
         s += safe_step(r);

@@ -1,11 +1,11 @@
-// Soft shadow: the share of the light's disc that is left free. `width` is the tangent of the light's angular radius. The
-// clearance r, over the radius of the disc at that distance, runs from -1 (covered) to 1 (free); an obstacle with a
-// straight edge then leaves the share 1/2 + (r sqrt(1 - r^2) + asin r) / pi of the disc.
-// The ray goes on inside of obstacles, where the depth stands for the way to the edge. It is never more than that, so that
-// what is thinner than the disc lets light through; a cone's shadow does not.
-// Steps pass what cannot matter and are half the distance elsewhere, so that the smallest clearance between two samples
-// is known to a thirtieth of itself. A disc is never narrower than 64 ulp of the coordinates: the field is known to a few.
-// A ray that runs out of steps goes on straight, as its last two samples lead.
+// Soft shadow: the visible fraction of the light's disc. `width` is the tangent of the light's angular radius. The
+// field r relative to the radius of the disc at that distance runs from -1 (fully occluded) to 1 (visible). An occluder
+// with a straight edge then leaves the fraction 1/2 + (r sqrt(1 - r^2) + asin r) / pi of the disc visible.
+// The ray continues inside occluders, where the depth stands for the distance to the edge. The depth is never larger
+// than that distance, so occluders thinner than the disc let light through, unlike in light/cone.
+// Steps skip regions that cannot lower the minimum and are half the distance elsewhere, so that the minimum between two
+// samples is known to a relative error of 1/30. The disc is at least 64 ulp of the coordinates wide, because the field
+// is exact to a few ulp only. A ray that runs out of steps is extrapolated linearly from its last two samples.
 // needs: field Ray Surface Light spawn_ray geometric_normal GROWTH safe_step shadow_steps scene_cone u_side
 // gives: two_sided_shadow
 float two_sided_shadow(Surface surface, Light light, float width) {

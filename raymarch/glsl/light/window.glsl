@@ -1,4 +1,4 @@
-// A light of an inverse square fades towards its radius, and is 0 beyond.
+// Range window of an inverse-square light: 1 at the light, 0 from its range on.
 // needs:
 // gives: range_window
 float range_window(float far, float radius) {

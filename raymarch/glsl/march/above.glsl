@@ -1,4 +1,4 @@
-// The part of a ray's range that lies above a plane across one axis.
+// Clips a ray's range to the half-space above a plane perpendicular to an axis.
 // needs: below
 // gives: above
 vec2 above(vec2 range, float origin, float direction, float lower) {

@@ -1,9 +1,9 @@
-// Auto-relaxed sphere tracing (Bán and Valasek 2023): as the enhanced tracer, but with a derivative averaged over the
-// steps, and no factor to choose: the step is the whole way to where the spheres would touch. A step that proved too
-// long forgets the derivative and is taken again as a plain one.
+// Auto-relaxed sphere tracing (Bán and Valasek 2023): as the enhanced tracer, but with an exponential average of the
+// derivative over the steps and without a relaxation factor: a step goes all the way to the expected tangent point of
+// the spheres. After a step that proved too long, the derivative is reset and a plain step is taken.
 // needs: March smoothing
 // gives: step_length averaged_derivative UNDONE
-const float UNDONE = -1.0;  // the steepest derivative, by which a step is a plain one
+const float UNDONE = -1.0;  // the steepest derivative, which gives a plain step
 
 float step_length(March at, float far) {
     return max(at.r, min(2.0 * at.r / (1.0 - at.derivative), far - at.t + at.r));

@@ -1,4 +1,4 @@
-// Where the march of a pixel's ray begins and ends; false if there is nothing to meet.
+// The start and end of the march of a pixel's ray. False if the ray misses the scene.
 // needs: Ray March start_march range_of
 // gives: begins
 bool begins(Ray ray, out March at, out float far, out vec2 spent) {

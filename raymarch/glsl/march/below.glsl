@@ -1,8 +1,8 @@
-// The part of a ray's range that lies below a plane across one axis.
+// Clips a ray's range to the half-space below a plane perpendicular to an axis.
 // needs:
 // gives: steep below
 float steep(float direction) {
-    // a ray along the planes meets them far away, on the side that they lie
+    // a ray parallel to the planes meets them far away, on their side
     return abs(direction) < 1.0e-20 ? 1.0e-20 : direction;
 }
 

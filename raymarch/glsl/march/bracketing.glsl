@@ -1,8 +1,8 @@
-// The certified front: everything up to `front` is known to be free. The next sample is asked beyond it, where the
-// averaged derivative expects its sphere to touch the front. If it does not reach back, the sphere is kept: it is free too,
-// only the gap before it is not known yet. The gap is halved until it closes, and then the front jumps to the kept
-// sphere's far end, so that a step that was too long is not wasted. A kept sphere inside the solid holds no surface
-// either, and ends the gap for good: the first surface lies before it.
+// Bracketing sphere tracing: the ray is certified empty up to `front`. The next sample lies beyond, where the averaged
+// derivative predicts that its sphere touches the front. If its sphere does not reach back to the front, the sphere is
+// kept: it is empty too, but the gap before it is unknown. The gap is bisected until it closes. Then the front advances
+// to the far end of the kept sphere, so that a step that was too long is not wasted. A kept sphere inside the solid
+// contains no surface either and bounds the gap: the first surface lies before it.
 // needs: march_distance Ray Hit March keep_closest refine_hit on_exhausted epsilon contact march_steps smoothing
 // gives: march
 void march(Ray ray, inout March at, inout Hit hit, float far) {
@@ -17,10 +17,10 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         at.front = vec3(at.t + at.r, 0.0, 0.0);
     }
     float front = at.front.x;
-    float kept_t = at.front.y;  // a sphere beyond the gap: its centre and radius; a centre of 0 is none
+    float kept_t = at.front.y;  // the kept sphere beyond the gap: centre and radius; centre 0 for none
     float kept_r = at.front.z;
     for (int i = 0; i < march_steps;) {
-        // all rays march on until they are near a surface, and only then take their last steps, all together
+        // all rays march until they are near a surface, and only then refine, all together
         bool near = false;
         for (; i < march_steps; i++) {
             vec3 p = ray.origin + at.t * ray.direction;
@@ -37,7 +37,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             float low = kept_t - abs(kept_r);
             if (kept && c >= low) c = 0.5 * (front + low);
             c = max(c, front);
-            bool gap = c > front && !(kept && c >= low);  // no number lies between a front and a sphere that nearly touch
+            bool gap = c > front && !(kept && c >= low);  // false if no float32 lies between front and kept sphere
             float next = march_distance(ray, c);
             if (gap && c - next > front) {
                 hit.fallbacks += 1.0;

@@ -1,4 +1,4 @@
-// A ray is marched only where it is inside the scene's box; outside there is nothing to hit.
+// Rays are marched only inside the scene's box, because nothing lies outside.
 // needs: Ray scene_box
 // gives: range_of u_far
 uniform float u_far;

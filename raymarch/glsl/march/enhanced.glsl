@@ -1,10 +1,10 @@
-// Enhanced sphere tracing (Bálint and Valasek 2018): the step to where the next sphere would touch this one, if the
-// surface were the plane that the last two distances suggest, shortened by a factor. The first step is a plain one, for
-// there is no derivative yet. Where the ray recedes the plane is never met; the step then ends at the far end of the range.
-// After a step that proved too long, the plain step taken in its place counts as the previous one.
+// Enhanced sphere tracing (Bálint and Valasek 2018): a step to where the next sphere would touch this one if the
+// surface were the plane through the last two samples, times a relaxation factor. The first step is plain, because no
+// derivative is known. Where the ray recedes from the plane, the step ends at the far end of the range. After a step
+// that proved too long, the plain step that replaces it counts as the previous one.
 // needs: March relaxation
 // gives: step_length averaged_derivative UNDONE
-const float UNDONE = -1.0;  // the steepest derivative, by which a step is a plain one
+const float UNDONE = -1.0;  // the steepest derivative, which gives a plain step
 
 float step_length(March at, float far) {
     // With the derivative m = (r - r_before) / d, (d - r_before + r) / (d + r_before - r) = (1 + m) / (1 - m).

@@ -1,9 +1,9 @@
-// How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
-// A point at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
+// Hit thresholds: a fraction of the pixel width at the distance t, but no less than the resolution of float32. A point
+// at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
 // needs: epsilon_pixels contact_share
 // gives: u_pixel GROWTH nearness epsilon contact
 uniform float u_pixel;  // width of a pixel at distance 1
-const float GROWTH = 1.1920929e-7;  // of an ulp of a point's coordinates along a ray
+const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
 
 float nearness(vec3 p, float t, float pixels) {
     vec3 size = abs(p);
@@ -11,12 +11,12 @@ float nearness(vec3 p, float t, float pixels) {
     return max(pixels * u_pixel * t, ulps);
 }
 
-// Within this of a surface, a ray looks for the point where it meets it.
+// Distance to a surface within which a ray refines its hit.
 float epsilon(vec3 p, float t) {
     return nearness(p, t, epsilon_pixels);
 }
 
-// Within this it has met it.
+// Distance to a surface within which a ray has hit it.
 float contact(vec3 p, float t) {
     return nearness(p, t, contact_share * epsilon_pixels);
 }

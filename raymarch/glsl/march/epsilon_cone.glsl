@@ -1,10 +1,10 @@
-// How near is near enough: a share of the pixel's width at that distance, but never less than float32 can tell apart.
-// A point at distance t on a ray is as uncertain as the rounding of its coordinates and of t.
-// A cone ends where it can go on by no more than a share of its own width, for good: it has no surface to meet.
+// Hit thresholds: a fraction of the pixel width at the distance t, but no less than the resolution of float32. A point
+// at distance t on a ray is as uncertain as the rounding of its coordinates and of t. A cone ends where its safe step
+// falls to a fraction of its radius, and is not refined, because cones do not hit surfaces.
 // needs: epsilon_pixels contact_share cone_share u_cone
 // gives: u_pixel GROWTH nearness epsilon contact
 uniform float u_pixel;  // width of a pixel at distance 1
-const float GROWTH = 1.1920929e-7;  // of an ulp of a point's coordinates along a ray
+const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
 
 float nearness(vec3 p, float t, float width) {
     vec3 size = abs(p);
@@ -12,7 +12,7 @@ float nearness(vec3 p, float t, float width) {
     return max(width * t, ulps);
 }
 
-// Within this of a surface, a ray looks for the point where it meets it.
+// Distance to a surface within which a ray refines its hit.
 float epsilon(vec3 p, float t) {
 #ifdef CONE
     return nearness(p, t, cone_share * u_cone);
@@ -21,7 +21,7 @@ float epsilon(vec3 p, float t) {
 #endif
 }
 
-// Within this it has met it.
+// Distance to a surface within which a ray has hit it.
 float contact(vec3 p, float t) {
 #ifdef CONE
     return epsilon(p, t);

@@ -1,6 +1,7 @@
-// The march of a ray: steps as long as the tracer says, until one ends near a surface. A step that is longer than the
-// spheres around both of its ends may have passed a surface: it is undone, and the tracer told by a derivative of `UNDONE`.
-// `at` and `hit` hold all that a march needs to go on, so that one in pieces asks the field at the same points.
+// The march of a ray: steps of the tracer's length until one ends near a surface. A step longer than the sum of the
+// spheres' radii at its ends may have passed a surface. It is undone, and the derivative `UNDONE` reports this to the
+// tracer. `at` and `hit` hold the whole state, so that a march split over passes evaluates the field at the same
+// points.
 // needs: march_distance Ray Hit March keep_closest refine_hit aims_at_surface on_exhausted epsilon contact march_steps step_length averaged_derivative UNDONE
 // gives: march
 void march(Ray ray, inout March at, inout Hit hit, float far) {
@@ -14,9 +15,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         hit.residual = abs(at.r);
     }
     for (int i = 0; i < march_steps;) {
-        // all rays march on until they are near a surface, and only then take their last steps, all together
+        // all rays march until they are near a surface, and only then refine, all together
         bool near = false;
-        vec2 to = vec2(-1.0);  // a sample that aimed at the surface, with the field there
+        vec2 to = vec2(-1.0);  // a sample aimed at the surface: its distance and the field there
         for (; i < march_steps; i++) {
             vec3 p = ray.origin + at.t * ray.direction;
             float reach = at.passing ? contact(p, at.t) : epsilon(p, at.t);
@@ -31,7 +32,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             hit.iterations += 1.0;
             hit.evaluations += 1.0;
             float next = march_distance(ray, at.t + z);
-            if (aiming && next < reach) {  // in front of it, or behind it: then it lies between
+            if (aiming && next < reach) {  // in front of the surface or behind it
                 near = true;
                 to = vec2(at.t + z, next);
                 at.last_derivative = (next - at.r) / z;

@@ -1,4 +1,4 @@
-// Plain sphere tracing (Hart 1996): each step is the distance itself, so no surface is stepped over.
+// Sphere tracing (Hart 1996): each step is the distance itself, so no surface is passed.
 // needs: March safe_step
 // gives: step_length averaged_derivative UNDONE
 const float UNDONE = -1.0;  // no step is too long

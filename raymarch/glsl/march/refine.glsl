@@ -1,8 +1,10 @@
-// The last steps towards a surface, from a sample that is within an epsilon of one. Steps along the derivative of the last
-// two samples take out nearly all of the residual, and each proves itself by a smaller one. False if the ray only passes
-// by: it must go on then, or edges and silhouettes would be an epsilon too wide and show normals of what faces away.
-// Along a wall the derivative is nearly 0, and leads through whatever stands on the wall. No value proves such a leap free, so
-// that the first is at most a pixel wide, and the next no longer than the way on which the derivative has held.
+// Refines a hit from a sample within an epsilon of a surface. Secant steps along the derivative of the last two samples
+// remove nearly all of the residual. Each is accepted only if the residual becomes smaller. Returns false if the ray
+// only passes the surface. It must then march on, or edges and silhouettes would be an epsilon too wide and show
+// normals of back faces.
+// Along a surface the derivative is nearly 0 and a secant step may pass through an object that stands on the surface.
+// No value certifies such a step as empty, so the first is at most a pixel wide, and the next no longer than the
+// distance over which the derivative has held.
 // needs: Ray Hit march_distance contact u_pixel
 // gives: refine_hit
 bool refine_hit(inout Hit hit, Ray ray, float t, float r, float derivative) {
@@ -21,7 +23,7 @@ bool refine_hit(inout Hit hit, Ray ray, float t, float r, float derivative) {
             hit.t += z;
             hit.residual = abs(r);
         } else if (derivative < 0.0 && z > r) {
-            derivative = 0.0;  // the derivative misled: a plain step cannot
+            derivative = 0.0;  // the derivative was misleading; try a plain step
         } else {
             break;
         }

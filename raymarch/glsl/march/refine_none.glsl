@@ -1,4 +1,4 @@
-// A ray ends at the first sample that is within an epsilon of a surface: no last step. To compare.
+// A ray ends at the first sample within an epsilon of a surface, without refinement. For comparison.
 // needs: Ray Hit
 // gives: refine_hit
 bool refine_hit(inout Hit hit, Ray ray, float t, float r, float derivative) {

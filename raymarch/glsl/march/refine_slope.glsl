@@ -1,5 +1,5 @@
-// A ray ends at the first sample that is within an epsilon of a surface, with one last step along the measured derivative.
-// The field is not asked there, so that nothing proves the step: rays that only pass an edge count as hits too.
+// A ray ends at the first sample within an epsilon of a surface, with one final step along the measured derivative. The
+// field is not evaluated there, so the step is not verified: rays that only pass an edge count as hits too.
 // needs: Ray Hit
 // gives: refine_hit
 bool refine_hit(inout Hit hit, Ray ray, float t, float r, float derivative) {

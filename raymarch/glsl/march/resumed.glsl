@@ -1,4 +1,4 @@
-// What the ray of a pixel hit in the passes before. A ray that is still on its way is shown where it stands.
+// The hit of a pixel's ray, read from the march passes. A ray that is not finished is shown at its current position.
 // needs: Ray Hit unpack_hit flag
 // gives: trace u_march u_found
 uniform sampler2D u_march;

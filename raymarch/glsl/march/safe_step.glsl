@@ -1,4 +1,4 @@
-// How far a ray may step from a sample of the field: as far as that says.
+// The length of a plain step at a value of the field: the value itself.
 // needs:
 // gives: safe_step
 float safe_step(float r) {

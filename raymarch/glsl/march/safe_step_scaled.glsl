@@ -1,4 +1,5 @@
-// How far a ray may step from a sample of the field: a part of what that says, for fields that say too much.
+// The length of a plain step at a value of the field: a fixed fraction of the value, for fields that overestimate the
+// distance.
 // needs: step_scale
 // gives: safe_step
 float safe_step(float r) {

@@ -1,5 +1,5 @@
-// How far a ray may step from a sample of the field: a part of what that says, which differs from pixel to pixel and from
-// sample to sample, so that the error of an estimate shows as noise, which accumulation resolves, and not as rings.
+// The length of a plain step at a value of the field: a fraction of the value that varies from pixel to pixel and from
+// sample to sample. The error of an estimate then shows as noise, which accumulation averages out, and not as rings.
 // needs: step_scale step_variation random_of_pixel
 // gives: safe_step
 float safe_step(float r) {

@@ -1,4 +1,4 @@
-// The part of a ray's range that lies between two planes across one axis.
+// Clips a ray's range to the slab between two planes perpendicular to an axis.
 // needs: below above
 // gives: slab
 vec2 slab(vec2 range, float origin, float direction, float lower, float upper) {

@@ -1,4 +1,4 @@
-// A march and what it found, as three texels, so that a later pass may go on as if there had been no pause.
+// Packs a march and its hit into three texels, so that a later pass resumes it exactly.
 // needs: Hit March
 // gives: packed_march packed_hit packed_more unpack_march unpack_hit flag
 vec4 packed_march(March at, Hit hit, bool under_way) {

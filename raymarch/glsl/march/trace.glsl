@@ -1,4 +1,4 @@
-// What the ray of a pixel hits, marched in one go.
+// The hit of a pixel's ray, marched in one pass.
 // needs: Ray Hit March start_march no_hit march range_of
 // gives: trace
 Hit trace(Ray ray) {

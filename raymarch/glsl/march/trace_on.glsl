@@ -1,4 +1,4 @@
-// What the ray of a pixel hits, marched on from where the cones that hold it ended.
+// The hit of a pixel's ray, marched from where the cones that contain it ended.
 // needs: Ray Hit March no_hit march begins
 // gives: trace
 Hit trace(Ray ray) {

@@ -1,4 +1,4 @@
-// A ray is marched from the camera to the far end.
+// Rays are marched from the camera to the far end.
 // needs: Ray
 // gives: range_of u_far
 uniform float u_far;

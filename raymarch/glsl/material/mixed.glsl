@@ -1,4 +1,4 @@
-// What a surface looks like where some are shaded after Phong and some by microfacets.
+// A material that interpolates a Phong and a microfacet material.
 // needs:
 // gives: Material
 struct Material {
@@ -9,5 +9,5 @@ struct Material {
     float metalness;
     float roughness;
     vec3 f0;
-    float physical;  // share of the second kind
+    float physical;  // weight of the microfacet material
 };

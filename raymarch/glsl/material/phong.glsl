@@ -1,4 +1,4 @@
-// What a surface looks like, after Phong.
+// A Phong material.
 // needs:
 // gives: Material
 struct Material {

@@ -1,4 +1,4 @@
-// What a surface of microfacets looks like.
+// A microfacet material.
 // needs:
 // gives: Material
 struct Material {

@@ -1,4 +1,4 @@
-// What maps add to a surface: what is taken off its unit normal, and the share of ambient light that comes through.
+// Relief of a material: the bump gradient, which is subtracted from the unit normal, and the ambient visibility.
 // needs:
 // gives: Relief
 struct Relief {

@@ -1,4 +1,4 @@
-// The normal from the gradient of the definitions; where that vanishes, on a medial axis, it faces the ray.
+// The normal from the analytic gradient. Where the gradient vanishes, on a medial axis, the normal faces the ray.
 // needs: field_gradient
 // gives: surface_normal
 vec3 surface_normal(vec3 p, vec3 direction) {

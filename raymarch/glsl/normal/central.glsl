@@ -1,5 +1,5 @@
-// The normal from central differences. Their error is of second order in the step, so the step is
-// the cube root of an ulp of the largest coordinate, where rounding and truncation are equal.
+// The normal from central differences. Their error is of second order in the step, so the step is the cube root of an
+// ulp of the largest coordinate, where rounding and truncation errors are equal.
 // needs: field
 // gives: surface_normal
 vec3 surface_normal(vec3 p, vec3 direction) {

@@ -1,5 +1,5 @@
-// The normal from forward differences. The value at the point itself is subtracted: the point is not quite on the
-// surface. The error is of first order, so the step is the square root of an ulp of the largest coordinate.
+// The normal from forward differences. The value at the point itself is subtracted, because the point is not exactly on
+// the surface. The error is of first order, so the step is the square root of an ulp of the largest coordinate.
 // needs: field
 // gives: surface_normal
 vec3 surface_normal(vec3 p, vec3 direction) {

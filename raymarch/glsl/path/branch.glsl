@@ -1,12 +1,12 @@
-// A way of light that is yet to be followed, in a tree of them. GLSL has no recursion; the ways wait in an array.
+// A ray of a Whitted ray tree that is yet to be traced. GLSL has no recursion; such rays wait in an array.
 // needs: Ray
 // gives: Branch
 struct Branch {
     Ray ray;
-    float start;  // where on the ray to begin
-    vec3 weight;  // share of what it brings that reaches the eye
-    vec3 absorption;  // of the glass that it is in
+    float start;  // distance along the ray at which to begin
+    vec3 weight;  // throughput to the camera
+    vec3 absorption;  // of the glass around the ray
     float travelled;
-    float side;  // -1 inside of glass
-    int bounce;  // surfaces before it, beyond the first
+    float side;  // -1 inside glass
+    int bounce;  // number of bounces before it
 };

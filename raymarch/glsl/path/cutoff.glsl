@@ -1,4 +1,5 @@
-// Whether a way of light brings too little to be followed: less than half a step of 8 bits of what it meets.
+// Whether the throughput of a ray is negligible: its contribution is less than half a step of 8 bits of the radiance
+// that it meets.
 // needs:
 // gives: below_cutoff
 bool below_cutoff(vec3 weight) {

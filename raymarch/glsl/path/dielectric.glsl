@@ -1,5 +1,5 @@
-// A material that answers lights as the outside of glass does in one share, and as its own in the rest: reflectance after
-// Schlick is linear in what it is at right angles, and the diffuse part in its colour.
+// A material whose BSDF for lights blends that of a glass surface, by `share`, with its own. Schlick's reflectance is
+// linear in f0, and the diffuse part in the colour, so these two are blended.
 // needs: Material Glass fresnel_dielectric
 // gives: as_dielectric
 Material as_dielectric(Material material, Glass glass, float share) {

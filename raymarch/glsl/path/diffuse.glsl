@@ -1,4 +1,4 @@
-// Where the light that a surface after Phong sends to the eye came from: one direction of the matte part. False if none.
+// Samples a direction of the diffuse part of a Phong material. Returns false if there is none.
 // needs: Surface sample_cosine random_of_pixel
 // gives: sample_diffuse
 bool sample_diffuse(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {

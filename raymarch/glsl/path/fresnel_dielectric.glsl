@@ -1,5 +1,5 @@
-// What light goes through: the share that does, the index of refraction, and how much a unit of length absorbs. By chance
-// the light is mirrored or bent, each with its share after Fresnel; beyond the critical angle all of it is mirrored.
+// A dielectric that transmits light: transmission, index of refraction, and absorption per unit of length; and its
+// Fresnel reflectance, 1 beyond the critical angle.
 // needs:
 // gives: Glass fresnel_dielectric
 struct Glass {
@@ -8,7 +8,7 @@ struct Glass {
     vec3 absorption;
 };
 
-// Unpolarised, for a cosine on the side of the light and the ratio of the index there to that beyond.
+// Unpolarised reflectance; `ratio` is the index of refraction on the incident side over that on the other.
 float fresnel_dielectric(float cosine, float ratio) {
     float sine = ratio * ratio * (1.0 - cosine * cosine);
     if (sine >= 1.0) return 1.0;

@@ -1,5 +1,5 @@
-// Where the light that a surface of microfacets sends to the eye came from: one direction, by chance from the mirrored or
-// from the matte part, each with its share of the light. False if no light comes that way.
+// Samples a direction of a microfacet material: its specular or its diffuse part, with a probability by their
+// reflectance. Returns false if the sample carries no light.
 // needs: Surface Material fresnel_schlick v_smith albedo_f90 interface_transmittance sample_visible_normal sample_cosine random_of_pixel
 // gives: sample_microfacet
 bool sample_microfacet(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
@@ -10,7 +10,7 @@ bool sample_microfacet(Surface surface, int dimension, out vec3 direction, inout
     vec3 matte = (1.0 - material.metalness) * (1.0 - material.f0) * material.color;
     float mirrored = dot(fresnel_schlick(f0, n_dot_v), vec3(0.33333333));
     float inside = (1.0 - albedo_f90(n_dot_v, material.roughness)) * dot(matte, vec3(0.33333333));
-    // A little of both, lest black divide by nothing.
+    // The offsets avoid a division by 0 for black; the clamp samples both parts.
     float chance = clamp((mirrored + 1.0e-6) / (mirrored + inside + 2.0e-6), 0.05, 0.95);
     if (material.metalness >= 1.0) chance = 1.0;
     vec2 u = vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2));

@@ -1,8 +1,8 @@
-// Directions at random, each with the density that its name says, about a normal.
+// Random directions about a normal, each with the density that its function's name states.
 // needs:
 // gives: to_world sample_cosine sample_visible_normal
 vec3 to_world(vec3 normal, vec3 local) {
-    // the branchless basis of Duff et al. (2017)
+    // branchless orthonormal basis (Duff et al. 2017)
     float s = normal.z < 0.0 ? -1.0 : 1.0;
     float a = -1.0 / (s + normal.z);
     float b = normal.x * normal.y * a;
@@ -11,14 +11,14 @@ vec3 to_world(vec3 normal, vec3 local) {
     return local.x * across + local.y * along + local.z * normal;
 }
 
-// cosine / pi; u in [0, 1)
+// Density cosine / pi; u in [0, 1).
 vec3 sample_cosine(vec3 normal, vec2 u) {
     float r = sqrt(u.x);
     float turn = 6.2831853 * u.y;
     return to_world(normal, vec3(r * cos(turn), r * sin(turn), sqrt(1.0 - u.x)));
 }
 
-// A microfacet's normal among those that are seen from `view`: GGX, by spherical caps (Dupuy and Benyoub 2023).
+// A visible GGX microfacet normal for `view`, by spherical caps (Dupuy and Benyoub 2023).
 vec3 sample_visible_normal(vec3 normal, vec3 view, float alpha, vec2 u) {
     vec3 across = to_world(normal, vec3(1.0, 0.0, 0.0));
     vec3 along = to_world(normal, vec3(0.0, 1.0, 0.0));

@@ -1,5 +1,5 @@
-// What a tree of ways follows of a surface's reflection: all of it where it is smooth, up to a roughness of 0.1, nothing
-// from 0.2 on; and its weight, after Schlick.
+// The weight of mirror reflection in Whitted ray tracing, 1 up to a roughness of 0.1 and 0 from 0.2 on; and the
+// reflectance after Schlick.
 // needs: Surface Material fresnel_schlick
 // gives: mirror_weight mirror_reflectance
 float mirror_weight(Material material) {

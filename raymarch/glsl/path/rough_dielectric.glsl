@@ -1,6 +1,6 @@
-// Where the light that rough glass sends to the eye came from: one of its microfacets mirrors or bends it, by chance,
-// each with its share after Fresnel (Walter et al. 2007). Facets are drawn among those that are seen; what others then
-// hide is lost. False if no light comes that way. `side` changes where the light was bent.
+// Samples a direction of rough glass: reflection or refraction by a microfacet, chosen by the Fresnel reflectance
+// (Walter et al. 2007). Microfacet normals are sampled among the visible ones; light that other microfacets block is
+// lost. Returns false if the sample carries no light. A refraction changes the sign of `side`.
 // needs: Surface Glass sample_visible_normal fresnel_dielectric random_of_pixel
 // gives: sample_rough_dielectric
 bool sample_rough_dielectric(Surface surface, Glass glass, int dimension, inout float side, out vec3 direction, inout vec3 weight) {

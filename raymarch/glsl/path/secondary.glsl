@@ -1,11 +1,11 @@
-// What a ray meets that leaves a surface: plain steps from where it starts, inside of the solid if `side` is -1. `travelled`
-// is the way of the light before it, by which its precision is measured.
+// The hit of a secondary ray, by plain steps from `start`; inside the solid if `side` is -1. `travelled` is the length
+// of the path before it, which sets the precision.
 // needs: field Ray Hit no_hit contact safe_step meets_ahead secondary_steps scene_box u_side u_far
 // gives: trace_secondary
 Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     Hit hit = no_hit(0.0);
     vec2 range = scene_box(ray, vec2(start, 2.0 * u_far));
-    float t = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before where it starts
+    float t = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
     float r = 0.0;
     float last = 0.0;
     for (int i = 0; i < secondary_steps; i++) {
@@ -17,7 +17,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         if (r < contact(p, travelled + t)) {
             hit.found = true;
             hit.t = t + r;
-            hit.residual = max(r, 0.0);  // at most
+            hit.residual = max(r, 0.0);  // an upper bound
             return hit;
         }
         t += safe_step(r);

@@ -1,5 +1,5 @@
-// The first fault of a pixel: its code, the value, how many evaluations had one, and where. Faults of nodes whose bit in
-// u_heard is 0 are passed over.
+// The first fault of a pixel: its code, its value, the number of evaluations with a fault, and its position. Faults of
+// nodes whose bit in u_heard is 0 are ignored.
 // needs:
 // gives: note noted noted_place u_heard first_fault first_place
 uniform uint u_heard[128];

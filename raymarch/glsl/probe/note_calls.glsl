@@ -1,4 +1,4 @@
-// The field, looked at wherever it is asked.
+// The field, with faults noted at each evaluation.
 // needs: field_value field_faults note
 // gives: field
 float field(vec3 p) {

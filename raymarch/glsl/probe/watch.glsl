@@ -1,28 +1,28 @@
-// The steepest slope of four nodes at a time, from the values that they give while rays are marched; a component of each
-// vec4 is a node's. Each value is compared with the one before of the same node, in the space in which the node is asked;
-// where a node is asked several times for one value of the field, its last answer counts. Two that are so near that
-// rounding would show, 2^-10 of their coordinates, are not compared; 16 half units in the last place are let through.
+// The largest slopes of four nodes, from their values while rays are marched; each component of a vec4 belongs to one
+// node. Each value is compared with the previous one of the same node, in the object space of the node. Where a node is
+// evaluated several times for one value of the field, the last value counts. Two points closer than 2^-10 of their
+// coordinates are not compared, because rounding would dominate; 16 half ulp of rounding are subtracted.
 // needs: finite
 // gives: seen compare watch steepest steepest_place u_first now_x now_y now_z now_value now_cell before_x before_y before_z before_value before_cell slopes slope_place
-uniform int u_first;  // number of the first of the four nodes
+uniform int u_first;  // index of the first of the four nodes
 
-vec4 now_x;  // where each was last asked
+vec4 now_x;  // last point at which each node was evaluated
 vec4 now_y;
 vec4 now_z;
-vec4 now_value;  // what it gave
-vec4 now_cell;  // a number for the cell of the point, where nodes differ from cell to cell
+vec4 now_value;  // its value there
+vec4 now_cell;  // an index of the point's cell, for nodes that differ from cell to cell
 vec4 before_x;
 vec4 before_y;
 vec4 before_z;
 vec4 before_value;
 vec4 before_cell;
 vec4 slopes;
-vec4 slope_place;  // of the first node: where, and how far apart the samples were
+vec4 slope_place;  // of the first node: point, and distance between the samples
 
 void watch() {
     now_x = now_y = now_z = now_value = vec4(0.0);
     before_x = before_y = before_z = before_value = vec4(0.0);
-    now_cell = before_cell = vec4(-1.0e30);  // no cell's number
+    now_cell = before_cell = vec4(-1.0e30);  // no cell has this index
     slopes = slope_place = vec4(0.0);
 }
 
@@ -37,7 +37,7 @@ float seen(float value, vec3 p, float cell, int node) {
     return value;
 }
 
-// Compares what the nodes gave for the field at p with what they gave before.
+// Compares the nodes' values in the evaluation of the field at p with their previous values.
 void compare(vec3 p) {
     vec4 x = now_x - before_x;
     vec4 y = now_y - before_y;
@@ -46,7 +46,7 @@ void compare(vec3 p) {
     vec4 a = max(max(abs(now_x), abs(now_y)), max(abs(now_z), abs(now_value)));
     vec4 b = max(max(abs(before_x), abs(before_y)), max(abs(before_z), abs(before_value)));
     vec4 scale = max(a, b);
-    bvec4 far = greaterThan(apart, 9.765625e-4 * scale);  // so never 0: what is divided by it below is left out
+    bvec4 far = greaterThan(apart, 9.765625e-4 * scale);  // false where apart is 0: that quotient below is not used
     bvec4 alike = equal(now_cell, before_cell);
     vec4 slope = (abs(now_value - before_value) - 9.5367432e-7 * scale) / apart;
     slope = mix(vec4(0.0), mix(vec4(0.0), slope, alike), far);

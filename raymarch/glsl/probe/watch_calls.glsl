@@ -1,4 +1,4 @@
-// The field, whose nodes are compared with what they gave where it was asked before.
+// The field, with each node compared to its value at the previous evaluation.
 // needs: field_value compare
 // gives: field
 float field(vec3 p) {

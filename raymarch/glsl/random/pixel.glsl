@@ -1,6 +1,5 @@
-// Random numbers of a pixel: the same in each frame for the same sample, on every device. A hash of whole numbers after
-// PCG (Jarzynski and Olano 2020), of the pixel, the sample and a dimension; what is to be independent asks for dimensions
-// of its own.
+// Random numbers of a pixel, the same in each frame for the same sample, on every device: an integer hash after PCG
+// (Jarzynski and Olano 2020) of the pixel, the sample and a dimension. Independent numbers use different dimensions.
 // needs:
 // gives: u_sample pcg random_of_pixel
 uniform int u_sample;  // samples of the pixel before this one

@@ -1,4 +1,4 @@
-// The sky's light on a surface after Phong: its mean over what a matte surface faces.
+// Diffuse light of the sky on a Phong material: the cosine-weighted mean over the hemisphere.
 // needs: Surface sky_mean
 // gives: diffuse_sky
 vec3 diffuse_sky(Surface surface) {

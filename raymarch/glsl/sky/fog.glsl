@@ -1,4 +1,4 @@
-// Fog between the eye and a surface: exp(-density t) of the light comes through.
+// Fog between the camera and a surface: transmittance exp(-density t).
 // needs: fog_color fog_density
 // gives: apply_fog
 vec3 apply_fog(vec3 color, float t) {

@@ -1,5 +1,5 @@
-// The mean light of the half of the sky about a direction, weighted by the cosine to it: nine spherical harmonics
-// (Ramamoorthi and Hanrahan 2001), with the lobe already in their colours.
+// The cosine-weighted mean radiance of the sky over the hemisphere about a direction: nine spherical harmonics
+// (Ramamoorthi and Hanrahan 2001), whose coefficients include the cosine lobe.
 // needs:
 // gives: u_sky_light sky_mean
 uniform vec3 u_sky_light[9];

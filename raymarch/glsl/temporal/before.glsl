@@ -1,17 +1,17 @@
-// Pass: where the points that this frame sees were in the frame before, and what colour they had there. All uniforms are
-// those of the frame before; what is read of this frame has names of its own. A point that was on no surface then was not
-// there.
+// Pass: the positions of this frame's visible points in the previous frame, and their colours there. All uniforms are
+// those of the previous frame; values of this frame have names of their own. A point that was not on a surface then did
+// not exist.
 // needs: Ray Hit shade sky field surface_normal place_before u_surface u_camera_position u_pixel u_resolution
 // gives: main out_color out_way u_now_position u_now_frame u_now_tan_half_fov u_jitter on_surface
-layout(location = 0) out vec4 out_color;  // alpha is 0 if the point was not there
-layout(location = 1) out vec4 out_way;  // from where the point is now to where it was
+layout(location = 0) out vec4 out_color;  // alpha is 0 if the point did not exist
+layout(location = 1) out vec4 out_way;  // motion vector: previous minus current position
 
 uniform vec3 u_now_position;
 uniform mat3 u_now_frame;
 uniform float u_now_tan_half_fov;
 uniform vec2 u_jitter;
 
-// The transforms lead to the point of the shape; if the shape itself changed, its surface is beside it.
+// The transforms give the point in object space. If the shape itself changed, the point is moved onto its surface.
 bool on_surface(inout vec3 p, vec3 direction, float pixel) {
     float r = field(p);
     if (abs(r) <= 0.1 * pixel) return true;
@@ -20,7 +20,7 @@ bool on_surface(inout vec3 p, vec3 direction, float pixel) {
     for (int i = 0; i < 3 && abs(r) > 0.1 * pixel; i++) {
         p -= way * normal;
         float next = field(p);
-        way = next / max((r - next) / way, 0.25);  // along the secant
+        way = next / max((r - next) / way, 0.25);  // secant step
         r = next;
     }
     return abs(r) <= pixel;

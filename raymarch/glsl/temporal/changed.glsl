@@ -1,22 +1,22 @@
-// A scene in which something moves or changes its light: where a point was, and how many samples of it are of use, by how
-// much its colour changed since the frame before. See temporal/before.
+// Reprojection for scenes with motion or changing light: the motion vector of a point, and the number of samples to
+// keep, from the change of its colour since the previous frame. See temporal/before.
 // needs: u_color finite
 // gives: u_changed u_earlier_color u_earlier_way ROUNDING way_before samples_kept at_middle
-uniform bool u_changed;  // false if all is as it was in the frame before
+uniform bool u_changed;  // false if the scene is as in the previous frame
 uniform sampler2D u_earlier_color;
 uniform sampler2D u_earlier_way;
 
-const float ROUNDING = 1.0e-5;  // share of a colour by which it may differ where nothing changed
+const float ROUNDING = 1.0e-5;  // relative difference of colours that counts as unchanged
 
 vec3 way_before(ivec2 at) {
     vec4 way = u_changed ? texelFetch(u_earlier_way, at, 0) : vec4(0.0);
     return finite(way) ? way.xyz : vec3(0.0);
 }
 
-// The number m of samples for which the error is the least. A colour that changes by d in each frame lags behind by m d in
-// their mean; noise of variance v has v / (2 m + 1) left in it. The sum m^2 d^2 + v / (2 m + 1) is least where
-// m (2 m + 1)^2 = v / d^2, which the cubic below solves to within .04. The largest change among 49 pixels
-// counts: where the edge of a shadow or of a mirror image goes by, few samples tell.
+// The number m of samples that minimises the error. If a colour changes by d per frame, their mean lags behind by m d,
+// and noise of variance v is reduced to v / (2 m + 1). The sum m^2 d^2 + v / (2 m + 1) is least where
+// m (2 m + 1)^2 = v / d^2, which the cubic below solves to within .04. The largest change among 49 pixels counts,
+// because few samples show a moving edge of a shadow or of a reflection.
 float samples_kept(ivec2 at, float most) {
     if (!u_changed) return most;
     ivec2 last = textureSize(u_color, 0) - 1;
@@ -49,9 +49,9 @@ float samples_kept(ivec2 at, float most) {
     return min(most, pow(0.25 * noise / change + 0.037037, 0.3333333) - 0.3333333);
 }
 
-// The colour of a moving pixel whose history is short. A sample beside the middle is worse than one in it, so that it is
-// drawn towards the mean of the samples around, weighted by a Gaussian about the middle: its width leaves the least error
-// at straight edges. `share` of the sample itself stays, more where the history is longer.
+// The colour of a moving pixel with a short history. A sample off the pixel's centre is worse than one at the centre,
+// so it is mixed with the mean of the samples around, weighted by a Gaussian about the centre. The Gaussian's width
+// minimises the error at straight edges. `share` is the weight of the sample itself, which grows with the history.
 vec4 at_middle(ivec2 at, vec4 color, vec2 jitter, float share) {
     if (share >= 1.0) return color;
     ivec2 last = textureSize(u_color, 0) - 1;

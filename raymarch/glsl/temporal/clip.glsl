@@ -1,10 +1,10 @@
-// The history's colour, drawn towards the middle of the colours around the new sample until it lies among them
-// (Karis 2014, Salvi 2016), in a space where brightness stands alone.
+// Clips the history's colour towards the mean of the colours around the new sample until it is within their spread
+// (Karis 2014, Salvi 2016), in YCoCg.
 // needs: finite
 // gives: u_color SPREAD to_ycocg from_ycocg clipped
 uniform sampler2D u_color;
 
-const float SPREAD = 1.0;  // standard deviations around the mean that a history's colour may have
+const float SPREAD = 1.0;  // largest deviation of a history's colour, in standard deviations
 
 vec3 to_ycocg(vec3 c) {
     return vec3(0.25 * c.r + 0.5 * c.g + 0.25 * c.b, 0.5 * c.r - 0.5 * c.b, -0.25 * c.r + 0.5 * c.g - 0.25 * c.b);
@@ -32,7 +32,7 @@ vec3 clipped(vec3 color) {
     }
     if (count == 0.0) return color;
     vec3 mean = sum / count;
-    vec3 deviation = SPREAD * sqrt(max(squares / count - mean * mean, 1.0e-12));  // rounding may leave less than 0
+    vec3 deviation = SPREAD * sqrt(max(squares / count - mean * mean, 1.0e-12));  // rounding may give less than 0
     vec3 away = to_ycocg(color) - mean;
     vec3 outside = abs(away) / deviation;
     return from_ycocg(mean + away / max(1.0, max(outside.x, max(outside.y, outside.z))));

@@ -1,5 +1,5 @@
-// True if no component is NaN or infinite. By their bits: compilers turn `not less` into `greater or equal`, which lets
-// NaN through.
+// True if no component is NaN or infinite. Bits are tested, because compilers turn `not less` into `greater or equal`,
+// which lets NaN pass.
 // needs:
 // gives: finite
 bool finite(vec4 v) {

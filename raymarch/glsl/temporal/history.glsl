@@ -1,10 +1,10 @@
-// The colour that the history has between its pixels: bicubic, for linear interpolation would blur it in each frame.
+// The colour of the history between pixels: bicubic, because bilinear interpolation would blur it in each frame.
 // needs: finite
 // gives: u_history cubic history_at
 uniform sampler2D u_history;
 
 vec4 cubic(float x) {
-    // weights of Catmull and Rom at -1, 0, 1 and 2
+    // Catmull-Rom weights at -1, 0, 1 and 2
     return vec4(
         x * (-0.5 + x * (1.0 - 0.5 * x)),
         1.0 + x * x * (-2.5 + 1.5 * x),
@@ -12,7 +12,7 @@ vec4 cubic(float x) {
         x * x * (-0.5 + 0.5 * x));
 }
 
-// The history at a point of the picture, in pixels; no darker than black. Not finite if a texel around is not.
+// The history at a point of the picture, in pixels; colours are at least 0. Not finite if a texel around is not.
 vec4 history_at(vec2 pixel) {
     ivec2 last = textureSize(u_history, 0) - 1;
     vec2 corner = floor(pixel - 0.5);
@@ -25,6 +25,6 @@ vec4 history_at(vec2 pixel) {
             sum += across[x] * up[y] * texel;
         }
     }
-    if (!finite(sum)) return sum;  // for the larger of NaN and 0 may be 0
+    if (!finite(sum)) return sum;  // because max(NaN, 0) may be 0
     return vec4(max(sum.rgb, 0.0), texelFetch(u_history, clamp(ivec2(pixel), ivec2(0), last), 0).a);
 }

@@ -1,5 +1,5 @@
-// Where a point of this picture was in that of the history; false if it was not seen there: if it was beside the picture,
-// or what was seen lies at another distance, faces another way or is of another material.
+// The position in the history's picture of a visible point. False if the point was not visible there: if it was outside
+// of the picture, or the surface there has another distance, normal or material.
 // needs: u_history finite
 // gives: u_surface u_history_surface u_before_position u_before_frame u_before_tan_half_fov decode_octahedral is_same is_edge find_in_history
 uniform sampler2D u_surface;
@@ -8,7 +8,7 @@ uniform vec3 u_before_position;  // the camera of the history
 uniform mat3 u_before_frame;
 uniform float u_before_tan_half_fov;
 
-// The unit vector that view/sample folded.
+// Inverse of `encode_octahedral` in view/sample.
 vec3 decode_octahedral(vec2 e) {
     vec3 n = vec3(e, 1.0 - abs(e.x) - abs(e.y));
     float below = max(-n.z, 0.0);
@@ -16,7 +16,7 @@ vec3 decode_octahedral(vec2 e) {
     return normalize(n);
 }
 
-// True if the history's surface is this one: as far away, facing the same way, of the same material; or both the sky.
+// True if the history's surface is this one: same distance, normal and material; or both are sky.
 bool is_same(vec4 before, vec4 surface, float depth, vec3 direction, bool edge) {
     if (before.x < 0.0 || surface.x < 0.0) return before.x < 0.0 && surface.x < 0.0;
     vec3 normal = decode_octahedral(surface.yz);
@@ -25,7 +25,7 @@ bool is_same(vec4 before, vec4 surface, float depth, vec3 direction, bool edge) 
         && (edge || dot(normal, decode_octahedral(before.yz)) >= 0.9) && before.w == surface.w;
 }
 
-// True if surfaces around a pixel face other ways than its own: there the normal does not tell whether it was seen.
+// True if surfaces around a pixel have other normals. There the normal cannot decide whether the point was visible.
 bool is_edge(vec3 normal) {
     ivec2 at = ivec2(gl_FragCoord.xy);
     ivec2 last = textureSize(u_surface, 0) - 1;
@@ -41,12 +41,12 @@ bool is_edge(vec3 normal) {
 bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
     bool hit = surface.x >= 0.0;
     vec3 way = hit ? position + surface.x * direction - u_before_position : direction;
-    vec3 view = way * u_before_frame;  // the frame is orthonormal: this is its transpose times the way
+    vec3 view = way * u_before_frame;  // the frame is orthonormal: this multiplies by its transpose
     if (view.z >= 0.0) return false;
     vec2 size = vec2(textureSize(u_history, 0));
     pixel = 0.5 * (view.xy / -view.z / u_before_tan_half_fov * size.y + size);
     if (any(lessThan(pixel, vec2(0.0))) || any(greaterThanEqual(pixel, size))) return false;
-    // along edges, the samples of one pixel see now one surface and now the other: any texel around will do
+    // at edges, the samples of a pixel hit either surface, so any texel around may match
     bool edge = hit && is_edge(decode_octahedral(surface.yz));
     ivec2 last = textureSize(u_history_surface, 0) - 1;
     for (int y = -1; y <= 1; y++) {

@@ -1,18 +1,18 @@
-// Pass: the new sample of each pixel joined to what earlier frames saw there. While the picture stays the same, the mean
-// of all. While the camera moves, the history is fetched from where the point was, if it was seen there; it is clipped to
-// the colours around the new sample, and forgets after some frames.
+// Pass: the new sample of each pixel blended with the history. While the picture does not change, the mean of all
+// samples. While the camera moves, the history is fetched from the previous position of the point, if the point was
+// visible; it is clipped to the colours around the new sample, and old samples lose weight after some frames.
 // needs: Ray camera_ray finite u_color u_surface u_history history_at find_in_history clipped way_before samples_kept at_middle
 // gives: main out_color out_surface u_keep u_still u_jitter MEMORY nearest_around
 layout(location = 0) out vec4 out_color;  // alpha counts the samples
 layout(location = 1) out vec4 out_surface;
 
-uniform bool u_keep;  // false if the history is of something else
+uniform bool u_keep;  // false if the history shows another scene
 uniform bool u_still;  // true if nothing changed since the history
 uniform vec2 u_jitter;
 
-const float MEMORY = 10.0;  // samples that a moving picture remembers
+const float MEMORY = 10.0;  // largest number of samples that a moving picture keeps
 
-// Where the nearest of the surfaces around is: an edge moves with what it is the edge of.
+// The pixel around with the nearest surface: an edge moves with the surface in front.
 ivec2 nearest_around(ivec2 at) {
     ivec2 nearest = at;
     float depth = texelFetch(u_surface, at, 0).x;
@@ -45,7 +45,7 @@ void main() {
         float kept = samples_kept(at, MEMORY);
         vec2 pixel;
         if (find_in_history(texelFetch(u_surface, nearest, 0), ray.origin + way, ray.direction, pixel)) {
-            // the sample lies beside the pixel's middle, and so does where it was
+            // the sample is jittered off the pixel's centre, and so is its previous position
             before = history_at(pixel - u_jitter);
             if (finite(before)) before = vec4(clipped(before.rgb), min(before.a, kept));
         }

@@ -1,4 +1,4 @@
-// A scene in which nothing moves: a point was where it is, and looked as it looks.
+// A scene without motion: points keep their positions and colours.
 // needs:
 // gives: way_before samples_kept at_middle
 vec3 way_before(ivec2 at) {

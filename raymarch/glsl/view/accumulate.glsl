@@ -1,12 +1,12 @@
-// Pass: the linear colour of each pixel, averaged over the samples drawn so far; a sample's ray goes through its own
-// point of the pixel. Alpha counts the samples. Neither a sample nor a history that is not finite leaves a trace.
+// Pass: the linear colour of each pixel, averaged over the samples so far. Each sample's ray goes through a different
+// point of the pixel. Alpha counts the samples. Samples and histories that are not finite are dropped.
 // needs: Ray Hit camera_ray trace shade sky finite
 // gives: main out_color u_history u_keep u_jitter
 layout(location = 0) out vec4 out_color;
 
 uniform sampler2D u_history;
-uniform bool u_keep;  // false on the first sample: the history is of something else
-uniform vec2 u_jitter;  // from the pixel's middle, in pixels
+uniform bool u_keep;  // false on the first sample: the history shows another scene
+uniform vec2 u_jitter;  // offset from the pixel's centre, in pixels
 
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);

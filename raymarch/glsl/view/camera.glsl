@@ -9,7 +9,7 @@ struct Ray {
 uniform vec3 u_camera_position;
 uniform mat3 u_camera_frame;  // columns: right, up, backward
 uniform float u_tan_half_fov;  // tangent of half the vertical field of view
-uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile of it is drawn
+uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile is drawn
 
 Ray camera_ray(vec2 pixel) {
     vec2 screen = (2.0 * pixel - u_resolution) / u_resolution.y * u_tan_half_fov;

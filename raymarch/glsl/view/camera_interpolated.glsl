@@ -1,5 +1,5 @@
-// The ray through a point of the picture; a right-handed camera that looks along its own -z. The direction was worked
-// out at the corners; at each pixel it is only made of length 1.
+// The ray through a point of the picture; a right-handed camera that looks along its own -z. The direction is computed
+// at the corners, interpolated, and normalised at each pixel.
 // needs:
 // gives: Ray camera_ray u_camera_position u_resolution ray_direction
 struct Ray {
@@ -8,7 +8,7 @@ struct Ray {
 };
 
 uniform vec3 u_camera_position;
-uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile of it is drawn
+uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile is drawn
 in vec3 ray_direction;
 
 Ray camera_ray(vec2 pixel) {

@@ -1,4 +1,5 @@
-// Pass: how far the cones around the rays of a cell of pixels are free. See march/carry for what a texel holds.
+// Pass: how far the cones around the rays of each cell of pixels are empty. See march/carry for the contents of a
+// texel.
 // needs: Ray Hit March start_march no_hit camera_ray range_of carry_on march u_cone u_cell
 // gives: main out_state
 layout(location = 0) out vec4 out_state;
@@ -15,7 +16,7 @@ void main() {
         spent += vec2(hit.iterations, hit.evaluations / (u_cell.x * u_cell.y));
         open = hit.found || at.t + at.r <= range.y;
     }
-    // of the field itself, from that of what a cone may go on
+    // of the field itself, from the derivative of a cone's safe step
     float derivative = at.derivative * (1.0 + u_cone) + u_cone;
     out_state = vec4(open ? max(at.t + at.r, 0.0) : -1.0, at.derivative > -1.0 ? derivative : -1.0, spent);
 }

@@ -1,4 +1,4 @@
-// Pass: some more steps of each ray that is still on its way.
+// Pass: some more steps of each ray that is not finished.
 // needs: Ray Hit March camera_ray range_of begins march no_hit packed_march packed_hit packed_more unpack_march unpack_hit flag u_march u_found
 // gives: main out_march out_found out_more u_more u_begin u_end
 layout(location = 0) out vec4 out_march;
@@ -7,7 +7,7 @@ layout(location = 2) out vec4 out_more;
 
 uniform sampler2D u_more;
 uniform bool u_begin;
-uniform bool u_end;  // the last pass: what is not found then is not looked for any more
+uniform bool u_end;  // the last pass: unfinished rays stop
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);

@@ -1,10 +1,10 @@
-// Pass: one sample of each pixel, its linear colour, and what it saw there, by which a later frame knows it again.
+// Pass: one sample of each pixel: its linear colour, and the visible surface, by which a later frame recognises it.
 // needs: Ray Hit camera_ray trace shade sky surface_normal material_index
 // gives: main out_color out_surface u_jitter encode_octahedral
 layout(location = 0) out vec4 out_color;
 layout(location = 1) out vec4 out_surface;  // depth along the ray, -1 for the sky; normal; material
 
-uniform vec2 u_jitter;  // from the pixel's middle, in pixels
+uniform vec2 u_jitter;  // offset from the pixel's centre, in pixels
 
 // A unit vector as two numbers: the octahedron unfolded to a square (Meyer et al. 2010).
 vec2 encode_octahedral(vec3 n) {
