@@ -212,12 +212,6 @@ def _progress(frames: int) -> Iterator[Callable[[float], None]]:
             bar.stop()
 
 
-def _unwritable(file: Path, fault: OSError) -> CommandError:
-    return CommandError(
-        f"cannot write '{file}': {fault.strerror or fault}", legal="a file in a folder that can be written"
-    )
-
-
 @app.command(name="explain")
 def explain_command(
     scene: SceneFile,

@@ -200,7 +200,7 @@ def show(made: Sweep, metric: str, everything: bool) -> None:
     """The table and the sentences below it."""
     out = Output(soft_wrap=False)
     out.width = max(out.width, WIDTH)
-    shown = made.points if everything else telling(made, metric)
+    shown = made.points if everything else points_shown(made, metric)
     out.print(table(made, metric, shown))
     left = len(in_table(made, metric)) - len(in_table(made, metric, shown))
     if left:
@@ -211,7 +211,7 @@ def show(made: Sweep, metric: str, everything: bool) -> None:
         out.print(line, markup=False, soft_wrap=True)
 
 
-def telling(made: Sweep, metric: str) -> list[Point]:
+def points_shown(made: Sweep, metric: str) -> list[Point]:
     """The points worth showing: the front, the scene's own, the presets, and those that change one thing alone."""
     front = {id(p) for p in made.front(metric)}
     return [p for p in made.points if id(p) in front or p is made.base or p.setting.preset or "," not in p.setting.name]

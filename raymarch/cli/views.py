@@ -17,7 +17,7 @@ from raymarch.gpu.frame import Frame
 from raymarch.gpu.probe import find_faults, find_slopes
 from raymarch.gpu.probe_pictures import fault_numbers, fault_picture, slope_numbers, slope_picture
 from raymarch.gpu.renderer import Renderer
-from raymarch.gpu.reports import told
+from raymarch.gpu.reports import summary
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
 from raymarch.gpu.views import VIEWS, light, picture, scale_of
@@ -49,13 +49,13 @@ def shown(
     params: Mapping[str, Any],
     progress: Callable[[float], None] | None = None,
 ) -> Shown:
-    """A view of a frame that a renderer has just drawn; `progress` is told of the share of a probe that is done."""
+    """A view of a frame that a renderer has just drawn; `progress` is summary of the share of a probe that is done."""
     if view == "nonfinite":
         faults = find_faults(renderer, scene, frame.time, params, progress)
-        return Shown(partial(fault_picture, faults), partial(fault_numbers, faults), told(faults.reports))
+        return Shown(partial(fault_picture, faults), partial(fault_numbers, faults), summary(faults.reports))
     if view == "lipschitz":
         slopes = find_slopes(renderer, scene, frame.time, params, progress)
-        return Shown(partial(slope_picture, slopes), partial(slope_numbers, slopes), told(slopes.reports))
+        return Shown(partial(slope_picture, slopes), partial(slope_numbers, slopes), summary(slopes.reports))
     return Shown(partial(drawn, frame, view, scene, params), partial(numbers, frame, view, scene, params))
 
 

@@ -149,7 +149,7 @@ def try_timer(context: Context, timer: Timer) -> Trial:
             return lambda: program.draw(target, {"iterations": iterations})
 
         base = _lightest_load(context, draw)
-        pairs = [_telling([_both(context, timer, draw(base * load)) for _ in range(_REPEATS)]) for load in _LOADS]
+        pairs = [_least_disturbed([_both(context, timer, draw(base * load)) for _ in range(_REPEATS)]) for load in _LOADS]
     wall, claimed = zip(*pairs, strict=True)
     agrees, words = judge(_LOADS, wall, claimed)
     return Trial(_LOADS, wall, claimed, agrees, words)
@@ -198,7 +198,7 @@ def _both(context: Context, timer: Timer, draw: Callable[[], None]) -> tuple[flo
     return wall, claimed[0]
 
 
-def _telling(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def _least_disturbed(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
     impossible = [(wall, claimed) for wall, claimed in pairs if not claimed <= wall * (1 + TOLERANCE)]
     return impossible[0] if impossible else min(pairs)
 

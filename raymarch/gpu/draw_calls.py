@@ -211,7 +211,11 @@ def _joined(
     pair = resources.pair("history", size, chosen.textures)
     target = resources.target(sample.name, size, sample.textures)
     before = next((p for p in ready.plan.passes if p.name == "before"), None)
-    camera = {name: uniforms[f"u_camera_{name}"] for name in ("position", "frame", "slope")}
+    camera = {
+        "position": uniforms["u_camera_position"],
+        "frame": uniforms["u_camera_frame"],
+        "tan_half_fov": uniforms["u_tan_half_fov"],
+    }
     known = history.before is not None and not _is_cut(history.before, camera, uniforms["u_far"])
     for _ in range(ready.plan.scene.quality.samples):
         still = history.samples > 0
@@ -275,7 +279,7 @@ def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) ->
     third of a radian, or moved by more than a tenth of the scene's depth, or zoomed by half."""
     turned = float(np.dot(np.asarray(before["frame"])[:, 2], np.asarray(camera["frame"])[:, 2])) < math.cos(1 / 3)
     moved = float(np.linalg.norm(np.subtract(before["position"], camera["position"]))) > 0.1 * far
-    zoomed = not 2 / 3 < before["slope"] / camera["slope"] < 3 / 2
+    zoomed = not 2 / 3 < before["tan_half_fov"] / camera["tan_half_fov"] < 3 / 2
     return turned or moved or zoomed
 
 

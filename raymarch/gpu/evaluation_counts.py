@@ -23,7 +23,7 @@ from raymarch.scene.scene import Scene
 
 
 @dataclass(frozen=True)
-class Effort:
+class EvaluationCounts:
     """Evaluations of the field a pixel, each (H, W): to find the hit, and to shade it (shadows, occlusion, bounces).
 
     Gradients for normals are not among them: they are functions of their own.
@@ -33,20 +33,20 @@ class Effort:
     shading: NDArray[np.float32]
 
 
-def effort(renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None) -> Effort:
+def count_evaluations(renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None) -> EvaluationCounts:
     """Count the evaluations of one sample of a picture, marched without cones; errors are those of
     `Renderer.render`."""
     scene = scene.replace(quality=scene.quality.replace(samples=1, temporal="off", schedule="single"))
     ready = prepare(scene)
     call = renderer.draw_calls(scene, time, params)[-1]
     with Target(renderer.context, renderer.size) as target:
-        program = Program(renderer.context, ready.vertex, counting(ready.texts["color"]), ready.shader.locate, "effort")
+        program = Program(renderer.context, ready.vertex, counting(ready.texts["color"]), ready.shader.locate, "evaluation counts")
         try:
             program.draw(target, call.uniforms)
             counts = target.read()
         finally:
             program.release()
-    return Effort(counts[..., 0].copy(), counts[..., 1].copy())
+    return EvaluationCounts(counts[..., 0].copy(), counts[..., 1].copy())
 
 
 def counting(text: str) -> str:

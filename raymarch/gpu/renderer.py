@@ -238,9 +238,9 @@ class Renderer:
         Parameters and errors are those of `render`. The textures hold what
         was drawn until the next call of as many textures is drawn.
         """
-        return list(self.draw_call_by_draw_call(scene, time, params, outputs, pose, cut=cut))
+        return list(self.iterate_draw_calls(scene, time, params, outputs, pose, cut=cut))
 
-    def draw_call_by_draw_call(
+    def iterate_draw_calls(
         self,
         scene: Scene,
         time: float = 0.0,

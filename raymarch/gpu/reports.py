@@ -80,7 +80,7 @@ def table(reports: Sequence[Report]) -> list[str]:
     return [*lines, *sentences(reports)]
 
 
-def told(reports: Sequence[Report]) -> list[str]:
+def summary(reports: Sequence[Report]) -> list[str]:
     """What is wrong, or that nothing is, for the reports of one of the two probes."""
     found = [*sentences(reports)]
     if found:

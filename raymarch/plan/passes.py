@@ -84,5 +84,5 @@ def joining(drawn: Sequence[Pass]) -> list[tuple[str, str]]:
     if "temporal/resolve" in modules:
         reason = "what earlier frames saw is found again where it went"
         moved = "changed" if BEFORE.module in modules else "unchanged"
-        return [(f"temporal/{name}", reason) for name in ("finite", "history", "seen", "clip", moved)]
+        return [(f"temporal/{name}", reason) for name in ("finite", "history", "reproject", "clip", moved)]
     return [("temporal/finite", "samples are averaged")] if "view/accumulate" in modules else []

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 from raymarch.errors import RaymarchError
 from raymarch.window.edits import Edits
-from raymarch.window.overlay import Card
+from raymarch.window.overlay import Message
 from raymarch.window.reload import Failed, Fault, Loaded, Started, Watching
 
 if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 
-def hear(viewer: Viewer, now: float) -> None:
+def take_news(viewer: Viewer, now: float) -> None:
     """What threads have found out since the last turn."""
     for news in viewer.reloader.latest():
         if isinstance(news, Started):
@@ -51,7 +51,7 @@ def _swap(viewer: Viewer, news: Loaded, now: float) -> None:
         scene = viewer.edits.apply(news.scene)
         told = viewer.state.adopt(scene, scene.parameters)
         if scene is news.scene:
-            viewer.renderer.adopt(viewer.state.live, news.prepared)
+            viewer.renderer.adopt(viewer.state.progressive, news.prepared)
         else:
             _overlay(viewer)
         start = clock_time.perf_counter()
@@ -97,11 +97,11 @@ def change(viewer: Viewer, edits: Edits) -> None:
 
 def _overlay(viewer: Viewer) -> None:
     """Make a scene with edits laid over it ready to be drawn. It had no trial, so this is where it is compiled."""
-    shown = viewer.state.live
+    shown = viewer.state.progressive
     ready, _ = viewer.overlaid.fit(viewer.renderer.prepared(shown))
     viewer.renderer.adopt(shown, ready)
     if not viewer.renderer.resources.knows(ready):
-        viewer.announce(Card("compiling", "busy", "bottom left"))
+        viewer.announce(Message("compiling", "busy", "bottom left"))
 
 
 def _fail(viewer: Viewer, fault: Fault) -> None:

@@ -54,7 +54,7 @@ class Keys:
     def _all(self) -> list[Binding]:
         v = self._viewer
         return [
-            Binding("f", "F", "turn about the point under the cursor", lambda: v.hands.focus()),
+            Binding("f", "F", "turn about the point under the cursor", lambda: v.input.focus()),
             Binding("r", "R", "the scene's own camera again", self._reset),
             Binding("c", "C", "copy the camera as a line of Python", self.copy),
             Binding("v", "V", "next view: final, depth, normal, ...", lambda: self._view(1)),

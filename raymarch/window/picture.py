@@ -26,6 +26,18 @@ from raymarch.scene.scene import Scene
 from raymarch.window.pace import Pace, scaled
 
 
+def progressive(scene: Scene) -> Scene:
+    """The scene as the window draws it: one sample a frame, accumulated while nothing moves.
+
+    The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
+    """
+    quality = scene.quality
+    temporal = "accumulate" if quality.temporal == "off" else quality.temporal
+    if quality.samples == 1 and temporal == quality.temporal:
+        return scene
+    return scene.replace(quality=quality.replace(samples=1, temporal=temporal))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
     """What a picture shows: a change of any part of it makes another picture."""
@@ -142,7 +154,7 @@ class Picture:
         spent, compiled = [0.0], 0.0
         drawn: list[DrawCall] = []
         passes = renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.passes
-        for call in renderer.draw_call_by_draw_call(
+        for call in renderer.iterate_draw_calls(
             shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > room
         ):
             compiled += call.compile
@@ -165,7 +177,7 @@ class Picture:
         """Tiles of the full picture, the middle first, until the budget of a frame is spent; then further samples."""
         compiled = 0.0
         if self._rest is None:
-            draw_calls = self._drafts(shot, size)
+            draw_calls = self._draw_calls(shot, size)
             compiled = sum(call.compile for call in draw_calls)
             self._spent = 0.0
             self._rest, self._drawing = [_Part(call, self._tiles(call.target.size)) for call in draw_calls], draw_calls
@@ -205,7 +217,7 @@ class Picture:
         middle = np.array(size) / 2
         return sorted(tiles_of(size, edge), key=lambda t: float(np.hypot(*(np.array(t[:2]) + edge / 2 - middle))))
 
-    def _drafts(self, shot: Shot, size: tuple[int, int]) -> list[DrawCall]:
+    def _draw_calls(self, shot: Shot, size: tuple[int, int]) -> list[DrawCall]:
         self._fit(size)
         return self._renderer.draw_calls(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
 

@@ -18,8 +18,8 @@ from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.constants import Constants
-from raymarch.window.live import live
 from raymarch.window.overlay import near
+from raymarch.window.picture import progressive
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
 
@@ -225,7 +225,7 @@ def _load(file: Path, size: tuple[int, int]) -> tuple[Scene, Prepared, dict[str,
     with contextlib.redirect_stdout(io.StringIO()):  # the trial printed it
         scene = load(file)
     middle = time.perf_counter()
-    prepared = prepare(live(scene), size=size)
+    prepared = prepare(progressive(scene), size=size)
     return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
 
 

@@ -18,8 +18,7 @@ from raymarch.scene.parameter import Spec, Value, Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.window import control
 from raymarch.window.control import View
-from raymarch.window.live import live
-from raymarch.window.picture import Shot
+from raymarch.window.picture import Shot, progressive
 from raymarch.window.timeline import Timeline
 
 
@@ -29,7 +28,7 @@ class State:
 
     Attributes
     ----------
-    file, scene : what is shown. live : the same as the window draws it.
+    file, scene : what is shown. progressive : the same as the window draws it.
     specs : its parameters.
     params : their values, as far as they are not the defaults.
     camera : the view of the user.
@@ -42,7 +41,7 @@ class State:
 
     file: Path
     scene: Scene
-    live: Scene
+    progressive: Scene
     specs: dict[str, Spec]
     params: dict[str, Value]
     camera: View
@@ -68,7 +67,7 @@ class State:
         """What is to be drawn now."""
         time = self.timeline.time if self.animated else 0.0
         samples = self.scene.quality.samples
-        return Shot(self.live, time, dict(self.params), self.pose(), self.view, samples)
+        return Shot(self.progressive, time, dict(self.params), self.pose(), self.view, samples)
 
     def adopt(self, scene: Scene, specs: dict[str, Spec]) -> list[str]:
         """Take another version of the scene; what had to be changed, in words.
@@ -76,7 +75,7 @@ class State:
         Parameters keep their values, moved into a new range if they must be; the camera stays where the user put it,
         and if nobody moved it, follows one that the scene states.
         """
-        self.scene, self.live, self.specs, self.animated = scene, live(scene), specs, _animated(scene)
+        self.scene, self.progressive, self.specs, self.animated = scene, progressive(scene), specs, _animated(scene)
         told = []
         for name, value in list(self.params.items()):
             spec = specs.get(name)
@@ -166,7 +165,7 @@ def opened(file: Path, scene: Scene, params: Mapping[str, Any], aspect: float) -
     given = set_values(specs, params, 0.0, scene.where)
     chosen = {name: given.params[name] for name in params}
     camera = home(scene, given, aspect)
-    return State(file, scene, live(scene), specs, chosen, camera, Timeline(), _animated(scene), aspect=aspect)
+    return State(file, scene, progressive(scene), specs, chosen, camera, Timeline(), _animated(scene), aspect=aspect)
 
 
 def read_settings(file: Path) -> dict[str, Any]:

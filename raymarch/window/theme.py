@@ -35,7 +35,7 @@ COLORS: dict[str, tuple[float, ...]] = {
 }
 
 
-def dress(imgui: Any, density: float) -> None:
+def apply_theme(imgui: Any, density: float) -> None:
     """Set colours, sizes and font of the current context, for a screen of a density."""
     imgui.style_colors_dark()
     style = imgui.get_style()

@@ -13,7 +13,7 @@ import numpy as np
 
 from raymarch.gpu.screen import Screen, Stretch
 from raymarch.window.surface import Button, Char, Event, Key, Move, Scroll, Window
-from raymarch.window.theme import dress
+from raymarch.window.theme import apply_theme
 
 HINT = "pip install 'raymarch[view]' for the panel with sliders and editors"
 
@@ -44,7 +44,7 @@ class Toolkit:
         io.backend_flags |= imgui.BackendFlags_.renderer_has_textures | imgui.BackendFlags_.renderer_has_vtx_offset
         self._textures: dict[int, Any] = {}
         self._keys = _keys(imgui, window.glfw)
-        dress(imgui, window.density)
+        apply_theme(imgui, window.density)
         platform = imgui.get_platform_io()
         platform.platform_get_clipboard_text_fn = lambda _: window.clipped()
         platform.platform_set_clipboard_text_fn = lambda _, text: window.clip(text)

@@ -34,8 +34,8 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
 from raymarch.window.constants import CLICKED, Constants
-from raymarch.window.live import live
 from raymarch.window.pace import scaled
+from raymarch.window.picture import progressive
 
 LINUX = sys.platform.startswith("linux")
 
@@ -114,7 +114,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     baked = False
     try:
         with _limited_memory(), _timed(times, "import"):
-            found = live(load(scene))
+            found = progressive(load(scene))
         size = tuple(request["size"])
         with _timed(times, "plan"):
             ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size))

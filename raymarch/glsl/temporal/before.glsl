@@ -2,13 +2,13 @@
 // those of the frame before; what is read of this frame has names of its own. A point that was on no surface then was not
 // there.
 // needs: Ray Hit shade sky field surface_normal place_before u_surface u_camera_position u_pixel u_resolution
-// gives: main out_color out_way u_now_position u_now_frame u_now_slope u_jitter on_surface
+// gives: main out_color out_way u_now_position u_now_frame u_now_tan_half_fov u_jitter on_surface
 layout(location = 0) out vec4 out_color;  // alpha is 0 if the point was not there
 layout(location = 1) out vec4 out_way;  // from where the point is now to where it was
 
 uniform vec3 u_now_position;
 uniform mat3 u_now_frame;
-uniform float u_now_slope;
+uniform float u_now_tan_half_fov;
 uniform vec2 u_jitter;
 
 // The transforms lead to the point of the shape; if the shape itself changed, its surface is beside it.
@@ -28,7 +28,7 @@ bool on_surface(inout vec3 p, vec3 direction, float pixel) {
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_slope;
+    vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_tan_half_fov;
     vec3 direction = normalize(u_now_frame * vec3(screen, -1.0));
     float t = texelFetch(u_surface, at, 0).x;
     out_way = vec4(0.0);

@@ -6,7 +6,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-from raymarch.gpu.evaluation_counts import effort
+from raymarch.gpu.evaluation_counts import count_evaluations
 
 WHITE = rm.Material((1, 1, 1), specular=0, ambient=1)
 
@@ -18,7 +18,7 @@ def test_effects_cost_what_they_ask(egl: Context) -> None:
         def counted(**parts: object) -> np.ndarray:
             scene = rm.Scene(node, rm.Camera((0, 2, 5), (0, 0, 0)), **parts)  # type: ignore[arg-type]
             hit = np.isfinite(renderer.render(scene).depth)
-            found = effort(renderer, scene)
+            found = count_evaluations(renderer, scene)
             assert np.all(found.shading[~hit] == 0) and found.marching[hit].mean() > 1
             return found.shading[hit]
 
@@ -39,6 +39,6 @@ def test_a_light_beyond_its_radius_costs_nothing(egl: Context) -> None:
     with rm.Renderer((40, 30), context=egl) as renderer:
         scene = rm.Scene(rm.plane() | rm.sphere(0.5).translate((0, 30, 0)), camera, lamps)
         frame = renderer.render(scene)
-        found = effort(renderer, scene).shading
+        found = count_evaluations(renderer, scene).shading
     dark = (frame.color.max(axis=-1) == 0) & np.isfinite(frame.depth)
     assert dark.mean() > 0.3 and not found[dark].any() and found.max() > 0
