@@ -259,7 +259,8 @@ class Picture:
 
     def at(self, size: tuple[int, int]) -> Renderer:
         """The renderer at a size, for somebody else's picture."""
-        # Its draw_calls draw into textures that may go, and their history may be forgotten: from the first sample again.
+        # Its draw_calls draw into textures that may go, and their history may be forgotten: from the first sample
+        # again.
         if self._rest is not None or not self.drawn.whole:
             self._rest, self._done = None, 0
         self._fit(size)

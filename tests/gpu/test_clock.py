@@ -68,7 +68,7 @@ def test_an_honest_timer_is_used(egl: Context) -> None:
 def test_a_lying_timer_is_refused(context: Context, distort: Callable[[float], float]) -> None:
     clock = Clock(context, timer_that(context, distort))
     assert clock.kind == "wall clock" and clock.verdict.startswith("wall clock: ")
-    assert "ms where the wall clock saw" in clock.verdict
+    assert "ms where the wall clock measured" in clock.verdict
     clock._timer = lambda draw: 123.0
     assert clock.time(lambda: sleep(0.02)) != 123.0
 
@@ -84,7 +84,7 @@ def test_software_is_timed_by_the_wall_clock(context: Context) -> None:
         pytest.skip(f"{context.driver.renderer} is no software renderer")
     clock = Clock(context)
     assert clock.kind == "wall clock" and clock._trial is None  # known without a test
-    assert "ms where the wall clock saw" in clock.verdict and "CPU" in clock.verdict
+    assert "ms where the wall clock measured" in clock.verdict and "CPU" in clock.verdict
 
 
 def test_llvmpipes_timer_is_found_out_by_its_numbers(context: Context) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import PlanError, SceneWarning
-from raymarch.gpu import Renderer
+from raymarch.gpu import Renderer, resource_cache
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
 

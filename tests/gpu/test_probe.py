@@ -140,7 +140,7 @@ def test_a_slope_beyond_its_promise_is_named(renderer: rm.Renderer) -> None:
     wrong = by_name["steeper"]
     assert (wrong.where and wrong.where.line, wrong.promise, wrong.broken, wrong.inherits) == (line, 1.0, True, False)
     assert wrong.slope == pytest.approx(1.5, abs=2e-3) and wrong.steepest is not None
-    assert all(by_name[name].inherits and by_name[name].broken for name in ("hard_union", "rotate_about"))
+    assert all(by_name[name].inherits and by_name[name].broken for name in ("union", "rotate"))
     assert not by_name["box"].broken and not by_name["plane"].broken and by_name["box"].slope > 0.9
     (sentence,) = list(sentences(found.reports))
     assert sentence.startswith(f"steeper, {__file__}:{line}: slope 1.5, it promises 1 at most; at (")
@@ -172,7 +172,7 @@ def test_only_nodes_that_are_too_steep_have_a_colour(renderer: rm.Renderer) -> N
     above = [rm.Sun((0.01, 1, 0), shadow=True)]
     scene = rm.Scene(slightly().translate((1.2, 0, 0)) | rm.plane(offset=-1.1), CAMERA, above)
     found = find_slopes(renderer, scene)
-    assert {found.reports[k].name for k in found.node[found.ratio > 1.001]} <= {"slightly", "translate", "hard_union"}
+    assert {found.reports[k].name for k in found.node[found.ratio > 1.001]} <= {"slightly", "translate", "union"}
     assert next(report for report in found.reports if report.name == "plane").slope == pytest.approx(1.0, abs=1e-3)
 
 
