@@ -1,4 +1,4 @@
-"""What the window says over the picture at a moment."""
+"""The messages over the picture."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 PATIENT = 0.6
-"""Seconds after which a trial is mentioned."""
+"""Seconds after which a running trial is shown."""
 
 
 def messages_of(viewer: Viewer, now: float) -> list[Message]:
-    """The messages to show; notices whose time is over are forgotten."""
+    """The messages to show now. Removes expired notices."""
     if viewer.help:
         return [Message(viewer.keys.help(), "note", "middle")]
     messages = []
@@ -30,7 +30,7 @@ def messages_of(viewer: Viewer, now: float) -> list[Message]:
     if since is not None and viewer.reloading is not None and clock_time.monotonic() - since > PATIENT:
         waited = clock_time.monotonic() - since
         messages.append(
-            Message(f"{viewer.reloader.file.name}: tried out for {waited:.0f} s (Esc stops it)", "busy", "bottom left")
+            Message(f"{viewer.reloader.file.name}: testing for {waited:.0f} s (Esc stops it)", "busy", "bottom left")
         )
     viewer.notices = [(until, text) for until, text in viewer.notices if until > now]
     messages += [Message(text, "note", "top left") for _, text in viewer.notices]
@@ -42,7 +42,7 @@ def messages_of(viewer: Viewer, now: float) -> list[Message]:
 
 
 def broken(viewer: Viewer) -> list[str]:
-    """What the values of the picture that is shown break, a sentence each."""
+    """One sentence for each condition that the current values violate."""
     shot = viewer.state.shot()
     conditions = viewer.renderer.prepared(shot.scene, VIEWS[shot.view]).plan.conditions
     return violations(conditions, Values(shot.params, shot.time)) if conditions else []

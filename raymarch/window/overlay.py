@@ -1,4 +1,4 @@
-"""Text laid over the picture: errors, notices, help. Drawn by Pillow, so it needs nothing that rendering does not."""
+"""Text over the picture: errors, notices, help. Drawn by Pillow, which rendering requires anyway."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from PIL import Image, ImageDraw, ImageFont
 from raymarch.gpu.screen import Screen
 
 POINTS = 14
-"""Height of the text on a plain screen, in pixels."""
+"""Height of the text at display scale 1, in pixels."""
 
 SMALLEST = 8
-"""Height below which no text is drawn, in pixels."""
+"""Minimum height of text, in pixels."""
 
 BACKGROUNDS = {"error": (92, 14, 14, 255), "note": (18, 20, 24, 215), "busy": (64, 50, 8, 225)}
-"""Colours behind the text by what it says, RGBA."""
+"""Background colours by kind of message, RGBA."""
 
 WHITE, FAINT = (255, 255, 255, 255), (176, 184, 194, 255)
 
@@ -32,7 +32,7 @@ class Message:
 
     Attributes
     ----------
-    text : its lines; a tab parts two columns.
+    text : the lines; a tab separates two columns.
     kind : "error", "note" or "busy".
     corner : "top left", "top right", "bottom left" or "middle" of the window.
     """
@@ -43,16 +43,16 @@ class Message:
 
 
 class Overlay:
-    """Keeps the images of the messages that are shown, and lays them over a screen."""
+    """Caches the images of visible messages, and draws them over a screen."""
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
         self._made: dict[tuple[Message, tuple[int, int], float], Any] = {}
 
     def draw(self, messages: list[Message], density: float, edge: int = 0) -> None:
-        """Lay messages over the screen, to the right of `edge`; those of one corner stand below each other.
+        """Draw messages over the screen, to the right of `edge`; messages of one corner are stacked.
 
-        Images of other messages are freed.
+        Frees the images of other messages.
         """
         width, height = self._screen.size
         free = (max(1, width - edge), height)
@@ -82,13 +82,13 @@ class Overlay:
 
 
 def near(file: str) -> str:
-    """A file as it is called from the current folder, where it lies below it."""
+    """The path of a file, relative to the current folder if it is inside it."""
     path = Path(file)
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else file
 
 
 def picture_of(message: Message, size: tuple[int, int], density: float) -> NDArray[np.uint8]:
-    """A message as RGBA pixels, (H, W, 4), wrapped to fit a window of `size`, and smaller where that is not enough."""
+    """A message as RGBA pixels, (H, W, 4), wrapped, and scaled down if necessary, to fit a window of `size`."""
     while True:
         made = _drawn(message, size[0], density)
         if made.shape[0] <= size[1] or density * POINTS <= SMALLEST:

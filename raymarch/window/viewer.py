@@ -1,4 +1,4 @@
-"""The loop of the window: events, news of the scene file, the next picture, what is laid over it."""
+"""The main loop of the window: events, reloads, the next picture, panel and messages."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ from raymarch.window.surface import Window
 from raymarch.window.toolkit import find as find_imgui
 
 SETTLED = 0.12
-"""Seconds without a change after which the picture is refined."""
+"""Seconds without a change before the picture is refined."""
 
 IDLE = 0.25
-"""Seconds between two looks at the world while nothing happens; events end the wait."""
+"""Maximum wait for events in seconds while nothing happens."""
 
 SHORTEST = 1 / 120
-"""Seconds that a frame takes at least."""
+"""Minimum duration of a frame in seconds."""
 
 NOTICED = 4.0
-"""Seconds that a notice stays."""
+"""Duration of a notice in seconds."""
 
 
 class Viewer:
-    """A window that shows a scene file, and follows it.
+    """A window that shows a scene file and reloads it on changes.
 
     Parameters
     ----------
-    file : the scene file; it must be good when the window opens.
+    file : the scene file; it must be valid when the window opens.
     size : of the window, in screen coordinates.
     params : values of parameters by name.
-    budget : milliseconds that a frame may take while something moves.
-    settings : a file that the window saved, to start from.
-    log : a file for lines of JSON about what happens.
-    samples : rays a pixel that a still picture ends with.
-    panel : whether the panel is shown at first, where its extra is installed.
+    budget : maximum frame time in milliseconds while something moves.
+    settings : a file of saved settings to start with.
+    log : a file for events as lines of JSON.
+    samples : rays per pixel of a still picture.
+    panel : whether the panel is visible at the start, if its extra is installed.
 
     Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
     """
@@ -128,7 +128,7 @@ class Viewer:
         )
 
     def _first(self) -> None:
-        """The first picture, before anything else, so that a scene that cannot be drawn is refused at once."""
+        """Draw the first picture, so that a scene that cannot be drawn fails at once."""
         self.state.aspect = self.window.size[0] / max(1, self.window.size[1])
         if not self.state.moved:
             self.state.reset()
@@ -142,7 +142,8 @@ class Viewer:
     # The loop
 
     def run(self, seconds: float | None = None) -> int:
-        """Show the window until it is closed, or for so long. 0; 2 if the scene is broken then; 130 after Ctrl+C."""
+        """Run until the window is closed, or for `seconds`. Returns 0; 2 if the scene has an error then; 130 after
+        Ctrl+C."""
         code = 1
         end = None if seconds is None else clock_time.perf_counter() + seconds
         self.reloader.start()
@@ -215,7 +216,7 @@ class Viewer:
             self.tell_frame()
 
     def present(self) -> None:
-        """Show the canvas, and what is laid over it."""
+        """Show the canvas with panel and messages."""
         start = clock_time.perf_counter()
         self._lay(self._messages)
         if self.panel is not None:
@@ -231,7 +232,7 @@ class Viewer:
             self.panel.meters.note(self.picture.drawn.milliseconds, rest, self.picture.drawn.compile)
 
     def announce(self, message: Message) -> None:
-        """Show a message at once, before something that takes long; the panel stands as it is and takes no events."""
+        """Show a message at once, before a long operation; the panel is not updated and takes no events."""
         self._lay([*self._messages, message])
         if self.panel is not None and self.panel.shown:
             self.panel.toolkit.paint()
@@ -245,7 +246,7 @@ class Viewer:
         self.overlay.draw(messages, self.window.density, 0 if self.panel is None else self.panel.width)
 
     def _draw_panel(self, panel: Panel) -> None:
-        """The panel; a fault of its toolkit costs the panel, not the window."""
+        """Draw the panel; an error of its toolkit disables the panel, not the window."""
         try:
             panel.draw()
         except RuntimeError as fault:
@@ -253,7 +254,7 @@ class Viewer:
             self.notice(f"the panel failed, the window goes on: {fault}")
 
     def tell_frame(self) -> None:
-        """Log the frame that was shown."""
+        """Log the frame."""
         drawn = self.picture.drawn
         facts = {
             "size": drawn.size,
@@ -266,21 +267,21 @@ class Viewer:
         self.log.say("frame", n=self.frames, compiled=self.renderer.compiled, **facts)
 
     def edit(self, edits: Edits) -> None:
-        """Lay other edits over the scene, in the next turn."""
+        """Apply edits to the scene, in the next turn."""
         self.wanted = edits
 
     def notice(self, text: str) -> None:
-        """Say something for a few seconds."""
+        """Show a notice for a few seconds."""
         self.notices.append((clock_time.perf_counter() + NOTICED, text))
         self.log.say("notice", text=text)
 
     def mark(self, name: str) -> None:
-        """Remember where the panel's last item is."""
+        """Record the position of the panel's last item."""
         if self.panel is not None:
             self.panel.mark(name)
 
     def plan(self) -> Plan:
-        """The plan of what is shown."""
+        """The plan of the visible scene."""
         return self.renderer.prepared(self.state.progressive).plan
 
     def release(self) -> None:
