@@ -46,7 +46,7 @@ def test_the_judge(timer: tuple[float, ...], believed: bool) -> None:
 
 def test_a_restless_wall_clock_convicts_and_acquits_nobody() -> None:
     agrees, words = judge(LOADS, (5.0, 5.0, 6.0), (5.0, 5.0, 6.0))
-    assert not agrees and "could not tell" in words
+    assert not agrees and "could not distinguish" in words
 
 
 def test_an_honest_timer_is_used(egl: Context) -> None:
