@@ -38,7 +38,7 @@ KINDS: dict[str, tuple[type[Light], dict[str, Range]]] = {
             "softness": (0.0, 10.0),
         },
     ),
-    "SphereLight": (SphereLight, {"position": (None, None), "size": (0.01, 10.0), **COMMON}),
+    "SphereLight": (SphereLight, {"position": (None, None), "radius": (0.01, 10.0), **COMMON}),
 }
 """The kinds of lights, with their editable values and ranges."""
 
@@ -188,7 +188,7 @@ def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
         "position": tuple(round(v, 3) for v in place),
         "angle": 0.5,
         "blend": 0.2,
-        "size": round(0.1 * reach, 3),
+        "radius": round(0.1 * reach, 3),
         "color": (1.0, 1.0, 1.0),
         "intensity": bright,
     }
