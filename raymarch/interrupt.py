@@ -1,7 +1,7 @@
-"""Ctrl+C while the command line is still being imported: the process ends at once, with the code 130 and no traceback.
+"""Ctrl+C while the command line is being imported: the process exits at once, with code 130 and without a traceback.
 
-The package's first import, because what comes after it takes some tenths of a second. It does nothing in a program
-that only imports the package.
+This is the package's first import, because the following ones take some tenths of a second. It does nothing in a
+program that only imports the package.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import sys
 from typing import NoReturn
 
 INTERRUPTED = 130
-"""The exit code of a command that Ctrl+C ended: 128 and the number of the signal, as shells count."""
+"""Exit code after Ctrl+C: 128 + the number of the signal, as shells have it."""
 
 
 def is_command() -> bool:
@@ -23,18 +23,18 @@ def is_command() -> bool:
 
 
 def leave(*_: object) -> NoReturn:
-    """End the process; nothing has been begun that would have to be cleaned up."""
+    """Exit the process; there is nothing to clean up yet."""
     os._exit(INTERRUPTED)
 
 
 def watch_imports() -> None:
-    """End at once on Ctrl+C, until `watch_no_more`."""
+    """Exit at once on Ctrl+C, until `watch_no_more` is called."""
     if is_command() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, leave)
 
 
 def watch_no_more() -> None:
-    """Give Ctrl+C back to Python: from now on it is a KeyboardInterrupt."""
+    """Restore Python's handler: Ctrl+C raises KeyboardInterrupt again."""
     if signal.getsignal(signal.SIGINT) is leave:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

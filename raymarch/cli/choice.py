@@ -1,4 +1,4 @@
-"""Which quality `raymarch render` draws with: the scene's, a preset, or one found by measuring."""
+"""The quality of `raymarch render`: the scene's, a preset, or one found by measurement."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 
 Chooser: TypeAlias = Callable[[Scene, Renderer, float, Mapping[str, Any]], Quality]
-"""The quality for a scene on a renderer, at a time and with parameters."""
+"""A function that returns the quality for a scene, a renderer, a time and parameters."""
 
 
 def choose_quality(preset: str | None, error: str | None, within: str | None) -> Chooser:
-    """What --quality, --error and --within ask for, checked before anything is drawn."""
+    """The chooser for --quality, --error and --within. CommandError for invalid options, before anything is drawn."""
     given = [name for name, value in (("--quality", preset), ("--error", error), ("--within", within)) if value]
     if len(given) > 1:
         raise CommandError(" together with ".join(given), legal="one of them")
@@ -48,9 +48,9 @@ def _found(
 
 @contextmanager
 def watched() -> Iterator[Callable[[str, float], None]]:
-    """A bar on the error stream with what is being done; it leaves nothing behind."""
-    share, what = TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.fields[what]}")
-    with Progress(BarColumn(), share, TimeElapsedColumn(), what, console=errors, transient=True) as bar:
+    """A transient progress bar with a description of the current step, on the error stream."""
+    percent, step = TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.fields[what]}")
+    with Progress(BarColumn(), percent, TimeElapsedColumn(), step, console=errors, transient=True) as bar:
         task = bar.add_task("", total=1.0, what="")
 
         def tell(what: str, share: float) -> None:

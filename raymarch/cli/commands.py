@@ -1,7 +1,7 @@
 """The commands.
 
-Exit codes: 0 done; 1 a fault of ours; 2 bad input, with one message that names file and line; 130 Ctrl+C. A reader that
-closes the pipe early has what it wanted: that is 0, too.
+Exit codes: 0 done, also if the reader of a pipe closes it early; 1 an internal error; 2 bad input, with one message
+that names file and line; 130 Ctrl+C.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ FORMATS = {
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line and exit; wrong usage is typer's to report, also with code 2."""
+    """Run the command line and exit. Typer reports wrong usage, also with code 2."""
     interrupt.watch_no_more()
     with piped():
         try:
@@ -82,69 +82,71 @@ def _root(
 def render(
     scene: SceneFile,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Picture to write; its ending chooses the format. [SCENE.png]")
+        Path | None, typer.Option("-o", "--output", help="Picture to write; the suffix selects the format. [SCENE.png]")
     ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "640x360",
-    time: Annotated[float | None, typer.Option(help="Seconds that `time` stands for. [0]")] = None,
+    time: Annotated[float | None, typer.Option(help="Value of `time` in seconds. [0]")] = None,
     frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="Frames A to B-1; the output then needs a field such as {:04d}.")
+        str | None,
+        typer.Option(metavar="A:B", help="Render frames A to B-1; the output name needs a field such as {:04d}."),
     ] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second, with --frames.")] = 30.0,
+    fps: Annotated[float, typer.Option(help="Frames per second, with --frames.")] = 30.0,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
     ] = None,
     view: Annotated[str, typer.Option(help=f"What to show: {', '.join(CHOICES)}.")] = "final",
     slice_: Annotated[
-        str | None, typer.Option("--slice", metavar="y=0", help="Plane of --view slice. [faces the camera]")
+        str | None, typer.Option("--slice", metavar="y=0", help="Plane of --view slice. [axis plane facing the camera]")
     ] = None,
     quality: Annotated[
-        str | None, typer.Option(metavar="NAME", help=f"March as a preset does: {', '.join(PRESETS)}.")
+        str | None, typer.Option(metavar="NAME", help=f"Quality preset for marching: {', '.join(PRESETS)}.")
     ] = None,
     error: Annotated[
-        str | None, typer.Option(metavar="0.5px|flip:X", help="Take the fastest quality that keeps this error.")
+        str | None, typer.Option(metavar="0.5px|flip:X", help="Use the fastest quality with at most this error.")
     ] = None,
     within: Annotated[
-        str | None, typer.Option(metavar="16ms", help="Take the most exact quality that keeps this time.")
+        str | None, typer.Option(metavar="16ms", help="Use the most accurate quality within this time.")
     ] = None,
     samples: Annotated[
-        int | None, typer.Option(metavar="N", help="Rays a pixel, against jagged edges and noise.")
+        int | None, typer.Option(metavar="N", help="Rays per pixel, against aliasing and noise.")
     ] = None,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Write no picture that cannot be vouched for: code 2, and the reason.")
+        bool,
+        typer.Option("--strict", help="If a picture is in doubt, write no file and exit with code 2 and the reason."),
     ] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
-    """Draw a scene into a picture file, without a screen."""
+    """Render a scene to a picture file, without a screen."""
     cut = check_view(view, slice_)
     width, height = parse_size(size)
     chooser = choose_quality(quality, error, within)
     found = load(scene)
-    if samples is not None:  # before anything is measured with them
+    if samples is not None:  # before a quality is chosen by measurement
         found = found.replace(quality=found.quality.replace(samples=samples))
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
-    moments = _moments(target, time, frames, fps)
+    instants = _instants(target, time, frames, fps)
     with (
         Renderer((width, height), backend, device) as renderer,
-        _progress(len(moments)) as progress,
+        _progress(len(instants)) as progress,
         warnings.catch_warnings(),
     ):
-        warnings.simplefilter("ignore", RenderWarning)  # said below, a line each
-        found = found.replace(quality=chooser(found, renderer, moments[0][0], params))
-        for i, (moment, file) in enumerate(moments):
+        warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
+        found = found.replace(quality=chooser(found, renderer, instants[0][0], params))
+        for i, (instant, file) in enumerate(instants):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
-            frame = renderer.render(found, moment, params, CHOICES[view], tell, cut=cut)
+            frame = renderer.render(found, instant, params, CHOICES[view], tell, cut=cut)
             doubts = frame.doubts(steps=True) if view == "final" else list(frame.warnings)
             if strict and doubts:
                 raise RenderError(doubts)
-            seen = shown(renderer, frame, view, found, params, tell)
+            view_result = shown(renderer, frame, view, found, params, tell)
             with written(file) as unfinished:
                 if file.suffix.lower() == ".exr":
-                    write_exr(unfinished, seen.numbers())
+                    write_exr(unfinished, view_result.numbers())
                 else:
-                    seen.image().save(unfinished, FORMATS[file.suffix.lower()])
+                    view_result.image().save(unfinished, FORMATS[file.suffix.lower()])
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
@@ -153,7 +155,7 @@ def render(
             )
             for doubt in doubts:
                 errors.print(f"raymarch: {doubt}", markup=False)
-            for line in seen.lines:
+            for line in view_result.lines:
                 typer.echo(line)
 
 
@@ -161,8 +163,8 @@ def _later(progress: Callable[[float], None], before: int, share: float) -> None
     progress(before + share)
 
 
-def _moments(target: Path, time: float | None, frames: str | None, fps: float) -> list[tuple[float, Path]]:
-    """When to draw, and into which file."""
+def _instants(target: Path, time: float | None, frames: str | None, fps: float) -> list[tuple[float, Path]]:
+    """The times to render, each with its output file."""
     if target.suffix.lower() not in (*FORMATS, ".exr"):
         raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {', '.join((*FORMATS, '.exr'))}")
     if target.suffix.lower() == ".exr":
@@ -183,14 +185,16 @@ def _moments(target: Path, time: float | None, frames: str | None, fps: float) -
         except (IndexError, KeyError, ValueError):
             name = target.name
         if name == target.name:
-            raise CommandError(f"--frames with the output '{target}'", legal="a field for the number: frame-{:04d}.png")
+            raise CommandError(
+                f"--frames with the output '{target}'", legal="a field for the frame number: frame-{:04d}.png"
+            )
         files.append((i / fps, target.with_name(name)))
     return files
 
 
 @contextmanager
 def _progress(frames: int) -> Iterator[Callable[[float], None]]:
-    """A bar on the error stream that appears once drawing has taken over a second."""
+    """A progress bar on the error stream; it appears after one second of drawing."""
     bar = Progress(
         *Progress.get_default_columns()[:-1], TextColumn("{task.elapsed:.0f} s"), console=errors, transient=True
     )
@@ -212,19 +216,13 @@ def _progress(frames: int) -> Iterator[Callable[[float], None]]:
             bar.stop()
 
 
-def _unwritable(file: Path, fault: OSError) -> CommandError:
-    return CommandError(
-        f"cannot write '{file}': {fault.strerror or fault}", legal="a file in a folder that can be written"
-    )
-
-
 @app.command(name="explain")
 def explain_command(
     scene: SceneFile,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     glsl: Annotated[bool, typer.Option("--glsl", help="Print the GLSL of the fragment shader.")] = False,
 ) -> None:
-    """Show what a scene calls for (facts, passes, modules, effects), each with its reason, and what was left out."""
+    """Show the plan of a scene: facts, passes, modules and effects, each used or left out for a stated reason."""
     if json and glsl:
         raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
     made = plan(load(scene))
@@ -239,7 +237,8 @@ def explain_command(
 
 @app.command()
 def doctor(json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """Show which OpenGL contexts work here, with their driver, limits and clock, and what to install for the others."""
+    """Show which OpenGL backends work here, with driver, limits and clock, and the packages to install for the
+    others."""
     reports = examine()
     if json:
         typer.echo(json_format.dumps([report.to_dict() for report in reports], indent=2))
@@ -247,7 +246,7 @@ def doctor(json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = F
         for report in reports:
             _show_report(report)
     if not any(report.works for report in reports):
-        raise CommandError("no OpenGL context works here", legal="see above for what to install")
+        raise CommandError("no OpenGL context works here", legal="install one of the packages above")
 
 
 def _show_report(report: Any) -> None:

@@ -1,4 +1,4 @@
-"""What all commands share: errors, arguments, files that are whole or not there."""
+"""Shared by all commands: errors, arguments, atomic output files."""
 
 from __future__ import annotations
 
@@ -18,16 +18,14 @@ from rich.console import Console
 
 from raymarch.errors import RaymarchError
 
-# Without emoji=False rich makes a picture of the line number in "scene.py:100:".
+# Without emoji=False rich turns the line number in "scene.py:100:" into an emoji.
 errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
-SceneFile = Annotated[
-    Path, typer.Argument(metavar="SCENE.py", help="A Python file that leaves a module-level `scene`.")
-]
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.py", help="Python file that defines a module-level `scene`.")]
 
 
 class CommandError(RaymarchError):
-    """Wrong use of the command line; it has no line in a file."""
+    """Wrong use of the command line. It refers to no line of a file."""
 
     def __init__(self, what: str, *, legal: str = "") -> None:
         super().__init__(what, legal=legal)
@@ -43,7 +41,7 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
-    """NAME=VALUE pairs; a value is one number, or several with commas between."""
+    """Parse NAME=VALUE pairs; a value is one number, or several separated by commas."""
     values: dict[str, Any] = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
@@ -52,16 +50,18 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
         except ValueError:
             numbers = []
         if not equals or not numbers:
-            raise CommandError(f"--set {setting}", legal="NAME=VALUE, where VALUE is a number or several: 1,0.5,0")
+            raise CommandError(
+                f"--set {setting}", legal="NAME=VALUE, where VALUE is a number or several numbers: 1,0.5,0"
+            )
         values[name.strip()] = numbers[0] if len(numbers) == 1 else tuple(numbers)
     return values
 
 
 @contextmanager
 def piped() -> Iterator[None]:
-    """End quietly, with code 0, where whoever reads the output has closed the pipe, as `head` does."""
+    """Exit quietly, with code 0, if the reader of the output closes the pipe, as `head` does."""
     try:
-        output = os.dup(1)  # rich puts another in the place of 1
+        output = os.dup(1)  # rich replaces descriptor 1
     except OSError:
         output = -1
     try:
@@ -73,7 +73,7 @@ def piped() -> Iterator[None]:
         _forget_output()
         sys.exit(0)
     except SystemExit as stop:
-        if stop.code != 1 or not _reader_is_gone(output):  # typer and rich end with 1 then
+        if stop.code != 1 or not _reader_is_gone(output):  # typer and rich exit with 1 then
             raise
         _forget_output()
         sys.exit(0)
@@ -83,7 +83,7 @@ def piped() -> Iterator[None]:
 
 
 def _reader_is_gone(output: int) -> bool:
-    """True if the output is a pipe that nobody reads."""
+    """True if the output is a pipe without a reader."""
     try:
         if not stat.S_ISFIFO(os.fstat(output).st_mode):
             return False
@@ -95,13 +95,13 @@ def _reader_is_gone(output: int) -> bool:
 
 
 def _forget_output() -> None:
-    """Let Python write what is left to nowhere when it ends."""
+    """Redirect the rest of the output to the null device, for Python's flush at exit."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 class Output(Console):
-    """A console on the output stream that leaves a closed pipe to `piped`."""
+    """A console on the output stream; a closed pipe raises BrokenPipeError for `piped`."""
 
     def __init__(self, soft_wrap: bool = True) -> None:
         super().__init__(highlight=False, soft_wrap=soft_wrap, emoji=False)
@@ -112,14 +112,12 @@ class Output(Console):
 
 @contextmanager
 def written(file: Path) -> Iterator[Path]:
-    """A temporary file beside the wanted one, renamed to it at the end; after a failure neither is left."""
+    """Write atomically: a temporary file beside `file`, renamed at the end and removed after a failure."""
     try:
         handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent or Path())
         os.close(handle)
     except OSError as fault:
-        raise CommandError(
-            f"cannot write '{file}': {fault.strerror or fault}", legal="a folder that can be written"
-        ) from None
+        raise CommandError(f"cannot write '{file}': {fault.strerror or fault}", legal="a writable folder") from None
     partial = Path(name)
     try:
         yield partial
@@ -127,8 +125,8 @@ def written(file: Path) -> Iterator[Path]:
         os.umask(mask)
         partial.chmod(0o666 & ~mask)
         partial.replace(file)
-    except (OSError, ValueError) as fault:  # a ValueError is a format's own limit
-        answer = getattr(fault, "strerror", None) or fault
-        raise CommandError(f"cannot write '{file}': {answer}", legal="a file that can be written") from None
+    except (OSError, ValueError) as fault:  # a ValueError is a limit of the format
+        reason = getattr(fault, "strerror", None) or fault
+        raise CommandError(f"cannot write '{file}': {reason}", legal="a writable file") from None
     finally:
         partial.unlink(missing_ok=True)

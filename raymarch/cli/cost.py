@@ -1,4 +1,4 @@
-"""`raymarch cost`: what accuracy costs in time."""
+"""`raymarch cost`: measures accuracy against time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 
 WIDTH = 150
-"""Columns that the table is given where the output is no terminal, or a narrower one."""
+"""Minimum width of the table in columns, also if the output is a narrower terminal or none."""
 
 ENDINGS = {
     "--json": (".json",),
@@ -42,51 +42,53 @@ ENDINGS = {
     "--html": (".html", ".htm"),
     "--output": (".md",),
 }
-"""How the files may end."""
+"""Suffixes that each option accepts."""
 
 
 @app.command(name="cost")
 def cost_command(
     scene: Annotated[
-        Path | None, typer.Argument(metavar="[SCENE.py]", help="A Python file that leaves a module-level `scene`.")
+        Path | None, typer.Argument(metavar="[SCENE.py]", help="Python file that defines a module-level `scene`.")
     ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "320x180",
-    time: Annotated[float, typer.Option(help="Seconds that `time` stands for.")] = 0.0,
+    time: Annotated[float, typer.Option(help="Value of `time` in seconds.")] = 0.0,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
     ] = None,
     axis: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=V,V,...", help="Values of an axis to try; may be repeated."),
+        typer.Option(metavar="NAME=V,V,...", help="Values to try on an axis; may be repeated."),
     ] = None,
     cross: Annotated[
         str | None, typer.Option(metavar="NAME,NAME", help="Try these axes only, in all combinations.")
     ] = None,
-    by: Annotated[str, typer.Option(help=f"The error that the front is made by: {', '.join(METRICS)}.")] = "pixels_p99",
-    repeats: Annotated[int, typer.Option(min=1, max=1000, help="Timed frames of each setting.")] = 9,
-    seed: Annotated[int, typer.Option(help="Of the random order of the frames.")] = 1,
-    samples: Annotated[int, typer.Option(help="Rays a pixel of the true picture, a square number.")] = 16,
-    everything: Annotated[bool, typer.Option("--all", help="Show all settings, not only those that matter.")] = False,
-    json: Annotated[Path | None, typer.Option(help="Write all of it as JSON.")] = None,
-    csv: Annotated[Path | None, typer.Option(help="Write a line for each setting.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw error against time and more: .png, .svg or .pdf.")] = None,
-    html: Annotated[Path | None, typer.Option(help="Write a report with pictures and error maps, in one file.")] = None,
-    effects: Annotated[bool, typer.Option("--effects", help="Measure each effect of the scene in its place.")] = False,
-    suite: Annotated[bool, typer.Option("--suite", help="The comparison over three scenes, as a page.")] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="With --suite: small pictures, few frames.")] = False,
-    scenes: Annotated[Path | None, typer.Option(help="With --suite: the folder of its scenes. [examples]")] = None,
+    by: Annotated[str, typer.Option(help=f"Error metric of the Pareto front: {', '.join(METRICS)}.")] = "pixels_p99",
+    repeats: Annotated[int, typer.Option(min=1, max=1000, help="Timed frames per setting.")] = 9,
+    seed: Annotated[int, typer.Option(help="Seed of the random order of frames.")] = 1,
+    samples: Annotated[int, typer.Option(help="Rays per pixel of the reference picture, a square number.")] = 16,
+    everything: Annotated[bool, typer.Option("--all", help="Show all settings, including dominated ones.")] = False,
+    json: Annotated[Path | None, typer.Option(help="Write all results as JSON.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="Write one line per setting as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Plot error against time and more: .png, .svg or .pdf.")] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Write an HTML report with pictures and error maps in one file.")
+    ] = None,
+    effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
+    suite: Annotated[bool, typer.Option("--suite", help="Compare tracers over three scenes and write a page.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="With --suite: small pictures and few frames.")] = False,
+    scenes: Annotated[Path | None, typer.Option(help="With --suite: folder of the scenes. [examples]")] = None,
     output: Annotated[
         Path | None,
         typer.Option(
             "-o",
             "--output",
-            help="With --suite: the page; its figures go into pictures/ beside it. [docs/accuracy.md]",
+            help="With --suite: page to write; figures go to pictures/ beside it. [docs/accuracy.md]",
         ),
     ] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
-    """Measure how much error each setting leaves, how much time it takes, and which are worth having."""
+    """Measure error and time of quality settings, and show which are Pareto-optimal."""
     if suite or scene is None:
         _suite(scene, suite, scenes or Path("examples"), output or Path("docs/accuracy.md"), quick, seed, backend)
         return
@@ -158,7 +160,7 @@ def _effects(
     backend: str,
     device: int | None,
 ) -> None:
-    """What each effect costs, as a table and JSON."""
+    """Measure the cost of each effect; print a table and write JSON."""
     with watched() as tell, Renderer(size, backend, device) as renderer:
         found = ablate(scene, renderer, time, params, repeats, seed, tell)
         measured_on = environment(renderer)
@@ -173,7 +175,7 @@ def _effects(
 
 
 def _suite(scene: Path | None, asked: bool, scenes: Path, output: Path, quick: bool, seed: int, backend: str) -> None:
-    """The comparison over P1's scenes: a page, its figures, and its numbers."""
+    """Compare tracers over the scenes of P1; write a page and its figures."""
     if scene is not None:
         raise CommandError(f"--suite together with {scene}", legal="one of them; --scenes FOLDER chooses the scenes")
     if not asked:
@@ -193,39 +195,39 @@ def _suite(scene: Path | None, asked: bool, scenes: Path, output: Path, quick: b
         partial.write_text(page(made, pictures), encoding="utf-8")
     out = Output(soft_wrap=False)
     out.print(claims(made), markup=False, soft_wrap=True)
-    out.print(f"{output} and {len(pictures)} figures are written", markup=False, soft_wrap=True)
+    out.print(f"wrote {output} and {len(pictures)} figures", markup=False, soft_wrap=True)
 
 
 def show(made: Sweep, metric: str, everything: bool) -> None:
-    """The table and the sentences below it."""
+    """Print the table and the findings."""
     out = Output(soft_wrap=False)
     out.width = max(out.width, WIDTH)
-    shown = made.points if everything else telling(made, metric)
+    shown = made.points if everything else points_shown(made, metric)
     out.print(table(made, metric, shown))
     left = len(in_table(made, metric)) - len(in_table(made, metric, shown))
     if left:
-        out.print(f"and {left} more settings that others beat (--all)", markup=False)
+        out.print(f"and {left} more dominated settings (--all)", markup=False)
     if (light := light_table(made, metric)) is not None:
         out.print(light)
     for line in findings(made, metric):
         out.print(line, markup=False, soft_wrap=True)
 
 
-def telling(made: Sweep, metric: str) -> list[Point]:
-    """The points worth showing: the front, the scene's own, the presets, and those that change one thing alone."""
+def points_shown(made: Sweep, metric: str) -> list[Point]:
+    """The points to show: the Pareto front, the scene's own quality, the presets, and settings with a single change."""
     front = {id(p) for p in made.front(metric)}
     return [p for p in made.points if id(p) in front or p is made.base or p.setting.preset or "," not in p.setting.name]
 
 
 def _check_files(files: dict[str, Path | None]) -> None:
-    """Before an hour is spent: the ending, and that the folder is there."""
+    """Check suffixes and folders of the output files before measuring."""
     for option, file in files.items():
         if file is None:
             continue
         if file.suffix.lower() not in ENDINGS[option]:
             raise CommandError(f"{option} {file}", legal=f"a file ending in {' or '.join(ENDINGS[option])}")
         if not file.absolute().parent.is_dir():
-            raise CommandError(f"{option} {file}: no folder '{file.parent}'", legal="a folder that can be written")
+            raise CommandError(f"{option} {file}: no folder '{file.parent}'", legal="a writable folder")
         if option in ("--plot", "--html"):
             plotting()
 

@@ -19,28 +19,31 @@ def view(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
     ] = None,
-    budget: Annotated[float, typer.Option(metavar="MS", help="Time of a frame while something moves.")] = 33.0,
-    samples: Annotated[int, typer.Option(min=1, max=4096, help="Rays a pixel that a still picture ends with.")] = 16,
-    panel: Annotated[bool, typer.Option(help="Show the panel at first, where its extra is installed.")] = True,
+    budget: Annotated[
+        float, typer.Option(metavar="MS", help="Frame time while something moves, in milliseconds.")
+    ] = 33.0,
+    samples: Annotated[int, typer.Option(min=1, max=4096, help="Rays per pixel of a still picture.")] = 16,
+    panel: Annotated[bool, typer.Option(help="Show the panel at the start, if its extra is installed.")] = True,
     settings: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Camera, parameters, time and view that the window saved.")
+        Path | None, typer.Option(metavar="FILE", help="Load camera, parameters, time and view that the window saved.")
     ] = None,
     demo_seconds: Annotated[
-        float | None, typer.Option(metavar="N", help="Close after N seconds; code 2 if the scene is broken then.")
+        float | None,
+        typer.Option(metavar="N", help="Close after N seconds; exit with code 2 if the scene has an error."),
     ] = None,
     log: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write what happens as lines of JSON, for scripts.")
+        Path | None, typer.Option(metavar="FILE", help="Write events as lines of JSON, for scripts.")
     ] = None,
 ) -> None:
-    """Show a scene in a window that follows its file: save, and see it. H in the window shows the keys."""
+    """Show a scene in a window and reload it when its file is saved. Press H for the keys."""
     if not 1.0 <= budget <= 10_000.0:
         raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
     if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:
         raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
-    from raymarch.window.viewer import Viewer  # not before a window is asked for
+    from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
 
     viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples, panel)
     code = viewer.run(demo_seconds)
-    if code == 2 and viewer.fault is not None:  # what was laid over the picture went with the window
+    if code == 2 and viewer.fault is not None:  # the message in the window is gone
         errors.print(f"raymarch: {viewer.fault.text()}", markup=False)
     sys.exit(code)

@@ -1,4 +1,4 @@
-"""What `raymarch render --view` shows: the views of the engine, and those that need the truth, with their bars."""
+"""The views of `raymarch render --view`: those of the GPU, those that need the reference, and their colour bars."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from raymarch.gpu.frame import Frame
 from raymarch.gpu.probe import find_faults, find_slopes
 from raymarch.gpu.probe_pictures import fault_numbers, fault_picture, slope_numbers, slope_picture
 from raymarch.gpu.renderer import Renderer
-from raymarch.gpu.reports import told
+from raymarch.gpu.reports import summary
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
 from raymarch.gpu.views import VIEWS, light, picture, scale_of
@@ -34,7 +34,7 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A view ready to be written: as an image, as numbers, and what there is to say of it."""
+    """A view ready to be written: an image, its numbers, and lines to print."""
 
     image: Callable[[], Image.Image]
     numbers: Callable[[], NDArray[np.float32]]
@@ -49,18 +49,19 @@ def shown(
     params: Mapping[str, Any],
     progress: Callable[[float], None] | None = None,
 ) -> Shown:
-    """A view of a frame that a renderer has just drawn; `progress` is told of the share of a probe that is done."""
+    """A view of a frame that a renderer has just drawn. `progress` is called with the fraction of a probe that is
+    done."""
     if view == "nonfinite":
         faults = find_faults(renderer, scene, frame.time, params, progress)
-        return Shown(partial(fault_picture, faults), partial(fault_numbers, faults), told(faults.reports))
+        return Shown(partial(fault_picture, faults), partial(fault_numbers, faults), summary(faults.reports))
     if view == "lipschitz":
         slopes = find_slopes(renderer, scene, frame.time, params, progress)
-        return Shown(partial(slope_picture, slopes), partial(slope_numbers, slopes), told(slopes.reports))
+        return Shown(partial(slope_picture, slopes), partial(slope_numbers, slopes), summary(slopes.reports))
     return Shown(partial(drawn, frame, view, scene, params), partial(numbers, frame, view, scene, params))
 
 
 def check_view(view: str, slice_: str | None) -> Slice | None:
-    """The plane of --slice, if one is given. CommandError for a wrong plane or view."""
+    """The plane of --slice, or None. CommandError for an invalid plane or view."""
     if view not in CHOICES:
         raise CommandError(f"--view {view}", legal=", ".join(CHOICES))
     if slice_ is None:
@@ -71,7 +72,7 @@ def check_view(view: str, slice_: str | None) -> Slice | None:
 
 
 def parse_slice(text: str) -> Slice:
-    """ "y=0.5", or the normal of a plane: "1,0,1=0.5"."""
+    """Parse a plane: "y=0.5", or a normal and an offset, "1,0,1=0.5"."""
     side, equals, offset = text.partition("=")
     axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     try:
@@ -87,7 +88,7 @@ def parse_slice(text: str) -> Slice:
 
 
 def drawn(frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> Image.Image:
-    """A view as an image, with a bar below it where its colours are a measure."""
+    """A view as an image, with a colour bar below it if the view has a scale."""
     if view == "error":
         return with_bar(error_picture(errors_of(frame, scene, params)), error_scale())
     scale = scale_of(frame, view)
@@ -96,7 +97,7 @@ def drawn(frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> I
 
 
 def numbers(frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> NDArray[np.float32]:
-    """A view as it is, (H, W, 3) in float32; see `raymarch.gpu.views.light`."""
+    """A view as numbers, (H, W, 3) in float32; see `raymarch.gpu.views.light`."""
     if view == "error":
         return np.repeat(errors_of(frame, scene, params)[..., None], 3, axis=-1).astype(np.float32)
     return light(frame, view, scene)

@@ -1,4 +1,4 @@
-"""Contexts, programs, textures and clocks, and running passes on them. The only room that imports moderngl."""
+"""Contexts, programs, textures, clocks, and the renderer that runs passes. The only package that imports moderngl."""
 
 from raymarch.gpu.context import open_context
 from raymarch.gpu.frame import Frame

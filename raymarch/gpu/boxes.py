@@ -1,4 +1,4 @@
-"""The boxes that bound a scene and its operands, drawn over the picture."""
+"""Bounding boxes of a scene and its operands, drawn over the picture."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from raymarch.sdf.node import Node
 
 Array = NDArray[np.float64]
 
-WHOLE = (0.95, 0.08, 0.05)
-"""Colour of the box inside which rays are marched: red."""
+OUTERMOST = (0.95, 0.08, 0.05)
+"""Colour of the scene's box, inside which rays are marched: red."""
 HIDDEN = 0.3
-"""Share of the colour of an edge that is behind a surface."""
+"""Opacity of an edge that is behind a surface."""
 NEAR = 1e-6
-"""Edges are cut where their depth is below this share of their length: nothing nearer can be projected."""
+"""Edges are clipped where their depth is below this fraction of their length, since closer points cannot be
+projected."""
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """The box of a node: its corners, each of shape (3,), infinite where it has no end; `depth` 0 is the scene's."""
+    """The bounding box of a node: corners of shape (3,), infinite where unbounded. `depth` 0 is the scene's box."""
 
     name: str
     lower: Array
@@ -33,9 +34,9 @@ class Box:
 
 
 def boxes_of(scene: Scene) -> list[Box]:
-    """The box of the scene and of each operand of its booleans, outermost first; empty ones are left out.
+    """The boxes of the scene and of the operands of its booleans, outermost first, without empty ones.
 
-    Parts inside a transform or a repetition have boxes in a space of their own and are not among them.
+    Parts inside a transform or a repetition are omitted, because their boxes are in another space.
     """
     found: list[Box] = []
     pending = [(scene.node, 0)]
@@ -47,7 +48,7 @@ def boxes_of(scene: Scene) -> list[Box]:
 
 
 def _operands(node: Node) -> Iterator[Node]:
-    """The operands of a boolean, through the materials around them: what lies in the same space."""
+    """The operands of a boolean in the same space; materials around it are skipped."""
     while node.label is not None and node.definition.arity != "many":
         (node,) = node.children
     if node.definition.arity == "many":
@@ -55,40 +56,40 @@ def _operands(node: Node) -> Iterator[Node]:
 
 
 def edges_of(box: Box, far: float) -> Iterator[tuple[Array, Array]]:
-    """The two ends of each edge, each of shape (3,). Where the box has no end there is no edge; one that goes on
-    without end is cut at `far` from the origin."""
+    """The two end points of each edge, each of shape (3,). Edges at infinity are omitted; infinite edges are clipped at
+    `far` from the origin."""
     for axis in range(3):
-        across = [k for k in range(3) if k != axis]
-        ends = [(box.lower[k], box.upper[k]) for k in across]
+        others = [k for k in range(3) if k != axis]
+        ends = [(box.lower[k], box.upper[k]) for k in others]
         for u in ends[0]:
             for v in ends[1]:
                 if np.isfinite(u) and np.isfinite(v):
                     a, b = np.empty(3), np.empty(3)
-                    a[across] = b[across] = u, v
+                    a[others] = b[others] = u, v
                     a[axis], b[axis] = max(box.lower[axis], -far), min(box.upper[axis], far)
                     yield a, b
 
 
 def draw_boxes(picture: Array, depth: NDArray[np.floating], pose: Pose, boxes: list[Box], far: float) -> Array:
-    """A picture, sRGB (H, W, 3), with boxes drawn over it; edges behind the surfaces of `depth` (H, W) are faint."""
+    """Draw boxes over a picture, sRGB (H, W, 3). Edges behind the surfaces of `depth`, (H, W), are translucent."""
     made = np.array(picture, np.float64)
     for box in reversed(boxes):  # the outermost last, over those that coincide with it
-        color = np.array(WHOLE if box.depth == 0 else _hue(box.depth))
+        color = np.array(OUTERMOST if box.depth == 0 else _hue(box.depth))
         for a, b in edges_of(box, far):
-            rows, columns, along = project(a, b, pose, depth.shape)
-            share = np.where(along <= depth[rows, columns] * (1 + 1e-3), 1.0, HIDDEN)[:, None]
-            made[rows, columns] = share * color + (1 - share) * picture[rows, columns]
+            rows, columns, distance = project(a, b, pose, depth.shape)
+            opacity = np.where(distance <= depth[rows, columns] * (1 + 1e-3), 1.0, HIDDEN)[:, None]
+            made[rows, columns] = opacity * color + (1 - opacity) * picture[rows, columns]
     return made
 
 
 def _hue(depth: int) -> tuple[float, float, float]:
-    """Operands by how deep they lie: blue, green, magenta, orange, and again."""
+    """The colour of operands at a depth of the tree: blue, green, magenta, orange, repeated."""
     return ((0.1, 0.35, 1.0), (0.1, 0.65, 0.15), (0.85, 0.15, 0.8), (1.0, 0.55, 0.05))[(depth - 1) % 4]
 
 
 def project(a: Array, b: Array, pose: Pose, shape: tuple[int, ...]) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:
-    """The pixels of a picture of `shape` (H, W) that a straight line from a to b crosses, rows first, and how far
-    from the camera the line is there. A pixel appears once."""
+    """Project a line segment from a to b onto a picture of `shape` (H, W): rows and columns of its pixels, each once,
+    and its distance from the camera there."""
     height, width = shape[:2]
     start, end = ((p - pose.position) @ pose.frame for p in (a, b))
     cut = _in_front(start, end)
@@ -109,14 +110,14 @@ def project(a: Array, b: Array, pose: Pose, shape: tuple[int, ...]) -> tuple[NDA
     s = np.linspace(s0, s1, steps)
     at = first + s[:, None] * (last - first)
     columns, rows = (np.clip(at[:, k].astype(int), 0, n - 1) for k, n in ((0, width), (1, height)))
-    # what is linear on the screen is the reciprocal of the depth, and the point divided by it
+    # the reciprocal of the depth, and the point divided by the depth, are linear on the screen
     w = (1 - s) / -start[2] + s / -end[2]
     points = ((1 - s)[:, None] * start / -start[2] + s[:, None] * end / -end[2]) / w[:, None]
     return rows, columns, np.linalg.norm(points, axis=1)
 
 
 def _in_front(start: Array, end: Array) -> tuple[Array, Array] | None:
-    """The part of a line, in the camera's frame, that lies in front of the camera."""
+    """Clip a segment, in the camera's frame, to the part in front of the camera."""
     near = NEAR * float(np.linalg.norm(end - start)) + 1e-12
     if max(-start[2], -end[2]) <= near:
         return None
@@ -127,14 +128,14 @@ def _in_front(start: Array, end: Array) -> tuple[Array, Array] | None:
 
 
 def _within(first: Array, last: Array, size: tuple[int, int]) -> tuple[float, float] | None:
-    """The part of a line on the screen that lies in the picture, as shares of its length (Liang and Barsky 1984)."""
+    """Clip a segment on the screen to the picture (Liang and Barsky 1984); returns its range of parameters, 0 to 1."""
     low, high = 0.0, 1.0
     for p, q, n in zip(first, last, size, strict=True):
-        along = q - p
-        if along == 0.0:
+        delta = q - p
+        if delta == 0.0:
             if not 0.0 <= p < n:
                 return None
             continue
-        bounds = sorted(((0.0 - p) / along, (n - p) / along))
+        bounds = sorted(((0.0 - p) / delta, (n - p) / delta))
         low, high = max(low, bounds[0]), min(high, bounds[1])
     return (low, high) if low <= high else None

@@ -1,8 +1,8 @@
-"""Milliseconds of a draw, from a clock that was tested first.
+"""Timing of draws in milliseconds, by a clock that passed a self-test.
 
-Timer queries of OpenGL are wrong on some drivers: Mesa's llvmpipe has answered 7 ms for a draw of 207 ms. So the
-query is held against the wall clock on a few draws of known load, and is used only if it agrees. Otherwise the
-time is taken by the wall clock from an idle device to an idle device.
+OpenGL timer queries are wrong on some drivers: Mesa's llvmpipe has reported 7 ms for a draw of 207 ms. The query is
+therefore compared with the wall clock on a few draws of known load, and used only if they agree. Otherwise the wall
+clock measures from an idle device to an idle device.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 
 TOLERANCE = 0.2
-"""By how much a timer may differ from the wall clock, as a share of the wall clock's reading. Submitting a draw and
-waiting for it takes some 0.1 ms that only the wall clock sees: 5 % of the lightest test draw."""
+"""Relative tolerance of the timer against the wall clock. Submitting a draw and waiting for it takes about 0.1 ms that
+only the wall clock includes: 5 % of the lightest test draw."""
 
 TIMER_SPAN_MS = 2000.0
-"""Draws that take longer are timed by the wall clock: moderngl reads the query as 32 bits of nanoseconds, which end
-at 4295 ms, and at 2147 ms in the versions that read them signed."""
+"""Longer draws are timed by the wall clock: moderngl reads the query as 32-bit nanoseconds, which overflow at 4295 ms,
+or at 2147 ms in versions that read them as signed."""
 
 Timer: TypeAlias = Callable[[Callable[[], None]], float]
-"""Runs a draw and returns the milliseconds that it claims the draw took."""
+"""A function that runs a draw and returns its measured time in milliseconds."""
 
 Kind: TypeAlias = Literal["gpu timer", "wall clock"]
 
@@ -34,7 +34,7 @@ _LOADS = (1, 2, 4)
 _REPEATS = 3
 _LIGHTEST_MS = 2.0
 _FEWEST_ITERATIONS = 8
-# llvmpipe ends all loops of an invocation after 65,535 iterations; the heaviest load must stay below.
+# llvmpipe ends all loops of an invocation after 65,535 iterations; the heaviest load must stay below that.
 _MOST_ITERATIONS_SOFTWARE = 65_535 // _LOADS[-1]
 _MOST_ITERATIONS = 1 << 22
 _TEST_SIZE = (512, 512)
@@ -51,7 +51,7 @@ void main() {
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A timer against the wall clock: relative loads, the milliseconds of both by load, the judgement and its words."""
+    """A comparison of a timer with the wall clock: relative loads, milliseconds of both, the verdict and its reason."""
 
     loads: tuple[int, ...]
     wall: tuple[float, ...]
@@ -61,15 +61,15 @@ class Trial:
 
 
 class Clock:
-    """Measures draws in milliseconds by the GPU's timer if a self-test finds it right, else by the wall clock.
+    """Times draws by the GPU's timer if it passes a self-test, else by the wall clock.
 
-    The self-test runs when it is first needed and takes some 0.2 s. A driver that draws on the CPU is timed by the
-    wall clock whatever the test says, because there the wall clock is the truth; `verdict` still tests and reports.
+    The self-test runs on first use and takes about 0.2 s. A driver that renders on the CPU is always timed by the wall
+    clock, which is exact there; `verdict` still runs the test.
 
     Parameters
     ----------
-    context : the context that draws; bound by every method.
-    timer : for tests: measures a draw in place of OpenGL's timer query, and is trusted if it agrees.
+    context : the OpenGL context; bound by every method.
+    timer : for tests: replaces OpenGL's timer query, and is used if it agrees.
     """
 
     def __init__(self, context: Context, timer: Timer | None = None) -> None:
@@ -80,26 +80,26 @@ class Clock:
 
     @property
     def trial(self) -> Trial:
-        """The self-test of the timer; run at the first access, kept thereafter."""
+        """The self-test of the timer; run on first access and cached."""
         if self._trial is None:
             self._trial = try_timer(self._context, self._timer)
         return self._trial
 
     @property
     def kind(self) -> Kind:
-        """Which clock `time` reads."""
+        """The clock that `time` uses."""
         return "wall clock" if self._is_software or not self.trial.agrees else "gpu timer"
 
     @property
     def verdict(self) -> str:
-        """One sentence: the clock that is read and why, with the numbers measured."""
-        also = "; the CPU draws here, so its clock is the right one" if self._is_software else ""
+        """The clock in use and the reason, with measured numbers, as one sentence."""
+        also = "; the driver renders on the CPU, so the wall clock is used" if self._is_software else ""
         return f"{self.kind}: {self.trial.words}{also}"
 
     def time(self, draw: Callable[[], None]) -> float:
         """Run `draw` and return its milliseconds. Waits for the device before and after; must not be nested.
 
-        By the wall clock the time includes submitting the draw, and whatever else `draw` does.
+        The wall clock includes the submission of the draw and any other work of `draw`.
         """
         if self.kind == "wall clock":
             return wall_time(self._context, draw)
@@ -108,9 +108,9 @@ class Clock:
 
 
 def gl_timer(context: Context) -> Timer:
-    """OpenGL's own timer (GL_TIME_ELAPSED) in milliseconds: trusted by nobody before `try_timer`.
+    """OpenGL's timer (GL_TIME_ELAPSED) in milliseconds. Test it by `try_timer` first.
 
-    moderngl offers no way to free a query, so each timer keeps one until the context's release.
+    moderngl cannot free a query, so each timer keeps one until the context is released.
     """
     with context.bound():
         query = context.gl.query(time=True)
@@ -126,7 +126,7 @@ def gl_timer(context: Context) -> Timer:
 
 
 def wall_time(context: Context, draw: Callable[[], None]) -> float:
-    """Milliseconds of `draw` by the wall clock, from an idle device to an idle device."""
+    """Time of `draw` in milliseconds by the wall clock, from an idle device to an idle device."""
     with context.bound():
         context.gl.finish()
         start = perf_counter()
@@ -136,10 +136,10 @@ def wall_time(context: Context, draw: Callable[[], None]) -> float:
 
 
 def try_timer(context: Context, timer: Timer) -> Trial:
-    """Time draws of 1, 2 and 4 times a load by both clocks at once, and judge by `judge`.
+    """Time draws of 1, 2 and 4 times a load by both clocks at once, and compare them by `judge`.
 
-    Each load is drawn three times, and the draw that the wall clock saw least disturbed counts, unless the timer
-    claims in any of them more time than passed: no disturbance explains that.
+    Each load is drawn three times. The draw with the shortest wall time counts, unless the timer reports more time than
+    passed in one of them, which no disturbance explains.
     """
     with ExitStack() as stack:
         target = stack.enter_context(Target(context, _TEST_SIZE))
@@ -149,27 +149,31 @@ def try_timer(context: Context, timer: Timer) -> Trial:
             return lambda: program.draw(target, {"iterations": iterations})
 
         base = _lightest_load(context, draw)
-        pairs = [_telling([_both(context, timer, draw(base * load)) for _ in range(_REPEATS)]) for load in _LOADS]
+        pairs = [
+            _least_disturbed([_both(context, timer, draw(base * load)) for _ in range(_REPEATS)]) for load in _LOADS
+        ]
     wall, claimed = zip(*pairs, strict=True)
     agrees, words = judge(_LOADS, wall, claimed)
     return Trial(_LOADS, wall, claimed, agrees, words)
 
 
 def judge(loads: Sequence[int], wall: Sequence[float], timer: Sequence[float]) -> tuple[bool, str]:
-    """Whether a timer is to be believed, and the reason with its numbers.
+    """Whether a timer agrees with the wall clock, and the reason with numbers.
 
-    It must come within `TOLERANCE` of the wall clock at every load, and its growth from the lightest to the
-    heaviest load within `TOLERANCE` of the wall clock's growth, which is free of any fixed cost. Where the wall
-    clock itself does not grow to at least half of what the loads say, the machine is too restless to believe anybody.
+    The timer must be within `TOLERANCE` of the wall clock at every load. Its growth from the lightest to the heaviest
+    load, which excludes fixed costs, must be within `TOLERANCE` of the wall clock's growth. If the wall clock grows by
+    less than half of the ratio of the loads, the machine is too busy for a verdict, and the timer is rejected.
 
     Parameters
     ----------
     loads : relative loads, ascending.
     wall, timer : milliseconds by load, of the same draws.
     """
-    readings = ", ".join(f"{t:.3g} ms where the wall clock saw {w:.3g} ms" for t, w in zip(timer, wall, strict=True))
+    readings = ", ".join(
+        f"{t:.3g} ms where the wall clock measured {w:.3g} ms" for t, w in zip(timer, wall, strict=True)
+    )
     if wall[-1] / wall[0] < loads[-1] / loads[0] / 2:
-        return False, f"the wall clock could not tell test draws of known load apart (the timer said {readings})"
+        return False, f"the wall clock could not distinguish test draws of known load (the timer measured {readings})"
     if any(not abs(t - w) <= TOLERANCE * w for t, w in zip(timer, wall, strict=True)):  # `not <=` catches NaN
         return False, f"the GPU timer disagrees by more than {TOLERANCE:.0%}: {readings}"
     growth, expected = timer[-1] - timer[0], wall[-1] - wall[0]
@@ -182,7 +186,7 @@ def judge(loads: Sequence[int], wall: Sequence[float], timer: Sequence[float]) -
 
 
 def _lightest_load(context: Context, draw: Callable[[int], Callable[[], None]]) -> int:
-    """Loop iterations a pixel that keep the device busy for `_LIGHTEST_MS`, as far as the driver's loops allow."""
+    """Loop iterations per pixel for a draw of `_LIGHTEST_MS`, limited by the driver's loop limit."""
     most = _MOST_ITERATIONS_SOFTWARE if context.driver.is_software else _MOST_ITERATIONS
     iterations = _FEWEST_ITERATIONS
     wall_time(context, draw(iterations))  # the first draw of a program also compiles it
@@ -192,13 +196,13 @@ def _lightest_load(context: Context, draw: Callable[[int], Callable[[], None]]) 
 
 
 def _both(context: Context, timer: Timer, draw: Callable[[], None]) -> tuple[float, float]:
-    """(wall clock, timer) in milliseconds for one and the same draw, so that a disturbance strikes both."""
+    """(wall clock, timer) in milliseconds for the same draw, so that a disturbance affects both."""
     claimed: list[float] = []
     wall = wall_time(context, lambda: claimed.append(timer(draw)))
     return wall, claimed[0]
 
 
-def _telling(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def _least_disturbed(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
     impossible = [(wall, claimed) for wall, claimed in pairs if not claimed <= wall * (1 + TOLERANCE)]
     return impossible[0] if impossible else min(pairs)
 

@@ -1,7 +1,7 @@
-"""Colours for numbers: three of matplotlib's maps, as every fifth of their 256 colours.
+"""Colour maps: three of matplotlib's maps, as every fifth of their 256 colours.
 
-"viridis" and "inferno" are perceptually uniform: equal steps of the value look equally large, in grey too (Smith
-and van der Walt 2015). "coolwarm" has two ends about a neutral middle (Moreland 2009).
+"viridis" and "inferno" are perceptually uniform: equal steps of the value look equally large, also in grey (Smith
+and van der Walt 2015). "coolwarm" diverges from a neutral middle (Moreland 2009).
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ MAPS = {
         ca3b37 c32e31 bb1b2c b40426
     """,
 }
-"""Colours from the lowest value to the highest, evenly spaced: red, green and blue as two hexadecimal digits each."""
+"""Colours from the lowest to the highest value, evenly spaced, as RRGGBB in hexadecimal."""
 
 
 def colored(share: NDArray[Any], name: str = "inferno") -> NDArray[np.float64]:
-    """Shares from 0 to 1, of any shape (...), as sRGB in [0, 1] of shape (..., 3); beyond the ends, the ends.
+    """Map values in [0, 1], of any shape (...), to sRGB in [0, 1] of shape (..., 3). Values outside are clamped.
 
-    name : of `MAPS`. Within 2/255 of matplotlib's own.
+    name : a key of `MAPS`. Within 2/255 of matplotlib's map.
     """
     table = _table(name)
     at = np.clip(np.asarray(share, np.float64), 0.0, 1.0) * (len(table) - 1)

@@ -1,8 +1,8 @@
-"""OpenGL contexts: without a screen (EGL, OSMesa) or on a window, hidden or shown. Several may live in one process.
+"""OpenGL contexts: headless (EGL, OSMesa) or on a window, hidden or visible. Several may exist in one process.
 
-Every call of OpenGL passes through `Context.bound`: it asks the platform which context is current, makes this one
-current for the block, and gives back what was current before. Between the blocks a context is current in no thread, so
-any thread may use it, one at a time, and the contexts of other code are not disturbed. A forked process may not use it.
+Every OpenGL call happens inside `Context.bound`, which queries the platform for the current context, makes this one
+current for the block, and restores the previous one. Outside these blocks the context is current in no thread, so any
+thread may use it, one at a time, and the contexts of other code are not disturbed. A forked process may not use it.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ BACKENDS = ("egl", "osmesa", "window")
 """The backends, in the order in which `auto` tries them."""
 
 EGL_DEVICE_VARIABLE = "RAYMARCH_EGL_DEVICE"
-"""Environment variable that selects the EGL device where `open_context` is given none."""
+"""Environment variable with the EGL device to use if `open_context` is called without one."""
 
 CURES = {
     "egl": "install the packages libegl1 libgl1 libgl1-mesa-dri, or the EGL library of your GPU's driver",
     "osmesa": "install the package libosmesa6",
     "window": "run on a desktop, or install the package xvfb and run under `xvfb-run -a`",
 }
-"""What to do where a backend does not work, by the names of the Debian and Ubuntu packages."""
+"""How to make each backend work; package names are those of Debian and Ubuntu."""
 
 _GL_VERSION = 330
 _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "basic render", "gdi generic")
@@ -44,7 +44,7 @@ _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software", "swiftshade
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """Who draws: the three strings of the driver, and whether the CPU does the work."""
+    """The three identification strings of the driver, and whether it renders on the CPU."""
 
     renderer: str
     vendor: str
@@ -54,7 +54,7 @@ class Driver:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the driver allows: sizes in pixels, uniforms in 32-bit components and in vec4."""
+    """Limits of the driver: sizes in pixels, uniforms in 32-bit components and in vec4."""
 
     texture_size: int
     viewport: tuple[int, int]
@@ -66,20 +66,20 @@ class Limits:
 
     @property
     def picture(self) -> tuple[int, int]:
-        """The largest (width, height) that can be drawn into a texture."""
+        """The largest (width, height) of a render target."""
         return min(self.texture_size, self.viewport[0]), min(self.texture_size, self.viewport[1])
 
 
 class Context:
-    """One OpenGL 3.3 core context; made by `open_context`, current inside `with context.bound():` alone.
+    """One OpenGL 3.3 core context, made by `open_context`. It is current only inside `with context.bound():`.
 
     Attributes
     ----------
-    gl : the moderngl context. Use it, and all that it makes, inside `bound`; never enter it with `with`.
+    gl : the moderngl context. Use it and its objects inside `bound` only; never enter it with `with`.
     backend : "egl", "osmesa" or "window".
-    driver, limits : who draws, and what the driver allows.
-    why : why this backend was taken, and what the earlier ones of `auto` answered.
-    window : the glfw window of a "window" or "osmesa" context, else None; hidden, but for `open_window`.
+    driver, limits : identification and limits of the driver.
+    why : why this backend was chosen, and the errors of backends that `auto` tried before.
+    window : the glfw window of a "window" or "osmesa" context, else None. Hidden, unless made by `open_window`.
     """
 
     def __init__(self, gl: moderngl.Context, backend: str, why: str, window: Any = None) -> None:
@@ -91,7 +91,7 @@ class Context:
         self.limits = _limits(gl.info)
         found = current.current()
         if len(found) != 1:
-            raise DeviceError(f"{len(found)} libraries of the platform say that the new context is current, not 1")
+            raise DeviceError(f"{len(found)} platform libraries report the new context as current, not 1")
         (self._binding,) = found
         self._process = os.getpid()
         self._opened = f"thread {threading.current_thread().name}, {user_location() or 'no file'}"
@@ -102,12 +102,12 @@ class Context:
 
     @property
     def released(self) -> bool:
-        """True after `release`, and in a process that was forked from the one that opened the context, where nothing of
-        it can be used or freed."""
+        """True after `release`, and in a process forked from the one that opened the context, which can neither use nor
+        free it."""
         return self._released or self._process != os.getpid()
 
     def check(self) -> None:
-        """DeviceError if the context cannot be used: it was released, or opened before a fork of the process."""
+        """DeviceError if the context was released, or was opened before a fork of the process."""
         self.refuse_fork()
         if self._released:
             raise DeviceError(f"the {self.backend} context was released", legal="open a new one with open_context")
@@ -119,12 +119,12 @@ class Context:
 
     @contextmanager
     def bound(self) -> Iterator[Self]:
-        """This context is current inside the block, and what was current before is so again after it.
+        """Make this context current for the block, then restore the previous one.
 
-        Blocks may be nested. A thread waits here while another one is inside a block of the same context.
+        Blocks may be nested. A thread waits while another thread is inside a block of the same context.
         Raises DeviceError if the context was released, was opened before a fork, or cannot be made current.
         """
-        self.check()  # before the lock: nobody frees one that another thread held when the process was forked
+        self.check()  # before the lock, which stays locked for ever if another thread held it at the fork
         with self._lock:
             self.check()
             if current.is_current(self._binding):
@@ -139,7 +139,7 @@ class Context:
 
     @contextmanager
     def lent(self) -> Iterator[None]:
-        """For calls of code that is not ours inside `bound`: what was current before is current in the block."""
+        """Inside `bound`, restore the previous context for the block, to call other code."""
         if not self._callers:
             yield
             return
@@ -152,7 +152,7 @@ class Context:
                 self._bind()
 
     def finish(self) -> None:
-        """Wait for the device."""
+        """Wait until the device is idle."""
         with self.bound():
             self.gl.finish()
 
@@ -170,20 +170,20 @@ class Context:
             )
 
     def _caller(self) -> tuple[Any, current.Current]:
-        """What is current now: the window that glfw notes for itself, where it is ours to use, and the platform's."""
+        """The current context: glfw's own record of a window, if glfw is used here, and the platform's."""
         noted = None if self.window is None else _import_glfw().get_current_context()
         return noted or None, current.current()
 
     def _give_back(self, caller: tuple[Any, current.Current]) -> None:
         if self._process != os.getpid():
-            return  # forked inside the block: what is current belongs to the parent
+            return  # forked inside the block: the current context belongs to the parent
         noted, before = caller
         if noted is not None or self.window is not None:
             _import_glfw().make_context_current(noted)
         current.bind(before)
 
     def release(self) -> None:
-        """Destroy the context and all that was made in it; another context that is current stays so. Idempotent."""
+        """Destroy the context and its objects. Another current context stays current. Idempotent."""
         if self.released:
             return
         with self._lock:
@@ -211,7 +211,7 @@ class Context:
 
 
 _CONTEXTS: weakref.WeakSet[Context] = weakref.WeakSet()
-_OPENING = threading.RLock()  # glfw keeps its windows in lists without locks
+_OPENING = threading.RLock()  # glfw keeps its windows in unlocked lists
 _process, _opened = os.getpid(), False
 
 
@@ -223,8 +223,8 @@ def _forked(what: str) -> DeviceError:
 
 
 def _refuse_after_fork() -> None:
-    """DeviceError in a forked process whose parent has used OpenGL: the threads of the driver are gone, and a call that
-    waits for them never returns."""
+    """DeviceError in a forked process whose parent has used OpenGL: the driver's threads do not exist there, and a call
+    that waits for them never returns."""
     global _process
     if _process != os.getpid():
         if _opened or current.has_driver():
@@ -233,10 +233,10 @@ def _refuse_after_fork() -> None:
 
 
 def _leave_to_parent() -> None:
-    """After a fork, keep the garbage collector and the driver's exit handlers from destroying the parent's objects.
+    """After a fork, prevent the garbage collector and the driver's exit handlers from destroying the parent's objects.
 
-    Mesa's OSMesa waits for ever in its handler, for threads that the fork left behind; a driver of hardware may free
-    objects that both processes share. `on_exit` of glibc runs its functions in reverse, so the process ends before.
+    The exit handler of Mesa's OSMesa waits for ever for threads that the fork did not copy; a hardware driver may free
+    objects that both processes share. glibc's `on_exit` runs its functions in reverse order, so the process ends first.
     """
     for context in _CONTEXTS:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(context.gl))
@@ -252,19 +252,19 @@ if hasattr(os, "register_at_fork"):
 
 
 def open_context(backend: str = "auto", device: int | None = None) -> Context:
-    """Open an OpenGL 3.3 core context. What is current stays so: use the new one inside `with context.bound():`.
+    """Open an OpenGL 3.3 core context. It does not become current: use it inside `with context.bound():`.
 
     Parameters
     ----------
-    backend : "egl" (no screen, any GPU), "osmesa" (no screen, drawn by the CPU), "window" (a hidden window,
-        needs a display), or "auto": the first of these that works.
-    device : which EGL device, 0 or more. Where None, the environment variable RAYMARCH_EGL_DEVICE, else 0. With "auto",
-        one that is given, here or there, means egl and nothing else.
+    backend : "egl" (headless, any GPU), "osmesa" (headless, rendered on the CPU), "window" (a hidden window, needs a
+        display), or "auto": the first of these that works.
+    device : index of the EGL device, >= 0. None uses the environment variable RAYMARCH_EGL_DEVICE, else 0. With "auto",
+        an index from either source restricts the choice to egl.
 
     Raises
     ------
-    DeviceError : unknown backend, unusable device number, or no context: with what each backend answered
-        and which packages to install. In a process forked from one that had used OpenGL: drivers do not survive that.
+    DeviceError : unknown backend, invalid device number, or no context; the message has the error of each backend and
+        the packages to install. Also in a process forked from one that has used OpenGL, which drivers do not support.
     """
     if backend != "auto" and backend not in BACKENDS:
         raise DeviceError(f"unknown backend {backend!r}", legal=f"legal: auto, {', '.join(BACKENDS)}")
@@ -272,22 +272,22 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
         raise DeviceError(f"device={device!r} given for the backend {backend}", legal="only egl has devices to choose")
     number = _egl_device(device)
     if backend == "auto" and (device is not None or os.environ.get(EGL_DEVICE_VARIABLE, "").strip()):
-        backend = "egl"  # who names a device wants no other, and only egl has them
+        backend = "egl"  # only egl has devices
     _refuse_after_fork()
     with _opening():
         return _open_auto(number) if backend == "auto" else _open(backend, number, f"{backend} was asked for")
 
 
 def open_window(size: tuple[int, int], title: str) -> Context:
-    """Open a window that is shown and can be resized, with an OpenGL 3.3 core context.
+    """Open a visible, resizable window with an OpenGL 3.3 core context.
 
     Parameters
     ----------
     size : (width, height) in screen coordinates, each >= 1; a window manager may give another.
-    title : what its frame says.
+    title : title of the window.
 
-    The colours that are drawn into it are taken as sRGB already. Raises DeviceError if there is no display, no glfw or
-    no context, with the driver's answer and the cure.
+    The framebuffer takes colours that are already sRGB. Raises DeviceError, with the driver's message and a remedy, if
+    there is no display, no glfw or no context.
     """
     _refuse_after_fork()
     with _opening():
@@ -296,7 +296,7 @@ def open_window(size: tuple[int, int], title: str) -> Context:
 
 @contextmanager
 def _opening() -> Iterator[None]:
-    """What is current, and what `moderngl.get_context` gives to other code, is the same after the block."""
+    """Restore the current context, and the result of `moderngl.get_context` for other code, after the block."""
     store: Any = getattr(moderngl, "_store", None)
     default = getattr(store, "default_context", None)
     with _OPENING, current.kept():
@@ -314,16 +314,16 @@ def _open_auto(device: int) -> Context:
             why = f"auto: the first that works of {', '.join(BACKENDS)}"
             return _open(backend, device, "; ".join([why, *answers]))
         except DeviceError as error:
-            answers.append(f"{backend} answered: {error.what}")
+            answers.append(f"{backend}: {error.what}")
     raise DeviceError(
         "no OpenGL context: " + "; ".join(answers), legal="any one will do: " + "; or ".join(CURES[b] for b in BACKENDS)
     )
 
 
 def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str] | None = None) -> Context:
-    """Open this very backend; a DeviceError carries the driver's answer as `what` and the cure as `legal`.
+    """Open this backend. A DeviceError has the driver's message as `what` and a remedy as `legal`.
 
-    shown : size and title of a window to be seen; None is a hidden one.
+    shown : size and title of a visible window; None for a hidden one.
     """
     global _opened
     window: Any = None
@@ -347,7 +347,7 @@ def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str
 
 @contextmanager
 def _kept_note() -> Iterator[None]:
-    """What glfw notes as its current window is so again after the block."""
+    """Restore glfw's record of its current window after the block."""
     glfw = _import_glfw()
     noted = glfw.get_current_context() or None
     try:
@@ -385,7 +385,7 @@ def _create_on_glfw(window: Any) -> moderngl.Context:
 
 
 class _GlfwBinding:
-    """What moderngl asks of a foreign context: the addresses of GL functions, binding and unbinding."""
+    """The interface that moderngl needs of a foreign context: addresses of GL functions, binding and unbinding."""
 
     def __init__(self, window: Any) -> None:
         self._window = window
@@ -404,19 +404,19 @@ class _GlfwBinding:
         self._glfw.make_context_current(None)
 
     def release(self) -> None:
-        """Nothing: the window owns the context, and `Context.release` closes the window."""
+        """Do nothing: the window owns the context, and `Context.release` closes the window."""
 
 
 class _Glfw:
-    """The process's one glfw: it runs one platform at a time, so OSMesa (null platform) and a screen exclude
-    each other while a window of either lives."""
+    """The single glfw of the process. It runs one platform at a time, so OSMesa (null platform) and a display exclude
+    each other while a window of either exists."""
 
     def __init__(self) -> None:
         self._live: list[Any] = []
         self._started_here = False
 
     def open(self, *, offscreen: bool, shown: tuple[tuple[int, int], str] | None = None) -> Any:
-        """A window with a GL 3.3 core context: of OSMesa where `offscreen`, else of the display; see `_open`."""
+        """Open a window with a GL 3.3 core context, of OSMesa if `offscreen`, else of the display; see `_open`."""
         with _quiet_glfw() as answer:
             glfw = _import_glfw()
             self._start(glfw, offscreen, answer)
@@ -442,7 +442,7 @@ class _Glfw:
                 f"glfw {'.'.join(map(str, glfw.get_version()))} is too old",
                 legal="needs the GLFW library 3.4: pip install -U glfw",
             )
-        running = glfw.get_platform()  # 0 where glfw is not initialised
+        running = glfw.get_platform()  # 0 if glfw is not initialized
         if running and (running == glfw.PLATFORM_NULL) == offscreen:
             return
         if running:
@@ -457,7 +457,7 @@ class _Glfw:
         wanted, other = ("osmesa", "window") if offscreen else ("window", "osmesa")
         if self._live:
             raise DeviceError(
-                f"{wanted} and {other} contexts cannot live in one process: glfw runs one platform at a time",
+                f"{wanted} and {other} contexts cannot exist in one process: glfw runs one platform at a time",
                 legal=f"release the {len(self._live)} live {other} context(s) first, or take egl",
             )
         if not self._started_here:
@@ -487,7 +487,7 @@ def _window_hints(glfw: Any, offscreen: bool, shown: bool) -> list[tuple[int, in
 
 @contextmanager
 def _quiet_glfw() -> Iterator[Callable[[str], str]]:
-    """glfw without its warnings; gives a function that yields glfw's last error text, or the default."""
+    """Silence glfw's warnings. Yields a function that returns glfw's last error text, or the default."""
     glfw = _import_glfw()
 
     def answer(default: str) -> str:
@@ -502,7 +502,7 @@ def _quiet_glfw() -> Iterator[Callable[[str], str]]:
 
 
 def _import_glfw() -> Any:
-    """glfw, only when it is needed: importing it loads a shared library, which EGL does without."""
+    """Import glfw on demand: it loads a shared library that EGL does not need."""
     try:
         return importlib.import_module("glfw")
     except ImportError as error:
@@ -527,7 +527,7 @@ def _limits(info: dict[str, Any]) -> Limits:
         viewport=(int(width), int(height)),
         renderbuffer_size=int(info["GL_MAX_RENDERBUFFER_SIZE"]),
         fragment_uniform_components=components,
-        # The count in vec4 came with OpenGL 4.1; a 3.3 driver may not answer.
+        # The count in vec4 exists since OpenGL 4.1; a 3.3 driver may not report it.
         fragment_uniform_vectors=int(info.get("GL_MAX_FRAGMENT_UNIFORM_VECTORS") or components // 4),
         texture_units=int(info["GL_MAX_TEXTURE_IMAGE_UNITS"]),
         color_attachments=min(int(info["GL_MAX_COLOR_ATTACHMENTS"]), int(info["GL_MAX_DRAW_BUFFERS"])),

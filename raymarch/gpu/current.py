@@ -1,8 +1,8 @@
-"""Which OpenGL context is current in this thread: asked of the libraries of the platform, never remembered.
+"""The OpenGL context that is current in this thread, queried from the platform's libraries each time.
 
-Any code of the process may make another context current at any time. EGL, GLX and OSMesa each keep a note of their own;
-on Mesa they share one dispatch table, and a context that its own library still believes current is not bound again.
-Hence one order, kept here: what is current is unbound by its own library before anything else is bound.
+Any code of the process may make another context current at any time. EGL, GLX and OSMesa each keep their own record; on
+Mesa they share one dispatch table, and a library does not bind a context again that it still records as current. This
+module therefore unbinds the current context through its own library before it binds another one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ _OSMESA_TYPE = 0x23
 
 
 class Api:
-    """A library that makes contexts current: `asks` are its functions, with their arguments, that give what
-    `make` takes; the last of them gives the context."""
+    """A library that makes contexts current. `asks` are its query functions, with their arguments; their results are
+    the arguments of `make`, and the last of them returns the context."""
 
     def __init__(self, files: tuple[str, ...], make: str, *asks: tuple[Any, ...]) -> None:
         self._files, self._make_name, self._asks_names = files, make, asks
@@ -28,7 +28,7 @@ class Api:
         self._asks: list[tuple[Any, tuple[int, ...]]] = []
 
     def _loaded(self) -> bool:
-        """Whether the process has the library in memory; it is not loaded for the question."""
+        """True if the library is in the process's memory. Does not load it."""
         if self._make is None:
             library = next(filter(None, map(_loaded, self._files)), None)
             if library is not None:
@@ -45,7 +45,7 @@ class Api:
         self._make = make
 
     def current(self) -> tuple[int, ...] | None:
-        """What `bind` takes to make the current context current again; None if there is none."""
+        """The arguments for `bind` to restore the current context; None if there is none."""
         if self.context() is None:
             return None
         values = tuple(ask(*arguments) or 0 for ask, arguments in self._asks)
@@ -64,18 +64,18 @@ class Api:
         self._make(*values)
 
     def unbind(self, values: tuple[int, ...]) -> None:
-        """Make no context current; `values` are those of the one that is."""
+        """Unbind the current context, which `values` describe."""
         self._make(*(values[:1] if len(values) > 1 else ()), *[0] * (len(values) - min(1, len(values) - 1)))
 
 
 OSMESA_FILES = (
     ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.8.dylib") if sys.platform != "win32" else ("libOSMesa", "OSMesa")
 )
-"""The names by which glfw knows the library."""
+"""File names under which glfw looks for the library."""
 
 
 class OSMesa(Api):
-    """OSMesa binds a context together with memory to draw into."""
+    """OSMesa: binds a context together with a memory buffer."""
 
     def __init__(self) -> None:
         super().__init__(OSMESA_FILES, "OSMesaMakeCurrent", ("OSMesaGetCurrentContext",))
@@ -129,26 +129,26 @@ _LAST = OSMesa()
 
 
 class Binding(NamedTuple):
-    """A context that is current by an API, and what that takes to make it so again."""
+    """A context that is current in an API, and the arguments to bind it again."""
 
     api: Api
     values: tuple[int, ...]
 
 
 Current = tuple[Binding, ...]
-"""What is current in a thread: at most one context, unless code of the process left several APIs at odds."""
+"""The current contexts of a thread: at most one, unless other code left several APIs in conflict."""
 
 
 def current() -> Current:
-    """What is current in this thread."""
+    """The current contexts of this thread."""
     found = tuple(Binding(api, values) for api in _APIS if (values := api.current()) is not None)
-    if not found and (values := _LAST.current()) is not None:  # Mesa's OSMesa takes any context of Mesa for its own
+    if not found and (values := _LAST.current()) is not None:  # OSMesa reports any context of Mesa as its own
         found = (Binding(_LAST, values),)
     return found
 
 
 def is_current(binding: Binding) -> bool:
-    """Whether a context, and no other, is current in this thread."""
+    """True if this context, and no other, is current in this thread."""
     for api in _APIS:
         if api.context() != (binding.values[-1] if api is binding.api else None):
             return False
@@ -157,13 +157,13 @@ def is_current(binding: Binding) -> bool:
 
 def unbind() -> None:
     """Make no context current in this thread."""
-    for _ in range(2):  # OSMesa answers truly once the others are silent
+    for _ in range(2):  # OSMesa reports correctly once the others are unbound
         for binding in current():
             binding.api.unbind(binding.values)
 
 
 def bind(wanted: Current) -> None:
-    """Make current what `current` found earlier."""
+    """Restore the result of an earlier `current()`."""
     if current() != wanted:
         unbind()
         for binding in wanted:
@@ -172,7 +172,7 @@ def bind(wanted: Current) -> None:
 
 @contextmanager
 def kept() -> Iterator[None]:
-    """Nothing is current when the block begins; what was before is so again after it."""
+    """Unbind the current context for the block, then restore it."""
     before = current()
     unbind()
     try:
@@ -183,11 +183,11 @@ def kept() -> Iterator[None]:
 
 
 DRIVERS = ("_dri.so", "libgallium", "libOSMesa", "libEGL_mesa", "libGLX_mesa", "libEGL_nvidia", "libGLX_nvidia")
-"""Parts of the file names of drivers, which are loaded when somebody first opens a display or a context."""
+"""Parts of the file names of drivers, which are loaded with the first display or context."""
 
 
 def has_driver() -> bool:
-    """Whether a driver of OpenGL is in the memory of the process. False where the system does not say."""
+    """True if an OpenGL driver is in the process's memory. False if the system cannot tell."""
     try:
         with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
             return any(name in line for line in maps for name in DRIVERS)
@@ -196,13 +196,13 @@ def has_driver() -> bool:
 
 
 def _loaded(file: str) -> Any:
-    """A library that is in memory already, or None."""
+    """A library that is already in memory, or None."""
     handle = _in_memory(file) if file else None
     return ctypes.CDLL(file, handle=handle) if handle else None
 
 
 def _asker() -> Any:
-    """A function that gives the handle of a library, by its file's name, if it is in memory."""
+    """A function that returns the handle of a loaded library by its file name."""
     if sys.platform == "win32":
         find = ctypes.WinDLL("kernel32").GetModuleHandleW
         find.restype, find.argtypes = ctypes.c_void_p, [ctypes.c_wchar_p]

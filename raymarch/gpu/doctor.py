@@ -1,4 +1,4 @@
-"""What this machine can draw with: every backend tried, its driver, its limits and its quirks. Prints nothing."""
+"""Diagnosis of the OpenGL backends of this machine: driver, limits and known defects. Prints nothing."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 
 LOOP_ITERATIONS = 200_000
-"""How far the loop test counts: three times llvmpipe's limit, and at once done on any device."""
+"""Iterations of the loop test: three times llvmpipe's limit, and still fast on any device."""
 
-# The counter depends on a generator (Numerical Recipes' constants) that the compiler cannot see through, so it
-# must run the loop and cannot put `iterations` in its place. Exact as a float below 2^24.
+# The counter depends on a random generator (constants of Numerical Recipes) that the compiler cannot predict, so it
+# must run the loop and cannot replace it by `iterations`. Exact as a float below 2^24.
 _LOOP_FRAGMENT = """#version 330 core
 uniform int iterations;
 uniform uint never;
@@ -36,27 +36,27 @@ void main() {
 
 @dataclass(frozen=True, slots=True)
 class LoopLimit:
-    """How many iterations a shader's loop made of those it was told to make."""
+    """Number of iterations that a shader's loop made, of those requested."""
 
     asked: int
     reached: int
 
     @property
     def is_limited(self) -> bool:
-        """Whether the loop ended before its time."""
+        """True if the loop ended early."""
         return self.reached < self.asked
 
     @property
     def words(self) -> str:
-        """The finding in a few words."""
+        """The finding as text."""
         if self.is_limited:
             return f"loops end silently after {self.reached:,} iterations"
-        return f"no loop limit seen up to {self.asked:,}"
+        return f"no loop limit up to {self.asked:,}"
 
 
 @dataclass(frozen=True, slots=True)
 class ClockReport:
-    """Which clock times the draws, and the self-test's words."""
+    """The clock that times draws, and the verdict of its self-test."""
 
     kind: Kind
     verdict: str
@@ -64,7 +64,7 @@ class ClockReport:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One backend: what it is made of where it works, else the driver's answer and the cure."""
+    """One backend: its properties if it works, else the driver's message and a remedy."""
 
     backend: str
     works: bool
@@ -76,7 +76,7 @@ class Report:
     clock: ClockReport | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Numbers, texts, lists and dicts alone, as JSON takes them; what is unknown is None."""
+        """The report as JSON types; unknown values are None."""
         plain = asdict(self)
         if self.loops is not None:
             plain["loops"] |= {"is_limited": self.loops.is_limited, "words": self.loops.words}
@@ -86,10 +86,10 @@ class Report:
 
 
 def examine(backends: Sequence[str] = BACKENDS) -> list[Report]:
-    """Open each backend in turn, test it and release it: one report for each, in the given order.
+    """Open, test and release each backend. Returns one report for each, in the given order.
 
-    Takes about a second. Never raises for a backend that does not work: its report says why.
-    DeviceError for a name that is no backend.
+    Takes about a second. A backend that does not work raises nothing: its report has the reason. Raises DeviceError for
+    an unknown backend.
     """
     unknown = [backend for backend in backends if backend not in BACKENDS]
     if unknown:
@@ -114,9 +114,9 @@ def _examine(backend: str) -> Report:
 
 
 def count_loop(context: Context, iterations: int = LOOP_ITERATIONS) -> LoopLimit:
-    """Run a shader loop of `iterations`, from 1 to 2^24, on one pixel, and read back how far it came.
+    """Run a shader loop of `iterations`, from 1 to 2^24, on one pixel, and return the number of iterations made.
 
-    llvmpipe ends every loop after 65,535 iterations of all loops of an invocation together, and says nothing.
+    llvmpipe silently ends every loop after 65,535 iterations of all loops of an invocation together.
     """
     with (
         Target(context, (1, 1)) as target,
@@ -124,7 +124,7 @@ def count_loop(context: Context, iterations: int = LOOP_ITERATIONS) -> LoopLimit
             context, FULL_SCREEN, _LOOP_FRAGMENT, lambda line: (f"the loop test (line {line})", None), "loop test"
         ) as program,
     ):
-        # The generator's period is 2^32 and it comes to 1 last of all, so the loop never breaks by itself.
+        # The generator has period 2^32 and reaches 1 last, so the loop never breaks by itself.
         program.draw(target, {"iterations": iterations, "never": 1})
         return LoopLimit(iterations, int(target.read()[0, 0, 0]))
 

@@ -1,4 +1,4 @@
-"""The draws of a frame, in their order: cones from coarse to fine, then what was asked for, once for each sample."""
+"""The draw calls of a frame in order: cones from coarse to fine, then the requested passes, once per sample."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from raymarch.plan.schedule import Level
 
 @dataclass(frozen=True, slots=True)
 class DrawCall:
-    """A pass with its program, target and uniforms, ready to be drawn, whole or tile by tile.
+    """A pass with its program, target and uniforms. It can be drawn at once or in tiles.
 
-    `compile` is what the driver took to compile the program for it, in milliseconds; 0 if it had been.
+    `compile` is the time in milliseconds that the driver took to compile the program; 0 if it was cached.
     """
 
     chosen: Pass
@@ -32,23 +32,24 @@ class DrawCall:
     compile: float
 
     def draw(self, tile: tuple[int, int, int, int] | None = None) -> None:
-        """Draw without waiting for the device; `tile` as in `Program.draw`."""
+        """Draw without waiting for the device. tile : as in `Program.draw`."""
         self.program.draw(self.target, self.uniforms, tile)
 
 
 @dataclass(slots=True)
 class History:
-    """What earlier frames left for the next one.
+    """The state that a frame reuses from earlier frames.
 
     Attributes
     ----------
-    view : all that the cones depend on, of those that were drawn last. text : the shader of the last picture.
-    samples : how many of a pixel were averaged since the picture changed.
-    cones : whether the last picture drew its cones itself.
-    before : the camera of the last picture, as uniforms; None if there is none.
-    values : all uniforms of the last picture but for textures of data. shader : its text.
-    frames : pictures since all was forgotten.
-    marched : passes that the rays of the picture were marched in so far. arrived : whether none is on its way.
+    view : the inputs of the cones that were drawn last.
+    text : the shader text of the last picture.
+    samples : number of samples per pixel that were averaged since the picture changed.
+    cones : whether the last picture drew its own cones.
+    before : the camera uniforms of the last picture; None if there is none.
+    values : all uniforms of the last picture except data textures. shader : its text.
+    frames : number of pictures since the history was reset.
+    marched : number of march passes of the picture so far. arrived : whether all rays have terminated.
     """
 
     view: Any = None
@@ -63,9 +64,9 @@ class History:
     arrived: bool = False
 
     def begin(self, view: Any, text: str | None, keep: bool) -> bool:
-        """Begin a frame; True if its cones are still there.
+        """Begin a frame. Returns True if the cones of the last one can be reused.
 
-        view, text : as above; no text for a frame without a picture. keep : False to take nothing from before.
+        view, text : as above; text is None for a frame without a picture. keep : False to reuse nothing.
         """
         kept = keep and view == self.view
         if text is not None:
@@ -85,10 +86,10 @@ def draw_calls_of(
     history: History,
     enough: Callable[[], bool] | None = None,
 ) -> Iterator[DrawCall]:
-    """All draws of a frame. `history` is brought up to date as if they had been drawn.
+    """All draw calls of a frame. Updates `history` as if they were drawn.
 
-    enough : asked after each pass of a march that takes several, whether the rest may wait for the next frame. Then
-        each call is to be drawn before the next is asked for. None makes as many passes as there can be.
+    enough : called after each pass of a march that is split into several; True postpones the rest to the next frame.
+        Each call must then be drawn before the next is requested. None makes the maximum number of passes.
     """
     keep = ready.plan.scene.quality.temporal != "off"
     kept = history.begin(_view(ready, uniforms, size), ready.texts.get("color"), keep)
@@ -123,7 +124,8 @@ def _marched(
     history: History,
     enough: Callable[[], bool] | None,
 ) -> Iterator[DrawCall]:
-    """Some steps of all rays a draw, in turn into one pair of textures and the other, until all have arrived."""
+    """The passes of a split march, each with some steps of all rays, into alternate targets, until all have
+    terminated."""
     plan = ready.plan
     steps_per_pass = plan.scene.quality.steps_per_pass
     assert steps_per_pass is not None
@@ -142,7 +144,7 @@ def _marched(
         pair.swap()
         history.marched += 1
         if enough is not None and history.marched < passes:
-            if not resources.on_their_way(pair):
+            if not resources.count_active(pair):
                 history.marched = passes
             elif enough():
                 break
@@ -150,7 +152,7 @@ def _marched(
 
 
 def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
-    """What is seen and from where, to compare: the field, the quality, the camera and all values."""
+    """All inputs of the cones, for comparison: the field, the quality, the camera and all values."""
     read = {name: value for name, value in uniforms.items() if name != "u_time" or ready.shader.uses_time}
     numbers = tuple((name, _content(value)) for name, value in sorted(read.items()))
     constants = tuple((name, *sorted(values.items())) for name, values in sorted(ready.constants.items()))
@@ -158,7 +160,7 @@ def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -
 
 
 def _content(value: Any) -> Any:
-    """A uniform's value, to compare: numbers by their bits, textures by their identity."""
+    """The value of a uniform, for comparison: numbers by their bits, textures by identity."""
     if isinstance(value, int | float | tuple | list | np.ndarray):
         return np.asarray(value, np.float64).tobytes()
     return id(value)
@@ -180,7 +182,7 @@ def _samples(
     size: tuple[int, int],
     history: History,
 ) -> Iterator[DrawCall]:
-    """A draw for each sample, in turn into one target and the other."""
+    """One draw call per sample, into alternate targets."""
     pair = resources.pair("history", size)
     for _ in range(ready.plan.scene.quality.samples):
         own = {
@@ -203,9 +205,9 @@ def _joined(
     size: tuple[int, int],
     history: History,
 ) -> Iterator[DrawCall]:
-    """Two draws for each sample: what it sees, and that joined to what earlier frames saw.
+    """Two draw calls per sample: the sample itself, and its combination with the history.
 
-    Where something but the camera changed since the last frame, a draw between them, with the values of that one.
+    If anything except the camera changed since the last frame, a draw between them uses the uniforms of that frame.
     """
     sample = next(p for p in ready.plan.passes if p.name == "sample")
     pair = resources.pair("history", size, chosen.textures)
@@ -244,13 +246,13 @@ def _joined(
 
 
 def _scene_values(ready: Prepared) -> set[str]:
-    """The uniforms by which a scene can change, the camera apart."""
+    """Names of the uniforms through which the scene can change, except those of the camera."""
     names = {uniform for name, uniform in ready.shader.parameters.items() if name not in ready.plan.twins}
     return names | {"u_lights", "u_sky_light"} | ({"u_time"} if ready.shader.uses_time else set())
 
 
 def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> bool:
-    """True if the scene is not as it was in the last picture."""
+    """True if the scene differs from that of the last picture."""
     names = _scene_values(ready) & set(uniforms)
     return history.shader == history.text and any(
         _content(uniforms[name]) != _content(history.values[name]) for name in names
@@ -260,7 +262,7 @@ def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> 
 def _earlier(
     resources: ResourceCache, ready: Prepared, uniforms: Mapping[str, Any], history: History
 ) -> dict[str, Any]:
-    """The uniforms of the last picture, in place of those of this one."""
+    """The uniforms of the last picture, to replace those of this one."""
     twins = {ready.shader.parameters[name] for name in ready.plan.twins}
     lost = {"u_lights"} if not resources.has_lights(history.values.get("u_lights")) else set()
     return {name: value for name, value in history.values.items() if name in uniforms and name not in twins | lost}
@@ -270,12 +272,12 @@ CAMERA = {"position": "u_camera_position", "frame": "u_camera_frame", "tan_half_
 """The uniforms of the camera."""
 
 PERIOD = 16
-"""Samples after which the jitter of a moving picture repeats: about what its history remembers."""
+"""Period of the jitter of a moving picture, in samples: about the length of its history."""
 
 
 def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) -> bool:
-    """True if the camera went so far between two frames that nothing of the history is of use: turned by more than a
-    third of a radian, or moved by more than a tenth of the scene's depth, or zoomed by half."""
+    """True if the camera changed so much between two frames that the history is useless: a rotation of more than 1/3
+    radian, a translation of more than a tenth of `far`, or a zoom by a factor of 1.5."""
     turned = float(np.dot(np.asarray(before["frame"])[:, 2], np.asarray(camera["frame"])[:, 2])) < math.cos(1 / 3)
     moved = float(np.linalg.norm(np.subtract(before["position"], camera["position"]))) > 0.1 * far
     zoomed = not 2 / 3 < before["tan_half_fov"] / camera["tan_half_fov"] < 3 / 2
@@ -285,19 +287,20 @@ def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) ->
 # Cones
 
 UNREAD = (3, 3)
-"""Size of a texture that is bound and not read. Edges that are powers of two make another kind of texture."""
+"""Size of a texture that is bound and not read. Edges are no powers of two, which Mesa treats as another kind of
+texture."""
 
 
 def _cones(
     resources: ResourceCache, ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]
 ) -> tuple[list[DrawCall], dict[str, Any]]:
-    """The draws of the levels, and what the rays take over from the last."""
+    """The draw calls of all cone levels, and the uniforms by which the rays read the last level."""
     plan = ready.plan
     (chosen,) = (p for p in plan.passes if p.name == "cone")
     steps = plan.scene.quality.max_steps
     jittered = plan.marching.jittered
-    # Mesa's software renderer compiles a program anew for each kind of texture that it finds bound, read or not: the
-    # first level gets one like those of the others, and not whatever was bound last.
+    # Mesa's software renderer recompiles a program for each kind of bound texture, even if it is not read: the first
+    # level gets a texture of the same kind as the other levels.
     carried: dict[str, Any] = {"u_carried": resources.target("no cone", UNREAD), "u_carried_cell": (0.0, 0.0)}
     draw_calls = []
     for i, level in enumerate(plan.marching.schedule.levels):
@@ -323,10 +326,10 @@ def _cones(
 
 
 def cells(level: Level, size: tuple[int, int], jittered: bool) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Width and height in pixels of a level's cells, and half the part of a cell that rays come from.
+    """Width and height of a level's cells in pixels, and the half extent of the part of a cell that contains rays.
 
-    Rays come from the middles of pixels unless they are jittered. Where cells hold whole pixels, no ray comes
-    from the outer half pixel of a cell.
+    Rays pass through pixel centres unless they are jittered. If cells consist of entire pixels, no ray passes through
+    the outer half pixel of a cell.
     """
     cell, footprint = [], []
     for pixels, count in zip(size, level.size(size), strict=True):
@@ -337,19 +340,19 @@ def cells(level: Level, size: tuple[int, int], jittered: bool) -> tuple[tuple[fl
 
 
 def widest(footprint: tuple[float, float], pixel: float) -> float:
-    """The largest distance between the direction in a cell's middle and another of its rays, both of length 1.
+    """The largest distance between the unit direction at a cell's centre and that of another of its rays.
 
-    footprint : half of the part that rays come from, in pixels. pixel : width of a pixel at distance 1.
+    footprint : half extent of the part of a cell that contains rays, in pixels. pixel : width of a pixel at distance 1.
 
-    A chord of the unit sphere; for an offset h in the plane of the picture it is the longest, 2 sin(atan(h / 2)), where
-    the camera's axis halves it. Padded by 2 ulp, by which directions are rounded.
+    This is a chord of the unit sphere. For an offset h in the image plane it is at most 2 sin(atan(h / 2)), which is
+    reached if the camera's axis bisects it. Padded by 2 ulp for the rounding of directions.
     """
     offset = math.hypot(*footprint) * pixel
     return 2.0 * math.sin(math.atan(0.5 * offset)) + 2.0**-22
 
 
 def count_draws(ready: Prepared) -> int:
-    """How many draws a frame can take at most."""
+    """The maximum number of draw calls of a frame."""
     plan = ready.plan
     quality = plan.scene.quality
     several = {

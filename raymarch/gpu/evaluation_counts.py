@@ -1,7 +1,7 @@
-"""What shading costs: evaluations of the field after the ray has hit, counted by the shader itself.
+"""Evaluation counts: field evaluations of marching and of shading, counted by the shader.
 
-The text of the picture's shader is compiled once more with a counter around the field. Its picture is the same;
-pictures that nobody asks this of do not have the counter.
+The shader of the picture is compiled again with a counter in its field function. Other pictures do not have the
+counter.
 """
 
 from __future__ import annotations
@@ -23,40 +23,46 @@ from raymarch.scene.scene import Scene
 
 
 @dataclass(frozen=True)
-class Effort:
-    """Evaluations of the field a pixel, each (H, W): to find the hit, and to shade it (shadows, occlusion, bounces).
+class EvaluationCounts:
+    """Field evaluations per pixel, each (H, W): `marching` finds the hit, `shading` is shadows, occlusion and bounces.
 
-    Gradients for normals are not among them: they are functions of their own.
+    Gradients for normals are not counted, since they are separate functions.
     """
 
     marching: NDArray[np.float32]
     shading: NDArray[np.float32]
 
 
-def effort(renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None) -> Effort:
-    """Count the evaluations of one sample of a picture, marched without cones; errors are those of
-    `Renderer.render`."""
+def count_evaluations(
+    renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None
+) -> EvaluationCounts:
+    """Count the evaluations of one sample per pixel, marched without cones. Errors are those of `Renderer.render`."""
     scene = scene.replace(quality=scene.quality.replace(samples=1, temporal="off", schedule="single"))
     ready = prepare(scene)
     call = renderer.draw_calls(scene, time, params)[-1]
     with Target(renderer.context, renderer.size) as target:
-        program = Program(renderer.context, ready.vertex, counting(ready.texts["color"]), ready.shader.locate, "effort")
+        text = counting(ready.texts["color"])
+        program = Program(renderer.context, ready.vertex, text, ready.shader.locate, "evaluation counts")
         try:
             program.draw(target, call.uniforms)
             counts = target.read()
         finally:
             program.release()
-    return Effort(counts[..., 0].copy(), counts[..., 1].copy())
+    return EvaluationCounts(counts[..., 0].copy(), counts[..., 1].copy())
 
 
 def counting(text: str) -> str:
-    """The text of a picture's shader that shows counts in place of colours."""
+    """The text of a picture's shader, changed to write counts instead of colours."""
     head = re.search(r"^float field\((vec3 \w+)\) \{$", text, re.MULTILINE)
     found, shown = "    Hit hit = trace(ray);\n", "\n}\n"
     if head is None or found not in text or not text.endswith(shown):
-        raise DeviceError("this shader's evaluations cannot be counted", legal="a picture without samples and history")
-    wrapped = f"float asked = 0.0;\nfloat field_itself({head[1]});\n\nfloat field({head[1]}) {{\n    asked += 1.0;\n"
+        raise DeviceError(
+            "the evaluations of this shader cannot be counted", legal="a picture without samples and history"
+        )
+    wrapped = (
+        f"float evaluated = 0.0;\nfloat field_itself({head[1]});\n\nfloat field({head[1]}) {{\n    evaluated += 1.0;\n"
+    )
     wrapped += f"    return field_itself({head[1].split()[1]});\n}}\n\n"
     text = text.replace(head[0], wrapped + head[0].replace("float field(", "float field_itself("), 1)
-    text = text.replace(found, f"{found}    float before = asked;\n", 1)
-    return text[: -len(shown)] + "\n    out_color = vec4(before, asked - before, 0.0, 1.0);" + shown
+    text = text.replace(found, f"{found}    float before = evaluated;\n", 1)
+    return text[: -len(shown)] + "\n    out_color = vec4(before, evaluated - before, 0.0, 1.0);" + shown

@@ -1,4 +1,4 @@
-"""What the device answers in the middle of a frame, as an error that names the pass."""
+"""Errors of the device during a frame, with the name of the pass."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from raymarch.errors import DeviceError
 
 @contextmanager
 def in_pass(*names: str) -> Iterator[None]:
-    """Where the driver fails (out of memory, a lost context) while it works for some passes: DeviceError, their names.
+    """Convert a failure of the driver (out of memory, a lost context) to a DeviceError that names the passes.
 
-    Errors that the driver caused and that do not name a pass yet get the name; what a user asked for wrongly does not.
+    A DeviceError that the driver caused and that names no pass yet gets the names; invalid input of the user does not.
     """
     what = f"pass {' and '.join(names)}"
     try:

@@ -17,15 +17,15 @@ Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 
 
 def srgb(linear: NDArray[Any]) -> NDArray[np.uint8]:
-    """Linear values to 8-bit sRGB (IEC 61966-2-1); what lies outside [0, 1] is clipped."""
+    """Convert linear values to 8-bit sRGB (IEC 61966-2-1). Values outside [0, 1] are clipped; NaN becomes 0."""
     return encode(np.clip(np.nan_to_num(linear.astype(np.float64), nan=0.0), 0.0, 1.0))
 
 
 @dataclass(slots=True)
 class Timing:
-    """Milliseconds of one pass: `draw` by the renderer's clock, `compile` of the driver if it was needed now.
+    """Time of one pass in milliseconds: `draw` by the renderer's clock, `compile` by the driver (0 if cached).
 
-    `first` marks the first draw of a program, in which drivers finish their work; do not compare it with others.
+    `first` marks the first draw of a program, which includes deferred compilation; do not compare it with others.
     """
 
     name: str
@@ -36,9 +36,9 @@ class Timing:
 
 @dataclass(slots=True)
 class Frame:
-    """One picture. Arrays are (H, W) or (H, W, 3) with row 0 at the top.
+    """One rendered picture. Arrays have shape (H, W) or (H, W, 3); row 0 is the top.
 
-    Arrays that were not asked for ahead are rendered when first accessed; the renderer must still be open then.
+    Arrays that were not listed in `outputs` are rendered on first access; the renderer must still be open then.
     """
 
     size: tuple[int, int]
@@ -48,22 +48,24 @@ class Frame:
     _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
     tone: ToneMapping = field(default_factory=ToneMapping, repr=False)
     complete: bool = True
-    """False if rays are still on their way, which the next frame of the same picture goes on with."""
+    """False if some rays have not terminated; the next frame of the same picture continues them."""
     pose: Pose | None = field(default=None, repr=False)
     warnings: Sequence[str] = ()
-    """Values of this frame that are out of their legal range, a sentence each."""
+    """One sentence for each value that is outside its legal range in this frame."""
     _doubts: Callable[[Frame, bool], list[str]] | None = field(default=None, repr=False)
 
     def doubts(self, steps: bool = False) -> list[str]:
-        """Why this picture may not be what was meant, a sentence each; empty if nothing speaks against it.
+        """Reasons to doubt this picture, one sentence each; empty if there are none.
 
-        Values out of their range, colours that are not finite, a picture without a hit (which is marched once more to
-        be sure). steps : also whether too many rays ran out of steps, for which some rays are marched once more.
+        The checks are: values outside their range, colours that are not finite, and a picture without a hit (which
+        renders the depth to confirm).
+
+        steps : also check whether too many rays ran out of steps. This marches a sparse subset of the rays again.
         """
         return list(self.warnings) if self._doubts is None else self._doubts(self, steps)
 
     def array(self, name: str) -> NDArray[Any]:
-        """An array by its name, one of `raymarch.plan.OUTPUTS`."""
+        """An array by name, one of `raymarch.plan.OUTPUTS`."""
         if name not in self._arrays:
             arrays, timings = self._render(name)
             self._arrays.update(arrays)
@@ -77,27 +79,27 @@ class Frame:
 
     @property
     def depth(self) -> NDArray[np.float32]:
-        """Distance along the ray, float32, (H, W); infinite where nothing was hit."""
+        """Distance along the ray, float32, (H, W); inf for a miss."""
         return self.array("depth")
 
     @property
     def normal(self) -> NDArray[np.float32]:
-        """Outward unit normal, float32, (H, W, 3); 0 where nothing was hit."""
+        """Outward unit normal, float32, (H, W, 3); 0 for a miss."""
         return self.array("normal")
 
     @property
     def iterations(self) -> NDArray[np.int32]:
-        """Steps of the primary ray and of the cones around it, int32, (H, W)."""
+        """Steps of the primary ray and of the cones that contain it, int32, (H, W)."""
         return self.array("iterations")
 
     @property
     def evaluations(self) -> NDArray[np.float32]:
-        """Evaluations of the field by the primary ray and, shared out, by the cones around it, float32, (H, W)."""
+        """Field evaluations of the primary ray, plus its portion of those of the cones around it, float32, (H, W)."""
         return self.array("evaluations")
 
     @property
     def fallbacks(self) -> NDArray[np.int32]:
-        """Steps of the primary ray that proved too long and were undone, int32, (H, W)."""
+        """Steps of the primary ray that were too long and were undone, int32, (H, W)."""
         return self.array("fallbacks")
 
     @property
@@ -107,45 +109,46 @@ class Frame:
 
     @property
     def reach(self) -> NDArray[np.float32]:
-        """How far the primary ray came, float32, (H, W): to its hit, or to where it was nearest to a surface."""
+        """Distance that the primary ray reached, float32, (H, W): its hit, or the point where it was closest to a
+        surface."""
         return self.array("reach")
 
     @property
     def residual(self) -> NDArray[np.float32]:
-        """Size of the field at the last sample, float32, (H, W)."""
+        """Absolute value of the field at the last sample, float32, (H, W)."""
         return self.array("residual")
 
     @property
     def material(self) -> NDArray[np.int32]:
-        """Index into the scene's materials, int32, (H, W); -1 where nothing was hit."""
+        """Index into the scene's materials, int32, (H, W); -1 for a miss."""
         return self.array("material")
 
     @property
     def slice(self) -> NDArray[np.float32]:
-        """The field and the size of its gradient where the rays meet a plane, float32, (H, W, 2); NaN elsewhere."""
+        """Field value and gradient magnitude where the rays intersect a plane, float32, (H, W, 2); NaN elsewhere."""
         return self.array("slice")
 
     @property
     def cycles(self) -> NDArray[np.float32]:
-        """Clock cycles of the processor from a pixel's ray to its colour, float32, (H, W).
+        """Clock cycles that the shader spends on a pixel, from its ray to its colour, float32, (H, W).
 
-        What the processor does for others meanwhile counts too: pixels that are drawn together share their number.
-        DeviceError on access if the driver has no GL_ARB_shader_clock.
+        Work that the processor does for other pixels in the meantime is included; pixels that are drawn together have
+        the same count. DeviceError on access if the driver has no GL_ARB_shader_clock.
         """
         return self.array("cycles")
 
     @property
     def milliseconds(self) -> float:
-        """Time of the passes drawn so far, without compilation."""
+        """Draw time of all passes so far in milliseconds, without compilation."""
         return sum(t.draw for t in self.timings)
 
     def image(self) -> Image.Image:
-        """The picture as 8-bit sRGB, its light brought to the screen by `tone`."""
+        """The picture as 8-bit sRGB, after tone mapping by `tone`."""
         return Image.fromarray(self.tone.image(self.color))
 
 
 def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:
-    """The arrays that a pass's textures hold, by name."""
+    """Split the textures of a pass into arrays by name."""
     if name == "color":
         return {"color": textures[0][..., :3].copy()}
     if name == "cycles":

@@ -1,13 +1,14 @@
-"""Where in its pixel each sample's ray goes through: low-discrepancy sequences."""
+"""Low-discrepancy sequences: the position of each sample's ray in its pixel."""
 
 from __future__ import annotations
 
 PLASTIC = 1.3247179572447460
-"""The real root of x^3 = x + 1: its powers give the two-dimensional sequence with the least known discrepancy."""
+"""The real root of x^3 = x + 1; its powers define the two-dimensional sequence of lowest known discrepancy."""
 
 
 def r2(index: int) -> tuple[float, float]:
-    """Sample `index` of the R2 sequence (Roberts 2018) in [-0.5, 0.5), moved so that sample 0 is the pixel's middle."""
+    """Sample `index` of the R2 sequence (Roberts 2018) in [-0.5, 0.5), shifted so that sample 0 is the centre of the
+    pixel."""
     x, y = (0.5 + index / PLASTIC) % 1.0, (0.5 + index / PLASTIC**2) % 1.0
     return x - 0.5, y - 0.5
 

@@ -1,4 +1,4 @@
-"""A scene made ready for drawing: all that is decided once, before any frame. Needs no context."""
+"""Preparation of a scene for rendering: plan, shader texts and uniforms. Needs no OpenGL context."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class Prepared:
 
     Attributes
     ----------
-    plan, shader : what is drawn.
-    texts : the fragment shader by pass. vertex : the vertex shader of them all.
-    distance : the field in float64, a function of points from the plan's origin that gives a tuple of one array.
-    constants : by pass, uniforms that stand in its text in place of numbers, and their values.
+    plan, shader : of the scene.
+    texts : the fragment shader of each pass. vertex : the vertex shader of all passes.
+    distance : the field in float64, a function of points relative to the plan's origin; returns a tuple of one array.
+    constants : for each pass, the uniforms that replace numbers of its text, and their values.
     """
 
     plan: Plan
@@ -46,26 +46,26 @@ class Prepared:
 
 
 def prepare(scene: Scene, outputs: Sequence[str] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
-    """Plan and assemble a scene for the passes that yield some outputs. May run in any thread.
+    """Plan and assemble a scene for the passes that render `outputs`. May run in any thread.
 
-    size : (width, height) of the picture, by which the plan weighs what a further pass would save.
+    size : (width, height) of the picture, by which the plan estimates the gain of further passes.
     Raises SceneError for an unknown output and PlanError for a scene that cannot be planned.
     """
     return assembled(plan(scene, passes_for(outputs), size))
 
 
 def assembled(made: Plan) -> Prepared:
-    """The shader of a plan, ready for drawing."""
+    """Assemble the shader of a plan."""
     shader = assemble(made)
     texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
     vertex = RAYS if made.scene.quality.rays == "interpolated" else FULL_SCREEN
     known = not without_twin(made.field.body)
-    distance = evaluator([made.field.body], made.field.params) if known else _outside
+    distance = evaluator([made.field.body], made.field.params) if known else _always_outside
     return Prepared(made, shader, texts, vertex, distance)
 
 
 def passes_for(outputs: Sequence[str]) -> list[str]:
-    """The passes that yield some outputs."""
+    """The names of the passes that render `outputs`."""
     if not isinstance(outputs, Iterable) or isinstance(outputs, np.ndarray | np.generic | Expr):
         raise SceneError(f"outputs = {short(outputs)} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
     names = [outputs] if isinstance(outputs, str) else list(outputs)
@@ -76,17 +76,17 @@ def passes_for(outputs: Sequence[str]) -> list[str]:
     return [name for name in DRAWN if name in wanted] or ["color"]
 
 
-def _outside(position: Any) -> tuple[float]:
-    """In place of a field that only the GPU knows: the camera is taken to be outside."""
+def _always_outside(position: Any) -> tuple[float]:
+    """Replaces a field without a CPU evaluation (raw GLSL): the camera is assumed to be outside."""
     return (1.0,)
 
 
 def frame_uniforms(
     ready: Prepared, values: Values, size: tuple[int, int], pose: Pose | None = None, cut: Slice | None = None
 ) -> dict[str, Any]:
-    """What changes without a recompile: camera, size, parameters, time. Worked out in float64.
+    """The uniforms of a frame: camera, size, parameters, time. Computed in float64.
 
-    pose : a camera in place of the scene's. cut : the plane of a slice; None is the one that faces the camera.
+    pose : camera pose to use instead of the scene's. cut : plane of a slice; None is the one that faces the camera.
     """
     scene = ready.plan.scene
     values = at_moment(ready.plan.moments, values)
@@ -109,17 +109,17 @@ def frame_uniforms(
         uniforms["u_slice"] = (*plane.normal, plane.offset - float(origin @ plane.normal))
     for name, uniform in ready.shader.parameters.items():
         twin = ready.plan.twins.get(name)
-        uniforms[uniform] = values.params[name] if twin is None else _present(twin, values)
+        uniforms[uniform] = values.params[name] if twin is None else _leaf_value(twin, values)
     return uniforms
 
 
-def _present(leaf: Expr, values: Values) -> Value:
-    """The value of a parameter, or of time."""
+def _leaf_value(leaf: Expr, values: Values) -> Value:
+    """The value of a parameter or of time."""
     return values.time if leaf.op == "time" else values.params[leaf.data.name]
 
 
 def side_of(ready: Prepared, values: Values, position: NDArray[Any]) -> float:
-    """-1 if a position is inside a solid, else 1; in float64, once a frame."""
+    """-1 if a position is inside the solid, else 1. Evaluated in float64, once per frame."""
     with bound(values.params, values.time):
         distance = ready.distance(position)[0]
     return -1.0 if distance < 0.0 else 1.0

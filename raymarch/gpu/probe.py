@@ -1,8 +1,8 @@
-"""The probe: a picture drawn once more with its field looked at node by node.
+"""The probe: renders a picture with instrumentation of every node of its field.
 
-It finds the first value of each node that is not finite or out of its domain (`raymarch.expr.faults` says what that
-is), and the steepest slope that each node shows between two samples, to be held against the slope that it promises.
-Rays are the ones of the picture, those of shadows and reflections too, by one sample a pixel and without cones.
+It finds the first value of each node that is not finite or outside its domain (see `raymarch.expr.faults`), and the
+largest slope of each node between two samples, to compare with its stated Lipschitz bound. The rays are those of the
+picture, including shadow and secondary rays, with one sample per pixel and without cones.
 """
 
 from __future__ import annotations
@@ -29,21 +29,27 @@ from raymarch.sdf.node import Node
 Progress = Callable[[float], None]
 
 FOUR = 4
-"""Nodes whose slopes one draw yields; see probe/watch.glsl."""
+"""Number of nodes whose slopes one draw measures; see probe/watch.glsl."""
 
 ALL = frozenset(range(4096))
-"""Numbers of nodes that can be heard one by one; the last stands for all beyond."""
+"""Indices of nodes that can be selected one by one; the last stands for all beyond."""
 
 CLEARLY = np.float32(1.02)
-"""A node is shown in place of one below it where it is steeper by this factor: both are sampled at their own points."""
+"""A node is shown instead of its descendant if its ratio is larger by this factor: both are sampled at their own
+points."""
 
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What the probe for values found.
+    """The result of the probe for faulty values.
 
-    reports : one for each node, those of the surface last. node : index into them of the first fault of each pixel, -1
-    for none, (H, W). kind : index into `raymarch.expr.faults.KINDS`, (H, W). value : (H, W). color : (H, W, 3), linear.
+    Attributes
+    ----------
+    reports : one for each node, then one for the surface.
+    node : index into `reports` of the first fault of each pixel, -1 for none, (H, W).
+    kind : index into `raymarch.expr.faults.KINDS`, (H, W).
+    value : the faulty value, (H, W).
+    color : the picture, linear RGB, (H, W, 3).
     """
 
     reports: tuple[Report, ...]
@@ -55,10 +61,15 @@ class Faults:
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """What the probe for slopes found.
+    """The result of the probe for slopes.
 
-    reports : one for each node. ratio : of each pixel the largest slope of a node over what the node promises (for an
-    estimate, what it is taken for), (H, W). node : index of that node, (H, W). color : (H, W, 3), linear.
+    Attributes
+    ----------
+    reports : one for each node.
+    ratio : the largest slope of a node over its Lipschitz bound (for an estimate, over the assumed bound) at each
+        pixel, (H, W).
+    node : index of that node, (H, W).
+    color : the picture, linear RGB, (H, W, 3).
     """
 
     reports: tuple[Report, ...]
@@ -69,13 +80,13 @@ class Slopes:
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """Faults and slopes of all nodes; `str()` is a table."""
+    """Faults and slopes of all nodes. `str()` returns a table."""
 
     reports: tuple[Report, ...]
 
     @property
     def sound(self) -> bool:
-        """True if no value is at fault and no node is steeper than it promises."""
+        """True if no value is faulty and no slope exceeds its Lipschitz bound."""
         return not any(report.faults or report.broken for report in self.reports)
 
     def __str__(self) -> str:
@@ -89,10 +100,11 @@ def probe(
     params: Mapping[str, Any] | None = None,
     backend: str = "auto",
 ) -> Probe:
-    """Look at every node of a scene while its picture is drawn.
+    """Check every node of a scene along the rays of its picture.
 
-    size : (width, height) in pixels, as for `render`. The errors are those of `Renderer.render`.
-    Returns reports, one for each node: values that are not finite or out of their domain, and the steepest slope.
+    Finds values that are not finite or outside their domain, and the largest slope of each node.
+
+    size : (width, height) in pixels, as for `render`. Errors are those of `Renderer.render`.
     """
     check_scene("probe", scene)
     with Renderer(size, backend) as renderer:
@@ -100,7 +112,7 @@ def probe(
 
 
 def probe_with(renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None) -> Probe:
-    """As `probe`, on a renderer that is there."""
+    """As `probe`, on an existing renderer."""
     check_scene("probe", scene)
     values = find_faults(renderer, scene, time, params).reports
     slopes = find_slopes(renderer, scene, time, params).reports
@@ -118,27 +130,29 @@ def find_faults(
     params: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Faults:
-    """The first value of each pixel that went wrong, and the nodes that it went wrong in."""
+    """Find the first faulty value of each pixel, and its node."""
     drawing = _Drawing(renderer, plan_faults(scene), time, params)
     count = len(drawing.probing.nodes)
     reports = [_report(node) for node in drawing.probing.nodes] + [Report(SURFACE, scene.where, np.inf)]
-    whole = drawing.draw({"u_heard": Elements(heard(ALL))}, progress)
-    found = [*_sites(whole)]
+    first_faults = drawing.draw({"u_heard": Elements(site_bits(ALL))}, progress)
+    found = [*_sites(first_faults)]
     more = found
-    while more:  # what was found is not heard, so that the rest shows
+    while more:  # mask the known sites, so that the others show
         more = [
-            site for site in _sites(drawing.draw({"u_heard": Elements(heard(ALL - set(found)))})) if site not in found
+            site
+            for site in _sites(drawing.draw({"u_heard": Elements(site_bits(ALL - set(found)))}))
+            if site not in found
         ]
         found += more
     for site in found:
-        alone = drawing.draw({"u_heard": Elements(heard([site]))})
+        alone = drawing.draw({"u_heard": Elements(site_bits([site]))})
         index = site - 1 if site else count
         reports[index] = replace(
             reports[index], faults=int(np.count_nonzero(alone[0][..., 0])), first=drawing.first(alone)
         )
-    kind, site_of = np.vectorize(decoded, otypes=[np.int32, np.int32])(whole[0][..., 0])
+    kind, site_of = np.vectorize(decoded, otypes=[np.int32, np.int32])(first_faults[0][..., 0])
     node = np.where(kind == 0, -1, np.where(site_of == 0, count, site_of - 1)).astype(np.int32)
-    return Faults(tuple(reports), node, kind, whole[0][..., 1].copy(), whole[2][..., :3].copy())
+    return Faults(tuple(reports), node, kind, first_faults[0][..., 1].copy(), first_faults[2][..., :3].copy())
 
 
 def find_slopes(
@@ -148,15 +162,15 @@ def find_slopes(
     params: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Slopes:
-    """How steep each node is along the rays."""
+    """Measure the slopes of each node along the rays."""
     drawing = _Drawing(renderer, plan_slopes(scene), time, params)
     nodes = drawing.probing.nodes
     height, width = renderer.size[1], renderer.size[0]
     ratio, steepest = np.zeros((height, width), np.float32), np.full((height, width), -1, np.int32)
-    held = ratio  # the ratio of the node that is shown
+    shown = ratio  # the ratio of the node that is shown
     reports = [_report(node) for node in nodes]
     color = np.zeros((height, width, 3), np.float32)
-    # A node comes before those below it: of equally steep ones the lowest is shown.
+    # A node precedes its descendants: of equal ratios the lowest node is shown.
     for first in range((len(nodes) - 1) // FOUR * FOUR, -1, -FOUR):
         slopes, _, colors = drawing.draw({"u_first": first + 1}, _part(progress, first, len(nodes)))
         color = colors[..., :3].copy()
@@ -164,8 +178,8 @@ def find_slopes(
             values = slopes[..., index - first]
             share = values / np.float32(nodes[index].facts.lipschitz)
             most = np.float32(1.0 + LEEWAY)
-            steeper = (share > held * CLEARLY) | ((share > most) & (held <= most))
-            steepest, held = np.where(steeper, np.int32(index), steepest), np.where(steeper, share, held)
+            steeper = (share > shown * CLEARLY) | ((share > most) & (shown <= most))
+            steepest, shown = np.where(steeper, np.int32(index), steepest), np.where(steeper, share, shown)
             ratio = np.maximum(ratio, share)
             row, x = np.unravel_index(int(np.argmax(values)), values.shape)
             reports[index] = replace(reports[index], slope=float(values[row, x]) * nodes[index].facts.divisor)
@@ -186,26 +200,26 @@ def _report(node: Node) -> Report:
 
 
 def _inheriting(reports: Sequence[Report], nodes: Sequence[Node]) -> tuple[Report, ...]:
-    """The reports, those of nodes above a broken one marked."""
+    """The reports, with `inherits` set for ancestors of a broken node."""
     broken = {id(node) for node, report in zip(nodes, reports, strict=True) if report.broken}
     below = [broken.intersection(map(id, all_nodes(node))) - {id(node)} for node in nodes]
     return tuple(replace(report, inherits=bool(some)) for report, some in zip(reports, below, strict=True))
 
 
-def heard(sites: Any) -> NDArray[np.uint32]:
-    """The uniform of note.glsl: one bit for each node whose faults are heard."""
+def site_bits(sites: Any) -> NDArray[np.uint32]:
+    """The uniform of probe/note.glsl: one bit for each node whose faults are recorded."""
     bits = np.zeros(4096, np.uint32)
     bits[[min(site, 4095) for site in sites]] = 1
     return np.asarray((bits.reshape(128, 32) << np.arange(32, dtype=np.uint32)).sum(axis=1), np.uint32)
 
 
 def _sites(arrays: Sequence[NDArray[np.float32]]) -> list[int]:
-    """The numbers of the nodes that have the first fault of some pixel."""
+    """The sites (index of the node + 1; 0 is the surface) of the first faults of all pixels."""
     return sorted({decoded(number)[1] for number in np.unique(arrays[0][..., 0]) if number > 0})
 
 
 class _Drawing:
-    """A probe's program with all its uniforms, to be drawn several times."""
+    """The program of a probe and its uniforms, for several draws."""
 
     def __init__(self, renderer: Renderer, probing: Probing, time: float, params: Mapping[str, Any] | None) -> None:
         self.probing = probing
@@ -230,14 +244,14 @@ class _Drawing:
         return [self.target.read(k) for k in range(self.target.attachments)]
 
     def first(self, arrays: Sequence[NDArray[np.float32]]) -> Fault:
-        """The topmost, leftmost fault of a draw."""
+        """The topmost, then leftmost fault of a draw."""
         fault, place = arrays[0], arrays[1]
         row, x = (int(k[0]) for k in np.nonzero(fault[..., 0]))
         kind, _ = decoded(float(fault[row, x, 0]))
         return Fault(KINDS[kind], float(fault[row, x, 1]), self._point(place[row, x]), (x, row))
 
     def placed(self, report: Report, number: int, pixel: Pixel) -> Report:
-        """The report with the place in the scene of the steepest slope, which is in a pixel."""
+        """The report with the position of its largest slope, which lies in `pixel`."""
         x, row = pixel
         tile = (x, self.target.size[1] - 1 - row, 1, 1)
         self.program.draw(self.target, {**self.uniforms, "u_first": number}, tile)

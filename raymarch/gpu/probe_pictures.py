@@ -1,4 +1,4 @@
-"""What the probe found, as pictures: which node by colour, with its name and line below."""
+"""The results of the probe as pictures: a colour for each node, and a legend with name and line."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ from raymarch.gpu.reports import LEEWAY, Report
 from raymarch.gpu.scale import Scale, with_bar, with_legend
 
 COLORS = ((255, 45, 45), (255, 0, 255), (255, 150, 0), (255, 255, 255), (255, 130, 170), (150, 90, 255))
-"""Of the nodes at fault, those of most pixels first; the rest share the last."""
+"""Colours of the faulty nodes, by decreasing number of pixels; further nodes share the last one."""
 
 DIM = 0.4
-"""How bright the picture is behind faults."""
+"""Brightness of the picture behind the faults."""
 
 SCALE = Scale(
-    "largest slope of a node over the one it promises; beyond 1 the node's own colour", 0.0, 1.0, colors="viridis"
+    "largest slope of a node / its Lipschitz bound; above 1 the colour of the node", 0.0, 1.0, colors="viridis"
 )
 
 
 def fault_picture(faults: Faults) -> Image.Image:
-    """The picture, grey and dim, and the pixels with a fault in the colour of the node of the first; a legend below."""
+    """The picture in dim grey, with faulty pixels in the colour of the node of their first fault, and a legend."""
     grey = srgb(faults.color).mean(axis=-1, keepdims=True)
     shown = np.repeat(DIM * grey, 3, axis=-1).astype(np.uint8)
     entries = _paint(shown, faults.node, faults.node >= 0, faults.reports, grey)
     pixels = int(np.count_nonzero(faults.node >= 0))
-    title = f"first value at fault: {pixels} of {faults.node.size} pixels"
+    title = f"first faulty value: {pixels} of {faults.node.size} pixels"
     return with_legend(Image.fromarray(shown), title, entries)
 
 
 def slope_picture(slopes: Slopes) -> Image.Image:
-    """The largest slope of each pixel over what its node promises, with a bar; where that is more than 1, the colour of
-    the node, with a legend."""
+    """The largest ratio of slope to Lipschitz bound at each pixel, with a bar; ratios above 1 have the colour of their
+    node, with a legend."""
     shown = np.asarray(np.rint(255 * SCALE.colored(slopes.ratio)), np.uint8)
     broken = slopes.ratio > 1.0 + LEEWAY
     grey = srgb(slopes.color).mean(axis=-1, keepdims=True)
     entries = _paint(shown, slopes.node, broken, slopes.reports, grey)
     pixels = int(np.count_nonzero(broken))
-    title = f"steeper than promised: {pixels} of {broken.size} pixels"
+    title = f"slope above the Lipschitz bound: {pixels} of {broken.size} pixels"
     return with_legend(with_bar(Image.fromarray(shown), SCALE), title, entries)
 
 
 def fault_numbers(faults: Faults) -> NDArray[np.float32]:
-    """(H, W, 3): number of the node from 1, 0 for none; kind of the fault; the value."""
+    """(H, W, 3): node counted from 1, 0 for none; kind of the fault; the value."""
     return np.stack([faults.node + 1, faults.kind, faults.value], axis=-1).astype(np.float32)
 
 
 def slope_numbers(slopes: Slopes) -> NDArray[np.float32]:
-    """(H, W, 3): slope over promise; number of the node from 1, 0 for none; the node's slope."""
+    """(H, W, 3): slope / Lipschitz bound; node counted from 1, 0 for none; the slope of that node."""
     taken = np.array([1.0, *(report.taken for report in slopes.reports)])
     return np.stack([slopes.ratio, slopes.node + 1, slopes.ratio * taken[slopes.node + 1]], axis=-1).astype(np.float32)
 
@@ -65,7 +65,7 @@ def _paint(
     reports: Sequence[Report],
     grey: NDArray[np.floating],
 ) -> list[tuple[tuple[int, int, int], str]]:
-    """Colour the pixels of each node, darker where the picture is, and say which colour is whose."""
+    """Colour the pixels of each node, shaded by the picture. Returns the entries of the legend."""
     numbers, counts = np.unique(node[where], return_counts=True)
     entries = []
     for rank, index in enumerate(numbers[np.argsort(-counts, kind="stable")]):

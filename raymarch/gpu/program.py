@@ -1,4 +1,4 @@
-"""Shader programs that fill a surface: what the driver refuses is traced to the line that made it."""
+"""Shader programs that fill a surface. Compile errors are mapped to the line that generated the code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from raymarch.gpu.context import Context
 from raymarch.gpu.targets import Surface, Target, confine
 
 FULL_SCREEN = """#version 330 core
-// One triangle that covers the surface, made of the vertex number alone: no buffer, and no diagonal
+// One triangle that covers the surface, from gl_VertexID alone: no vertex buffer, and no diagonal
 // along which two triangles would shade the same pixel quads twice.
 void main() {
     gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
@@ -26,7 +26,7 @@ void main() {
 """The vertex shader of every pass: three vertices without attributes, (-1, -1), (3, -1), (-1, 3)."""
 
 RAYS = """#version 330 core
-// As above, and the direction of the ray at each corner, not of length 1: it is linear over the picture.
+// As above, with the unnormalized ray direction at each corner, which is linear over the picture.
 uniform mat3 u_camera_frame;
 uniform float u_tan_half_fov;
 uniform vec2 u_resolution;
@@ -40,10 +40,10 @@ void main() {
     gl_Position = vec4(corner, 0.0, 1.0);
 }
 """
-"""The vertex shader of passes whose rays are interpolated between the corners of the picture."""
+"""The vertex shader of passes that interpolate rays between the corners of the picture."""
 
 Locate: TypeAlias = Callable[[int], tuple[str, Location | None]]
-"""Maps a line of the fragment shader, from 1, to what made it and to the user's own line, if there is one."""
+"""Maps a line of the fragment shader, from 1, to a description of its origin and to the user's line, if any."""
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
 
@@ -63,7 +63,7 @@ _MESSAGE_FORMS = tuple(
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One line of a driver's log: the shader's line, from 1, the column where the driver gives one, the text."""
+    """One message of a driver's log: line of the shader, from 1, column if the driver reports it, text."""
 
     line: int
     column: int | None
@@ -72,9 +72,9 @@ class Message:
 
 
 def parse_messages(text: str) -> list[Message]:
-    """The messages in a driver's compile log that carry a line, in their order; other lines are passed over.
+    """The messages with a line number in a driver's compile log, in order; other lines are ignored.
 
-    Knows the forms of Mesa, of NVIDIA, of ANGLE, Apple and Intel, and of AMD.
+    Supports the formats of Mesa, NVIDIA, ANGLE, Apple, Intel and AMD.
     """
     messages: list[Message] = []
     for entry in text.splitlines():
@@ -90,26 +90,26 @@ def parse_messages(text: str) -> list[Message]:
 
 
 class Elements(NamedTuple):
-    """The value of a uniform that is an array. Compilers drop last elements that no path reads; the rest is set."""
+    """The value of an array uniform. Compilers may remove unused elements at the end; the remaining ones are set."""
 
     values: NDArray[Any]
 
 
 class Program:
-    """One linked program: a pass that fills a surface, or a tile of it.
+    """A linked program: a pass that fills a surface, or a tile of it.
 
     Parameters
     ----------
-    context : where the program lives; bound here and by every method.
-    vertex : a vertex shader that needs no attributes and makes a triangle of gl_VertexID 0, 1, 2: `FULL_SCREEN`.
+    context : the context of the program; bound here and by every method.
+    vertex : a vertex shader without attributes that makes a triangle of gl_VertexID 0, 1, 2, such as `FULL_SCREEN`.
     fragment : the fragment shader, `#version 330 core`.
-    locate : see `Locate`; asked only where the driver refuses the shader.
+    locate : see `Locate`; called only if the driver refuses the shader.
     name : the pass, for messages.
 
     Raises
     ------
-    ShaderError : the driver refused; says the pass, the driver's first error and what made the line, `.where`
-        is the user's own line.
+    ShaderError : the driver refused the shader. The message has the pass, the driver's first error and the origin of
+        the line; `.where` is the user's line.
     """
 
     def __init__(self, context: Context, vertex: str, fragment: str, locate: Locate, name: str) -> None:
@@ -118,7 +118,7 @@ class Program:
         self.released = False
         with context.bound():
             try:
-                # Some versions of moderngl strip the text, which moves its lines: strip it here, for all alike.
+                # Some versions of moderngl strip the text, which shifts its lines; strip it here for all versions.
                 self._program = context.gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())
             except moderngl.Error as error:
                 raise _refusal(name, str(error), fragment, locate) from error
@@ -130,7 +130,7 @@ class Program:
 
     @property
     def uniforms(self) -> tuple[str, ...]:
-        """Names of the uniforms that the driver kept; it drops those that cannot change the picture."""
+        """Names of the active uniforms; the driver removes those without effect."""
         return tuple(name for name in self._program if isinstance(self._program[name], moderngl.Uniform))
 
     def draw(
@@ -140,22 +140,22 @@ class Program:
         tile: tuple[int, int, int, int] | None = None,
         blend: bool = False,
     ) -> None:
-        """Draw into all attachments of `target`; returns before the device is done.
+        """Draw into all attachments of `target`. Returns before the device has finished.
 
         Parameters
         ----------
-        uniforms : by name; names that the program does not have are passed over. Numbers and vectors as
+        uniforms : by name; unknown names are ignored. Numbers and vectors as
             numbers, sequences or arrays; a matrix as an array (rows, columns) that multiplies column vectors, as in
             `m @ v`; an array of n uniforms with n along the first axis; a sampler as a `Target` (its
             attachment 0), as (target, attachment) or as a moderngl texture.
         tile : (x, y, width, height) in pixels of gl_FragCoord, so y counts from the BOTTOM row; texels outside
             keep their values and cost nothing. gl_FragCoord is that of the whole surface. None draws everything.
-        blend : lay the colour over what is there, by its alpha (not premultiplied).
+        blend : blend the colour over the target by its alpha (not premultiplied).
 
         Raises
         ------
-        ValueError : a value that does not fit its uniform, a tile outside the surface, or a texture that is read and
-            drawn at once.
+        ValueError : a value that does not fit its uniform, a tile outside the surface, or a texture that is both read
+            and written.
         """
         width, height = target.size
         if tile is not None:
@@ -170,12 +170,12 @@ class Program:
             self._triangle.render(moderngl.TRIANGLES, vertices=3)
 
     def release(self) -> None:
-        """Free the program. Idempotent, and safe after the context's own release, which freed it already."""
+        """Free the program. Idempotent, and safe after the context was released, which frees it."""
         if self.released:
             return
         self.released = True
         if not self.context.released:
-            with self.context.bound():  # see Target.release: GL names repeat from context to context
+            with self.context.bound():  # see Target.release: contexts reuse GL names
                 self._triangle.release()
                 self._program.release()
 
@@ -190,7 +190,7 @@ class Program:
                 member.write(_uniform_bytes(self.name, member, value))
                 continue
             if isinstance(target, Target) and texture in target.textures:
-                raise ValueError(f"{self.name}: the texture of {name} is read and drawn at once; use a PingPong")
+                raise ValueError(f"{self.name}: the texture of {name} is read and written at once; use a PingPong")
             texture.use(unit)
             member.value = unit
             unit += 1
@@ -205,17 +205,17 @@ class Program:
 
 
 def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:
-    """The driver's log as an error that names what made the line."""
+    """A ShaderError for the driver's log that names the origin of the line."""
     heading, _, body = log.partition("=\n")
     in_fragment = "fragment_shader" in heading
     errors = [message for message in parse_messages(body) if message.severity == "error"]
     if not errors or not in_fragment:
-        # A linker's complaint has no line, and no user wrote the vertex shader.
+        # Link errors have no line, and the vertex shader is never the user's.
         stage = "the fragment shader" if in_fragment else "the vertex shader" if "vertex" in heading else "linking"
         first = errors[0].text if errors else next(filter(None, map(str.strip, body.splitlines())), log.strip())
         return ShaderError(f"pass {name}: the driver refused {stage}: {first}")
     first_error = errors[0]
-    # The text went to the driver stripped, so the driver's line 1 is the first line that is not blank.
+    # The driver got the stripped text, so its line 1 is the first line that is not blank.
     blank = fragment[: len(fragment) - len(fragment.lstrip())].count("\n")
     line = first_error.line + blank
     what, where = locate(line)
@@ -226,7 +226,7 @@ def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:
 
 
 def _as_texture(value: Any) -> moderngl.Texture | moderngl.Texture3D | None:
-    """The texture that a sampler is to read, or None where `value` is a number."""
+    """The texture for a sampler, or None if `value` is a number."""
     match value:
         case moderngl.Texture() | moderngl.Texture3D():
             return value
@@ -238,7 +238,7 @@ def _as_texture(value: Any) -> moderngl.Texture | moderngl.Texture3D | None:
 
 
 def _uniform_bytes(program: str, uniform: Any, value: Any) -> bytes:
-    """`value` in the layout of the uniform. OpenGL stores matrices by column, numpy by row."""
+    """`value` as bytes in the layout of the uniform. OpenGL stores matrices by column, NumPy by row."""
     kinds: dict[str, type[np.generic]] = {"f": np.float32, "i": np.int32, "I": np.uint32, "d": np.float64}
     kind = kinds[uniform.fmt[-1]]
     values = value.values[: uniform.array_length] if isinstance(value, Elements) else np.asarray(value)

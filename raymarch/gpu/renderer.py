@@ -1,4 +1,4 @@
-"""Running the passes of a plan: scene in, frame out."""
+"""The renderer: runs the passes of a plan and returns a frame."""
 
 from __future__ import annotations
 
@@ -34,27 +34,33 @@ from raymarch.scene.scene import Scene, check_scene
 Progress = Callable[[float], None]
 
 PLANNED = 8
-"""Scenes whose plan and shader a renderer keeps at least; it keeps more where it keeps more programs."""
+"""Minimum number of scenes whose plan and shader a renderer caches; the limit grows with `kept`."""
 
 
 class Renderer:
-    """Draws scenes of one size on one OpenGL context; use it with `with`.
+    """Renders scenes at one size on one OpenGL context. Use it as a context manager.
 
-    Any thread may use it: one draws a frame while the others wait. The contexts of other code (pygame, moderngl, glfw)
-    are left as they are. A process forked from one that has used OpenGL cannot draw: start it by "spawn".
+    A renderer may be shared between threads: one thread draws a frame while the others wait. The OpenGL contexts of
+    other code (pygame, moderngl, glfw) stay current. A process forked from one that has used OpenGL cannot draw; start
+    worker processes by "spawn".
 
     Parameters
     ----------
     size : (width, height) in pixels, from 1 to the driver's limit.
-    backend : "auto" takes the first that works of "egl", "osmesa" and "window" (a hidden one).
-    device : index of the EGL device.
-    context : an open context to draw on, which is left open by `close`; None opens one.
-    strict : a picture that has `Frame.doubts` is an error. Otherwise values out of their range are a RenderWarning.
+    backend : "egl", "osmesa", "window" (hidden), or "auto": the first of these that works.
+    device : index of the EGL device, >= 0.
+    context : an open context to draw on, which `close` leaves open; None opens a new one.
+    strict : True raises RenderError for a frame that has `Frame.doubts`. False emits a RenderWarning for values outside
+        their range.
 
-    `planned_for` is the size of pictures by which the plan weighs its passes; None is the size that is drawn, so that a
-    scene is planned anew where that changes.
+    Attributes
+    ----------
+    planned_for : (width, height) of the picture for which the plan chooses its passes. None is the rendered size;
+        scenes are then planned again after `resize`.
 
-    Raises DeviceError if there is no context, or for a size that the driver cannot draw.
+    Raises
+    ------
+    DeviceError : no context can be opened, or the driver cannot draw the size.
     """
 
     def __init__(
@@ -90,7 +96,7 @@ class Renderer:
 
     @property
     def kept(self) -> int:
-        """How many compiled programs are kept, >= 1; the one used longest ago is freed first."""
+        """Maximum number of compiled programs in the cache, >= 1; the least recently used one is freed first."""
         return self.resources.kept
 
     @kept.setter
@@ -99,11 +105,12 @@ class Renderer:
 
     @property
     def compiled(self) -> int:
-        """How many programs the driver compiled so far."""
+        """Number of programs that the driver has compiled so far."""
         return self.resources.compiled
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Draw at another size from now on; DeviceError, and the old size stays, if it is not possible."""
+        """Change the size of the following frames. DeviceError if the driver cannot draw it; the old size then
+        stays."""
         with self.context.bound():
             self._refuse_while_drawing("resize")
             self._size = self._target_size(size)
@@ -111,11 +118,11 @@ class Renderer:
             self.forget()
 
     def _target_size(self, size: Any) -> tuple[int, int]:
-        """A size that can be drawn."""
+        """The size, once a target of that size exists. DeviceError if the driver cannot draw it."""
         return self.resources.target("color", size.tolist() if isinstance(size, np.ndarray | np.generic) else size).size
 
     def forget(self) -> None:
-        """Let the next frame take nothing from those before it."""
+        """Discard the history: the next frame reuses nothing of earlier frames."""
         self.history = History()
 
     def render(
@@ -129,25 +136,27 @@ class Renderer:
         within: float | None = None,
         cut: Slice | None = None,
     ) -> Frame:
-        """A frame of a scene.
+        """Render one frame of a scene.
 
         Parameters
         ----------
-        time : seconds, what `raymarch.time` stands for.
-        params : new values of parameters, by name.
-        outputs : arrays to make now; "color" is a pass of its own, all others share one. The rest is made on access.
-        progress : called with the share done, 0 to 1, after each tile; the picture is the same bit for bit.
-        pose : a camera in place of the scene's.
-        within : milliseconds after which rays that are marched over several passes, by Quality(steps_per_pass=...), wait for
-            the next frame. With temporal="accumulate" that goes on from there, while the picture stays the same;
-            `frame.complete` says whether all rays have arrived.
-        cut : the plane of the output "slice"; None is the one through the middle that faces the camera the most.
+        time : value of `raymarch.time` in seconds.
+        params : values of parameters by name; the others keep their defaults.
+        outputs : arrays to render now. "color" has a pass of its own; all others share one pass. Arrays that are not
+            listed are rendered on first access.
+        progress : called after each tile with the fraction done, 0 to 1. The picture is the same bit for bit.
+        pose : camera pose to use instead of the scene's camera.
+        within : time budget in milliseconds of a march that is split into passes by Quality(steps_per_pass=...). Rays
+            that have not terminated by then continue in the next frame, which needs temporal="accumulate" and an
+            unchanged picture; `frame.complete` tells whether all rays have terminated. None sets no budget.
+        cut : plane of the output "slice". None is the axis-aligned plane through the centre that faces the camera most.
 
         Raises
         ------
         SceneError : an unknown parameter, a value out of range, a degenerate camera, an unknown output.
-        PlanError : the scene cannot be planned. ShaderError : the driver refuses its shader.
-        DeviceError : the renderer is closed, or the driver lacks what an output needs.
+        PlanError : the scene cannot be planned.
+        ShaderError : the driver refuses the shader.
+        DeviceError : the renderer is closed, or the driver lacks an extension that an output needs.
         RenderError : the renderer is strict, and the frame has doubts.
         """
         check_scene("render", scene)
@@ -176,7 +185,8 @@ class Renderer:
             with self.context.bound():
                 if self.size != size:
                     raise DeviceError(
-                        f"this renderer draws {self.size} now, the frame is {size}", legal="access what you need before"
+                        f"this renderer draws {self.size} now, the frame is {size}",
+                        legal="access the array before `resize`",
                     )
                 return self._render_passes(scene, values, [name], pose, cut=cut)
 
@@ -204,15 +214,16 @@ class Renderer:
         if steps:
             sparse = self._sparse(scene, values, pose)
             found.append(vouch.out_of_steps(sparse["done"], scene))
-            bare = not np.any(np.isfinite(sparse["depth"]))
+            no_hit = not np.any(np.isfinite(sparse["depth"]))
         else:
-            bare = vouch.is_sky(frame.color, scene, pose, values)
-        if bare and not np.any(np.isfinite(frame.depth)):
+            no_hit = vouch.is_sky(frame.color, scene, pose, values)
+        if no_hit and not np.any(np.isfinite(frame.depth)):
             found.append(vouch.nothing_visible(scene))
         return [doubt for doubt in found if doubt]
 
     def _sparse(self, scene: Scene, values: Values, pose: Pose) -> dict[str, NDArray[Any]]:
-        """The geometry of some of the rays of a picture, each as wide as there, evenly spread over it."""
+        """The geometry arrays of a sparse, even subset of the picture's rays, with the pixel footprint of the
+        picture."""
         small = vouch.sparse_size(self.size)
         plain = replace(scene.quality, schedule="single", steps_per_pass=None, samples=1, temporal="off")
         ready, uniforms = self._ready(scene.replace(quality=plain), values, ("done",), pose, None)
@@ -233,14 +244,14 @@ class Renderer:
         pose: Pose | None = None,
         cut: Slice | None = None,
     ) -> list[DrawCall]:
-        """The passes of a frame, ready to be drawn into textures that stay on the device: for a window.
+        """The draw calls of a frame, into textures that stay on the device. The window uses them.
 
-        Parameters and errors are those of `render`. The textures hold what
-        was drawn until the next call of as many textures is drawn.
+        Parameters and errors are those of `render`. A texture keeps its content until a later draw call uses the same
+        target.
         """
-        return list(self.draw_call_by_draw_call(scene, time, params, outputs, pose, cut=cut))
+        return list(self.iterate_draw_calls(scene, time, params, outputs, pose, cut=cut))
 
-    def draw_call_by_draw_call(
+    def iterate_draw_calls(
         self,
         scene: Scene,
         time: float = 0.0,
@@ -250,10 +261,10 @@ class Renderer:
         enough: Callable[[], bool] | None = None,
         cut: Slice | None = None,
     ) -> Iterator[DrawCall]:
-        """`draw_calls`, each to be drawn before the next is asked for.
+        """As `draw_calls`, one at a time: draw each one before requesting the next.
 
-        enough : asked after each pass of a march that takes several, by Quality(steps_per_pass=...), whether the rest may wait;
-            `history.arrived` then says whether all rays have arrived.
+        enough : called after each pass of a march that is split by Quality(steps_per_pass=...); True postpones the
+            remaining passes to the next frame. `history.arrived` then tells whether all rays have terminated.
         """
         values = self._values(scene, params, time, outputs)
         pose = pose or scene.pose(values, self.size[0] / self.size[1])
@@ -262,7 +273,7 @@ class Renderer:
         yield from _named(draw_calls, ready)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
-        """Take over a scene that was prepared elsewhere, such as in another thread."""
+        """Cache a scene that was prepared elsewhere, for example in another thread."""
         self._prepared[*_key(scene, outputs), self.planned_for or self._size] = prepared
         while len(self._prepared) > max(PLANNED, self.kept // 4):
             self._prepared.popitem(last=False)
@@ -271,7 +282,7 @@ class Renderer:
         return set_values(self._prepare(scene, outputs).plan.parameters, params, time, scene.where)
 
     def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
-        """The plan and shader of a scene, kept from earlier where there are any."""
+        """The plan and shader of a scene, from the cache if possible."""
         return self._prepare(scene, outputs)
 
     def _prepare(self, scene: Scene, outputs: Sequence[str]) -> Prepared:
@@ -291,7 +302,7 @@ class Renderer:
         return ready, self.uniforms(ready, values, pose, cut)
 
     def uniforms(self, ready: Prepared, values: Values, pose: Pose, cut: Slice | None = None) -> dict[str, Any]:
-        """The uniforms of all passes of a prepared scene for one frame, textures of data among them."""
+        """The uniforms of all passes of a prepared scene for one frame, including its data textures."""
         uniforms = frame_uniforms(ready, values, self.size, pose, cut)
         with in_pass(*(chosen.name for chosen in ready.plan.passes)):
             uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
@@ -302,10 +313,11 @@ class Renderer:
     def _refuse_closed(self) -> None:
         if self.context.released:
             self.context.refuse_fork()
-            raise DeviceError("this renderer is closed", legal="access what you need inside its `with` block")
+            raise DeviceError("this renderer is closed", legal="access arrays inside its `with` block")
 
     def _refuse_while_drawing(self, what: str) -> None:
-        """Refuse a call that `progress` makes in the middle of a frame, whose textures it would overwrite or free."""
+        """DeviceError if `progress` calls a method that would overwrite or free the textures of the frame in
+        progress."""
         if self._is_drawing:
             raise DeviceError(f"{what} was called in the middle of a frame", legal="after it, or on another Renderer")
 
@@ -332,13 +344,13 @@ class Renderer:
         try:
             return self._passes(scene, values, outputs, pose, self._lent(progress), within, cut)
         except BaseException:
-            self.forget()  # the history was brought up to date for draws that were not made
+            self.forget()  # the history already counts draws that were not made
             raise
         finally:
             self._is_drawing = False
 
     def _lent(self, progress: Progress | None) -> Progress | None:
-        """The same; it is called with the context that its own code expects."""
+        """`progress`, called with the OpenGL context that was current before the frame."""
         if progress is None:
             return None
 
@@ -381,7 +393,7 @@ class Renderer:
         return arrays, timings
 
     def _draw(self, call: DrawCall, progress: Progress | None) -> float:
-        """Milliseconds of a pass, whole or tile by tile."""
+        """Draw a pass, at once or in tiles. Returns milliseconds."""
         width, height = call.target.size
         if progress is None and width * height <= WHOLE:
             return self.clock.time(call.draw)
@@ -390,7 +402,7 @@ class Renderer:
         )
 
     def close(self) -> None:
-        """Free everything. Idempotent. In a forked process it frees nothing: that is the parent's."""
+        """Free all resources. Idempotent. In a forked process it frees nothing, since the parent owns them."""
         if self.context.released:
             self.resources.release()
         else:
@@ -411,7 +423,7 @@ class Renderer:
 
 
 def _device(backend: Any, device: Any) -> tuple[str, int | None]:
-    """Backend and device, where they are a name and a number at all; whether there are such is the context's to say."""
+    """Check the types of backend and device; `open_context` checks their values."""
     number = plain(device)
     if not isinstance(backend, str) or len(backend) > 32:
         raise DeviceError(f"backend={short(backend)}", legal=f"auto, {', '.join(BACKENDS)}")
@@ -421,12 +433,12 @@ def _device(backend: Any, device: Any) -> tuple[str, int | None]:
 
 
 def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
-    """What a plan depends on."""
+    """The cache key of a plan."""
     return scene.planned, tuple(passes_for(outputs))
 
 
 def _named(draw_calls: Iterator[DrawCall], ready: Prepared) -> Iterator[DrawCall]:
-    """The same; what goes wrong while one is made names the passes."""
+    """The same draw calls; a device error while one is made names the passes."""
     names = tuple(chosen.name for chosen in ready.plan.passes)
     while True:
         with in_pass(*names):
@@ -448,10 +460,11 @@ def render(
     backend: str = "auto",
     strict: bool = False,
 ) -> Image.Image:
-    """A picture of a scene; see `Renderer` and `Renderer.render`, which is quicker for many frames.
+    """Render a picture of a scene as 8-bit sRGB.
 
-    A picture that has `Frame.doubts` is a RenderWarning. With `strict` it is a RenderError, also where too many rays
-    run out of steps.
+    For many frames use one `Renderer`, which compiles once; parameters and errors are those of `Renderer` and
+    `Renderer.render`. Each of `Frame.doubts` is emitted as a RenderWarning. With `strict` doubts raise RenderError, and
+    too many rays that run out of steps are a doubt, too.
     """
     with Renderer(size, backend, strict=strict) as renderer:
         frame = renderer.render(scene, time, params)

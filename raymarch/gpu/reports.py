@@ -1,4 +1,4 @@
-"""What a probe has to say of each node: a row of a table, and a sentence for what is wrong."""
+"""The results of a probe for each node: a row of a table, and a sentence for each fault."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Pixel: TypeAlias = tuple[int, int]
 Vector: TypeAlias = tuple[float, float, float]
 
 LEEWAY = 1e-3
-"""By how much a slope may exceed its promise and still be rounding: two samples are 2^-10 of their coordinates apart or
-more, so that each unit in the last place of a value counts 2^-13 at most."""
+"""Relative excess over the stated Lipschitz bound that rounding can cause: two samples are at least 2^-10 of their
+coordinates apart, so that a unit in the last place of a value changes a slope by 2^-13 at most."""
 
 SURFACE = "surface"
-"""In place of a node's name: materials, and the colour that light makes of them."""
+"""Stands in place of a node's name for materials and shaded colours."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """The first fault of a node in a picture: what it is, the value, where it was asked, and the pixel (x, row)."""
+    """The first fault of a node in a picture: its kind, the value, the point of evaluation, and the pixel (x, row)."""
 
     what: str
     value: float
@@ -33,18 +33,19 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A node in the probe.
+    """What a probe found at one node.
 
     Attributes
     ----------
-    name, where : of the node, and the user's line that made it.
-    faults : pixels in which a value of it is the first of an evaluation to be at fault. first : the first such.
-    promise : what its slope is at most, of the definition's own value, before that is divided to make it safe; infinite
-        for an estimate, which promises nothing.
-    taken : what the march takes for it, also of an estimate.
-    slope : the steepest seen; None where it was not looked for, 0 where the node was asked less than twice a ray.
-    steepest : where that was in the scene, and its pixel; None without a slope.
-    inherits : True if a node below it is steeper than promised, so that this one may not be to blame.
+    name, where : the node's name, and the user's line that made it.
+    faults : number of pixels in which this node has the first fault of an evaluation. first : the first of these
+        faults.
+    promise : the node's stated Lipschitz bound, for the value of its definition before division by a safety factor;
+        infinite for an estimate, which has no bound.
+    taken : the bound that the march assumes, also for an estimate.
+    slope : the largest measured slope; None if not measured, 0 if the node was evaluated less than twice on each ray.
+    steepest : position and pixel of that slope; None without a slope.
+    inherits : True if a descendant exceeds its bound, which may be the cause.
     """
 
     name: str
@@ -59,17 +60,17 @@ class Report:
 
     @property
     def broken(self) -> bool:
-        """True if the node is steeper than it promises."""
+        """True if the measured slope exceeds the stated Lipschitz bound."""
         return self.slope is not None and self.slope > self.promise * (1.0 + LEEWAY)
 
     @property
     def place(self) -> str:
-        """The name and the user's line."""
+        """Name and line, for messages."""
         return f"{self.name}, {self.where}" if self.where else self.name
 
 
 def table(reports: Sequence[Report]) -> list[str]:
-    """Lines of a table: each node with its faults and its slope."""
+    """The lines of a table with faults and slope of each node, followed by `sentences`."""
     rows = [("node", "line", "faults", "slope", "at most")]
     for report in reports:
         slope = "" if report.slope is None else f"{report.slope:.4g}"
@@ -80,8 +81,8 @@ def table(reports: Sequence[Report]) -> list[str]:
     return [*lines, *sentences(reports)]
 
 
-def told(reports: Sequence[Report]) -> list[str]:
-    """What is wrong, or that nothing is, for the reports of one of the two probes."""
+def summary(reports: Sequence[Report]) -> list[str]:
+    """The sentences for one of the two probes; one sentence that nothing is wrong if there are none."""
     found = [*sentences(reports)]
     if found:
         return found
@@ -90,26 +91,26 @@ def told(reports: Sequence[Report]) -> list[str]:
     if not any(report.slope is not None for report in reports):
         return [f"no value at fault: {nodes}"]
     if not steep:
-        return [f"no slope is promised: {nodes}"]
+        return [f"no node states a Lipschitz bound: {nodes}"]
     worst = max(steep, key=lambda report: (report.slope or 0.0) / report.promise)
     share = (worst.slope or 0.0) / worst.promise
-    return [f"no slope beyond its promise: {nodes}; the steepest has {share:.5g} of it: {worst.place}"]
+    return [f"no slope exceeds its Lipschitz bound: {nodes}; the largest is {share:.5g} of its bound: {worst.place}"]
 
 
 def sentences(reports: Sequence[Report]) -> Iterator[str]:
-    """What is wrong, a sentence each: node and line, what, the value, the position, the pixel."""
+    """One sentence for each fault: node and line, kind, value, position, pixel."""
     for report in reports:
         if report.first is not None:
             first = report.first
             yield (
-                f"{report.place}: {first.what}, {first.value:g}, asked at {_shown(first.position)}, first in pixel "
+                f"{report.place}: {first.what}, {first.value:g}, evaluated at {_shown(first.position)}, first in pixel "
                 f"{first.pixel}, in {report.faults} pixels"
             )
     for report in reports:
         if report.broken and not report.inherits and report.steepest is not None:
             position, pixel = report.steepest
             yield (
-                f"{report.place}: slope {report.slope:.5g}, it promises {report.promise:.5g} at most; at "
+                f"{report.place}: slope {report.slope:.5g} exceeds the Lipschitz bound {report.promise:.5g} at "
                 f"{_shown(position)}, pixel {pixel}"
             )
 

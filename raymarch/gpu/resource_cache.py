@@ -1,4 +1,4 @@
-"""What a renderer keeps on its context between frames: compiled programs, targets, textures of data."""
+"""The resource cache of a renderer: compiled programs, render targets and data textures."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
 from raymarch.plan import Plan
 
 KEPT = 32
-"""Programs, at first, and textures of data, that are kept; the one used longest ago is freed first."""
+"""Maximum number of data textures, and initially of programs; the least recently used one is freed first."""
 HELD, UNITS = 512 * 2**20, 16
-"""Bytes of data from which the oldest is freed, and how many textures stay in any case: what one frame may read."""
+"""Bytes of data above which the oldest texture is freed, and the number of textures that always stay: those that one
+frame may read."""
 
 
-_REST = """#version 330 core
-// Lets the rays through that are on their way, for the device to count.
+_COUNT_ACTIVE = """#version 330 core
+// Passes the fragments of active rays, for an occlusion query to count.
 uniform sampler2D u_march;
 out vec4 color;
 void main() {
@@ -39,13 +40,13 @@ void main() {
 
 
 LONG = 10.0
-"""Estimated seconds of compilation from which a warning says so."""
+"""Estimated compile time in seconds above which a warning is emitted."""
 LONGEST = 600.0
-"""Estimated seconds beyond which a scene is refused, unless RAYMARCH_COMPILE_LIMIT says otherwise."""
+"""Estimated compile time in seconds above which a scene is refused; RAYMARCH_COMPILE_LIMIT overrides it."""
 
 
-def _weigh(plan: Plan, renderer: str) -> None:
-    """Warn of a field that a software renderer takes long to compile; PlanError beyond the limit."""
+def _check_compile_time(plan: Plan, renderer: str) -> None:
+    """Warn if a software renderer takes long to compile the field; PlanError above the limit."""
     seconds = plan.compile_seconds
     if seconds < LONG:
         return
@@ -68,9 +69,12 @@ def _weigh(plan: Plan, renderer: str) -> None:
 
 
 class ResourceCache:
-    """Programs by their text, targets by what they are for, textures by their content.
+    """Programs by their text, targets by their name, data textures by their content.
 
-    `compiled` counts the programs that the driver compiled so far, `kept` is how many are kept.
+    Attributes
+    ----------
+    compiled : number of programs that the driver has compiled so far.
+    kept : maximum number of cached programs.
     """
 
     def __init__(self, context: Context) -> None:
@@ -83,18 +87,18 @@ class ResourceCache:
         self._pairs: dict[str, PingPong] = {}
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._bytes: dict[str, int] = {}
-        self._rest: Program | None = None
+        self._counter: Program | None = None
         self._lights: list[tuple[bytes, moderngl.Texture]] = []
 
     def program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
-        """A pass ready to draw, and the milliseconds that the driver took to compile it now."""
+        """The program of a pass, and the time that the driver took to compile it in milliseconds; 0 if cached."""
         key = (ready.vertex, ready.texts[chosen])
         found = self._programs.get(key)
         if found is not None:
             self._programs.move_to_end(key)
             return found, 0.0
         if self.context.driver.is_software:
-            _weigh(ready.plan, self.context.driver.renderer)
+            _check_compile_time(ready.plan, self.context.driver.renderer)
         start = clock_time.perf_counter()
         program = Program(self.context, *key, ready.shader.locate, chosen)
         spent = 1e3 * (clock_time.perf_counter() - start)
@@ -107,17 +111,17 @@ class ResourceCache:
         return program, spent
 
     def knows(self, ready: Prepared) -> bool:
-        """Whether all programs of a scene are compiled."""
+        """True if all programs of a scene are compiled."""
         return all((ready.vertex, text) in self._programs for text in ready.texts.values())
 
     def first_draw(self, program: Program) -> bool:
-        """True once for each program: drivers finish their work in its first draw."""
+        """True at the first call for each program: drivers finish compilation in its first draw."""
         first = program not in self._drawn
         self._drawn.add(program)
         return first
 
     def target(self, name: str, size: tuple[int, int], textures: int = 1) -> Target:
-        """A target for one purpose; made anew where its size changed."""
+        """The target with a name; replaced if its size or number of textures changed."""
         found = self._targets.get(name)
         if found is None or (found.size, found.attachments) != (size, textures):
             with in_pass(name):
@@ -128,7 +132,7 @@ class ResourceCache:
         return found
 
     def pair(self, name: str, size: tuple[int, int], textures: int = 1) -> PingPong:
-        """A pair of targets for one purpose; made anew where its size changed."""
+        """The pair of targets with a name; replaced if its size or number of textures changed."""
         found = self._pairs.get(name)
         if found is None or (found.size, found.front.attachments) != (size, textures):
             with in_pass(name):
@@ -138,18 +142,21 @@ class ResourceCache:
             self._pairs[name] = found = fresh
         return found
 
-    def on_their_way(self, march: PingPong) -> int:
-        """How many rays of a march have not arrived; waits for the device. Overwrites the pair's back."""
-        if self._rest is None:
-            self._rest = Program(self.context, FULL_SCREEN, _REST, lambda line: ("the count of rays", None), "rest")
+    def count_active(self, march: PingPong) -> int:
+        """Number of rays of a march that have not terminated. Waits for the device and overwrites the pair's back
+        target."""
+        if self._counter is None:
+            self._counter = Program(
+                self.context, FULL_SCREEN, _COUNT_ACTIVE, lambda line: ("the count of rays", None), "count of rays"
+            )
         with self.context.bound():
             query = self.context.gl.query(samples=True)
             with query:
-                self._rest.draw(march.back, {"u_march": (march.front, 0)})
+                self._counter.draw(march.back, {"u_march": (march.front, 0)})
             return int(query.samples)
 
     def texture(self, data: Samples | Texels) -> moderngl.Texture | moderngl.Texture3D:
-        """Sampled data or a picture on the device."""
+        """The texture of sampled data or of an image; uploaded if it is not cached."""
         if data.key not in self._textures:
             made = upload_pyramid(self.context, data) if isinstance(data, Texels) else upload(self.context, data)
             self._textures[data.key] = made
@@ -163,7 +170,7 @@ class ResourceCache:
         return self._textures[data.key]
 
     def lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
-        """The texture of many lights, with the rows of this frame. That of the frame before stays as it is."""
+        """The texture of light rows for this frame. The texture of the frame before stays valid."""
         size, content = rows.shape[1::-1], rows.tobytes()
         found = next((t for known, t in self._lights if known == content and t.size == size), None)
         if found is not None:
@@ -177,11 +184,11 @@ class ResourceCache:
         return made
 
     def has_lights(self, texture: object) -> bool:
-        """Whether a texture of many lights is still there."""
+        """True if a texture of lights is still cached."""
         return any(kept is texture for _, kept in self._lights)
 
     def free_targets(self, *keep: str) -> None:
-        """Free all targets but some, by name; they are made anew when next asked for."""
+        """Free all targets except those named in `keep`; they are recreated on demand."""
         for name in set(self._targets) - set(keep):
             self._targets.pop(name).release()
         for name in set(self._pairs) - set(keep):
@@ -189,7 +196,7 @@ class ResourceCache:
 
     @property
     def objects(self) -> dict[str, int]:
-        """How many programs, textures of targets, and textures of data are alive."""
+        """Numbers of live programs, target textures, and data textures."""
         pairs = sum(2 * pair.front.attachments for pair in self._pairs.values())
         return {
             "programs": len(self._programs),
@@ -198,7 +205,7 @@ class ResourceCache:
         }
 
     def release(self) -> None:
-        """Free everything. Idempotent."""
+        """Free all resources. Idempotent."""
         self.free_targets()
         for program in self._programs.values():
             program.release()
@@ -211,8 +218,8 @@ class ResourceCache:
         self._lights.clear()
         self._textures.clear()
         self._bytes.clear()
-        if self._rest is not None:
-            self._rest.release()
-        self._rest = None
+        if self._counter is not None:
+            self._counter.release()
+        self._counter = None
         self._programs.clear()
         self._drawn.clear()

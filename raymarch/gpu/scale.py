@@ -1,4 +1,4 @@
-"""What the colours of a heat map stand for, and the bar that says so."""
+"""Colour scales of heat maps, and the bars and legends that show them."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from PIL import Image, ImageDraw, ImageFont
 from raymarch.gpu.colormaps import colored
 
 POINTS, MARGIN, THICKNESS = 11, 6, 10
-"""Of the bar, in pixels: its letters, the space around it, its colours."""
+"""Sizes in pixels: text, margin and thickness of the bar."""
 
 INK, PAPER = (225, 225, 225), (24, 24, 26)
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """From values to colours.
+    """A mapping from values to colours.
 
     Attributes
     ----------
-    quantity : what is measured, with its unit.
+    quantity : the name of the quantity, with its unit.
     low, high : the values at the two ends, low < high.
-    kind : how values lie between them: "linear", "log" by their logarithms (low > 0), "reciprocal" by their
-        reciprocals (low > 0, and high may be infinite), whose low end has the colour of the largest.
+    kind : "linear"; "log", linear in the logarithm (low > 0); or "reciprocal", linear in the reciprocal (low > 0, high
+        may be infinite), where `low` has the colour of the largest value.
     colors : one of `raymarch.gpu.colormaps.MAPS`.
     """
 
@@ -39,8 +39,8 @@ class Scale:
     kind: Literal["linear", "log", "reciprocal"] = "linear"
     colors: str = "inferno"
 
-    def share(self, values: Any) -> NDArray[np.float64]:
-        """Where values lie, 0 to 1; what is beyond an end lies at the end."""
+    def normalized(self, values: Any) -> NDArray[np.float64]:
+        """Normalized position of values in the range, 0 to 1, clamped."""
         with np.errstate(divide="ignore"):
             at, low, high = (self._measure(v) for v in (np.asarray(values, np.float64), self.low, self.high))
         return np.asarray(np.clip((at - low) / (high - low), 0.0, 1.0), np.float64)
@@ -54,12 +54,12 @@ class Scale:
 
     def colored(self, values: Any) -> NDArray[np.float64]:
         """Values of any shape (...) as sRGB in [0, 1], (..., 3)."""
-        share = self.share(values)
+        share = self.normalized(values)
         return colored(1.0 - share if self.kind == "reciprocal" else share, self.colors)
 
     @property
     def ticks(self) -> list[float]:
-        """Values worth a mark, from low to high: 1, 2 or 5 times powers of ten; powers of ten; or doublings."""
+        """Values of the tick marks, ascending: 1, 2 or 5 times powers of ten; powers of ten; or doublings."""
         if self.kind == "reciprocal":
             return [self.low, 2 * self.low, 4 * self.low, self.high]
         if self.kind == "log":
@@ -71,13 +71,13 @@ class Scale:
 
 
 def nice(least: float) -> float:
-    """The smallest of 1, 2 and 5 times a power of ten that is at least this, which is > 0."""
+    """The smallest of 1, 2 and 5 times a power of ten that is >= `least`, which is > 0."""
     power = 10.0 ** math.floor(math.log10(least))
     return next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= least * (1 - 1e-9))
 
 
 def with_bar(image: Image.Image, scale: Scale) -> Image.Image:
-    """The image and, below it, a bar of the scale's colours with its marks and its quantity."""
+    """The image with a colour bar below it: colours, tick marks and quantity of the scale."""
     font = _font()
     line = POINTS + 4
     words = _wrapped(scale.quantity, font, image.width - 2 * MARGIN)
@@ -91,9 +91,9 @@ def with_bar(image: Image.Image, scale: Scale) -> Image.Image:
         draw.text((left, top), text, INK, font=font)
         top += line
     made.paste(_strip(scale, width), (left, top))
-    free = 0.0  # labels that would touch the one before are left out
+    free = 0.0  # labels that would touch the previous one are omitted
     for value in scale.ticks:
-        x = left + float(scale.share(value)) * (width - 1)
+        x = left + float(scale.normalized(value)) * (width - 1)
         text = _shown(value)
         wide = font.getlength(text)
         at = min(max(x - wide / 2, MARGIN / 2), image.width - wide - MARGIN / 2)
@@ -105,7 +105,7 @@ def with_bar(image: Image.Image, scale: Scale) -> Image.Image:
 
 
 def with_legend(image: Image.Image, title: str, entries: Sequence[tuple[tuple[int, int, int], str]]) -> Image.Image:
-    """The image and, below it, a title and a line for each colour: a square of it, and what it stands for."""
+    """The image with a legend below it: a title, and a line for each entry (colour, text)."""
     font = _font()
     line = POINTS + 4
     made = Image.new("RGB", (image.width, image.height + (len(entries) + 1) * line + MARGIN), PAPER)
@@ -121,7 +121,7 @@ def with_legend(image: Image.Image, title: str, entries: Sequence[tuple[tuple[in
 
 
 def _wrapped(text: str, font: Any, width: float) -> list[str]:
-    """Up to three lines of words that fit, one word at least in each."""
+    """Wrap text to a width in pixels: up to three lines, at least one word in each."""
     lines: list[str] = []
     for word in text.split():
         if lines and font.getlength(f"{lines[-1]} {word}") <= width:

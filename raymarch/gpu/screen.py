@@ -1,4 +1,4 @@
-"""What a window shows: a picture of linear colour as sRGB, and layers laid over it."""
+"""The framebuffer of a window: shows a picture of linear colour as sRGB, with layers over it."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Stretch:
 
 
 class Screen:
-    """The framebuffer of a window, with the programs that fill it. A `Surface`.
+    """The framebuffer of a window and the programs that fill it. Implements `Surface`.
 
     Parameters
     ----------
@@ -106,19 +106,19 @@ class Screen:
         self._mesh: Mesh | None = None
 
     def show(self, picture: Target, tone: ToneMapping | None = None) -> None:
-        """Fill the window with a picture of linear colour, brought to the screen by `tone` (None clips it); smoothly
-        where its size is another."""
+        """Fill the window with a picture of linear colour, mapped by `tone` (None clips). A different size is filtered
+        linearly."""
         self._fill(self, picture, True, None, tone)
 
     def clear(self, grey: float) -> None:
-        """Fill the window with a grey, of sRGB."""
+        """Fill the window with a grey level in sRGB."""
         with self.context.bound():
             confine(self.framebuffer, None)
             self.framebuffer.use()
             self.framebuffer.clear(grey, grey, grey, 1.0)
 
     def copy(self, picture: Target, into: Target, tile: tuple[int, int, int, int] | None = None) -> None:
-        """Copy a picture into another target, or a tile of it; smoothly where its size is another."""
+        """Copy a picture, or a tile of it, into another target. A different size is filtered linearly."""
         self._fill(into, picture, False, tile)
 
     def _fill(
@@ -139,7 +139,7 @@ class Screen:
                 texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
     def _sampler(self, tone: ToneMapping | None) -> Program:
-        """The program that copies pictures, or shows them by a tone."""
+        """The program that copies pictures, or shows them with tone mapping."""
         text = _CLIPPED if tone is None else tone.glsl()
         if text not in self._samplers:
             source = _SAMPLE.replace(_CLIPPED, text)
@@ -162,7 +162,7 @@ class Screen:
                 texture.release()
 
     def lay(self, texture: moderngl.Texture, left: int, top: int) -> None:
-        """Lay an image over the window, its upper left corner at (left, top); what lies outside is cut off."""
+        """Draw an image over the window with its upper left corner at (left, top), clipped to the window."""
         width, height = texture.size
         right, bottom = min(left + width, self.size[0]), min(top + height, self.size[1])
         x, y = max(left, 0), max(top, 0)
@@ -175,7 +175,7 @@ class Screen:
     def triangles(
         self, vertices: bytes, indices: bytes, size: tuple[float, float], stretches: Sequence[Stretch]
     ) -> None:
-        """Lay coloured, textured triangles over the window.
+        """Draw coloured, textured triangles over the window.
 
         vertices : each (x, y, u, v) in float32 and RGBA in bytes. indices : uint32. size : of the window in the units
         of x and y.
@@ -185,7 +185,7 @@ class Screen:
         self._mesh.draw(self, vertices, indices, size, stretches)
 
     def read(self) -> NDArray[np.uint8]:
-        """What is in the window's back buffer, (H, W, 3) of sRGB bytes, row 0 at the top."""
+        """The window's back buffer as sRGB bytes, (H, W, 3), row 0 at the top."""
         width, height = self.size
         with self.context.bound():
             data = self.framebuffer.read((0, 0, width, height), 3, alignment=1)
@@ -199,7 +199,7 @@ class Screen:
 
 
 class Mesh:
-    """Draws triangles from buffers that grow as they must; see `Screen.triangles`."""
+    """Draws triangles from buffers that grow on demand; see `Screen.triangles`."""
 
     index_size = 4
     """Bytes of an index."""
@@ -256,7 +256,7 @@ class Mesh:
         gl.enable_only(moderngl.NOTHING)
 
     def release(self) -> None:
-        """Free buffers and program, once."""
+        """Free buffers and program. Idempotent."""
         if not self.context.released:
             with self.context.bound():
                 for owned in (self._array, self._vertices, self._indices, self._program):

@@ -1,4 +1,4 @@
-"""A plane through the field: how far each of its points is from the surface, and how fast that changes."""
+"""Slices: the field value and its gradient magnitude on a plane."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from raymarch.scene.scene import Scene
 
 SCALE = Scale("|gradient| - 1", -1.0, 1.0, colors="coolwarm")
 APART = 8.0
-"""Contour lines are about this many pixels apart, or more, where the field changes as usual in the picture."""
+"""Minimum distance of contour lines in pixels, where the field has its typical gradient in the picture."""
 FLAT = 1e-3
-"""Where the field changes by less than this share of the lines' spacing in a pixel, rounding alone would decide where a
-line is, so that there is none."""
+"""Where the field changes by less than this fraction of the contour spacing per pixel, rounding would place the lines,
+so that none is drawn."""
 
 
 @dataclass(frozen=True, slots=True)
 class Slice:
-    """The plane dot(normal, p) = offset; the normal is of length 1."""
+    """The plane dot(normal, p) = offset, with a normal of length 1."""
 
     normal: tuple[float, float, float]
     offset: float
 
     @staticmethod
     def across(normal: tuple[float, float, float], offset: float = 0.0) -> Slice:
-        """The plane dot(normal, p) = offset for a normal of any length but 0. SceneError if it is no plane."""
+        """The plane dot(normal, p) = offset for a normal of any length > 0. SceneError if it is no plane."""
         given = np.asarray((*normal, offset), np.float64)
         length = float(np.linalg.norm(given[:3])) if given.shape == (4,) else 0.0
         if not (np.all(np.isfinite(given)) and length > 0.0):
@@ -39,7 +39,7 @@ class Slice:
 
     @staticmethod
     def facing(scene: Scene, pose: Pose) -> Slice:
-        """Through the middle of what has an end, across the axis that the camera looks along the most."""
+        """The plane through the centre of the bounded parts, normal to the axis closest to the view direction."""
         axis = int(np.argmax(np.abs(pose.frame[:, 2])))
         subject = scene.subject
         middle = 0.0 if subject is None else 0.5 * float(subject.lower[axis] + subject.upper[axis])
@@ -57,8 +57,8 @@ class Slice:
 
 
 def spacing(distance: NDArray[np.floating]) -> float:
-    """The distance between contour lines that keeps them apart: 1, 2 or 5 times a power of ten. `distance` (H, W), NaN
-    where the plane is not met."""
+    """The contour spacing that keeps lines apart: 1, 2 or 5 times a power of ten. `distance` is (H, W), NaN where the
+    ray misses the plane."""
     steps = _per_pixel(distance)
     steps = steps[np.isfinite(steps)]
     steps = steps[steps > FLAT * steps.max(initial=0.0)]
@@ -66,11 +66,11 @@ def spacing(distance: NDArray[np.floating]) -> float:
 
 
 def slice_picture(distance: NDArray[np.floating], slope: NDArray[np.floating]) -> NDArray[np.float64]:
-    """A slice as sRGB, (H, W, 3), from distance and size of the gradient, (H, W), NaN where the plane is not met.
+    """A slice as sRGB, (H, W, 3), from field value and gradient magnitude, (H, W), NaN where the ray misses the plane.
 
-    Colour is the size of the gradient less 1, on `SCALE`. The surface is a black line two pixels wide; contour lines,
-    `spacing` apart, are one pixel wide and grey, and vanish where they would lie closer than 4 pixels. Inside the solid
-    all is darker. Black where the plane is not met.
+    The colour is the gradient magnitude minus 1, on `SCALE`. The surface is a black line, two pixels wide. Contour
+    lines, `spacing` apart, are grey and one pixel wide, and vanish where they would be closer than 4 pixels. The inside
+    of the solid is darker. Rays that miss the plane are black.
     """
     met = np.isfinite(distance)
     value = np.where(met, distance, 0.0).astype(np.float64)
@@ -87,6 +87,6 @@ def slice_picture(distance: NDArray[np.floating], slope: NDArray[np.floating]) -
 
 
 def _per_pixel(distance: NDArray[np.floating]) -> NDArray[np.float64]:
-    """How much the distance changes from a pixel to the next, (H, W)."""
+    """Change of the field value from one pixel to the next, (H, W)."""
     parts = [np.gradient(distance, axis=k) if n > 1 else np.zeros(distance.shape) for k, n in enumerate(distance.shape)]
     return np.asarray(np.hypot(*parts), np.float64)

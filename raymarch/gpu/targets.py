@@ -1,7 +1,7 @@
-"""Float textures to draw into and to read from, single or as a ping-pong pair.
+"""Render targets with float textures, single or as a ping-pong pair.
 
-OpenGL's first row is the bottom of a picture; arrays here have row 0 at the TOP. The flip happens in
-`Target.read` and `Target.write` and nowhere else.
+OpenGL's first row is the bottom of a picture; arrays here have row 0 at the TOP. Only `Target.read` and
+`Target.write` flip rows.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _COMPONENTS = 4
 
 
 class Surface(Protocol):
-    """What a program can draw into: a `Target`, or a window's framebuffer in the same dress."""
+    """Anything that a program can draw into: a `Target`, or the framebuffer of a window with the same interface."""
 
     @property
     def framebuffer(self) -> moderngl.Framebuffer: ...
@@ -34,20 +34,20 @@ class Surface(Protocol):
 
 
 class Target:
-    """RGBA float textures of one size under one framebuffer; attachment i is `layout(location = i)` of the shader.
+    """A framebuffer with RGBA float textures of one size; attachment i is `layout(location = i)` of the shader.
 
-    Sampling is by nearest texel, clamped to the edge. The content is undefined until drawn, written or cleared.
+    Sampling is nearest, clamped to the edge. The content is undefined until it is drawn, written or cleared.
 
     Parameters
     ----------
-    context : where the textures live; bound here and by every method.
+    context : the context of the textures; bound here and by every method.
     size : (width, height) in pixels, integers from 1 to `context.limits.picture`.
     attachments : number of textures, from 1 to `context.limits.color_attachments`.
     dtype : "f4" (32-bit floats) or "f2" (16-bit).
 
     Raises
     ------
-    DeviceError : a size, count or type outside the range above, or no memory for it on the device.
+    DeviceError : a size, count or type outside the range above, or not enough memory on the device.
     """
 
     def __init__(self, context: Context, size: tuple[int, int], attachments: int = 1, dtype: str = "f4") -> None:
@@ -67,11 +67,11 @@ class Target:
             self.release()
             if not isinstance(error, moderngl.Error):
                 raise
-            raise DeviceError(f"no target of {self._describe()}: {error}", legal="ask for a smaller size") from error
+            raise DeviceError(f"no target of {self._describe()}: {error}", legal="a smaller size") from error
 
     def _allocate(self) -> None:
         gl = self.context.gl
-        _ = gl.error  # asking clears it: an older error must not be taken for ours
+        _ = gl.error  # reading it clears an older error, which must not count as ours
         for _ in range(self.attachments):
             texture = gl.texture(self.size, _COMPONENTS, dtype=self.dtype)
             self._textures.append(texture)
@@ -127,26 +127,26 @@ class Target:
     def clear(self, value: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         """Set every texel of every attachment to the RGBA `value`."""
         with self.context.bound():
-            # The tile of an earlier draw would confine the clearing: this target's own, or, as moderngl's clear binds
-            # the framebuffer without its scissor, that of the framebuffer in use.
+            # The scissor of an earlier draw would confine the clear: that of this target, or, since moderngl's clear
+            # binds the framebuffer without its scissor, that of the bound framebuffer.
             confine(self.framebuffer, None)
             self.framebuffer.use()
             self.framebuffer.clear(*value)
 
     def release(self) -> None:
-        """Free the textures. Idempotent, and safe after the context's own release, which freed them already."""
+        """Free the textures. Idempotent, and safe after the context was released, which frees them."""
         if self.released:
             return
         self.released = True
         if self.context.released:
             return
-        # GL names are numbers that repeat from context to context: deleting these while another context is
-        # current would delete that one's textures.
+        # Contexts reuse the numbers of GL names: deleting these while another context is current would delete
+        # textures of that context.
         with self.context.bound():
             if self._framebuffer is not None:
                 gl = self.context.gl
                 if gl.fbo is self._framebuffer:
-                    # moderngl binds the framebuffer in use anew after making another: a deleted one is a GL error.
+                    # moderngl rebinds the framebuffer in use after it makes another one: a deleted one is a GL error.
                     gl.detect_framebuffer(0).use()
                 self._framebuffer.release()
             for texture in self._textures:
@@ -159,7 +159,7 @@ class Target:
 
     def _check_alive(self) -> None:
         if self.released or self.context.released:
-            raise DeviceError(f"the target of {self._describe()} was released", legal="make a new one")
+            raise DeviceError(f"the target of {self._describe()} was released", legal="a new target")
 
     def __enter__(self) -> Self:
         return self
@@ -171,7 +171,7 @@ class Target:
 
 
 class PingPong:
-    """Two equal targets in turn: draw into `back` while the shader reads `front`, then `swap`.
+    """Two equal targets: draw into `back` while the shader reads `front`, then `swap`.
 
     Parameters and errors are those of `Target`.
     """
@@ -190,7 +190,7 @@ class PingPong:
         return self.front.size
 
     def swap(self) -> None:
-        """What was drawn becomes what is read."""
+        """Exchange `front` and `back`."""
         self.front, self.back = self.back, self.front
 
     def release(self) -> None:
@@ -208,7 +208,7 @@ class PingPong:
 
 
 def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
-    """Sampled data as a one-channel float32 texture, to be read by texelFetch; DeviceError if it does not fit."""
+    """Upload sampled data as a one-channel float32 texture for texelFetch. DeviceError if it does not fit."""
     with context.bound():
         try:
             make: Any = context.gl.texture if data.dimension == 2 else context.gl.texture3d
@@ -222,14 +222,14 @@ def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Textu
 
 
 def upload_pyramid(context: Context, data: Texels) -> moderngl.Texture:
-    """A picture as a half-float texture with all its levels, read linearly within and between them; DeviceError if it
-    does not fit."""
+    """Upload an image as a half-float texture with all mip levels and trilinear filtering. DeviceError if it does not
+    fit."""
     size, levels = data.size, data.levels
     with context.bound():
         try:
             texture = context.gl.texture(size, data.channels, levels[0].tobytes(), alignment=1, dtype="f2")
             if len(levels) > 1:
-                texture.build_mipmaps(0, len(levels) - 1)  # makes room for the levels, which are then our own
+                texture.build_mipmaps(0, len(levels) - 1)  # allocates the levels, which are then overwritten
                 for k, level in enumerate(levels[1:], 1):
                     texture.write(level.tobytes(), (0, 0, *level.shape[1::-1]), level=k, alignment=1)
         except moderngl.Error as fault:
@@ -240,9 +240,9 @@ def upload_pyramid(context: Context, data: Texels) -> moderngl.Texture:
 
 
 def confine(framebuffer: Any, tile: tuple[int, int, int, int] | None) -> None:
-    """Confine drawing and clearing to `tile`, (x, y, width, height) from the bottom left; None frees them again.
+    """Confine drawing and clearing to `tile`, (x, y, width, height) from the bottom left; None removes the limit.
 
-    `Any`, because the stubs of moderngl 5.13 leave out that None takes the scissor away.
+    `Any`, because the stubs of moderngl 5.13 do not declare that None removes the scissor.
     """
     framebuffer.scissor = tile
 

@@ -1,4 +1,4 @@
-"""Pictures drawn in parts, so that no part keeps the device for long."""
+"""Drawing in tiles, so that no single draw occupies the device for long."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterator
 Tile = tuple[int, int, int, int]
 
 EDGE = 128
-"""Edge of the first tiles, in pixels."""
+"""Edge of the first tiles in pixels."""
 
 WHOLE = 1 << 20
-"""Pixels of a picture that is drawn whole unless somebody watches its progress."""
+"""Pictures with at most this number of pixels are drawn at once, unless progress is reported."""
 
 SHORT, LONG = 15.0, 60.0
-"""Milliseconds of a tile below which the next are larger, and above which they are smaller: drivers give up on work
-that takes seconds, and whatever else is to be shown waits for the tile."""
+"""Times of a tile in milliseconds: below the first, the following tiles grow; above the second, they shrink. Drivers
+abort draws that take seconds, and other programs wait for the tile before they can draw."""
 
 
 def tiles_of(size: tuple[int, int], edge: int = EDGE) -> Iterator[Tile]:
-    """A picture of (width, height) in tiles of one size, its top rows first."""
+    """The tiles (x, y, width, height) of a picture of size (width, height), from the top row down."""
     width, height = size
     for top in range(height, 0, -edge):
         bottom = max(top - edge, 0)
@@ -27,11 +27,11 @@ def tiles_of(size: tuple[int, int], edge: int = EDGE) -> Iterator[Tile]:
 
 
 def draw_in_tiles(size: tuple[int, int], draw: Callable[[Tile], float], progress: Callable[[float], None]) -> float:
-    """Draw a picture of (width, height) in tiles, its top rows first.
+    """Draw a picture of size (width, height) in tiles, from the top row down.
 
-    draw : draws one tile, (x, y, width, height) from the bottom left, and gives the milliseconds that it took.
-    progress : called with the share done after each tile.
-    Returns the milliseconds of all.
+    draw : draws one tile, (x, y, width, height) from the bottom left, and returns its time in milliseconds.
+    progress : called with the fraction done after each tile.
+    Returns the total time in milliseconds.
     """
     width, height = size
     spent, edge, top = 0.0, EDGE, height

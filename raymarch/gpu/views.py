@@ -1,4 +1,4 @@
-"""Pictures of arrays other than colour: what `--view` and the window show."""
+"""Visualizations of a frame's arrays, for `--view` and the window."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ VIEWS: Mapping[str, tuple[str, ...]] = {
 """The arrays that each view needs."""
 
 COUNTS = {
-    "iterations": "steps of a ray",
-    "evaluations": "evaluations of the field a pixel",
-    "fallbacks": "steps of a ray that were undone",
+    "iterations": "steps per ray",
+    "evaluations": "field evaluations per pixel",
+    "fallbacks": "undone steps per ray",
 }
 
 SMALLEST = 1e-9
-"""A residual at or below this has the lowest colour."""
+"""Residuals at or below this value have the lowest colour."""
 
 
 def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
     """A view as an 8-bit image of the frame's size.
 
-    depth: near is bright, what was not hit is black. normal: x, y, z from -1 to 1 as red, green, blue.
-    iterations, evaluations, fallbacks: from 0 to the largest of the picture. residual: logarithmic.
-    cycles: from 0 to what 99 % of the pixels stay below; an interruption of the processor does not darken the rest.
+    depth: close is bright, a miss is black. normal: x, y, z from -1 to 1 as red, green, blue.
+    iterations, evaluations, fallbacks: from 0 to the maximum of the picture. residual: logarithmic.
+    cycles: from 0 to the 99th percentile, so that interruptions of the processor do not darken the other pixels.
     material: a colour for each index. slice: see `raymarch.gpu.slices.slice_picture`.
-    boxes: the picture with the box of the scene, red, and those of its operands.
-    `scale_of` tells what the colours of the others stand for.
+    boxes: the picture with the bounding box of the scene in red, and those of its operands.
+    `scale_of` returns the scale of the colours.
     """
     if view == "final":
         return frame.image()
@@ -73,15 +73,15 @@ def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
 
 
 def scale_of(frame: Frame, view: str) -> Scale | None:
-    """What the colours of a view stand for; None where they are no measure."""
+    """The colour scale of a view; None for views without one."""
     if view in COUNTS:
         return Scale(COUNTS[view], 0.0, _largest(frame.array(view)) or 1.0)
     if view == "cycles":
-        return Scale("clock cycles a pixel", 0.0, float(np.percentile(frame.array(view), 99)) or 1.0)
+        return Scale("clock cycles per pixel", 0.0, float(np.percentile(frame.array(view), 99)) or 1.0)
     if view == "residual":
         largest = _largest(np.abs(frame.array(view)))
         return Scale(
-            "size of the field at the last sample, units of length", SMALLEST, max(largest, 10 * SMALLEST), "log"
+            "absolute field value at the last sample, units of length", SMALLEST, max(largest, 10 * SMALLEST), "log"
         )
     if view == "depth":
         depth = frame.array(view)
@@ -95,7 +95,8 @@ def scale_of(frame: Frame, view: str) -> Scale | None:
 
 
 def light(frame: Frame, view: str, scene: Scene) -> NDArray[np.float32]:
-    """A view as it is, (H, W, 3) in float32: linear colour, or an array's own numbers, one number three times."""
+    """A view as numbers, (H, W, 3) in float32: linear colour, or the values of an array; a scalar is repeated three
+    times."""
     if view == "boxes":
         return _with_boxes(frame.color, frame, scene).astype(np.float32)
     values = np.asarray(frame.color if view == "final" else frame.array(view), np.float32)
@@ -106,7 +107,7 @@ def light(frame: Frame, view: str, scene: Scene) -> NDArray[np.float32]:
 
 def _with_boxes(picture: NDArray[Any], frame: Frame, scene: Scene) -> NDArray[np.float64]:
     if frame.pose is None:
-        raise ValueError("boxes: the frame does not say where its camera was")
+        raise ValueError("boxes: the frame has no camera pose")
     return draw_boxes(picture, frame.depth, frame.pose, boxes_of(scene), scene.far(frame.pose))
 
 
@@ -120,7 +121,7 @@ def _bytes(values: NDArray[Any]) -> Image.Image:
 
 
 def _colors(index: NDArray[Any]) -> NDArray[Any]:
-    """Hues a golden angle apart, so that neighbouring indices differ; black for no hit."""
+    """Hues a golden angle apart, so that neighbouring indices differ; black for a miss."""
     hue = (index * 0.618033988749895) % 1.0
     rgb = np.stack([np.abs((hue * 6 + shift) % 6 - 3) - 1 for shift in (0, 4, 2)], axis=-1)
     return np.where((index >= 0)[..., None], 0.25 + 0.65 * np.clip(rgb, 0, 1), 0.0)

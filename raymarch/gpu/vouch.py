@@ -1,4 +1,4 @@
-"""Whether a picture can be vouched for: why it may not be what was meant, in words, for who has not looked at it."""
+"""Automatic checks of a rendered picture: each returns a doubt as a sentence, or an empty string."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 
 OUT_OF_STEPS = 0.005
-"""The share of a picture's rays that may run out of steps without a word: some do at silhouettes and horizons."""
+"""Fraction of rays that may run out of steps without a doubt: some do at silhouettes and horizons."""
 
 SPARSE = 8
-"""Every so many-th pixel of a row and of a column is marched once more to count the rays that run out of steps."""
+"""Stride, in rows and in columns, of the pixels that are marched again to count rays that run out of steps."""
 
 FEW = 16384
-"""Pixels up to which all are marched for that."""
+"""Pictures with at most this number of pixels are marched again in full."""
 
 _said: dict[Any, Any] = {}
 
 
 def warn(doubts: Iterable[str]) -> None:
-    """A RenderWarning each, at the user's line; the same words once a line, unless warnings are filtered otherwise."""
+    """Emit each doubt as a RenderWarning at the user's line; by default a repeated text appears once for each line."""
     place = user_location()
     for doubt in doubts:
         if place is None:
@@ -37,13 +37,14 @@ def warn(doubts: Iterable[str]) -> None:
 
 
 def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
-    """How many rays, across and down, are marched once more."""
+    """(width, height) of the sparse set of rays that is marched again."""
     every = SPARSE if size[0] * size[1] > FEW else 1
     return -(-size[0] // every), -(-size[1] // every)
 
 
 def nothing_visible(scene: Scene) -> str:
-    """The doubt of a picture without a hit; empty where that is no surprise, since nothing in the scene has an end."""
+    """The doubt of a picture without a hit. Empty if no part of the scene is bounded, since a miss is then
+    plausible."""
     if scene.node.facts.empty:
         return "nothing is visible: the solid is empty"
     if scene.subject is None:
@@ -53,7 +54,7 @@ def nothing_visible(scene: Scene) -> str:
 
 
 def not_finite(color: NDArray[Any]) -> str:
-    """The doubt of colours that are not finite; empty if all are."""
+    """The doubt of colours, (H, W, 3), that are not finite; empty if all are."""
     lost = int(np.sum(~np.isfinite(color).all(axis=-1)))
     if not lost:
         return ""
@@ -61,7 +62,7 @@ def not_finite(color: NDArray[Any]) -> str:
 
 
 def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
-    """The doubt of rays that ran out of steps; empty if they are few."""
+    """The doubt of rays that ran out of steps; empty if at most `OUT_OF_STEPS` of them did."""
     share = float(np.mean(~done))
     if share <= OUT_OF_STEPS:
         return ""
@@ -70,7 +71,7 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
 
 
 def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:
-    """True if a picture might be nothing but the sky, by some of its pixels."""
+    """True if a grid of up to 48 x 48 pixels matches the sky, so that the picture may show nothing else."""
     height, width = color.shape[:2]
     rows, columns = (np.unique(np.linspace(0, n - 1, 48).astype(int)) for n in (height, width))
     x, y = np.meshgrid(2.0 * columns + 1.0 - width, height - 2.0 * rows - 1.0)
@@ -81,5 +82,5 @@ def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> boo
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     sky = scene.sky.seen(directions, values)
     shown = color[np.ix_(rows, columns)].reshape(-1, 3)
-    near = 1e-4 if scene.sky.constant else 0.05  # samples of a pixel see different parts of a sky
+    near = 1e-4 if scene.sky.constant else 0.05  # the samples of a pixel see different parts of the sky
     return bool(np.all(np.abs(shown - sky) <= near * (1.0 + np.abs(sky))))

@@ -1,1 +1,1 @@
-"""The live window: a scene file is shown, watched, moved about in and inspected. The only room that shows windows."""
+"""The interactive window: shows, reloads and inspects a scene file. The only package that opens visible windows."""

@@ -1,4 +1,4 @@
-"""Scenes that come and go, by a reload or an edit: each is drawn before it takes the place of the one before."""
+"""Changes of the scene by a reload or an edit: a new scene is drawn before it replaces the old one."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 from raymarch.errors import RaymarchError
 from raymarch.window.edits import Edits
-from raymarch.window.overlay import Card
+from raymarch.window.overlay import Message
 from raymarch.window.reload import Failed, Fault, Loaded, Started, Watching
 
 if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 
-def hear(viewer: Viewer, now: float) -> None:
-    """What threads have found out since the last turn."""
+def take_news(viewer: Viewer, now: float) -> None:
+    """Handle the results of threads since the last turn of the loop."""
     for news in viewer.reloader.latest():
         if isinstance(news, Started):
             viewer.reloading = now
@@ -44,14 +44,14 @@ def hear(viewer: Viewer, now: float) -> None:
 
 
 def _swap(viewer: Viewer, news: Loaded, now: float) -> None:
-    """Draw the new scene; only if that works it takes the place of the old one."""
+    """Draw the new scene, and replace the old one if that succeeds."""
     before = replace(viewer.state, params=dict(viewer.state.params))
     compiled = viewer.renderer.compiled
     try:
         scene = viewer.edits.apply(news.scene)
-        told = viewer.state.adopt(scene, scene.parameters)
+        changes = viewer.state.adopt(scene, scene.parameters)
         if scene is news.scene:
-            viewer.renderer.adopt(viewer.state.live, news.prepared)
+            viewer.renderer.adopt(viewer.state.progressive, news.prepared)
         else:
             _overlay(viewer)
         start = clock_time.perf_counter()
@@ -63,7 +63,7 @@ def _swap(viewer: Viewer, news: Loaded, now: float) -> None:
         return
     viewer.state.file, viewer.base, viewer.fault, viewer.pick = news.file, news.scene, None, None
     viewer.window.title(titled(news.file))
-    for text in told:
+    for text in changes:
         viewer.notice(text)
     compile_ms = viewer.picture.drawn.compile
     parts = {**news.ms, "compile": compile_ms, "first frame": first - compile_ms}
@@ -75,7 +75,7 @@ def _swap(viewer: Viewer, news: Loaded, now: float) -> None:
 
 
 def change(viewer: Viewer, edits: Edits) -> None:
-    """Lay other edits over the scene, if that can be drawn."""
+    """Apply edits to the scene, if the result can be drawn."""
     before, viewer.wanted = replace(viewer.state, params=dict(viewer.state.params)), None
     try:
         scene = edits.apply(viewer.base)
@@ -96,12 +96,12 @@ def change(viewer: Viewer, edits: Edits) -> None:
 
 
 def _overlay(viewer: Viewer) -> None:
-    """Make a scene with edits laid over it ready to be drawn. It had no trial, so this is where it is compiled."""
-    shown = viewer.state.live
+    """Prepare a scene with edits. It had no trial, so it is compiled here."""
+    shown = viewer.state.progressive
     ready, _ = viewer.overlaid.fit(viewer.renderer.prepared(shown))
     viewer.renderer.adopt(shown, ready)
     if not viewer.renderer.resources.knows(ready):
-        viewer.announce(Card("compiling", "busy", "bottom left"))
+        viewer.announce(Message("compiling", "busy", "bottom left"))
 
 
 def _fail(viewer: Viewer, fault: Fault) -> None:
@@ -110,13 +110,13 @@ def _fail(viewer: Viewer, fault: Fault) -> None:
 
 
 def trouble(viewer: Viewer, fault: RaymarchError) -> None:
-    """A scene that loads but cannot be drawn now."""
+    """Report a scene that loads but cannot be drawn."""
     where = fault.where
-    told = Fault(fault.what, fault.legal, where.file if where else None, where.line if where else None)
-    if told != viewer.fault:
-        _fail(viewer, told)
+    found = Fault(fault.what, fault.legal, where.file if where else None, where.line if where else None)
+    if found != viewer.fault:
+        _fail(viewer, found)
 
 
 def titled(file: Path) -> str:
-    """What the window's frame says."""
+    """The title of the window."""
     return f"raymarch: {file.name} (H: keys)"

@@ -1,8 +1,8 @@
-"""Numbers of a shader that somebody edits: uniforms from their first change on, so that the next ones compile nothing.
+"""Edited numbers of a shader become uniforms after their first change. Editing the same number again does not
+recompile.
 
-A number of a scene is baked into the shader, which makes the program fast and an edit slow. But who edits a number once
-will edit it again. So where two shaders differ in nothing but numbers, those that differ become uniforms; all others
-stay baked.
+Numbers of a scene are baked into the shader, which makes the program fast and edits slow. If two versions of a shader
+differ in numbers only, the numbers that differ become uniforms; all others stay baked.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from typing import Any
 from raymarch.gpu.prepare import Prepared
 
 MOST = 64
-"""Numbers that may be uniforms at once: each costs speed, and beyond this all are baked again."""
+"""Maximum number of such uniforms. Each makes the shader slower; above the maximum all numbers are baked again."""
 
 CLICKED = ("depth",)
-"""The outputs that a click asks for; their shader is another."""
+"""The outputs that a click renders, with a shader of their own."""
 
 _NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?:e[-+]?\d+)?(?![\w.])")
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A shader as it was last: what stands between its numbers, the numbers, and which of them are uniforms."""
+    """The last version of a shader: the text between its numbers, the numbers, and which of them are uniforms."""
 
     between: tuple[str, ...]
     numbers: tuple[str, ...]
     free: frozenset[int] = frozenset()
 
     def changed(self, before: Text | None) -> Text:
-        """With the numbers free that were so before or have changed since; none if more than numbers has changed."""
+        """Free the numbers that were free before or have changed; none if anything except numbers changed."""
         if before is None or before.between != self.between:
             return self
         apart = {i for i, (a, b) in enumerate(zip(self.numbers, before.numbers, strict=True)) if a != b}
@@ -41,7 +41,7 @@ class Text:
         return self if len(free) > MOST or free & fixed else replace(self, free=free)
 
     def glsl(self) -> str:
-        """The text with uniforms; as many lines as it had, so that messages find their line."""
+        """The text with uniforms. It keeps its number of lines, so that messages refer to the right line."""
         parts = [self.between[0]]
         for i, number in enumerate(self.numbers):
             parts += [_name(i) if i in self.free else number, self.between[i + 1]]
@@ -55,7 +55,7 @@ class Text:
 
     @property
     def values(self) -> dict[str, float]:
-        """The uniforms and what they are now."""
+        """The uniforms and their current values."""
         return {_name(i): float(self.numbers[i]) for i in self.free}
 
 
@@ -64,7 +64,7 @@ class Constants:
 
     Parameters
     ----------
-    known : what `as_json` of another one gave.
+    known : the result of `as_json` of another instance.
     """
 
     def __init__(self, known: Mapping[str, Any] | None = None) -> None:
@@ -74,7 +74,7 @@ class Constants:
         }
 
     def fit(self, ready: Prepared) -> tuple[Prepared, bool]:
-        """A scene with uniforms for the numbers that are edited, and whether it needs other programs than the last."""
+        """The scene with uniforms for edited numbers, and whether it needs other programs than the last one."""
         fitted = {name: parsed(text).changed(self._known.get(name)) for name, text in ready.texts.items()}
         before = {name: text.glsl() for name, text in self._known.items()}
         self._known = fitted
@@ -87,7 +87,7 @@ class Constants:
         self._known = {}
 
     def as_json(self) -> dict[str, Any]:
-        """For another process."""
+        """The state as JSON types, for another process."""
         return {
             name: {"between": text.between, "numbers": text.numbers, "free": sorted(text.free)}
             for name, text in self._known.items()
@@ -95,12 +95,12 @@ class Constants:
 
 
 def parsed(glsl: str) -> Text:
-    """A shader taken apart at its numbers, none of which is a uniform."""
+    """Split a shader at its numbers; none is a uniform yet."""
     return Text(tuple(_NUMBER.split(glsl)), tuple(_NUMBER.findall(glsl)))
 
 
 def _fixed(between: tuple[str, ...]) -> set[int]:
-    """The numbers that must be constants: outside of functions, in a `const`, in a line for the preprocessor."""
+    """The numbers that must stay constants: outside functions, in a `const`, in a preprocessor line."""
     fixed: set[int] = set()
     depth, statement, line = 0, "", ""
     for i, part in enumerate(between[:-1]):

@@ -12,21 +12,21 @@ from raymarch.scene.camera import Pose, look_at
 Vector = NDArray[np.float64]
 
 POLE = np.radians(1.0)
-"""An orbit keeps this angle from the poles, where the picture would have no up."""
+"""Minimum angle in radians between an orbiting view and the poles, where up is undefined."""
 
 NEAREST = 1e-4
-"""A dolly comes no nearer to its target than this share of the distance at which the view was set."""
+"""Minimum distance of a dolly to its target, as a fraction of the initial distance `reach`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A camera in the hand of the user, in float64.
+    """The camera under the user's control, in float64.
 
     Attributes
     ----------
     position, target, up : shape (3,); up is not parallel to the view.
     fov : vertical field of view in degrees.
-    reach : the distance to the target with which the view was set; what speeds are measured by.
+    reach : the initial distance to the target; the unit of speeds.
     """
 
     position: Vector
@@ -47,20 +47,20 @@ class View:
 
     @property
     def forward(self) -> Vector:
-        """The direction of view, of length 1."""
+        """The unit view direction."""
         return _unit(self.target - self.position)
 
     @property
     def right(self) -> Vector:
-        """To the right in the picture, of length 1."""
+        """The unit vector to the right of the picture."""
         return _unit(np.cross(self.forward, self.up))
 
     def pose(self) -> Pose:
-        """What the renderer takes."""
+        """The pose for the renderer."""
         return look_at(self.position, self.target, self.up, self.tan_half_fov)
 
     def ray(self, x: float, y: float, size: tuple[int, int]) -> Vector:
-        """Direction of the ray through a point of a picture, of length 1; x to the right and y down, in its pixels."""
+        """Unit direction of the ray through a point of a picture, in pixels; x to the right, y down."""
         width, height = size
         across = (2.0 * x - width) / height * self.tan_half_fov
         upward = (height - 2.0 * y) / height * self.tan_half_fov
@@ -68,7 +68,7 @@ class View:
 
 
 def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
-    """The view that stands at a pose; without a target it turns about a point at distance 1."""
+    """The view at a pose. Without a target it orbits a point at distance 1."""
     forward = -pose.frame[:, 2]
     distance = 1.0 if target is None else float(np.linalg.norm(target - pose.position))
     fov = float(np.degrees(2 * np.arctan(pose.tan_half_fov)))
@@ -76,12 +76,12 @@ def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
 
 
 def orbit(view: View, dx: float, dy: float, height: int) -> View:
-    """Turn about the target; a drag by the height of the window is half a turn, and the scene follows the hand."""
+    """Orbit the target. A drag by the height of the window is half a turn; the scene follows the cursor."""
     away = view.position - view.target
     away = _turned(away, view.up, -np.pi * dx / height)
     elevation = np.pi / 2 - _angle(away, view.up)
     limit = np.pi / 2 - POLE
-    # A view that was set nearer to a pole than the limit is not thrown back by its first movement.
+    # A view that starts closer to a pole than the limit does not jump at its first movement.
     limit = max(limit, abs(elevation))
     rise = np.clip(elevation + np.pi * dy / height, -limit, limit) - elevation
     side = _unit(np.cross(view.up, away))
@@ -89,7 +89,7 @@ def orbit(view: View, dx: float, dy: float, height: int) -> View:
 
 
 def turn(view: View, dx: float, dy: float, height: int) -> View:
-    """Look about from where the camera stands; what is under the cursor stays nearly under it."""
+    """Rotate the view about the camera; the point under the cursor stays nearly under it."""
     angle = 2 * np.arctan(view.tan_half_fov) / height
     ahead = _turned(view.target - view.position, view.up, angle * dx)
     elevation = np.pi / 2 - _angle(ahead, view.up)
@@ -100,32 +100,32 @@ def turn(view: View, dx: float, dy: float, height: int) -> View:
 
 
 def pan(view: View, dx: float, dy: float, height: int) -> View:
-    """Shift the camera across the view; points at the target's distance stay under the cursor."""
+    """Translate the camera parallel to the image plane; points at the target's distance stay under the cursor."""
     length = 2 * view.tan_half_fov * view.distance / height
     shift = length * (-dx * view.right + dy * np.cross(view.right, view.forward))
     return replace(view, position=view.position + shift, target=view.target + shift)
 
 
 def dolly(view: View, steps: float) -> View:
-    """Nearer to the target by a tenth of the way a step, or away from it."""
+    """Move towards the target by a tenth of the distance per step, or away from it."""
     distance = max(view.distance * 0.9**steps, NEAREST * view.reach)
     return replace(view, position=view.target - distance * view.forward)
 
 
 def fly(view: View, forward: float, right: float, upward: float, seconds: float) -> View:
-    """Move along the view, to the right and along `up` with speeds as shares of the reach a second."""
+    """Move forward, to the right and along `up`; speeds are in units of `reach` per second."""
     upright = np.cross(view.right, view.forward)
     shift = view.reach * seconds * (forward * view.forward + right * view.right + upward * upright)
     return replace(view, position=view.position + shift, target=view.target + shift)
 
 
 def zoomed(view: View, fov: float) -> View:
-    """The same view through another lens; `fov` in degrees."""
+    """The view with another vertical field of view, `fov` in degrees."""
     return replace(view, fov=fov)
 
 
 def focus(view: View, point: Vector) -> View:
-    """Turn about another point from now on: it comes to the middle, seen from the same side and distance."""
+    """Make another point the target: it moves to the centre, with the same view direction and distance."""
     distance = float(np.linalg.norm(point - view.position))
     if distance == 0.0:
         return view
@@ -133,7 +133,7 @@ def focus(view: View, point: Vector) -> View:
 
 
 def as_python(view: View) -> str:
-    """The view as a line for a scene file, exact to a millionth of the reach."""
+    """The view as a Camera(...) line for a scene file, exact to a millionth of `reach`."""
     digits = int(np.clip(6 - np.floor(np.log10(max(view.reach, 1e-300))), 0, 12))
     parts = [f"position={_tuple(view.position, digits)}", f"target={_tuple(view.target, digits)}"]
     if not np.array_equal(view.up, (0.0, 1.0, 0.0)):
@@ -152,12 +152,12 @@ def _unit(vector: Vector) -> Vector:
 
 
 def _angle(a: Vector, b: Vector) -> float:
-    """Between two vectors, exact near 0 and pi as well."""
+    """The angle between two vectors, accurate also near 0 and pi."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
 
 
 def _turned(vector: Vector, axis: Vector, angle: float) -> Vector:
-    """A vector turned about an axis of length 1 (Rodrigues)."""
+    """Rotate a vector about a unit axis (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
     turned: Vector = c * vector + s * np.cross(axis, vector) + (1 - c) * np.dot(axis, vector) * axis
     return turned

@@ -19,23 +19,23 @@ CHOICES = {"tracer": TRACERS, "schedule": SCHEDULES, "normals": NORMALS}
 
 
 class Editors:
-    """Draws the editors; what is changed goes to the viewer as `Edits`."""
+    """Draws the editors; changes go to the viewer as `Edits`."""
 
     def __init__(self, imgui: Any, viewer: Viewer) -> None:
         self._imgui, self._viewer = imgui, viewer
 
     def owns(self, parameter: str) -> bool:
-        """Whether a parameter is one of an edited light or material, and not the scene file's own."""
+        """True if a parameter belongs to an edited light or material instead of the scene file."""
         specs = self._viewer.base.parameters
         return parameter not in specs
 
     def lights(self) -> None:
-        """All lights; the first change takes them over from the scene file."""
+        """The editor of all lights. The first change replaces the lights of the scene file."""
         imgui, viewer = self._imgui, self._viewer
         now: Edits = viewer.edits
         if now.lights is None:
             count = len(viewer.base.lights)
-            imgui.text(f"{count} light{'' if count == 1 else 's'}, as the file says")
+            imgui.text(f"{count} light{'' if count == 1 else 's'} from the file")
             if imgui.button("edit"):
                 viewer.edit(replace(now, lights=edits.editable_lights(viewer.base)))
             viewer.mark("edit lights")
@@ -59,7 +59,7 @@ class Editors:
         self._foot("lights", replace(now, lights=None))
 
     def _light(self, light: LightEdit) -> LightEdit | None:
-        """One light; None if it is to go."""
+        """The editor of one light. Returns the edited light; None to remove it."""
         imgui = self._imgui
         for name in light.values:
             self._value(light.name(name), name)
@@ -76,7 +76,7 @@ class Editors:
         return replace(light, shadow=bool(shadow)) if changed else light
 
     def materials(self) -> None:
-        """The materials of the scene; those that are edited have sliders."""
+        """The editor of the scene's materials; edited ones have sliders."""
         imgui, viewer = self._imgui, self._viewer
         now: Edits = viewer.edits
         for index, material in enumerate(viewer.base.materials):
@@ -100,14 +100,14 @@ class Editors:
             self._foot("materials", replace(now, materials={}))
 
     def _swatch(self, index: int, material: Material) -> None:
-        """The colour of a material, where it is a plain one."""
+        """The colour of a material, if it is constant."""
         imgui = self._imgui
         color = edits.editable_material(material)["albedo" if material.physical else "color"]
         shown = color if isinstance(color, tuple) else (0.5, 0.5, 0.5)
         imgui.color_button(f"##swatch {index}", imgui.ImVec4(*shown, 1.0), imgui.ColorEditFlags_.no_tooltip, (14, 14))
 
     def quality(self) -> None:
-        """How a ray is marched."""
+        """The editor of the marching quality."""
         imgui, viewer = self._imgui, self._viewer
         now: Edits = viewer.edits
         quality = viewer.state.scene.quality
@@ -129,7 +129,7 @@ class Editors:
 
     def _value(self, parameter: str, label: str) -> None:
         spec = self._viewer.state.specs.get(parameter)
-        if spec is None:  # an expression of the scene's own
+        if spec is None:  # an expression in the scene file
             self._imgui.text(f"{label}: an expression")
             return
         panel = self._viewer.panel
@@ -146,6 +146,6 @@ class Editors:
             viewer.notice(f"copied\n{text}")
         viewer.mark(f"copy {name}")
         imgui.same_line()
-        if imgui.button(f"as the file says##{name}"):
+        if imgui.button(f"reset to the file##{name}"):
             viewer.edit(without)
         viewer.mark(f"drop {name}")

@@ -1,7 +1,7 @@
-"""Lights, materials and quality edited in the window: laid over a scene, and written out as Python.
+"""Edits of lights, materials and quality in the window: applied to a scene, and exported as Python.
 
-An edited number becomes a parameter of the scene, so moving its slider recompiles nothing. Adding or removing a light,
-or a choice such as its shadow, makes another shader.
+An edited number becomes a parameter of the scene, so moving its slider does not recompile. Adding or removing a light,
+or changing an option such as its shadow, compiles a new shader.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ KINDS: dict[str, tuple[type[Light], dict[str, Range]]] = {
     ),
     "SphereLight": (SphereLight, {"position": (None, None), "radius": (0.01, 10.0), **COMMON}),
 }
-"""The kinds of light, with the values of each that can be moved and their ranges."""
+"""The kinds of lights, with their editable values and ranges."""
 
 KEPT = ("range", "shadow_radius", "attenuation")
-"""Values of lights that stay as the scene has them."""
+"""Values of lights that cannot be edited."""
 
 SOFT = 0.1
-"""The softness that a shadow is first given."""
+"""Initial softness of a shadow."""
 
 PHONG: dict[str, Range] = {
     "color": (0.0, 1.0),
@@ -66,10 +66,10 @@ PHYSICAL: dict[str, Range] = {
 
 @dataclass(frozen=True, slots=True)
 class LightEdit:
-    """One light: its kind, its numbers by name, its choices.
+    """An editable light: its kind, its numbers by name, its options.
 
-    `number` names its parameters and stays while others come and go. Values that are no plain numbers are kept as they
-    are and cannot be moved.
+    `number` identifies its parameters and does not change when other lights are added or removed. Values that are not
+    plain numbers are kept unchanged and cannot be edited.
     """
 
     number: int
@@ -80,15 +80,15 @@ class LightEdit:
     kept: dict[str, Any] = field(default_factory=dict)
 
     def name(self, value: str) -> str:
-        """The parameter of a value."""
+        """The name of the parameter for a value."""
         return f"light {self.number} {value}"
 
     def softened(self) -> LightEdit:
-        """With a soft shadow, whose width can be moved from then on."""
+        """The light with a soft shadow, whose width is then editable."""
         return replace(self, values={**self.values, "softness": SOFT}, shadow=True)
 
     def light(self) -> Light:
-        """The light, with parameters for its numbers."""
+        """The light with parameters for its numbers."""
         made, ranges = KINDS[self.kind]
         values: dict[str, Any] = {}
         for name, value in self.values.items():
@@ -97,7 +97,7 @@ class LightEdit:
         return kind(**values, shadow=self.shadow, penumbra=self.penumbra, **self.kept)
 
     def python(self, params: dict[str, Value]) -> str:
-        """As a scene file says it; `params` are the values of moved parameters."""
+        """The light as Python; `params` are the values of changed parameters."""
         parts = [f"{name}={_written(params.get(self.name(name), value))}" for name, value in self.values.items()]
         if self.shadow:
             parts.append("shadow=True")
@@ -109,13 +109,13 @@ class LightEdit:
 
 @dataclass(frozen=True, slots=True)
 class Edits:
-    """What the window changed of a scene file's scene; None and empty dicts are what the file says.
+    """The changes that the window makes to the scene of a file. None and empty dicts are no change.
 
     Attributes
     ----------
-    lights : all lights in place of the scene's.
-    materials : which of `scene.materials` are edited: the values of each, by index.
-    quality : fields of `Quality` in place of the scene's.
+    lights : all lights, to replace those of the scene.
+    materials : the values of edited materials, by their index in `scene.materials`.
+    quality : fields of `Quality` that replace those of the scene.
     """
 
     lights: tuple[LightEdit, ...] | None = None
@@ -127,7 +127,7 @@ class Edits:
         return self.lights is None and not self.materials and not self.quality
 
     def apply(self, scene: Scene) -> Scene:
-        """The edited scene. Materials that the scene no longer has are passed over."""
+        """The edited scene. Materials that the scene no longer has are ignored."""
         if self.empty:
             return scene
         lights = scene.lights if self.lights is None else tuple(light.light() for light in self.lights)
@@ -153,7 +153,7 @@ class Edits:
 
 
 def _kept_glass(material: Material) -> list[str]:
-    """What is not edited of a material through which light goes; for what is no constant, an ellipsis."""
+    """The values of a transmissive material that are not editable; `...` for non-constant ones."""
     if not material.transmits:
         return []
     kept = {"transmission": material.transmission, "ior": material.ior, "absorption": material.absorption}
@@ -161,7 +161,7 @@ def _kept_glass(material: Material) -> list[str]:
 
 
 def params_as_python(specs: Mapping[str, Spec], params: Mapping[str, Value]) -> str:
-    """The parameters that were moved, as lines for the scene file that make the values their defaults."""
+    """The changed parameters as lines for the scene file, with their values as defaults."""
     lines = []
     for name, value in params.items():
         spec = specs[name]
@@ -173,12 +173,12 @@ def params_as_python(specs: Mapping[str, Spec], params: Mapping[str, Value]) -> 
 
 
 def editable_lights(scene: Scene) -> tuple[LightEdit, ...]:
-    """The lights of a scene, ready to be edited."""
+    """The lights of a scene in editable form."""
     return tuple(_editable(i, light) for i, light in enumerate(scene.lights, 1))
 
 
 def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
-    """A light of a kind, above the subject of a scene."""
+    """A new light of a kind, above the subject of a scene."""
     subject = scene.subject
     reach = 1.0 if subject is None or not subject.bounded or subject.empty else float(np.linalg.norm(subject.size))
     place = (0.6 * reach, 1.2 * reach, 0.8 * reach)
@@ -196,7 +196,7 @@ def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
 
 
 def editable_material(material: Material) -> dict[str, Any]:
-    """The values of a material that are plain numbers or parameters, by name."""
+    """The values of a material that are numbers or parameters, by name."""
     ranges = PHYSICAL if material.physical else PHONG
     return {name: _plain(material_value(material, name)) for name in ranges}
 
@@ -207,7 +207,7 @@ def material_value(material: Material, name: str) -> Any:
 
 
 def material_name(index: int, value: str) -> str:
-    """The parameter of a value of an edited material."""
+    """The name of the parameter for a value of an edited material."""
     return f"material {index} {value}"
 
 
@@ -215,7 +215,7 @@ def _editable(number: int, light: Light) -> LightEdit:
     kind = type(light).__name__
     values = {name: _plain(getattr(light, name)) for name in KINDS[kind][1]}
     if values.get("softness") == 0.0:
-        del values["softness"]  # a parameter could be more, and would call for a soft shadow
+        del values["softness"]  # a parameter could be > 0, which would require a soft shadow
     kept = {name: getattr(light, name) for name in KEPT if getattr(light, name, None) is not None}
     return LightEdit(number, kind, values, light.shadow, light.penumbra, kept)
 
@@ -229,7 +229,7 @@ def _plain(value: Any) -> Any:
 
 
 def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
-    """The tree with some of its materials exchanged. Parts without one show material 0: it goes around all."""
+    """The tree with edited materials. Parts without a material show material 0, which wraps the entire tree."""
     exchanged: dict[Material, Material] = {}
     for index, values in materials.items():
         if index < len(scene.materials):
@@ -238,7 +238,7 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
             new = {
                 name: Param(material_name(index, name), value, *ranges[name])
                 for name, value in values.items()
-                if name in ranges and _number(value)  # a pattern or a picture is not edited, and stays
+                if name in ranges and _number(value)  # a pattern or an image is not editable
             }
             exchanged[old] = old.replace(**new)
     root = relabelled(scene.node, lambda material: exchanged.get(material, material))

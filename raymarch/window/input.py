@@ -1,4 +1,4 @@
-"""The mouse, and keys that are held: camera, picks, dropped files."""
+"""Input of the mouse and of held keys: camera movement, picks, dropped files."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 CLICK = 4.0
-"""A press that moves farther than this, in screen coordinates, is a drag."""
+"""Minimum movement of a drag, in screen coordinates; a shorter one is a click."""
 
 FAST = 4.0
-"""How much faster a flight is with Shift."""
+"""Factor of the flying speed with Shift."""
 
 
 class Input:
-    """Turns events into movements of the camera, picks and commands."""
+    """Converts events to camera movements, picks and commands."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
@@ -34,11 +34,11 @@ class Input:
 
     @property
     def busy(self) -> bool:
-        """Whether something is held that moves the picture by itself."""
+        """True while a held key or button keeps moving the picture."""
         return any(self.flying())
 
     def take(self, events: Sequence[Event]) -> None:
-        """Act on events, in their order."""
+        """Handle events in order."""
         panel = self._viewer.panel
         for event in events:
             if panel is not None and panel.take(event) and self._button is None:
@@ -89,7 +89,7 @@ class Input:
             viewer.log.say("pick", pixel=pick.pixel, position=position, normal=pick.normal.tolist(), **facts)
 
     def focus(self) -> None:
-        """Turn about what is under the cursor from now on."""
+        """Make the point under the cursor the target of the camera."""
         viewer = self._viewer
         pick = pick_at(viewer, *self._at)
         if pick is None or not np.isfinite(pick.distance):
@@ -99,7 +99,7 @@ class Input:
         viewer.log.say("focus", point=pick.position.tolist())
 
     def flying(self) -> tuple[float, float, float]:
-        """Speeds forward, right and up that the held keys ask for."""
+        """Speeds forward, right and up from the held keys."""
         window = self._viewer.window
         if window.command_held:
             return 0.0, 0.0, 0.0
@@ -111,7 +111,7 @@ class Input:
     def _drop(self, event: Drop) -> None:
         scenes = [file for file in event.files if file.suffix == ".py"]
         if not scenes:
-            self._viewer.notice("drop a scene file: Python that leaves a `scene`")
+            self._viewer.notice("drop a scene file: Python that defines a `scene`")
             return
         self._viewer.reloader.open(scenes[0])
         self._viewer.log.say("dropped", file=str(scenes[0]))

@@ -1,4 +1,4 @@
-"""What hands and panel ask about the picture: what is under the cursor, what a pixel costs."""
+"""Inspection of the picture: the point under the cursor, and the mean cost of a pixel."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def pick_at(viewer: Viewer, x: float, y: float) -> Pick | None:
-    """What is at a place of the cursor; its truth follows when it is known."""
+    """The pick at a cursor position; its reference values follow later."""
     size = viewer.window.size
     column, row = (int(v) for v in viewer.window.pixel(x, y))
     if not (0 <= column < size[0] and 0 <= row < size[1]):
@@ -37,7 +37,7 @@ def pick_at(viewer: Viewer, x: float, y: float) -> Pick | None:
 
 
 def _prepare_clicks(viewer: Viewer, scene: Scene) -> None:
-    """The shader of clicks, with the uniforms that its trial has compiled it with."""
+    """Prepare the shader of clicks with the uniforms that its trial compiled."""
     if scene is not viewer.clicked:
         ready, _ = viewer.clicks.fit(viewer.renderer.prepared(scene, CLICKED))
         viewer.renderer.adopt(scene, ready, CLICKED)
@@ -45,7 +45,7 @@ def _prepare_clicks(viewer: Viewer, scene: Scene) -> None:
 
 
 def evaluations(viewer: Viewer) -> float | None:
-    """Mean evaluations of a pixel in the whole picture, from one of a quarter of its size; None while it moves."""
+    """Mean evaluations per pixel, from a picture of a quarter of the size; None until the picture is complete."""
     if not viewer.picture.whole:
         return None
     shot = viewer.state.shot()

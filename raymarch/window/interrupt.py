@@ -1,4 +1,4 @@
-"""Ctrl+C in the shell."""
+"""Handling of Ctrl+C in the shell."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Any, Self
 
 
 class Interrupt:
-    """While it lasts, the first Ctrl+C asks for an end, which a loop looks for, and the second breaks off.
+    """In its context, the first Ctrl+C sets `asked`, which the loop checks; the second raises KeyboardInterrupt.
 
-    An exception could come at any line: in a callback of glfw, which swallows it, or while a lock is held.
+    An exception at the first could occur at any line: in a callback of glfw, which swallows it, or while a lock is
+    held.
     """
 
     def __init__(self) -> None:
@@ -19,15 +20,15 @@ class Interrupt:
         self._before: Any = None
 
     def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():  # others cannot hear signals
-            self._before = signal.signal(signal.SIGINT, self._hear)
+        if threading.current_thread() is threading.main_thread():  # other threads cannot handle signals
+            self._before = signal.signal(signal.SIGINT, self._handle)
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
 
-    def _hear(self, number: int, frame: FrameType | None) -> None:
+    def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True

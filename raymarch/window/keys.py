@@ -1,4 +1,4 @@
-"""The keys: what each does."""
+"""Key bindings."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 STEP = 0.02
-"""The part of a parameter's range that an arrow key moves it by; a tenth of it with Shift."""
+"""Step of an arrow key as a fraction of the parameter's range; a tenth of it with Shift."""
 
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """A key, its help, and what it does; `shift` and `control` must be as here."""
+    """A key, its label and help, and its action; `shift` and `control` must match."""
 
     key: str
     label: str
@@ -34,14 +34,14 @@ class Binding:
 
 
 class Keys:
-    """Turns keys into commands and changes of parameters."""
+    """Converts keys to commands and parameter changes."""
 
     def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
         self._bindings = self._all()
 
     def press(self, event: Key) -> None:
-        """Do what a key that went down is for."""
+        """Run the action of a pressed key."""
         self._viewer.log.say("key", name=event.name)
         for binding in self._bindings:
             fits = binding.key == event.name and binding.control == event.control
@@ -54,16 +54,16 @@ class Keys:
     def _all(self) -> list[Binding]:
         v = self._viewer
         return [
-            Binding("f", "F", "turn about the point under the cursor", lambda: v.hands.focus()),
-            Binding("r", "R", "the scene's own camera again", self._reset),
-            Binding("c", "C", "copy the camera as a line of Python", self.copy),
+            Binding("f", "F", "orbit the point under the cursor", lambda: v.input.focus()),
+            Binding("r", "R", "reset to the scene's camera", self._reset),
+            Binding("c", "C", "copy the camera as Python", self.copy),
             Binding("v", "V", "next view: final, depth, normal, ...", lambda: self._view(1)),
             Binding("v", "Shift+V", "previous view", lambda: self._view(-1), shift=True),
             Binding("space", "Space", "play or pause", self._toggle),
             Binding(".", ". ,", "one frame on, one back", lambda: self._step(1)),
             Binding(",", "", "", lambda: self._step(-1)),
             Binding("home", "Home", "time 0", lambda: self._scrub(0.0)),
-            Binding("l", "L", "loop the first seconds up to now; again: no loop", self._loop),
+            Binding("l", "L", "loop from 0 to the current time; again: no loop", self._loop),
             Binding("n", "N, arrows", "next parameter; change it", lambda: self._select(1)),
             Binding("n", "", "", lambda: self._select(-1), shift=True),
             Binding("p", "P", "save a PNG", lambda: save.still(v)),
@@ -71,8 +71,8 @@ class Keys:
                 "p", "Shift+P", "save the loop (or 2 seconds) as a sequence of PNGs", lambda: save.begin(v), shift=True
             ),
             Binding("s", "Ctrl+S", "save camera, parameters, time and view", lambda: save.settings(v), control=True),
-            Binding("f5", "F5", "load the scene file again", lambda: v.reloader.reload()),
-            Binding("escape", "Esc", "stop a scene file that does not end; close what is laid over", self._escape),
+            Binding("f5", "F5", "reload the scene file", lambda: v.reloader.reload()),
+            Binding("escape", "Esc", "stop a scene file that does not end; close messages", self._escape),
             Binding("tab", "Tab", "the panel, on and off", self._panel),
             Binding("h", "H, F1", "this help", self._help),
             Binding("f1", "", "", self._help),
@@ -80,18 +80,18 @@ class Keys:
         ]
 
     def help(self) -> str:
-        """All keys and what they do."""
+        """The help text of all keys."""
         rows = [
-            ("drag", "orbit; Shift or the middle button: pan; the right button: look about"),
+            ("drag", "orbit; Shift or the middle button: pan; the right button: rotate the view"),
             ("wheel", "nearer, farther"),
             ("W A S D Q E", "fly; Shift: faster"),
-            ("click", "what is there: its line, position, normal, distance, cost, truth"),
+            ("click", "inspect a point: line, position, normal, distance, cost, reference"),
             *((b.label, b.help) for b in self._bindings if b.label),
         ]
         return "\n".join(f"{key}\t{text}" for key, text in rows)
 
     def parameters(self) -> str:
-        """The parameters with their values and ranges, the selected one marked."""
+        """The parameters with values and ranges; the selected one is marked."""
         state = self._viewer.state
         lines = []
         for name, spec in state.specs.items():
@@ -103,7 +103,7 @@ class Keys:
         self._viewer.state.reset()
 
     def copy(self) -> None:
-        """The camera as a line of Python, onto the clipboard."""
+        """Copy the camera as a line of Python to the clipboard."""
         line = control.as_python(self._viewer.state.hold())
         self._viewer.window.clip(line)
         self._viewer.notice(f"copied {line}")
@@ -116,17 +116,17 @@ class Keys:
     def _toggle(self) -> None:
         state = self._viewer.state
         state.timeline = state.timeline.toggle()
-        self._tell_time()
+        self._show_time()
 
     def _step(self, frames: int) -> None:
         state = self._viewer.state
         state.timeline = state.timeline.step(frames)
-        self._tell_time()
+        self._show_time()
 
     def _scrub(self, time: float) -> None:
         state = self._viewer.state
         state.timeline = state.timeline.scrub(time)
-        self._tell_time()
+        self._show_time()
 
     def _loop(self) -> None:
         state = self._viewer.state
@@ -135,11 +135,11 @@ class Keys:
         state.timeline = state.timeline.looping(loop)
         self._viewer.notice("no loop" if loop is None else f"loop: 0 to {now:.3g} s")
 
-    def _tell_time(self) -> None:
+    def _show_time(self) -> None:
         timeline = self._viewer.state.timeline
         self._viewer.log.say("time", time=timeline.time, playing=timeline.playing)
         if not self._viewer.state.animated:
-            self._viewer.notice("nothing in this scene reads the time")
+            self._viewer.notice("this scene does not depend on time")
 
     def _select(self, step: int) -> None:
         state = self._viewer.state

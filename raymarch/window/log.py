@@ -1,4 +1,4 @@
-"""What happens in the window as lines of JSON, for scripts."""
+"""A log of the window's events as lines of JSON, for scripts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from raymarch.errors import SceneError
 
 
 class Log:
-    """Writes one line for each event, at once; without a file it writes nothing."""
+    """Writes one line per event and flushes it; without a file it writes nothing."""
 
     def __init__(self, file: Path | None) -> None:
         self._out: TextIO | None = None
@@ -18,9 +18,7 @@ class Log:
             try:
                 self._out = file.open("w", encoding="utf-8", buffering=1)
             except OSError as fault:
-                raise SceneError(
-                    f"cannot write '{file}': {fault.strerror}", legal="a file that can be written"
-                ) from None
+                raise SceneError(f"cannot write '{file}': {fault.strerror}", legal="a writable file") from None
 
     def say(self, event: str, **facts: Any) -> None:
         if self._out is not None:

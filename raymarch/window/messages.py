@@ -1,4 +1,4 @@
-"""What the window says over the picture at a moment."""
+"""The messages over the picture."""
 
 from __future__ import annotations
 
@@ -8,41 +8,41 @@ from typing import TYPE_CHECKING
 from raymarch.gpu.views import VIEWS
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import Values
-from raymarch.window.overlay import Card
+from raymarch.window.overlay import Message
 
 if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 PATIENT = 0.6
-"""Seconds after which a trial is mentioned."""
+"""Seconds after which a running trial is shown."""
 
 
-def messages_of(viewer: Viewer, now: float) -> list[Card]:
-    """The cards to show; notices whose time is over are forgotten."""
+def messages_of(viewer: Viewer, now: float) -> list[Message]:
+    """The messages to show now. Removes expired notices."""
     if viewer.help:
-        return [Card(viewer.keys.help(), "note", "middle")]
-    cards = []
+        return [Message(viewer.keys.help(), "note", "middle")]
+    messages = []
     if viewer.fault is not None:
-        cards.append(Card(viewer.fault.text(), "error", "bottom left"))
+        messages.append(Message(viewer.fault.text(), "error", "bottom left"))
     elif viewer.picture.canvas is not None:
-        cards += [Card(sentence, "busy", "bottom left") for sentence in broken(viewer)]
+        messages += [Message(sentence, "busy", "bottom left") for sentence in broken(viewer)]
     since = viewer.reloader.busy_since
     if since is not None and viewer.reloading is not None and clock_time.monotonic() - since > PATIENT:
         waited = clock_time.monotonic() - since
-        cards.append(
-            Card(f"{viewer.reloader.file.name}: tried out for {waited:.0f} s (Esc stops it)", "busy", "bottom left")
+        messages.append(
+            Message(f"{viewer.reloader.file.name}: testing for {waited:.0f} s (Esc stops it)", "busy", "bottom left")
         )
     viewer.notices = [(until, text) for until, text in viewer.notices if until > now]
-    cards += [Card(text, "note", "top left") for _, text in viewer.notices]
+    messages += [Message(text, "note", "top left") for _, text in viewer.notices]
     if viewer.state.selected is not None:
-        cards.append(Card(viewer.keys.parameters(), "note", "top left"))
+        messages.append(Message(viewer.keys.parameters(), "note", "top left"))
     if viewer.pick is not None:
-        cards.append(Card(viewer.pick.text(), "note", "top right"))
-    return cards
+        messages.append(Message(viewer.pick.text(), "note", "top right"))
+    return messages
 
 
 def broken(viewer: Viewer) -> list[str]:
-    """What the values of the picture that is shown break, a sentence each."""
+    """One sentence for each condition that the current values violate."""
     shot = viewer.state.shot()
     conditions = viewer.renderer.prepared(shot.scene, VIEWS[shot.view]).plan.conditions
     return violations(conditions, Values(shot.params, shot.time)) if conditions else []

@@ -1,4 +1,4 @@
-"""What the panel measures and tells: the times of frames by their parts, what a pixel costs, the plan."""
+"""Meters of the panel: frame times by part, cost per pixel, the plan."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 SHOWN = 120
-"""Frames in the graph."""
+"""Number of frames in the graph."""
 
 HIGH = 48.0
-"""Of the graph on a plain screen, in pixels."""
+"""Size of the graph at display scale 1, in pixels."""
 
 PARTS = (("scene", ACCENT), ("window", FAINT), ("compile", WARNING))
-"""The parts of a frame from the bottom of its bar to the top, and their colours."""
+"""The parts of a frame, from the bottom of its bar to the top, and their colours."""
 
 
 class Meters:
-    """Gathers the times of frames, and draws the sections that tell about them and the plan."""
+    """Collects frame times, and draws the sections for them and for the plan."""
 
     def __init__(self, imgui: Any, viewer: Viewer) -> None:
         self._imgui, self._viewer = imgui, viewer
@@ -31,11 +31,11 @@ class Meters:
         self._facts: tuple[Any, dict[str, Any]] | None = None
 
     def note(self, scene: float, window: float, compile: float) -> None:
-        """Milliseconds of a frame: of drawing the scene, of all else, of compiling."""
+        """Record a frame in milliseconds: drawing the scene, everything else, compiling."""
         self._frames.append((scene, window, compile))
 
     def frame(self) -> None:
-        """The graph, and the figures of the last frame."""
+        """Draw the graph and the numbers of the last frame."""
         imgui, viewer, drawn = self._imgui, self._viewer, self._viewer.picture.drawn
         self._graph(viewer.picture.pace.budget)
         for i, (name, color) in enumerate(PARTS):
@@ -45,7 +45,7 @@ class Meters:
         imgui.same_line()
         imgui.text_disabled(f"of {viewer.picture.pace.budget:g} ms")
         width, height = drawn.size
-        samples = f"{drawn.samples} sample{'' if drawn.samples == 1 else 's'} a pixel"
+        samples = f"{drawn.samples} sample{'' if drawn.samples == 1 else 's'} per pixel"
         imgui.text(f"{width} x {height}, {samples}{'' if drawn.whole else ', refining'}")
         cost = evaluations(viewer)
         imgui.text("evaluations a pixel: " + ("..." if cost is None else f"{cost:.1f}"))
@@ -55,7 +55,7 @@ class Meters:
         imgui.pop_style_color()
 
     def _graph(self, budget: float) -> None:
-        """A bar for each frame, with the budget as a line at half the height; what is higher is cut off."""
+        """Draw a bar for each frame, clipped at the top, and the budget as a line at half the height."""
         imgui = self._imgui
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
         high = HIGH * self._viewer.window.density
@@ -76,7 +76,7 @@ class Meters:
         imgui.dummy(at(width, high))
 
     def plan(self) -> None:
-        """What the scene calls for, and why; what it does not is faint."""
+        """Draw the plan: features with reasons; unused ones are dimmed."""
         imgui = self._imgui
         plan = self._viewer.plan()
         if self._facts is None or self._facts[0] is not plan:

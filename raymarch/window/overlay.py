@@ -1,4 +1,4 @@
-"""Text laid over the picture: errors, notices, help. Drawn by Pillow, so it needs nothing that rendering does not."""
+"""Text over the picture: errors, notices, help. Drawn by Pillow, which rendering requires anyway."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from PIL import Image, ImageDraw, ImageFont
 from raymarch.gpu.screen import Screen
 
 POINTS = 14
-"""Height of the text on a plain screen, in pixels."""
+"""Height of the text at display scale 1, in pixels."""
 
 SMALLEST = 8
-"""Height below which no text is drawn, in pixels."""
+"""Minimum height of text, in pixels."""
 
 BACKGROUNDS = {"error": (92, 14, 14, 255), "note": (18, 20, 24, 215), "busy": (64, 50, 8, 225)}
-"""Colours behind the text by what it says, RGBA."""
+"""Background colours by kind of message, RGBA."""
 
 WHITE, FAINT = (255, 255, 255, 255), (176, 184, 194, 255)
 
 
 @dataclass(frozen=True, slots=True)
-class Card:
+class Message:
     """A block of text.
 
     Attributes
     ----------
-    text : its lines; a tab parts two columns.
+    text : the lines; a tab separates two columns.
     kind : "error", "note" or "busy".
     corner : "top left", "top right", "bottom left" or "middle" of the window.
     """
@@ -43,20 +43,20 @@ class Card:
 
 
 class Overlay:
-    """Keeps the images of the cards that are shown, and lays them over a screen."""
+    """Caches the images of visible messages, and draws them over a screen."""
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
-        self._made: dict[tuple[Card, tuple[int, int], float], Any] = {}
+        self._made: dict[tuple[Message, tuple[int, int], float], Any] = {}
 
-    def draw(self, cards: list[Card], density: float, edge: int = 0) -> None:
-        """Lay cards over the screen, to the right of `edge`; those of one corner stand below each other.
+    def draw(self, messages: list[Message], density: float, edge: int = 0) -> None:
+        """Draw messages over the screen, to the right of `edge`; messages of one corner are stacked.
 
-        Images of other cards are freed.
+        Frees the images of other messages.
         """
         width, height = self._screen.size
         free = (max(1, width - edge), height)
-        wanted = {(card, free, density): None for card in cards if card.text}
+        wanted = {(message, free, density): None for message in messages if message.text}
         for key in [key for key in self._made if key not in wanted]:
             self._screen.free(self._made.pop(key))
         margin = round(8 * density)
@@ -82,25 +82,25 @@ class Overlay:
 
 
 def near(file: str) -> str:
-    """A file as it is called from the current folder, where it lies below it."""
+    """The path of a file, relative to the current folder if it is inside it."""
     path = Path(file)
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else file
 
 
-def picture_of(card: Card, size: tuple[int, int], density: float) -> NDArray[np.uint8]:
-    """A card as RGBA pixels, (H, W, 4), wrapped to fit a window of `size`, and smaller where that is not enough."""
+def picture_of(message: Message, size: tuple[int, int], density: float) -> NDArray[np.uint8]:
+    """A message as RGBA pixels, (H, W, 4), wrapped, and scaled down if necessary, to fit a window of `size`."""
     while True:
-        made = _drawn(card, size[0], density)
+        made = _drawn(message, size[0], density)
         if made.shape[0] <= size[1] or density * POINTS <= SMALLEST:
             return made
         density *= 0.9
 
 
-def _drawn(card: Card, width: int, density: float) -> NDArray[np.uint8]:
+def _drawn(message: Message, width: int, density: float) -> NDArray[np.uint8]:
     font = _font(round(POINTS * density))
     pad, spacing = round(7 * density), round(4 * density)
     letter = max(1.0, float(font.getlength("n")))
-    rows = [line.partition("\t")[::2] for line in card.text.splitlines()]
+    rows = [line.partition("\t")[::2] for line in message.text.splitlines()]
     column = max((font.getlength(left) for left, right in rows if right), default=0.0)
     column = round(column + 2 * pad) if column else 0
     most = max(12, int((width - 4 * pad) / letter))
@@ -116,7 +116,7 @@ def _drawn(card: Card, width: int, density: float) -> NDArray[np.uint8]:
     boxes = [probe.multiline_textbbox((at, 0), text, font=font, spacing=spacing) for at, text, _ in blocks]
     top, bottom = min(box[1] for box in boxes), max(box[3] for box in boxes)
     size = (max(1, int(max(box[2] for box in boxes))) + 2 * pad, max(1, int(bottom - top)) + 2 * pad)
-    image = Image.new("RGBA", size, BACKGROUNDS[card.kind])
+    image = Image.new("RGBA", size, BACKGROUNDS[message.kind])
     draw = ImageDraw.Draw(image)
     for at, text, color in blocks:
         draw.multiline_text((pad + at, pad - top), text, color, font=font, spacing=spacing)

@@ -1,4 +1,4 @@
-"""How large a picture the time of a frame allows. Pure: somebody else draws and measures."""
+"""The resolution that fits the time budget of a frame. No drawing or measuring happens here."""
 
 from __future__ import annotations
 
@@ -10,40 +10,40 @@ from raymarch.plan.schedule import Level
 
 STEPS_PER_HALVING = 4
 SMALLEST = 1 / 8
-"""The least share of the window's width and height that is drawn while something moves."""
+"""Minimum scale of the window's width and height while something moves."""
 
 LAST_STEP = round(math.log2(1 / SMALLEST) * STEPS_PER_HALVING)
 
 UNKNOWN = 1 / 4
-"""The share for the first picture of all, from which the cost is learnt."""
+"""Scale of the first picture, from which the cost is estimated."""
 
 HEADROOM = 0.8
-"""The part of the budget that is aimed at; the rest is for what a frame costs more than the one before."""
+"""Target fraction of the budget; the rest is a margin for frames that cost more than the last one."""
 
 RECOVERY = 0.15
-"""How fast the estimate follows frames that were cheaper than expected. Dearer ones are believed at once."""
+"""Weight by which the estimate follows cheaper frames. More expensive frames count fully."""
 
 BELIEVED = 2.0
-"""By how much one frame may raise the estimate: one that waited for something else must not spoil the next fifty."""
+"""Maximum factor by which one frame raises the estimate, so that one delayed frame does not affect the next fifty."""
 
 SEARCHED = 60
-"""Sizes that are tried in place of one with unlucky edges, each smaller by a two-hundredth of it."""
+"""Number of smaller sizes to try if an edge is a power of two, in steps of 1/200."""
 
 BENT = 20
-"""How many of those are tried before a height that is a pixel off."""
+"""Number of those to try before a height that is one pixel off."""
 
 
 @dataclass(slots=True)
 class Pace:
     """Chooses the resolution of moving pictures so that each takes no longer than a budget.
 
-    The cost of a picture is taken to be proportional to its pixels, with a share that is fixed. Resolutions are
-    steps of a ladder, so that textures are not made anew for each frame.
+    The cost of a picture is modelled as proportional to its pixels, plus a fixed cost. Resolutions are quantized, so
+    that textures are not recreated for each frame.
 
     Attributes
     ----------
     budget : milliseconds that a frame may take.
-    fixed : milliseconds that a frame takes besides drawing the scene.
+    fixed : milliseconds of a frame without drawing the scene.
     """
 
     budget: float = 33.0
@@ -52,7 +52,7 @@ class Pace:
     _step: int = field(default=0)
 
     def scale(self, size: tuple[int, int]) -> float:
-        """The share of width and height to draw now, from `SMALLEST` to 1."""
+        """The scale of width and height to draw now, from `SMALLEST` to 1."""
         if self._per_pixel is None:
             return UNKNOWN
         room = max(self.budget * HEADROOM - self.fixed, self.budget * 0.1)
@@ -67,7 +67,7 @@ class Pace:
         return _share(step)
 
     def drawn(self, milliseconds: float, pixels: int) -> None:
-        """Learn from a picture of so many pixels."""
+        """Update the estimate from a picture of so many pixels."""
         cost = milliseconds / max(pixels, 1)
         if not math.isfinite(cost) or cost < 0:
             return
@@ -80,16 +80,16 @@ class Pace:
             self._per_pixel = known + RECOVERY * (cost - known)
 
     def guess(self, milliseconds: float, pixels: int) -> None:
-        """Take a still picture's cost for that of a moving one, where none was drawn yet."""
+        """Estimate the cost of a moving picture from a still one, if no moving one was drawn yet."""
         if self._per_pixel is None:
             self.drawn(milliseconds, pixels)
 
     def pixels(self, milliseconds: float) -> float:
-        """How many pixels can be drawn in a time."""
+        """The number of pixels that can be drawn in a time."""
         return 4096.0 if not self._per_pixel else milliseconds / self._per_pixel
 
     def other(self, milliseconds: float) -> None:
-        """Learn what a frame took besides drawing the scene."""
+        """Update the fixed cost: the time of a frame without drawing the scene."""
         self.fixed += 0.2 * (milliseconds - self.fixed)
 
     def _cost(self, step: int, pixels: int) -> float:
@@ -99,19 +99,19 @@ class Pace:
 
 @lru_cache(256)
 def scaled(size: tuple[int, int], share: float, scales: tuple[float, ...] = ()) -> tuple[int, int]:
-    """A size in whole pixels, each at least 1, of the same shape to a pixel.
+    """A scaled size in integer pixels, each at least 1, of the same aspect ratio to a pixel.
 
-    scales : of the pictures of cones that are drawn first, over the size.
+    scales : sizes of the cone pictures, relative to the size.
 
-    Mesa's software renderer compiles programs anew for textures with an edge that is a power of two, in the middle of
-    a movement and for as long as twenty frames take. So smaller sizes are such that neither they nor their cones have
-    one; they may be smaller than asked for, and where all near are of that kind, as small as the next that is not.
+    Mesa's software renderer recompiles programs for textures with an edge that is a power of two, which interrupts a
+    movement for as long as twenty frames. Scaled sizes therefore avoid such edges, also for cones. The result may be
+    smaller than requested: it is the next smaller size without such edges.
     """
     if share >= 1.0:
         return size
     tried = sorted((k + BENT * abs(rise), k, rise) for k in range(SEARCHED) for rise in (0, 1, -1))
     near = [_rounded(size, share * (1.0 - 0.005 * k), rise) for _, k, rise in tried]
-    for least in (0, 2):  # small pictures cannot do without cones of 1 or 2
+    for least in (0, 2):  # small pictures need cones of 1 or 2 pixels
         for choice in near:
             if not any(_is_power(edge, least) for edge in _edges(choice, scales)):
                 return choice

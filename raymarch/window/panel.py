@@ -1,4 +1,4 @@
-"""The panel: sliders, switches, editors and figures beside the picture. Needs the extra `view`."""
+"""The panel: sliders, switches, editors and numbers beside the picture. Needs the extra `view`."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 WIDTH = 300
-"""Of the panel on a plain screen, in pixels."""
+"""Width of the panel at display scale 1, in pixels."""
 
 
 class Panel:
-    """Draws the panel, and passes what is changed in it on to the state."""
+    """Draws the panel and applies its changes to the state."""
 
     def __init__(self, imgui: Any, viewer: Viewer) -> None:
         self._imgui, self._viewer = imgui, viewer
@@ -41,15 +41,15 @@ class Panel:
         self._told: dict[str, tuple[int, int]] = {}
 
     def take(self, event: Event) -> bool:
-        """Feed an event; True if it was the panel's, and nobody else shall act on it."""
+        """Handle an event. Returns True if the panel consumed it."""
         if not self.shown:
             return False
         self.toolkit.feed(event)
         self.active = 3  # a change shows in the frame after the next
         if isinstance(event, Move):
             self._cursor = self._viewer.window.pixel(event.x, event.y)[0]
-            return False  # the hands keep track of the cursor; they drag nothing that was not pressed by them
-        # The toolkit itself knows only in its next frame what the cursor is over now.
+            return False  # the input tracks the cursor; it drags only what it pressed
+        # The toolkit updates what is under the cursor only in its next frame.
         over = self._cursor < self.width or self.toolkit.wants_mouse
         if isinstance(event, Button) and event.down:
             self._held = self._held | {event.button} if over else self._held
@@ -59,17 +59,17 @@ class Panel:
             self._held -= {event.button}
             return mine
         if isinstance(event, Key) and event.control and event.name in ("q", "s"):
-            return False  # whoever types into a field may still leave and save
+            return False  # quit and save work also while a field has the focus
         return over if isinstance(event, Scroll) else self.toolkit.wants_keys
 
     @property
     def width(self) -> int:
-        """Of the panel in pixels; 0 while it is hidden."""
+        """Width of the panel in pixels; 0 while it is hidden."""
         return round(min(WIDTH * self._viewer.window.density, 0.6 * self._viewer.screen.size[0])) if self.shown else 0
 
     @property
     def busy(self) -> bool:
-        """Whether it has to be drawn again."""
+        """True if the panel must be redrawn."""
         return self.shown and self.active > 0
 
     def toggle(self) -> None:
@@ -128,7 +128,7 @@ class Panel:
             self._imgui.pop_id()
 
     def mark(self, name: str) -> None:
-        """Remember where the last item is, for the log: its middle, in pixels."""
+        """Record the centre of the last item in pixels, for the log."""
         low, high = self._imgui.get_item_rect_min(), self._imgui.get_item_rect_max()
         self.items[name] = ((low.x + high.x) / 2, (low.y + high.y) / 2)
 
@@ -240,19 +240,19 @@ class Panel:
                 state.timeline = line.looping((float(ends[0]), float(ends[1])))
 
     def release(self) -> None:
-        """Free what the toolkit holds."""
+        """Free the resources of the toolkit."""
         self.toolkit.release()
 
 
 def _ends(spec: Spec) -> tuple[float, float]:
-    """The ends of a slider; equal ones where the range has none."""
+    """The ends of a slider; equal if the range is unbounded."""
     if spec.min is None or spec.max is None:
         return 0.0, 0.0
     return float(np.min(spec.min)), float(np.max(spec.max))
 
 
 def _is_color(name: str, spec: Spec) -> bool:
-    """A vector that starts at 0 and is named after a colour, or lies in [0, 1], is edited as one."""
+    """True for a vector with minimum 0 that is named after a colour or lies in [0, 1]: it has a colour editor."""
     low, high = (None if end is None else float(np.max(end)) for end in (spec.min, spec.max))
     named = any(word in name.lower() for word in ("color", "colour", "albedo", "emission", "f0"))
     return low == 0.0 and (named or high == 1.0)

@@ -1,4 +1,4 @@
-"""What is under the cursor: as the GPU drew it, and as it truly is, in float64."""
+"""The point under the cursor: as the GPU rendered it, and by the float64 reference."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class Pick:
     Attributes
     ----------
     pixel : column and row from the upper left.
-    distance : along the ray, as the GPU found it; inf where nothing was hit.
+    distance : along the ray, from the GPU; inf for a miss.
     position, normal : of the hit.
     material : index into the scene's materials; -1 for none.
-    iterations, evaluations : what the ray cost.
-    true : the distance in float64, None until it is known; `true_normal` and `true_evaluations` alike.
-    part : the shape that was hit, with the user's line.
+    iterations, evaluations : cost of the ray.
+    true : the reference distance in float64, None until it is known; likewise `true_normal` and `true_evaluations`.
+    part : the shape at the hit, with the user's line.
     """
 
     number: int
@@ -93,7 +93,7 @@ class Pick:
 
 
 def picked(number: int, pixel: tuple[int, int], texels: Mapping[str, Any], origin: Vector, ray: Vector) -> Pick:
-    """A pick from what the GPU drew into one pixel."""
+    """A pick from the texels of one pixel."""
     distance = float(texels["depth"][0, 0])
     return Pick(
         number=number,
@@ -108,7 +108,7 @@ def picked(number: int, pixel: tuple[int, int], texels: Mapping[str, Any], origi
 
 
 class Inquiry:
-    """Finds the truth of picks in a thread of its own; a newer pick takes the place of those that wait."""
+    """Computes the reference values of picks in its own thread; a newer pick replaces waiting ones."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
@@ -121,7 +121,7 @@ class Inquiry:
         self._asked.put((pick, shot, values, origin, ray))
 
     def latest(self) -> Pick | None:
-        """The last answer since the last call."""
+        """The last result since the last call."""
         found = None
         while not self._found.empty():
             found = self._found.get()
@@ -152,7 +152,7 @@ class Inquiry:
 
 
 def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector) -> Pick:
-    """A pick with the truth of its ray, and with the shape that stands there."""
+    """The pick with the reference values of its ray and the shape at the hit."""
     up = (0.0, 1.0, 0.0) if abs(ray[1]) < 0.9 else (1.0, 0.0, 0.0)
     camera = Camera(tuple(origin), tuple(origin + ray), up, fov=1.0)
     alone = scene.replace(camera=camera, lights=[])
@@ -174,9 +174,9 @@ def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vect
 
 
 def part_at(scene: Scene, values: Values, point: Vector) -> Node:
-    """The shape that the field depends on most at a point: the one whose distance moves the field's.
+    """The shape with the largest partial derivative of the field at a point.
 
-    The same derivatives mix materials, so what is named is what is seen.
+    The same derivatives are the weights of materials, so the result is the visible shape.
     """
     shapes = _labelled(scene.node)
     marked = Lowering().field(shapes, label=scene.node)
@@ -192,7 +192,7 @@ def part_at(scene: Scene, values: Values, point: Vector) -> Node:
 
 
 def _labelled(root: Node) -> Node:
-    """The tree with each shape labelled by itself, and without the labels that it had. Trees may be deep."""
+    """The tree with each shape as its own label, without the previous labels. Works for deep trees."""
     made: dict[int, Node] = {}
     pending = [root]
     while pending:
@@ -210,12 +210,12 @@ def _labelled(root: Node) -> Node:
             children = tuple(made[id(child)] for child in node.children)
             made[id(node)] = Node(node.definition, children, node.params, node.facts)
         else:
-            made[id(node)] = node.material(node)  # to the field a material is any label
+            made[id(node)] = node.material(node)  # the field accepts any label as a material
     return made[id(root)]
 
 
 def ray_through(view: View, pixel: tuple[int, int], size: tuple[int, int]) -> Vector:
-    """The ray through the middle of a pixel."""
+    """The ray through the centre of a pixel."""
     return view.ray(pixel[0] + 0.5, pixel[1] + 0.5, size)
 
 

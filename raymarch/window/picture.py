@@ -1,6 +1,6 @@
-"""The picture in the window: coarse while something moves, then refined tile by tile until it is whole.
+"""The picture in the window: coarse while something moves, then refined tile by tile until it is complete.
 
-What was drawn last stays on a canvas of the window's own, so that it can be shown again whatever happens to the scene.
+The last picture stays on a separate canvas, so that it can be shown again whatever happens to the scene.
 """
 
 from __future__ import annotations
@@ -26,9 +26,21 @@ from raymarch.scene.scene import Scene
 from raymarch.window.pace import Pace, scaled
 
 
+def progressive(scene: Scene) -> Scene:
+    """The scene as the window draws it: one sample a frame, accumulated while nothing moves.
+
+    The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
+    """
+    quality = scene.quality
+    temporal = "accumulate" if quality.temporal == "off" else quality.temporal
+    if quality.samples == 1 and temporal == quality.temporal:
+        return scene
+    return scene.replace(quality=quality.replace(samples=1, temporal=temporal))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
-    """What a picture shows: a change of any part of it makes another picture."""
+    """The inputs of a picture: a change of any of them makes a new picture."""
 
     scene: Scene
     time: float
@@ -38,7 +50,7 @@ class Shot:
     samples: int = 1
 
     def same(self, other: Shot | None) -> bool:
-        """Whether another shot gives the same picture."""
+        """True if another shot gives the same picture."""
         if other is None or self.scene is not other.scene or self.view != other.view or self.time != other.time:
             return False
         mine, its = self.pose, other.pose
@@ -48,8 +60,8 @@ class Shot:
 
 @dataclass(slots=True)
 class Drawn:
-    """The last step: milliseconds, the size that was drawn, whether the picture is whole, milliseconds of compiling,
-    whole samples of each pixel at full size, evaluations of a pixel where they are known."""
+    """The last step: milliseconds, drawn size, whether the picture is complete, whether it moves, milliseconds of
+    compiling, complete samples per pixel at full size, and evaluations per pixel if known."""
 
     milliseconds: float = 0.0
     size: tuple[int, int] = (0, 0)
@@ -62,7 +74,7 @@ class Drawn:
 
 @dataclass(slots=True)
 class _Part:
-    """A pass that is being drawn: the tiles of it that are left."""
+    """A pass in progress, with its remaining tiles."""
 
     call: DrawCall
     tiles: list[Tile]
@@ -73,10 +85,10 @@ class Picture:
 
     Parameters
     ----------
-    renderer : on the window's context; resized at will.
+    renderer : on the window's context; this class resizes it.
     screen : copies between targets.
     pace : chooses resolutions.
-    samples : rays a pixel that a still picture ends with; more if the scene asks for more.
+    samples : rays per pixel of a still picture; the scene's number if that is larger.
     """
 
     def __init__(self, renderer: Renderer, screen: Screen, pace: Pace, samples: int = 1) -> None:
@@ -97,14 +109,14 @@ class Picture:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing is left to be refined."""
+        """True if the picture is fully refined."""
         return self.drawn.whole
 
     def step(self, shot: Shot, size: tuple[int, int], still: bool) -> bool:
-        """Bring the canvas nearer to a shot at a size, for about the time of a frame; False if nothing was left to do.
+        """Refine the canvas towards a shot at a size, for about the time of a frame. Returns False if it was complete.
 
-        still : nothing has moved for a while, so that the picture may be refined.
-        Raises what `Renderer.draw_calls` raises; the canvas then holds what it held.
+        still : True if nothing has moved for a while, so that the picture may be refined.
+        Raises the errors of `Renderer.draw_calls`; the canvas then keeps its content.
         """
         if not shot.same(self._shot) or self._canvas is None or self._canvas.size != size:
             self._coarse(shot, size)
@@ -115,10 +127,10 @@ class Picture:
         return True
 
     def _coarse(self, shot: Shot, size: tuple[int, int]) -> None:
-        """The whole shot at the resolution that the budget allows."""
+        """Draw the complete shot at the resolution that fits the budget."""
         small = scaled(size, self.pace.scale(size), self._scales(shot))
         spent, compiled, draw_calls, share = self._sketch(shot, small)
-        if compiled == 0.0:  # the first draw of a program includes work of the driver
+        if compiled == 0.0:  # the first draw of a program includes driver work
             self.pace.drawn(spent / share, small[0] * small[1])
         if self._canvas is None or self._canvas.size != size:
             fresh = Target(self._renderer.context, size)
@@ -130,19 +142,20 @@ class Picture:
         self._say(spent, small, compiled, moving=True)
 
     def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
-        """Draw a whole picture. Rays that are marched over several passes stop where they are once the budget is spent.
+        """Draw a complete picture. A march that is split into passes stops once the budget is spent.
 
-        Returns the milliseconds that it took, those of compiling, what was drawn, and the share of it that was.
+        Returns milliseconds of drawing and of compiling, the draw calls, and the fraction of the picture that was
+        drawn.
         """
         room = max(self.pace.budget - self.pace.fixed, self.pace.budget / 4)
         renderer, quality = self._renderer, shot.scene.quality
         self._fit(size)
         if quality.temporal == "accumulate":
-            renderer.forget()  # where only the file's text changed, its samples would go on being gathered
+            renderer.forget()  # if only the text of the file changed, samples would continue to accumulate
         spent, compiled = [0.0], 0.0
         drawn: list[DrawCall] = []
         passes = renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.passes
-        for call in renderer.draw_call_by_draw_call(
+        for call in renderer.iterate_draw_calls(
             shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > room
         ):
             compiled += call.compile
@@ -154,7 +167,7 @@ class Picture:
         return sum(spent), compiled, drawn, 1.0 if whole else marched / passes
 
     def _clocked(self, draw: Callable[[], None], *, wait: bool) -> float:
-        """Milliseconds of a draw, with those of the device if it is waited for."""
+        """Time of a draw in milliseconds; with `wait`, until the device has finished."""
         start = clock_time.perf_counter()
         draw()
         if wait:
@@ -162,10 +175,10 @@ class Picture:
         return 1e3 * (clock_time.perf_counter() - start)
 
     def _refine(self, shot: Shot, size: tuple[int, int]) -> None:
-        """Tiles of the full picture, the middle first, until the budget of a frame is spent; then further samples."""
+        """Draw tiles of the full picture from the centre outwards, then further samples, until the budget is spent."""
         compiled = 0.0
         if self._rest is None:
-            draw_calls = self._drafts(shot, size)
+            draw_calls = self._draw_calls(shot, size)
             compiled = sum(call.compile for call in draw_calls)
             self._spent = 0.0
             self._rest, self._drawing = [_Part(call, self._tiles(call.target.size)) for call in draw_calls], draw_calls
@@ -200,12 +213,12 @@ class Picture:
         self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, self.drawn.evaluations)
 
     def _tiles(self, size: tuple[int, int]) -> list[Tile]:
-        """Tiles that each take about half of the budget, from the middle outwards."""
+        """Tiles that take about half of the budget each, from the centre outwards."""
         edge = int(np.clip(np.sqrt(self.pace.pixels(self.pace.budget / 2)), 16, 512))
         middle = np.array(size) / 2
         return sorted(tiles_of(size, edge), key=lambda t: float(np.hypot(*(np.array(t[:2]) + edge / 2 - middle))))
 
-    def _drafts(self, shot: Shot, size: tuple[int, int]) -> list[DrawCall]:
+    def _draw_calls(self, shot: Shot, size: tuple[int, int]) -> list[DrawCall]:
         self._fit(size)
         return self._renderer.draw_calls(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
 
@@ -214,12 +227,12 @@ class Picture:
             self._renderer.resize(size)
 
     def _scales(self, shot: Shot) -> tuple[float, ...]:
-        """Of the pictures of cones that are drawn before a shot."""
+        """Relative sizes of the cone pictures of a shot."""
         levels = self._renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.schedule.levels
         return tuple(level.scale for level in levels)
 
     def _put(self, shot: Shot, draw_calls: list[DrawCall], tile: Tile | None) -> None:
-        """What was drawn onto the canvas, as linear colour."""
+        """Copy the result of draw calls to the canvas, as linear colour."""
         assert self._canvas is not None
         last = draw_calls[-1]
         if shot.view == "final":
@@ -246,15 +259,15 @@ class Picture:
         return unpack(call.chosen.name, texels)
 
     def at(self, size: tuple[int, int]) -> Renderer:
-        """The renderer at a size, for somebody else's picture."""
-        # Its draw_calls draw into textures that may go, and their history may be forgotten: from the first sample again.
+        """The renderer, resized for another picture."""
+        # Resizing may free its textures and history: refinement restarts with the first sample.
         if self._rest is not None or not self.drawn.whole:
             self._rest, self._done = None, 0
         self._fit(size)
         return self._renderer
 
     def release(self) -> None:
-        """Free the canvas. The renderer is its owner's."""
+        """Free the canvas. The renderer belongs to the caller."""
         if self._canvas is not None:
             self._canvas.release()
             self._canvas = None

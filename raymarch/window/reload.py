@@ -1,4 +1,4 @@
-"""Live reload: a scene file is watched, tried out in another process, and loaded here once it is known to be good."""
+"""Live reload: watches a scene file, tests it in another process, and loads it here if the trial succeeds."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.constants import Constants
-from raymarch.window.live import live
 from raymarch.window.overlay import near
+from raymarch.window.picture import progressive
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
 
 PATIENCE = 60.0
-"""Seconds after which a trial that nobody stops is stopped. Large scenes may compile for a while."""
+"""Time limit of a trial in seconds. Large scenes may compile for a while."""
 
 HERE_AT_LEAST = 5.0
 HERE_FACTOR = 20.0
-"""What passed its trial may take this long in the window's own process: so many seconds, or times what it took."""
+"""Time limits of loading in the window's process after a trial: seconds, and a multiple of the time of the trial."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What is wrong with a scene file, and where."""
+    """An error of a scene file, with its location."""
 
     what: str
     legal: str = ""
@@ -41,7 +41,7 @@ class Fault:
     line: int | None = None
 
     def text(self) -> str:
-        """For the overlay: the place, the line of the file, the message."""
+        """The text for the overlay: location, source line, message."""
         place = f"{near(self.file)}:{self.line}\n" if self.file else ""
         source = _line_of(self.file, self.line) if self.file and self.line else ""
         cure = f"\n({self.legal})" if self.legal else ""
@@ -50,19 +50,19 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """A change was seen; the scene is being tried out."""
+    """A file changed; the trial of the scene runs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Watching:
-    """The scene that is shown was tried out: what it reads is known, and followed."""
+    """The trial of the visible scene ended: the files that it reads are known and watched."""
 
     files: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A scene that passed its trial: ready to be drawn. `ms` says how long each part took."""
+    """A scene that passed its trial and is ready to be drawn. `ms` has the time of each stage."""
 
     scene: Scene
     prepared: Prepared
@@ -72,7 +72,7 @@ class Loaded:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """A scene that did not pass."""
+    """A scene that failed its trial."""
 
     fault: Fault
 
@@ -81,15 +81,15 @@ News: TypeAlias = Started | Watching | Loaded | Failed
 
 
 class Reloader:
-    """Watches a scene file and all that it reads, in threads of its own, and tells the window what comes of changes.
+    """Watches a scene file and all files that it reads, in its own threads, and reports changes to the window.
 
     Parameters
     ----------
     file : the scene file.
-    wake : called after each piece of news, from another thread.
-    params : gives the values of parameters that the window holds.
-    size : of the pictures that scenes are planned for.
-    constants, clicks : of the shaders that are drawn, and of those for clicks.
+    wake : called after each event, from another thread.
+    params : returns the window's current values of parameters.
+    size : size of the pictures for which scenes are planned.
+    constants, clicks : the constants of the shaders of the picture, and of those for clicks.
     """
 
     def __init__(
@@ -116,22 +116,23 @@ class Reloader:
         self._thread = threading.Thread(target=self._work, name="reload", daemon=True)
 
     def start(self) -> None:
-        """Begin to watch. A first trial of the scene as it is finds what else to watch, and warms what clicks need."""
+        """Start watching. A first trial of the current scene finds further files to watch, and warms the shader of
+        clicks."""
         self._watch.start()
         self._thread.start()
 
     def reload(self) -> None:
-        """Load again, changed or not."""
+        """Reload, even without a change."""
         self._changed.set()
 
     def open(self, file: Path) -> None:
-        """Another scene file from now on."""
+        """Switch to another scene file."""
         self.file = file
         self._watch.files([str(file.absolute())])
         self._changed.set()
 
     def interrupt(self) -> None:
-        """Stop the trial of a change that runs now; it is reported as failed, with the line where it was."""
+        """Stop the running trial of a change; it is reported as failed, with the line that it was executing."""
         if self.busy_since is not None and not self._silent:
             self._interrupted.set()
 
@@ -145,7 +146,7 @@ class Reloader:
         self._trials.close()
 
     def latest(self) -> list[News]:
-        """What has come up since the last call."""
+        """The events since the last call."""
         found: list[News] = []
         with contextlib.suppress(Empty):
             while True:
@@ -166,14 +167,14 @@ class Reloader:
                 return
             try:
                 self._once(silent=first)
-            except Exception as fault:  # the window must not lose its reload to a fault of ours
+            except Exception as fault:  # an internal error must not stop live reload
                 self._tell(Failed(Fault(f"a fault of raymarch: {type(fault).__name__}: {fault}")))
             finally:
                 self.busy_since = None
             first = False
 
     def _once(self, silent: bool) -> None:
-        """One trial and what follows; `silent` for the scene that is shown already."""
+        """Run one trial and handle its result; `silent` for the scene that is already visible."""
         self._interrupted.clear()
         self._silent = silent
         self.busy_since = time.monotonic()
@@ -195,7 +196,7 @@ class Reloader:
             self._load_here(file, answer)
 
     def _over(self) -> str | None:
-        """Why the running trial shall end, if it shall."""
+        """The reason to end the running trial; None to continue."""
         if self._changed.is_set() or self._stopping.is_set():
             return "changed"
         waited = time.monotonic() - (self.busy_since or time.monotonic())
@@ -222,10 +223,10 @@ class Reloader:
 
 def _load(file: Path, size: tuple[int, int]) -> tuple[Scene, Prepared, dict[str, float]]:
     start = time.perf_counter()
-    with contextlib.redirect_stdout(io.StringIO()):  # the trial printed it
+    with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
         scene = load(file)
     middle = time.perf_counter()
-    prepared = prepare(live(scene), size=size)
+    prepared = prepare(progressive(scene), size=size)
     return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
 
 
@@ -237,7 +238,8 @@ class _Interrupted(BaseException):
 
 
 def _guarded(work: Callable[[], Any], seconds: float) -> Any:
-    """The result of some work, or what it raised. Python code that does not end in time is interrupted."""
+    """Run `work` with a time limit; returns its result or raises its exception. Python code is interrupted at the
+    limit."""
     box: list[Any] = []
 
     def run() -> None:
@@ -256,7 +258,7 @@ def _guarded(work: Callable[[], Any], seconds: float) -> Any:
 
 
 def _line_of(file: str, line: int) -> str:
-    """A line of a file with its number, for an error."""
+    """A source line with its number, for an error message."""
     try:
         with open(file, encoding="utf-8", errors="replace") as lines:
             text = next(text for number, text in enumerate(lines, 1) if number == line)

@@ -1,4 +1,4 @@
-"""What the window saves: a picture, a sequence of pictures, its settings. Files land in the current folder."""
+"""Saving from the window: a picture, a sequence of pictures, settings. Files go to the current folder."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from raymarch.window.viewer import Viewer
 
 SECONDS = 2.0
-"""Length of a sequence where no loop is set."""
+"""Length of a sequence in seconds if no loop is set."""
 
 
 @dataclass(slots=True)
 class Sequence:
-    """Pictures of a span of time, one for each turn of the window's loop.
+    """A sequence of pictures over a time span; one is written per turn of the window's loop.
 
     Attributes
     ----------
-    folder : where they go, as frame-0000.png and so on.
-    first : time of the first, in seconds. count : how many. fps : how many a second.
-    done : how many were written.
+    folder : output folder; files are frame-0000.png and so on.
+    first : time of the first picture, in seconds. count : number of pictures. fps : pictures per second.
+    done : number of pictures written so far.
     """
 
     folder: Path
@@ -38,7 +38,7 @@ class Sequence:
     done: int = 0
 
     def step(self, viewer: Viewer) -> bool:
-        """Write the next one; False at the end, or when it could not be written."""
+        """Write the next picture. Returns False at the end or if it cannot be written."""
         time = self.first + self.done / self.fps
         file = self.folder / f"frame-{self.done:04d}.png"
         if not _write(viewer, file, shot(viewer, time)):
@@ -52,7 +52,7 @@ class Sequence:
 
 
 def still(viewer: Viewer) -> None:
-    """Save the picture at the window's size, whole, without what is laid over it."""
+    """Save the complete picture at the window's size, without panel and messages."""
     file = _free(viewer.state.file.stem, ".png")
     if _write(viewer, file, shot(viewer, viewer.state.timeline.time)):
         viewer.notice(f"saved {file}")
@@ -60,7 +60,7 @@ def still(viewer: Viewer) -> None:
 
 
 def begin(viewer: Viewer) -> None:
-    """Begin a sequence: the loop if there is one, else some seconds from now."""
+    """Start a sequence: the loop if there is one, else some seconds from the current time."""
     timeline = viewer.state.timeline
     first, last = timeline.loop or (timeline.time, timeline.time + SECONDS)
     folder = _free(viewer.state.file.stem, "")
@@ -74,7 +74,7 @@ def begin(viewer: Viewer) -> None:
 
 
 def settings(viewer: Viewer) -> None:
-    """Save what `raymarch view --settings` takes."""
+    """Save the settings for `raymarch view --settings`."""
     file = _free(viewer.state.file.stem, ".view.json")
     try:
         file.write_text(json.dumps(viewer.state.settings(), indent=2) + "\n", encoding="utf-8")
@@ -86,7 +86,7 @@ def settings(viewer: Viewer) -> None:
 
 
 def shot(viewer: Viewer, time: float) -> Image.Image:
-    """The whole picture at a moment, as `raymarch render` would draw it from this camera."""
+    """The complete picture at a time, as `raymarch render` would draw it with this camera."""
     state = viewer.state
     renderer = viewer.picture.at(viewer.window.size)
     made = renderer.render(state.scene, time, state.params, VIEWS[state.view], pose=state.pose())
@@ -106,6 +106,6 @@ def _write(viewer: Viewer, file: Path, image: Image.Image) -> bool:
 
 
 def _free(stem: str, ending: str) -> Path:
-    """A name in the current folder that nothing has yet."""
+    """An unused file name in the current folder."""
     names: Any = (Path(f"{stem}-{i}{ending}") for i in count(1))
     return next(name for name in names if not name.exists())

@@ -1,4 +1,4 @@
-"""What the window shows and how: scene, parameters, camera, time, view. Knows nothing of windows or OpenGL."""
+"""The state of the window: scene, parameters, camera, time, view. Independent of glfw and OpenGL."""
 
 from __future__ import annotations
 
@@ -18,31 +18,30 @@ from raymarch.scene.parameter import Spec, Value, Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.window import control
 from raymarch.window.control import View
-from raymarch.window.live import live
-from raymarch.window.picture import Shot
+from raymarch.window.picture import Shot, progressive
 from raymarch.window.timeline import Timeline
 
 
 @dataclass(slots=True)
 class State:
-    """The scene and all that the user may change without editing it.
+    """The scene and everything that the user can change without editing its file.
 
     Attributes
     ----------
-    file, scene : what is shown. live : the same as the window draws it.
+    file, scene : the visible scene. progressive : the scene as the window draws it; see `picture.progressive`.
     specs : its parameters.
-    params : their values, as far as they are not the defaults.
-    camera : the view of the user.
-    moved : whether the user has moved it; until then it follows the scene's own camera.
+    params : values that differ from the defaults.
+    camera : the user's view.
+    moved : whether the user moved the camera; until then it follows the scene's camera.
     timeline : the clock of the scene.
-    animated : whether anything in the scene reads the time.
-    view : which array is shown, one of `raymarch.gpu.views.VIEWS`.
+    animated : whether the scene depends on time.
+    view : the visible array, one of `raymarch.gpu.views.VIEWS`.
     aspect : width over height of the picture.
     """
 
     file: Path
     scene: Scene
-    live: Scene
+    progressive: Scene
     specs: dict[str, Spec]
     params: dict[str, Value]
     camera: View
@@ -55,29 +54,29 @@ class State:
 
     @property
     def values(self) -> Values:
-        """Parameters and time as the renderer takes them."""
+        """Parameters and time for the renderer."""
         return set_values(self.specs, self.params, self.timeline.time, self.scene.where)
 
     def pose(self) -> Pose:
-        """The camera of this moment."""
+        """The current pose of the camera."""
         if not self.moved and _moves(self.scene):
             return self.scene.pose(self.values, self.aspect)
         return self.camera.pose()
 
     def shot(self) -> Shot:
-        """What is to be drawn now."""
+        """The shot to draw now."""
         time = self.timeline.time if self.animated else 0.0
         samples = self.scene.quality.samples
-        return Shot(self.live, time, dict(self.params), self.pose(), self.view, samples)
+        return Shot(self.progressive, time, dict(self.params), self.pose(), self.view, samples)
 
     def adopt(self, scene: Scene, specs: dict[str, Spec]) -> list[str]:
-        """Take another version of the scene; what had to be changed, in words.
+        """Replace the scene by a new version. Returns one sentence for each value that had to change.
 
-        Parameters keep their values, moved into a new range if they must be; the camera stays where the user put it,
-        and if nobody moved it, follows one that the scene states.
+        Parameters keep their values, clamped to a new range if necessary. A camera that the user moved stays; otherwise
+        it follows the camera of the new scene.
         """
-        self.scene, self.live, self.specs, self.animated = scene, live(scene), specs, _animated(scene)
-        told = []
+        self.scene, self.progressive, self.specs, self.animated = scene, progressive(scene), specs, _animated(scene)
+        changes = []
         for name, value in list(self.params.items()):
             spec = specs.get(name)
             fitting = None if spec is None else _fitted(spec, value)
@@ -85,30 +84,30 @@ class State:
                 del self.params[name]
             else:
                 if fitting != value:
-                    told.append(f"{name} = {shown(value)} lies outside its new range; it is {shown(fitting)} now")
+                    changes.append(f"{name} = {shown(value)} lies outside its new range; it is {shown(fitting)} now")
                 self.params[name] = fitting
         if self.selected not in specs:
             self.selected = None
         if not self.moved and scene.camera.position is not None:
             self.camera = home(scene, self.values, self.aspect)
-        return told
+        return changes
 
     def move(self, camera: View) -> None:
-        """The user moves the camera."""
+        """Set the camera on behalf of the user."""
         self.camera, self.moved = camera, True
 
     def hold(self) -> View:
-        """The view to move from: where the camera is now, if it moved by itself so far."""
+        """The view to start a movement from: the current pose, also of an animated camera."""
         if not self.moved and _moves(self.scene):
             self.camera = home(self.scene, self.values, self.aspect)
         return self.camera
 
     def reset(self) -> None:
-        """Back to the scene's own camera."""
+        """Reset to the scene's camera."""
         self.camera, self.moved = home(self.scene, self.values, self.aspect), False
 
     def set(self, name: str, value: Any) -> None:
-        """Give a parameter a value, moved into its range. SceneError for an unknown name or a wrong type."""
+        """Set a parameter, clamped to its range. SceneError for an unknown name or a wrong type."""
         if name not in self.specs:
             raise SceneError(f"unknown parameter '{name}'", legal=", ".join(sorted(self.specs)) or "none in this scene")
         spec = self.specs[name]
@@ -118,11 +117,11 @@ class State:
         self.params[name] = fitting
 
     def value(self, name: str) -> Value:
-        """The value of a parameter now."""
+        """The current value of a parameter."""
         return self.params.get(name, self.specs[name].value)
 
     def settings(self) -> dict[str, Any]:
-        """All that the user may have changed, as JSON holds it; see `restore`."""
+        """Everything that the user can change, as JSON types; see `restore`."""
         camera = self.camera
         return {
             "camera": {
@@ -138,7 +137,7 @@ class State:
         }
 
     def restore(self, settings: Mapping[str, Any]) -> None:
-        """What `settings` gave. SceneError for what it could not have given."""
+        """Apply a result of `settings`. SceneError if it is not one."""
         try:
             camera = settings["camera"]
             position, target, up = (np.array(camera[k], np.float64) for k in ("position", "target", "up"))
@@ -161,16 +160,16 @@ class State:
 
 
 def opened(file: Path, scene: Scene, params: Mapping[str, Any], aspect: float) -> State:
-    """The state in which a scene is first shown. SceneError for a parameter that is unknown or out of range."""
+    """The initial state of a scene. SceneError for a parameter that is unknown or out of range."""
     specs = scene.parameters
     given = set_values(specs, params, 0.0, scene.where)
     chosen = {name: given.params[name] for name in params}
     camera = home(scene, given, aspect)
-    return State(file, scene, live(scene), specs, chosen, camera, Timeline(), _animated(scene), aspect=aspect)
+    return State(file, scene, progressive(scene), specs, chosen, camera, Timeline(), _animated(scene), aspect=aspect)
 
 
 def read_settings(file: Path) -> dict[str, Any]:
-    """A file of settings; SceneError if it cannot be read."""
+    """Read a file of settings. SceneError if it cannot be read."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as fault:
@@ -181,7 +180,7 @@ def read_settings(file: Path) -> dict[str, Any]:
 
 
 def home(scene: Scene, values: Values, aspect: float) -> View:
-    """The scene's own camera."""
+    """The view of the scene's camera."""
     camera, subject = scene.camera, scene.subject
     pose = scene.pose(values, aspect)
     target = None
@@ -195,12 +194,12 @@ def home(scene: Scene, values: Values, aspect: float) -> View:
 
 
 def shown(value: Value) -> str:
-    """A parameter's value in words."""
+    """A parameter's value as text."""
     return f"({', '.join(f'{v:.4g}' for v in value)})" if isinstance(value, tuple) else f"{value:.4g}"
 
 
 def _fitted(spec: Spec, value: Any) -> Value | None:
-    """A value moved into the range of a parameter; None if it is of another type."""
+    """A value clamped to the range of a parameter; None if it has another type."""
     try:
         given = np.asarray(value, np.float64)
     except (TypeError, ValueError):

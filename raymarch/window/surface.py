@@ -1,4 +1,4 @@
-"""The window itself: glfw's events as plain values, its sizes, clipboard and cursor."""
+"""The glfw window: events as plain values, sizes, clipboard and cursor."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ Event: TypeAlias = Key | Char | Button | Move | Scroll | Drop
 
 
 class Window:
-    """A window that is shown, with an OpenGL context.
+    """A visible window with an OpenGL context.
 
     Parameters
     ----------
     size : (width, height) in screen coordinates.
-    title : what its frame says.
+    title : title of the window.
 
     Raises DeviceError if there is no display, no glfw or no context.
     """
@@ -124,39 +124,39 @@ class Window:
 
     @property
     def density(self) -> float:
-        """How much larger text must be drawn than on a plain screen, in pixels of the framebuffer."""
+        """Display scale: framebuffer pixels per pixel of text at scale 1."""
         return max(1.0, float(self.glfw.get_window_content_scale(self.handle)[1]))
 
     def pixel(self, x: float, y: float) -> tuple[float, float]:
-        """A place of the cursor in pixels of the framebuffer, from the upper left."""
+        """Convert a cursor position to framebuffer pixels from the upper left."""
         (width, height), (across, down) = self.size, self.extent
         return x * width / across, y * height / down
 
     @property
     def cursor(self) -> tuple[float, float]:
-        """Where the cursor is, in screen coordinates."""
+        """The cursor position in screen coordinates."""
         x, y = self.glfw.get_cursor_pos(self.handle)
         return float(x), float(y)
 
     def held(self, name: str) -> bool:
-        """Whether a key is down now; `name` as in glfw, without KEY_."""
+        """True if a key is down; `name` as in glfw, without KEY_."""
         return bool(self.glfw.get_key(self.handle, getattr(self.glfw, f"KEY_{name.upper()}")) == self.glfw.PRESS)
 
     @property
     def shift_held(self) -> bool:
-        """Whether a Shift key is down now."""
+        """True if a Shift key is down."""
         return self._any_held("LEFT_SHIFT", "RIGHT_SHIFT")
 
     @property
     def command_held(self) -> bool:
-        """Whether a key is down that makes others commands: Control, Alt or the system's own."""
+        """True if Control, Alt or the system key is down."""
         return self._any_held("LEFT_CONTROL", "RIGHT_CONTROL", "LEFT_ALT", "RIGHT_ALT", "LEFT_SUPER", "RIGHT_SUPER")
 
     def _any_held(self, *names: str) -> bool:
         return any(self.held(name) for name in names)
 
     def wait(self, seconds: float) -> list[Event]:
-        """The events since the last call; waits up to so long for the first of them, not at all for 0."""
+        """The events since the last call. Waits up to `seconds` for the first one; 0 does not wait."""
         if seconds > 0:
             self.glfw.wait_events_timeout(seconds)
         else:
@@ -170,17 +170,17 @@ class Window:
         self.glfw.post_empty_event()
 
     def take_stale(self) -> bool:
-        """Whether the window asked to be drawn anew since the last call."""
+        """True if the window needs a redraw since the last call."""
         stale, self._stale = self._stale, False
         return stale
 
     def touch(self) -> None:
-        """Let the window be drawn anew."""
+        """Request a redraw."""
         self._stale = True
 
     @property
     def closing(self) -> bool:
-        """Whether somebody closed the window."""
+        """True if the window was closed."""
         return bool(self.glfw.window_should_close(self.handle))
 
     def close(self) -> None:
@@ -188,7 +188,7 @@ class Window:
         self.glfw.set_window_should_close(self.handle, True)
 
     def title(self, text: str) -> None:
-        """Write into the window's frame."""
+        """Set the title of the window."""
         self.glfw.set_window_title(self.handle, text)
 
     def clip(self, text: str) -> None:
@@ -201,7 +201,7 @@ class Window:
         return text.decode(errors="replace") if text else ""
 
     def swap(self) -> None:
-        """Show what was drawn; waits for the screen where the driver does."""
+        """Swap buffers; may wait for vertical sync."""
         with self.context.bound():
             self.glfw.swap_buffers(self.handle)
 
@@ -211,7 +211,7 @@ class Window:
 
 
 def _key_names(glfw: Any) -> dict[int, str]:
-    """Names of the keys that are no characters, or that lie where the letters of their names do on any layout."""
+    """Names of keys without a character, or whose position matters independently of the layout."""
     named = {
         "space": glfw.KEY_SPACE,
         "escape": glfw.KEY_ESCAPE,

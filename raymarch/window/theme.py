@@ -1,4 +1,4 @@
-"""How the panel looks: quiet greys, so that the colours are the picture's; one accent for what can be moved."""
+"""The theme of the panel: greys, and one accent colour for controls."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 POINTS = 14.0
-"""Height of the panel's text on a plain screen, in pixels."""
+"""Height of the panel's text at display scale 1, in pixels."""
 
 ACCENT = (0.36, 0.62, 0.88)
 WARNING = (0.95, 0.75, 0.35)
@@ -35,8 +35,8 @@ COLORS: dict[str, tuple[float, ...]] = {
 }
 
 
-def dress(imgui: Any, density: float) -> None:
-    """Set colours, sizes and font of the current context, for a screen of a density."""
+def apply_theme(imgui: Any, density: float) -> None:
+    """Set colours, sizes and font of the current context, for a display scale."""
     imgui.style_colors_dark()
     style = imgui.get_style()
     for name, color in COLORS.items():
@@ -58,12 +58,12 @@ def dress(imgui: Any, density: float) -> None:
 
 
 def shade(imgui: Any, color: tuple[float, float, float], alpha: float = 1.0) -> int:
-    """A colour as draw lists take it."""
+    """A colour in the format of draw lists."""
     return int(imgui.color_convert_float4_to_u32(imgui.ImVec4(*color, alpha)))
 
 
 def _font() -> Path | None:
-    """A font with proper letters, which the toolkit's package brings; None where it does not: then its own is used."""
+    """A TrueType font from the toolkit's package; None if it has none, to use its built-in font."""
     import imgui_bundle
 
     font = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"

@@ -1,4 +1,4 @@
-"""The clock of a scene: plays, pauses, steps, scrubs and loops. Pure: somebody else tells how much time has passed."""
+"""The time of a scene: play, pause, step, scrub and loop. The caller provides the elapsed time."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """What `raymarch.time` stands for, in seconds.
+    """The value of `raymarch.time`, in seconds.
 
     Attributes
     ----------
-    time : the moment that is shown.
-    playing : whether it goes on by itself.
-    speed : seconds of the scene in a second of the clock; negative runs backwards.
-    loop : (first, last) between which it runs round and round, or None; first < last.
-    fps : frames a second, for single steps.
+    time : the current time.
+    playing : whether time advances.
+    speed : scene seconds per clock second; negative runs backwards.
+    loop : (first, last), first < last, in which time repeats; or None.
+    fps : frames per second, for single steps.
     """
 
     time: float = 0.0
@@ -25,7 +25,7 @@ class Timeline:
     fps: float = 30.0
 
     def advance(self, seconds: float) -> Timeline:
-        """After so much time of the clock."""
+        """Advance by elapsed clock time."""
         return replace(self, time=self._wrapped(self.time + self.speed * seconds)) if self.playing else self
 
     def toggle(self) -> Timeline:
@@ -33,16 +33,16 @@ class Timeline:
         return replace(self, playing=not self.playing)
 
     def step(self, frames: int) -> Timeline:
-        """So many whole frames on (or back), and pause there."""
+        """Step by a number of frames (negative: back) and pause."""
         at = round(self.time * self.fps) + frames
         return replace(self, time=self._wrapped(at / self.fps), playing=False)
 
     def scrub(self, time: float) -> Timeline:
-        """To a moment; playing goes on if it did."""
+        """Jump to a time; keeps playing if it did."""
         return replace(self, time=self._wrapped(time))
 
     def looping(self, loop: tuple[float, float] | None) -> Timeline:
-        """Within a loop from now on, or without one. An empty loop is none."""
+        """Set or remove the loop. An empty loop counts as None."""
         if loop is not None and not loop[0] < loop[1]:
             loop = None
         there = replace(self, loop=loop)

@@ -1,6 +1,6 @@
-"""Dear ImGui on the window's own context and events: what `imgui-bundle` needs to be fed and drawn by.
+"""Dear ImGui (`imgui-bundle`) on the window's context and events.
 
-Its buffers go to the screen as plain triangles, so it brings no OpenGL of its own into the process.
+Its buffers are drawn as plain triangles by `Screen`, so it makes no OpenGL calls of its own.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 
 from raymarch.gpu.screen import Screen, Stretch
 from raymarch.window.surface import Button, Char, Event, Key, Move, Scroll, Window
-from raymarch.window.theme import dress
+from raymarch.window.theme import apply_theme
 
 HINT = "pip install 'raymarch[view]' for the panel with sliders and editors"
 
 
 def find() -> Any:
-    """The imgui module, or None where the extra is not installed."""
+    """The imgui module, or None if the extra is not installed."""
     try:
         return importlib.import_module("imgui_bundle").imgui
     except ImportError:
@@ -32,31 +32,31 @@ class Toolkit:
     Parameters
     ----------
     imgui : the module.
-    window : whose events and clipboard it uses.
-    screen : what it draws on.
+    window : source of events and clipboard.
+    screen : where it draws.
     """
 
     def __init__(self, imgui: Any, window: Window, screen: Screen) -> None:
         self._imgui, self._window, self._screen = imgui, window, screen
         self._context = imgui.create_context()
         self._io = io = imgui.get_io()
-        io.set_ini_filename("")  # leaves no file in the user's folder
+        io.set_ini_filename("")  # write no file into the user's folder
         io.backend_flags |= imgui.BackendFlags_.renderer_has_textures | imgui.BackendFlags_.renderer_has_vtx_offset
         self._textures: dict[int, Any] = {}
         self._keys = _keys(imgui, window.glfw)
-        dress(imgui, window.density)
+        apply_theme(imgui, window.density)
         platform = imgui.get_platform_io()
         platform.platform_get_clipboard_text_fn = lambda _: window.clipped()
         platform.platform_set_clipboard_text_fn = lambda _, text: window.clip(text)
 
     @property
     def wants_mouse(self) -> bool:
-        """Whether the cursor is over something of the toolkit's, or drags it."""
+        """True if the cursor is over an item of the toolkit or drags one."""
         return bool(self._io.want_capture_mouse)
 
     @property
     def wants_keys(self) -> bool:
-        """Whether somebody types into a field."""
+        """True if a text field has the focus."""
         return bool(self._io.want_text_input)
 
     def feed(self, event: Event) -> None:
@@ -78,7 +78,7 @@ class Toolkit:
                 io.add_key_event(key, event.down)
 
     def begin(self, seconds: float) -> None:
-        """Start a frame, so long after the last."""
+        """Start a frame; `seconds` have passed since the last one."""
         self._io.display_size = self._imgui.ImVec2(*self._screen.size)
         self._io.delta_time = max(seconds, 1e-4)
         self._imgui.new_frame()
@@ -119,7 +119,7 @@ class Toolkit:
         return given.tobytes()
 
     def _update(self, texture: Any) -> None:
-        """Make, change or free a texture as ImGui asks."""
+        """Create, update or free a texture on ImGui's request."""
         status = self._imgui.ImTextureStatus
         if texture.status in (status.want_create, status.want_updates):
             pixels = np.asarray(texture.get_pixels_array(), np.uint8).reshape(texture.height, texture.width, -1)

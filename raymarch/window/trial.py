@@ -1,8 +1,8 @@
-"""A scene file tried out in a process of its own, before the window takes it.
+"""The trial of a scene file in a separate process, before the window loads it.
 
-Whatever a scene file does there (loop for ever, end Python, eat the memory, crash a library, hang a driver), the window
-lives on, and the trial can be killed. On success the driver's shader cache on disk holds the compiled programs, so
-the window compiles the same text in a few milliseconds.
+Whatever a scene file does there (loop for ever, exit Python, exhaust memory, crash a library, hang a driver), the
+window survives, and the trial can be killed. After a successful trial the driver's shader cache on disk has the
+compiled programs, so the window compiles the same text in a few milliseconds.
 
 The process reads requests and writes answers as lines of JSON. On Linux it forks for each request, so that a trial
 starts in milliseconds with all modules loaded; elsewhere (`--once`) it serves one request and ends.
@@ -34,19 +34,19 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
 from raymarch.window.constants import CLICKED, Constants
-from raymarch.window.live import live
 from raymarch.window.pace import scaled
+from raymarch.window.picture import progressive
 
 LINUX = sys.platform.startswith("linux")
 
 SIZE = (96, 58)
-"""The picture that warms the driver's cache is a little smaller, with edges that `raymarch.window.pace` chooses."""
+"""Scale of the picture that warms the driver's cache; `raymarch.window.pace` chooses its edges."""
 
 FLUSHED = 0.05
-"""Seconds after which a driver has written what it keeps on disk; it does so in a thread of its own."""
+"""Seconds for the driver to write its cache to disk, which it does in its own thread."""
 
 MEMORY_SHARE = 0.5
-"""The part of the machine's memory that a scene file may take while it runs."""
+"""Maximum fraction of the machine's memory that a scene file may use while it runs."""
 
 Answer = dict[str, Any]
 
@@ -55,13 +55,13 @@ def serve(forks: bool) -> None:
     """Answer requests from the standard input until it ends; without forks, one of them."""
     _die_with_parent()
     out = os.fdopen(os.dup(1), "w", buffering=1)
-    os.dup2(2, 1)  # what scene files print must not mix with the answers
+    os.dup2(2, 1)  # output of scene files must not mix with the answers
 
     def say(answer: Answer) -> None:
         out.write(json.dumps(answer) + "\n")
         out.flush()
 
-    prepare(Scene(box().round(0.1) | sphere()))  # forks then find the common definitions made
+    prepare(Scene(box().round(0.1) | sphere()))  # forks then inherit the common definitions
     for line in sys.stdin:
         request = json.loads(line)
         if not forks:
@@ -74,7 +74,7 @@ def serve(forks: bool) -> None:
             child = os.fork()
         if child == 0:
             _die_with_parent()
-            if os.getppid() != parent:  # it was gone before Linux knew
+            if os.getppid() != parent:  # the parent died before the call took effect
                 os._exit(1)
             code = 1
             try:
@@ -89,14 +89,14 @@ def serve(forks: bool) -> None:
 
 
 def _die_with_parent() -> None:
-    """Let Linux kill this process when its parent is gone, even one that hangs in a scene file."""
+    """On Linux, kill this process when its parent dies, even if a scene file hangs."""
     if LINUX:
         with contextlib.suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
 def examine(request: Answer, say: Callable[[Answer], None]) -> None:
-    """Load, plan, compile and draw a scene file once, and say how that went.
+    """Load, plan, compile and draw a scene file once, and report the result.
 
     Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None, "baked"}: `files` are the
     user's that were read, `error` says what, legal, file and line, `baked` that no number may be a uniform.
@@ -114,7 +114,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     baked = False
     try:
         with _limited_memory(), _timed(times, "import"):
-            found = live(load(scene))
+            found = progressive(load(scene))
         size = tuple(request["size"])
         with _timed(times, "plan"):
             ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size))
@@ -134,7 +134,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     files = sorted({str(Path(scene).absolute()), *(f for f in sources if _watchable(f, folder))})
     say({"id": number, "ok": error is None, "ms": times, "files": files, "error": error, "baked": baked})
     if error is None and found is not None:
-        with _quietly():  # so that a click waits for no compiler
+        with _quietly():  # so that a click does not wait for the compiler
             ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size))
             if fresh:
                 _warm(found, ready, size, {}, CLICKED)
@@ -200,7 +200,7 @@ def _described(fault: RaymarchError) -> Answer:
 
 
 class _timed:
-    """Notes how long a block took, in milliseconds."""
+    """Records the time of a block in milliseconds."""
 
     def __init__(self, times: dict[str, float], name: str) -> None:
         self._times, self._name = times, name
@@ -213,7 +213,7 @@ class _timed:
 
 
 class _quietly:
-    """Passes over what the user can mend."""
+    """Suppresses errors that the user can correct."""
 
     def __enter__(self) -> None:
         pass
@@ -223,7 +223,7 @@ class _quietly:
 
 
 class _limited_memory:
-    """While a scene file runs it cannot eat the machine; a compiler afterwards may reserve what it likes."""
+    """Limits memory while a scene file runs; the compiler afterwards has no limit."""
 
     def __enter__(self) -> None:
         self._before: tuple[int, int] | None = None
@@ -244,7 +244,7 @@ class _limited_memory:
 
 
 def _note_files(read: set[str]) -> None:
-    """From now on, every file that Python opens is noted: modules, images, meshes, whatever a scene is made of."""
+    """Record every file that Python opens from now on: modules, images, meshes and other inputs of a scene."""
     busy = threading.local()
 
     def note(event: str, args: tuple[Any, ...]) -> None:
@@ -260,14 +260,14 @@ def _note_files(read: set[str]) -> None:
 
 
 def _watchable(file: str, folder: str) -> bool:
-    """True for a file of the user that may be edited, or that may yet appear beside the scene."""
+    """True for a file that the user may edit, or that may appear beside the scene."""
     if not is_users(file) or file.startswith(("/proc/", "/sys/", "/dev/")):
         return False
     return os.path.isfile(file) or os.path.dirname(file) == folder
 
 
 def _source_of(file: str) -> str:
-    """The source that a compiled module came from; other files are their own."""
+    """The source file of a compiled module; other files unchanged."""
     if file.endswith(".pyc"):
         try:
             return importlib.util.source_from_cache(file)

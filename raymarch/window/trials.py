@@ -1,4 +1,4 @@
-"""The process in which scene files are tried out, seen from the window: asked, watched, killed, started again."""
+"""The window's side of trials: starts, queries, watches, kills and restarts the trial process."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ FORKS = sys.platform.startswith("linux")
 Started: TypeAlias = "tuple[subprocess.Popen[str], SimpleQueue[Answer]]"
 
 GLANCE = 0.02
-"""Seconds between two looks at whether a trial shall end."""
+"""Seconds between two checks whether a trial must end."""
 
 UNANSWERED = 5.0
-"""Seconds after which a process that has not begun is killed without being asked where it is."""
+"""Seconds after which a process that has not begun is killed without a query of its line."""
 
 
 class Trials:
@@ -64,7 +64,7 @@ class Trials:
         """Try a scene file; see `raymarch.window.trial.examine` for the answer.
 
         known : "constants" and "clicks", the window's programs; see `raymarch.window.constants.Constants`.
-        over : asked again and again; gives the reason why the trial shall end early. "changed" gives no answer (None),
+        over : polled; returns the reason to end the trial early, or None. "changed" gives no answer (None),
             any other reason is the error, with the line where the file was.
         """
         self._settle()
@@ -107,7 +107,7 @@ class Trials:
         Path(self._trace).unlink(missing_ok=True)
 
     def _settle(self) -> None:
-        """End what a former trial still does (it may warm the cache for clicks)."""
+        """End the remaining work of an earlier trial (it may warm the cache for clicks)."""
         self._kill_child()
         if self._process is not None and self._process.poll() is not None:
             self._reap()
@@ -120,7 +120,7 @@ class Trials:
             self._reap()
             return
         with contextlib.suppress(OSError, IndexError, ValueError):
-            # A trial that has ended may have left its number to another process.
+            # The process ID of a finished trial may belong to another process now.
             parent = int(Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[1])
             if parent == self._process.pid:
                 os.kill(child, signal.SIGKILL)
@@ -143,7 +143,7 @@ class Trials:
         self._spare = None if self._forks else _started(self._forks)
 
     def _gone(self) -> str:
-        """What became of the process, which has ended."""
+        """How the process ended."""
         process = self._process
         self._reap()
         if self._forks or process is None:
@@ -156,7 +156,7 @@ class Trials:
             _end(process)
 
     def _kill(self, *, ask: bool) -> tuple[str, int] | None:
-        """End the running trial, and say in which line of the user's it was."""
+        """End the running trial. Returns the user's line that it was executing."""
         where = None
         if self._child is None and self._process is not None:
             self._await_child()
@@ -168,7 +168,7 @@ class Trials:
         return where
 
     def _await_child(self) -> None:
-        """The trial was asked for just now: wait a moment until it says its number."""
+        """Wait briefly until a newly requested trial reports its process ID."""
         with contextlib.suppress(Empty):
             for _ in range(3):
                 answer = self._answers.get(timeout=0.3)
@@ -192,7 +192,7 @@ class Trials:
 
 
 def _started(forks: bool) -> Started:
-    """A process in which scenes are tried out, and its answers as they come."""
+    """Start a trial process. Returns it and the queue of its answers."""
     root = str(Path(__file__).parents[2])
     paths = [root, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
@@ -218,7 +218,7 @@ def _started(forks: bool) -> Started:
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Kill a process, if it lives, and close its ends of ours."""
+    """Kill a process if it runs, and close our ends of its pipes."""
     if process.poll() is None:
         process.kill()
     process.wait()

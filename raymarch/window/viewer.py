@@ -1,4 +1,4 @@
-"""The loop of the window: events, news of the scene file, the next picture, what is laid over it."""
+"""The main loop of the window: events, reloads, the next picture, panel and messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from raymarch.gpu.screen import Screen
 from raymarch.plan import Plan
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
-from raymarch.window.changes import change, hear, titled, trouble
+from raymarch.window.changes import change, take_news, titled, trouble
 from raymarch.window.constants import Constants
 from raymarch.window.control import fly
 from raymarch.window.edits import Edits
@@ -23,7 +23,7 @@ from raymarch.window.interrupt import Interrupt
 from raymarch.window.keys import Keys
 from raymarch.window.log import Log
 from raymarch.window.messages import messages_of
-from raymarch.window.overlay import Card, Overlay
+from raymarch.window.overlay import Message, Overlay
 from raymarch.window.pace import Pace
 from raymarch.window.panel import Panel
 from raymarch.window.pick import Inquiry, Pick
@@ -35,31 +35,31 @@ from raymarch.window.surface import Window
 from raymarch.window.toolkit import find as find_imgui
 
 SETTLED = 0.12
-"""Seconds without a change after which the picture is refined."""
+"""Seconds without a change before the picture is refined."""
 
 IDLE = 0.25
-"""Seconds between two looks at the world while nothing happens; events end the wait."""
+"""Maximum wait for events in seconds while nothing happens."""
 
 SHORTEST = 1 / 120
-"""Seconds that a frame takes at least."""
+"""Minimum duration of a frame in seconds."""
 
 NOTICED = 4.0
-"""Seconds that a notice stays."""
+"""Duration of a notice in seconds."""
 
 
 class Viewer:
-    """A window that shows a scene file, and follows it.
+    """A window that shows a scene file and reloads it on changes.
 
     Parameters
     ----------
-    file : the scene file; it must be good when the window opens.
+    file : the scene file; it must be valid when the window opens.
     size : of the window, in screen coordinates.
     params : values of parameters by name.
-    budget : milliseconds that a frame may take while something moves.
-    settings : a file that the window saved, to start from.
-    log : a file for lines of JSON about what happens.
-    samples : rays a pixel that a still picture ends with.
-    panel : whether the panel is shown at first, where its extra is installed.
+    budget : maximum frame time in milliseconds while something moves.
+    settings : a file of saved settings to start with.
+    log : a file for events as lines of JSON.
+    samples : rays per pixel of a still picture.
+    panel : whether the panel is visible at the start, if its extra is installed.
 
     Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
     """
@@ -80,12 +80,12 @@ class Viewer:
         if settings is not None:
             self.state.restore(read_settings(settings))
         self.constants, self.clicks, self.overlaid = Constants(), Constants(), Constants()
-        ready, _ = self.constants.fit(prepare(self.state.live, size=size))
+        ready, _ = self.constants.fit(prepare(self.state.progressive, size=size))
         self.log = Log(log)
         self.window = Window(size, titled(file))
         try:
             self._open(budget, size, samples)
-            self.renderer.adopt(self.state.live, ready)
+            self.renderer.adopt(self.state.progressive, ready)
             if self.panel is not None:
                 self.panel.shown = panel
             self._first()
@@ -107,7 +107,7 @@ class Viewer:
         imgui = find_imgui()
         self.panel: Panel | None = None if imgui is None else Panel(imgui, self)
         self.keys = Keys(self)
-        self.hands = Input(self)
+        self.input = Input(self)
         self.fault: Fault | None = None
         self.pick: Pick | None = None
         self.picks = 0
@@ -119,7 +119,7 @@ class Viewer:
         self._unshown = 1  # frames that must be shown, whatever they hold
         self._rest = 0.0
         self.notices: list[tuple[float, str]] = []
-        self._cards: list[Card] = []
+        self._messages: list[Message] = []
         self.changed_at = self._at = clock_time.perf_counter()
         self.reloading: float | None = None
         self.inquiry = Inquiry(window.wake)
@@ -128,12 +128,12 @@ class Viewer:
         )
 
     def _first(self) -> None:
-        """The first picture, before anything else, so that a scene that cannot be drawn is refused at once."""
+        """Draw the first picture, so that a scene that cannot be drawn fails at once."""
         self.state.aspect = self.window.size[0] / max(1, self.window.size[1])
         if not self.state.moved:
             self.state.reset()
         self.screen.clear(0.12)  # a driver may compile for seconds
-        self.overlay.draw([Card(f"{self.state.file.name}: compiling", "note", "middle")], self.window.density)
+        self.overlay.draw([Message(f"{self.state.file.name}: compiling", "note", "middle")], self.window.density)
         self.window.swap()
         self.picture.step(self.state.shot(), self.window.size, False)
         driver = self.window.context.driver
@@ -142,7 +142,8 @@ class Viewer:
     # The loop
 
     def run(self, seconds: float | None = None) -> int:
-        """Show the window until it is closed, or for so long. 0; 2 if the scene is broken then; 130 after Ctrl+C."""
+        """Run until the window is closed, or for `seconds`. Returns 0; 2 if the scene has an error then; 130 after
+        Ctrl+C."""
         code = 1
         end = None if seconds is None else clock_time.perf_counter() + seconds
         self.reloader.start()
@@ -162,13 +163,13 @@ class Viewer:
         """One turn of the loop."""
         events = self.window.wait(self._pause())
         self._idle = self._idle and not events
-        self.hands.take(events)
+        self.input.take(events)
         now = clock_time.perf_counter()
         passed, self._at = now - self._at, now
-        hear(self, now)
+        take_news(self, now)
         state = self.state
         state.timeline = state.timeline.advance(min(passed, 0.25)) if state.animated else state.timeline
-        forward, right, upward = self.hands.flying()
+        forward, right, upward = self.input.flying()
         if forward or right or upward:
             state.move(fly(state.hold(), forward, right, upward, min(passed, 0.1)))
         if self.wanted is not None:
@@ -182,7 +183,7 @@ class Viewer:
     def _pause(self) -> float:
         """How long to wait for the next event."""
         busy = self.state.animated and self.state.timeline.playing
-        if busy or self.hands.busy or self.sequence is not None or not self.picture.whole:
+        if busy or self.input.busy or self.sequence is not None or not self.picture.whole:
             return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
         return IDLE
 
@@ -201,23 +202,23 @@ class Viewer:
             trouble(self, fault)
         if drew and self.picture.drawn.moving:
             self.changed_at = now
-        cards = messages_of(self, now)
+        messages = messages_of(self, now)
         live = self.panel is not None and self.panel.busy
-        if not (drew or self._unshown or live or cards != self._cards or self.window.take_stale()):
+        if not (drew or self._unshown or live or messages != self._messages or self.window.take_stale()):
             if self.picture.whole and not self._idle:
                 self.log.say("idle")
                 self._idle = True
             return
         self._idle = False
-        self._cards = cards
+        self._messages = messages
         self.present()
         if drew:
             self.tell_frame()
 
     def present(self) -> None:
-        """Show the canvas, and what is laid over it."""
+        """Show the canvas with panel and messages."""
         start = clock_time.perf_counter()
-        self._lay(self._cards)
+        self._lay(self._messages)
         if self.panel is not None:
             self._draw_panel(self.panel)
         self.window.take_stale()
@@ -230,22 +231,22 @@ class Viewer:
         if self.panel is not None:
             self.panel.meters.note(self.picture.drawn.milliseconds, rest, self.picture.drawn.compile)
 
-    def announce(self, card: Card) -> None:
-        """Show a card at once, before something that takes long; the panel stands as it is and takes no events."""
-        self._lay([*self._cards, card])
+    def announce(self, message: Message) -> None:
+        """Show a message at once, before a long operation; the panel is not updated and takes no events."""
+        self._lay([*self._messages, message])
         if self.panel is not None and self.panel.shown:
             self.panel.toolkit.paint()
         self.window.swap()
 
-    def _lay(self, cards: list[Card]) -> None:
+    def _lay(self, messages: list[Message]) -> None:
         canvas = self.picture.canvas
         if canvas is not None:
             shown = self.state
             self.screen.show(canvas, shown.scene.tone if shown.view == "final" else None)
-        self.overlay.draw(cards, self.window.density, 0 if self.panel is None else self.panel.width)
+        self.overlay.draw(messages, self.window.density, 0 if self.panel is None else self.panel.width)
 
     def _draw_panel(self, panel: Panel) -> None:
-        """The panel; a fault of its toolkit costs the panel, not the window."""
+        """Draw the panel; an error of its toolkit disables the panel, not the window."""
         try:
             panel.draw()
         except RuntimeError as fault:
@@ -253,7 +254,7 @@ class Viewer:
             self.notice(f"the panel failed, the window goes on: {fault}")
 
     def tell_frame(self) -> None:
-        """Log the frame that was shown."""
+        """Log the frame."""
         drawn = self.picture.drawn
         facts = {
             "size": drawn.size,
@@ -266,22 +267,22 @@ class Viewer:
         self.log.say("frame", n=self.frames, compiled=self.renderer.compiled, **facts)
 
     def edit(self, edits: Edits) -> None:
-        """Lay other edits over the scene, in the next turn."""
+        """Apply edits to the scene, in the next turn."""
         self.wanted = edits
 
     def notice(self, text: str) -> None:
-        """Say something for a few seconds."""
+        """Show a notice for a few seconds."""
         self.notices.append((clock_time.perf_counter() + NOTICED, text))
         self.log.say("notice", text=text)
 
     def mark(self, name: str) -> None:
-        """Remember where the panel's last item is."""
+        """Record the position of the panel's last item."""
         if self.panel is not None:
             self.panel.mark(name)
 
     def plan(self) -> Plan:
-        """The plan of what is shown."""
-        return self.renderer.prepared(self.state.live).plan
+        """The plan of the visible scene."""
+        return self.renderer.prepared(self.state.progressive).plan
 
     def release(self) -> None:
         """Close everything."""

@@ -1,4 +1,4 @@
-"""Which files changed. By watchfiles, and by looking once a second where that sees nothing (some network drives)."""
+"""File watching by watchfiles, and by polling once a second where that does not work (some network drives)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Any, TypeAlias
 Signature: TypeAlias = tuple[Any, ...]
 
 LOOK = 1.0
-"""Seconds between two looks."""
+"""Polling interval in seconds."""
 
 
 class Watch:
-    """Calls back when a file of a list changes, disappears or appears; in a thread of its own.
+    """Calls back when a file of a list changes, disappears or appears, in its own thread.
 
     Folders are watched, not files, because many editors save by renaming a new file over the old one.
     """
@@ -30,7 +30,7 @@ class Watch:
         self._thread = threading.Thread(target=self._work, name="watch", daemon=True)
 
     def files(self, files: Sequence[str]) -> None:
-        """What to watch from now on, the scene file first. Files watched before keep the state that was last seen."""
+        """Set the files to watch, the scene file first. Files that were watched before keep their last known state."""
         with self._lock:
             wanted = tuple(dict.fromkeys(files))
             if wanted == self._files:
@@ -70,7 +70,7 @@ class Watch:
         self._changed()
 
     def _hints(self) -> Iterator[None]:
-        """Yields whenever something may have changed, at least once in `LOOK` seconds."""
+        """Yields whenever a file may have changed, at least once in `LOOK` seconds."""
         folders = sorted({os.path.dirname(file) for file in self._files})
         there = [folder for folder in folders if os.path.isdir(folder)]
         watchfiles: Any = None
@@ -80,7 +80,7 @@ class Watch:
             self._again.wait(LOOK if watchfiles is not None else LOOK / 4)
             yield
             return
-        with contextlib.suppress(OSError, RuntimeError):  # a folder vanished; the next round sees that
+        with contextlib.suppress(OSError, RuntimeError):  # a folder vanished; the next round handles it
             for _ in watchfiles.watch(
                 *there,
                 watch_filter=None,
@@ -100,7 +100,7 @@ class Watch:
 
 
 def _signature(files: Sequence[str]) -> Signature:
-    """What changes when a file does; at the end the modules beside the scene, since one may be missing yet."""
+    """A signature of the files; its last entry lists the modules beside the scene, since one may still be missing."""
     states: list[Any] = []
     for file in files:
         try:

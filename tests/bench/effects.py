@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.cost.effects import ablations
-from raymarch.gpu.evaluation_counts import effort
+from raymarch.gpu.evaluation_counts import count_evaluations
 from raymarch.plan import lights
 from raymarch.scene import load
 from raymarch.scene.light import hard
@@ -85,7 +85,7 @@ def times(renderer: rm.Renderer, one: rm.Scene, other: rm.Scene) -> NDArray[np.f
 
 def row(renderer: rm.Renderer, one: rm.Scene, other: rm.Scene) -> str:
     """Evaluations a pixel after the hit, medians of the times, and quartiles of the ratios of neighbours in time."""
-    asked, less = (float(effort(renderer, scene).shading.mean()) for scene in (one, other))
+    asked, less = (float(count_evaluations(renderer, scene).shading.mean()) for scene in (one, other))
     taken = times(renderer, one, other)
     spent, sooner = np.median(taken, axis=0)
     low, middle, high = np.percentile(taken[:, 0] / taken[:, 1], (25, 50, 75))

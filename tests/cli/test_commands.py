@@ -88,8 +88,8 @@ def test_the_probe_names_node_and_line(folder, capsys):
     assert sentence.startswith("planted, planted.py:10: the logarithm of 0 or less, ") and "pixel (" in sentence
     assert run("render", "planted.py", "-o", "a.png", "--view", "lipschitz", "--size", "24x16") == 0
     (sentence,) = capsys.readouterr().out.splitlines()
-    assert sentence.startswith("planted, planted.py:10: slope 1.") and "it promises 1 at most" in sentence
-    for view, words in (("nonfinite", "no value at fault: "), ("lipschitz", "no slope beyond its promise: ")):
+    assert sentence.startswith("planted, planted.py:10: slope 1.") and "exceeds the Lipschitz bound 1 at" in sentence
+    for view, words in (("nonfinite", "no value at fault: "), ("lipschitz", "no slope exceeds its Lipschitz bound: ")):
         assert run("render", "hello.py", "-o", "a.png", "--view", view, "--size", "24x16") == 0
         assert capsys.readouterr().out.startswith(words)
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.gpu.boxes import HIDDEN, WHOLE, Box, boxes_of, draw_boxes, edges_of, project
+from raymarch.gpu.boxes import HIDDEN, OUTERMOST, Box, boxes_of, draw_boxes, edges_of, project
 from raymarch.gpu.context import Context
 from raymarch.gpu.views import light, picture
 from raymarch.scene.camera import Pose, look_at
 
 SIZE = (200, 100)
 POSE = look_at(np.array([0.0, 0, 4]), np.zeros(3), np.array([0.0, 1, 0]), math.tan(math.radians(30)))
-RED = np.array(WHOLE)
+RED = np.array(OUTERMOST)
 
 
 def pixel_of(point: tuple[float, float, float], pose: Pose = POSE) -> tuple[float, float]:

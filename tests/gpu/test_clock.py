@@ -46,7 +46,7 @@ def test_the_judge(timer: tuple[float, ...], believed: bool) -> None:
 
 def test_a_restless_wall_clock_convicts_and_acquits_nobody() -> None:
     agrees, words = judge(LOADS, (5.0, 5.0, 6.0), (5.0, 5.0, 6.0))
-    assert not agrees and "could not tell" in words
+    assert not agrees and "could not distinguish" in words
 
 
 def test_an_honest_timer_is_used(egl: Context) -> None:
@@ -68,15 +68,15 @@ def test_an_honest_timer_is_used(egl: Context) -> None:
 def test_a_lying_timer_is_refused(context: Context, distort: Callable[[float], float]) -> None:
     clock = Clock(context, timer_that(context, distort))
     assert clock.kind == "wall clock" and clock.verdict.startswith("wall clock: ")
-    assert "ms where the wall clock saw" in clock.verdict
+    assert "ms where the wall clock measured" in clock.verdict
     clock._timer = lambda draw: 123.0
     assert clock.time(lambda: sleep(0.02)) != 123.0
 
 
 def test_one_impossible_reading_among_honest_ones_is_enough() -> None:
     pairs = [(2.0, 2.0), (2.1, 4295.0), (1.9, 1.9)]
-    assert module._telling(pairs) == (2.1, 4295.0)
-    assert module._telling([(2.0, 2.0), (9.0, 2.0), (1.9, 1.8)]) == (1.9, 1.8)
+    assert module._least_disturbed(pairs) == (2.1, 4295.0)
+    assert module._least_disturbed([(2.0, 2.0), (9.0, 2.0), (1.9, 1.8)]) == (1.9, 1.8)
 
 
 def test_software_is_timed_by_the_wall_clock(context: Context) -> None:
@@ -84,7 +84,7 @@ def test_software_is_timed_by_the_wall_clock(context: Context) -> None:
         pytest.skip(f"{context.driver.renderer} is no software renderer")
     clock = Clock(context)
     assert clock.kind == "wall clock" and clock._trial is None  # known without a test
-    assert "ms where the wall clock saw" in clock.verdict and "CPU" in clock.verdict
+    assert "ms where the wall clock measured" in clock.verdict and "CPU" in clock.verdict
 
 
 def test_llvmpipes_timer_is_found_out_by_its_numbers(context: Context) -> None:

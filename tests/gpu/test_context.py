@@ -130,7 +130,7 @@ def test_auto_goes_on_to_osmesa_and_says_what_egl_answered(osmesa: Context, monk
     monkeypatch.setenv("GLCONTEXT_LINUX_LIBEGL", "/nowhere/libEGL.so")
     with open_context("auto") as context:
         assert context.backend == "osmesa"
-        assert "egl answered: /nowhere/libEGL.so not loaded" in context.why
+        assert "egl: /nowhere/libEGL.so not loaded" in context.why
 
 
 def test_no_backend_at_all_names_every_answer_and_every_package(monkeypatch: Any) -> None:

@@ -50,7 +50,7 @@ def test_an_unknown_backend_is_refused() -> None:
 def test_a_loop_below_every_limit_is_counted_to_its_end(context: Context, iterations: int) -> None:
     limit = count_loop(context, iterations)
     assert limit == LoopLimit(iterations, iterations) and not limit.is_limited
-    assert limit.words == f"no loop limit seen up to {iterations:,}"
+    assert limit.words == f"no loop limit up to {iterations:,}"
 
 
 def test_examining_leaves_no_context_behind(egl: Context) -> None:

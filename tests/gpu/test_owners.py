@@ -274,9 +274,9 @@ def test_every_call_of_moderngl_is_made_with_our_context(
             frame = renderer.render(some, within=1e-3, progress=lambda share: None)
             assert frame.depth.shape == SIZE[::-1]
         renderer.resize((20, 10))
-        for draft in renderer.draw_calls(scene()):
-            draft.draw((0, 0, 4, 4))
-            draft.target.read_texel(1, 1)
+        for call in renderer.draw_calls(scene()):
+            call.draw((0, 0, 4, 4))
+            call.target.read_texel(1, 1)
     assert current.current() == other.seen and len(calls) > 100
 
 

@@ -143,7 +143,7 @@ def test_a_slope_beyond_its_promise_is_named(renderer: rm.Renderer) -> None:
     assert all(by_name[name].inherits and by_name[name].broken for name in ("union", "rotate"))
     assert not by_name["box"].broken and not by_name["plane"].broken and by_name["box"].slope > 0.9
     (sentence,) = list(sentences(found.reports))
-    assert sentence.startswith(f"steeper, {__file__}:{line}: slope 1.5, it promises 1 at most; at (")
+    assert sentence.startswith(f"steeper, {__file__}:{line}: slope 1.5 exceeds the Lipschitz bound 1 at (")
     shown = found.node[found.ratio > 1.001]
     assert shown.size > 20 and all(found.reports[k].broken for k in shown)
     assert np.mean([found.reports[k].name == "steeper" for k in shown]) > 0.9

@@ -19,10 +19,10 @@ def test_colours_are_those_of_matplotlib(name: str) -> None:
 
 
 def test_shares() -> None:
-    assert Scale("", 1.0, 5.0).share([0, 1, 2, 5, 9]).tolist() == [0, 0, 0.25, 1, 1]
-    assert np.allclose(Scale("", 1e-4, 1.0, "log").share([0, 1e-4, 1e-3, 1, np.inf]), [0, 0, 0.25, 1, 1])
-    assert Scale("", 2.0, np.inf, "reciprocal").share([1, 2, 4, 8, np.inf]).tolist() == [0, 0, 0.5, 0.75, 1]
-    assert Scale("", 2.0, 8.0, "reciprocal").share([2, 8 / 2.5, 8]).tolist() == pytest.approx([0, 0.5, 1])
+    assert Scale("", 1.0, 5.0).normalized([0, 1, 2, 5, 9]).tolist() == [0, 0, 0.25, 1, 1]
+    assert np.allclose(Scale("", 1e-4, 1.0, "log").normalized([0, 1e-4, 1e-3, 1, np.inf]), [0, 0, 0.25, 1, 1])
+    assert Scale("", 2.0, np.inf, "reciprocal").normalized([1, 2, 4, 8, np.inf]).tolist() == [0, 0, 0.5, 0.75, 1]
+    assert Scale("", 2.0, 8.0, "reciprocal").normalized([2, 8 / 2.5, 8]).tolist() == pytest.approx([0, 0.5, 1])
 
 
 def test_nearest_is_brightest_on_a_reciprocal_scale() -> None:

@@ -271,10 +271,10 @@ def with_interpolated_rays(seen: Seen) -> Verdict:
 @relation
 def in_tiles(seen: Seen) -> Verdict:
     world = seen.world
-    for draft in world.renderer.draw_calls(seen.scene):
-        for tile in tiles_of(draft.target.size, 8):
-            draft.draw(tile)
-        shown = draft.target.read()[..., :3]
+    for call in world.renderer.draw_calls(seen.scene):
+        for tile in tiles_of(call.target.size, 8):
+            call.draw(tile)
+        shown = call.target.read()[..., :3]
     wrong = int(np.sum((shown != seen.frame.color) & ~(np.isnan(shown) & np.isnan(seen.frame.color))))
     return None, None, [f"{wrong} values differ"] if wrong else []
 

@@ -120,15 +120,15 @@ def _sample(world: World, i: int) -> np.ndarray:
     """Sample i alone, by a history that is told to be empty."""
     world.renderer.forget()
     scene = rm.Scene(NODE, HERE, quality=KEEP)
-    *cones, draft = world.renderer.draw_calls(scene)
+    *cones, call = world.renderer.draw_calls(scene)
     for each in cones:
         each.draw()
     from dataclasses import replace
 
     from raymarch.gpu.jitter import r2
 
-    replace(draft, uniforms={**draft.uniforms, "u_keep": False, "u_jitter": r2(i), "u_sample": i}).draw()
-    return draft.target.read()[..., :3].astype(np.float64)
+    replace(call, uniforms={**call.uniforms, "u_keep": False, "u_jitter": r2(i), "u_sample": i}).draw()
+    return call.target.read()[..., :3].astype(np.float64)
 
 
 @case(47, "coarse passes")
@@ -159,10 +159,10 @@ def tiles(world: World) -> Iterator[Figure]:
         known = world.draw(scene, size, ("color",))
         wrong = 0
         for edge in (32, 64):
-            for draft in world.renderer.draw_calls(scene):
-                for tile in tiles_of(draft.target.size, edge):
-                    draft.draw(tile)
-                shown = draft.target.read()[..., :3]
+            for call in world.renderer.draw_calls(scene):
+                for tile in tiles_of(call.target.size, edge):
+                    call.draw(tile)
+                shown = call.target.read()[..., :3]
             wrong += int(np.sum(shown != known.color))
         what = quality.schedule if quality.schedule != "auto" else quality.rays
         yield Figure(f"values that tiles of 32 and 64 change, {what}", wrong, 0, "a pixel knows nothing of its tile")

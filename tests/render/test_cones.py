@@ -66,8 +66,8 @@ def test_every_hit_is_found_and_where_it_is(renderer: Renderer, truth: rm.Truth,
 def test_no_cone_goes_on_beyond_what_it_holds(renderer: Renderer, truth: rm.Truth, schedule: str, samples: int) -> None:
     """Row 54 of the hard cases: whatever lies in a cell of any level lies behind where its cone ended."""
     made = scene(rm.Quality(schedule=schedule, samples=samples))
-    for draft in renderer.draw_calls(made):
-        draft.draw()
+    for call in renderer.draw_calls(made):
+        call.draw()
     levels = plan(made, size=SIZE).marching.schedule.levels
     assert len(levels) == len(SCHEDULES[schedule].levels) + (samples > 1)
     for i, level in enumerate(levels):

@@ -149,8 +149,8 @@ def test_a_moving_camera_finds_what_it_saw_again(renderer: Renderer) -> None:
 def test_what_asks_for_none_of_it_has_none_of_it(renderer: Renderer) -> None:
     renderer.render(scene())
     assert renderer.resources.objects == {"programs": 1, "targets": 1, "data": 0}
-    (draft,) = renderer.draw_calls(scene())
-    assert not {"u_history", "u_carried", "u_jitter"} & set(draft.program.uniforms)
+    (call,) = renderer.draw_calls(scene())
+    assert not {"u_history", "u_carried", "u_jitter"} & set(call.program.uniforms)
     renderer.render(scene(temporal="reproject"))
     cones = 1 + 1  # and what the first level has in place of a coarser one
     assert renderer.resources.objects["targets"] == 1 + cones + 2 + 2 * 2

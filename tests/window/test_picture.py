@@ -10,9 +10,8 @@ import pytest
 import raymarch as rm
 from raymarch.gpu.screen import Screen
 from raymarch.scene.camera import look_at
-from raymarch.window.live import live
 from raymarch.window.pace import Pace
-from raymarch.window.picture import Picture, Shot
+from raymarch.window.picture import Picture, Shot, progressive
 
 SIZE = (80, 48)
 CAMERA = rm.Camera((0, 1, 5), (0, 0, 0))
@@ -32,16 +31,16 @@ def shot_of(scene: rm.Scene, *, moved: float = 0.0) -> Shot:
 def test_no_draw_depends_on_what_was_bound_before_it(renderer: rm.Renderer) -> None:
     """Each sampler is given a texture of one kind, so that a driver compiles a program once."""
     scene = rm.Scene(rm.sphere(1), CAMERA, quality=rm.Quality(schedule="cones"))
-    for draft in renderer.draw_calls(scene):
-        given = {name for name, value in draft.uniforms.items() if hasattr(value, "textures")}
-        assert {name for name in draft.program.uniforms if name == "u_carried"} <= given
+    for call in renderer.draw_calls(scene):
+        given = {name for name, value in call.uniforms.items() if hasattr(value, "textures")}
+        assert {name for name in call.program.uniforms if name == "u_carried"} <= given
         for name in given:
-            assert all(edge & (edge - 1) for edge in draft.uniforms[name].size), name
+            assert all(edge & (edge - 1) for edge in call.uniforms[name].size), name
 
 
 def test_a_moving_picture_marches_no_longer_than_its_budget(renderer: rm.Renderer) -> None:
     """Rays that are marched over several passes wait where they are, and end once nothing moves."""
-    scene = live(
+    scene = progressive(
         rm.Scene(rm.sphere(1) | rm.plane(offset=-1), CAMERA, quality=rm.Quality(steps_per_pass=4, max_steps=512))
     )
     screen = Screen(renderer.context, SIZE)

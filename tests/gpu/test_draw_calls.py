@@ -28,7 +28,7 @@ def renderer(egl: Context) -> Iterator[Renderer]:
         yield made
 
 
-def test_a_draft_draws_what_render_gives(renderer: Renderer) -> None:
+def test_draw_calls_draw_what_render_gives(renderer: Renderer) -> None:
     frame = renderer.render(SCENE)
     (call,) = renderer.draw_calls(SCENE)
     call.target.clear()

@@ -6,7 +6,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-from raymarch.gpu.evaluation_counts import effort
+from raymarch.gpu.evaluation_counts import count_evaluations
 
 WHITE = rm.Material((1, 1, 1), specular=0, ambient=1)
 
@@ -18,9 +18,9 @@ def test_effects_cost_what_they_ask(egl: Context) -> None:
         def counted(**parts: object) -> np.ndarray:
             scene = rm.Scene(node, rm.Camera((0, 2, 5), (0, 0, 0)), **parts)  # type: ignore[arg-type]
             hit = np.isfinite(renderer.render(scene).depth)
-            found = effort(renderer, scene)
-            assert np.all(found.shading[~hit] == 0) and found.marching[hit].mean() > 1
-            return found.shading[hit]
+            counts = count_evaluations(renderer, scene)
+            assert np.all(counts.shading[~hit] == 0) and counts.marching[hit].mean() > 1
+            return counts.shading[hit]
 
         assert not counted().any()
         assert not counted(sky=rm.GradientSky(light=True)).any()
@@ -32,13 +32,13 @@ def test_effects_cost_what_they_ask(egl: Context) -> None:
         assert counted(lights=[], bounces=1).mean() > 1
 
 
-def test_a_light_beyond_its_radius_costs_nothing(egl: Context) -> None:
-    """Also as one of many: only the pixels near a lamp ask for its shadow."""
-    lamps = [rm.PointLight((3.0 * (k % 8) - 10, 0.5, 3.0 * (k // 8) - 10), range=1.0, shadow=True) for k in range(64)]
+def test_a_light_beyond_its_range_costs_nothing(egl: Context) -> None:
+    """Also with many lights: only pixels within the range of a light trace its shadow."""
+    lights = [rm.PointLight((3.0 * (k % 8) - 10, 0.5, 3.0 * (k // 8) - 10), range=1.0, shadow=True) for k in range(64)]
     camera = rm.Camera((0, 12, 12), (0, 0, 0))
     with rm.Renderer((40, 30), context=egl) as renderer:
-        scene = rm.Scene(rm.plane() | rm.sphere(0.5).translate((0, 30, 0)), camera, lamps)
+        scene = rm.Scene(rm.plane() | rm.sphere(0.5).translate((0, 30, 0)), camera, lights)
         frame = renderer.render(scene)
-        found = effort(renderer, scene).shading
+        counts = count_evaluations(renderer, scene).shading
     dark = (frame.color.max(axis=-1) == 0) & np.isfinite(frame.depth)
-    assert dark.mean() > 0.3 and not found[dark].any() and found.max() > 0
+    assert dark.mean() > 0.3 and not counts[dark].any() and counts.max() > 0
