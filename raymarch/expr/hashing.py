@@ -54,7 +54,7 @@ GLSL_HELPERS = {
     v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
     return (v >> 22) ^ v;
 }""",
-    "hash": """float hash(vec3 cell) {
+    "cell_hash": """float cell_hash(vec3 cell) {
     // one number in [0, 1) for each cell
     uvec3 n = uvec3(ivec3(floor(clamp(cell, -1.0e9, 1.0e9) + 0.5)));
     return float(lattice_mixed(n.x + lattice_mixed(n.y + lattice_mixed(n.z))) >> 8) * 5.9604645e-8;

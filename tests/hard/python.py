@@ -23,10 +23,10 @@ def as_python(node: rm.Node) -> str:
         shown = _value(value)
         if shown is not None:
             parts.append(f"{name}={shown}")
-    inline = f"make({', '.join([repr(node.name), *parts])})"
+    inline = f"make({', '.join([repr(node.definition.name), *parts])})"
     if len(inline) <= 100:
         return inline
-    lines = ",\n".join([repr(node.name), *parts]).replace("\n", "\n    ")
+    lines = ",\n".join([repr(node.definition.name), *parts]).replace("\n", "\n    ")
     return f"make(\n    {lines},\n)"
 
 

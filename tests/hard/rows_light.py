@@ -52,7 +52,7 @@ def refraction(world: World) -> Iterator[Figure]:
     as the room, whatever way the light takes through it."""
     cosine, ratio = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 201), [1 / 4, 1 / 1.5, 1.0, 1.5, 4.0]))
     found = run(
-        world.context, module("path/fresnel_dielectric"), "reflectance({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)]
+        world.context, module("path/fresnel_dielectric"), "fresnel_dielectric({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)]
     )
     outside = int(np.sum(~((found >= 0) & (found <= 1 + 8 * ULP))))
     yield Figure("reflectances that are no share", outside, 0, "0 to 1, and 1 beyond the critical angle")
@@ -105,7 +105,7 @@ def mirror(world: World) -> Iterator[Figure]:
         h = h.astype(np.float32).astype(np.float64)
         cosine, sine = h[:, 2], np.hypot(h[:, 0], h[:, 1])
         true = alpha**2 / (np.pi * (sine**2 + (alpha * cosine) ** 2) ** 2)
-        call = f"facets(vec3(0.0, 0.0, 1.0), {{0}}, {alpha!r})"
+        call = f"d_ggx(vec3(0.0, 0.0, 1.0), {{0}}, {alpha!r})"
         found = run(world.context, module("light/d_ggx"), call, [(VEC3, h)])
         bad += int(np.sum(~np.isfinite(found)))
         worst = max(worst, float(np.max(np.abs(found / true - 1))))
@@ -145,7 +145,7 @@ def grazing_energy(world: World) -> Iterator[Figure]:
                 masks = run(
                     world.context,
                     module(f"light/{form}"),
-                    f"masking({{0}}, {seen!r}, {alpha!r})",
+                    f"v_smith({{0}}, {seen!r}, {alpha!r})",
                     [(FLOAT, np.maximum(facing, 1e-6))],
                 )
                 weight = np.where((facing > 0) & (both > 0), masks * 4 * facing * both / cosine, 0)
