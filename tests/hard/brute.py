@@ -480,13 +480,13 @@ def light_at(light: dict[str, Any], p: Array) -> Light:
     to = way / far[:, None]
     if light.get("attenuation") is None:
         factor = 1.0 / far**2
-        if light.get("radius") is not None:
-            factor *= np.clip(1.0 - (far / light["radius"]) ** 4, 0.0, 1.0) ** 2
+        if light.get("range") is not None:
+            factor *= np.clip(1.0 - (far / light["range"]) ** 4, 0.0, 1.0) ** 2
     else:
         c, linear, square = light["attenuation"]
         factor = 1.0 / (c + linear * far + square * far**2)
-        if light.get("radius") is not None:
-            factor *= np.maximum(1.0 - far / light["radius"], 0.0)
+        if light.get("range") is not None:
+            factor *= np.maximum(1.0 - far / light["range"], 0.0)
     if light["kind"] == "spot":
         axis = np.asarray(light["direction"], float) / np.linalg.norm(light["direction"])
         outer, inner = math.cos(light["angle"]), math.cos(light["angle"] * (1.0 - light["blend"]))

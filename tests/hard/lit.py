@@ -297,7 +297,7 @@ class Draw:
         made["position"] = tuple(map(float, away * towards))
         made["intensity"] = bright * away**2
         if self.chance(0.2):
-            made["radius"] = away * float(self.random.uniform(1.3, 4.0))
+            made["range"] = away * float(self.random.uniform(1.3, 4.0))
         if self.chance(0.15):
             made["attenuation"] = (
                 1.0,
@@ -527,7 +527,7 @@ def smaller(spec: Spec) -> Iterator[Spec]:
         for other in simpler(tree):
             yield spec.changed(trees=[*spec.trees[:i], other, *spec.trees[i + 1 :]])
     for i, light in enumerate(spec.lights):
-        for key in ("color", "radius", "attenuation", "shadow"):
+        for key in ("color", "range", "attenuation", "shadow"):
             if key in light and light[key] is not False:
                 made = {k: v for k, v in light.items() if k != key}
                 yield spec.changed(lights=[*spec.lights[:i], made, *spec.lights[i + 1 :]])
