@@ -162,7 +162,7 @@ def test_missed_hits_are_never_traded(scene, known):
     made, _ = fake_sweep(scene, known)
     assert [p.name for p in made.front()] == ["0", "2", "1"]
     assert made.points[3].error("pixels_p99") == np.inf
-    assert any("1 settings miss" in line for line in findings(made))
+    assert any("1 settings have missed" in line for line in findings(made))
 
 
 def test_json_is_complete_and_plain(scene, known):
