@@ -146,7 +146,7 @@ def test_a_tree_is_not_in_the_text_unless_something_mirrors() -> None:
 
 def test_a_tree_is_no_deeper_than_four() -> None:
     assert rm.Scene(rm.sphere().material(CLEAR), quality=TREE).bounces == 4
-    with pytest.raises(SceneError, match=r"bounces = 5 .*63 rays.*up to 4.*random"):
+    with pytest.raises(SceneError, match=r"bounces = 5 .*63 rays.*up to 4.*path"):
         rm.Scene(rm.sphere().material(CLEAR), bounces=5, quality=TREE)
     with pytest.raises(SceneError, match="integrator = 'bush'"):
         rm.Quality(integrator="bush")
