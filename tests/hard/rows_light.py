@@ -52,7 +52,10 @@ def refraction(world: World) -> Iterator[Figure]:
     as the room, whatever way the light takes through it."""
     cosine, ratio = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 201), [1 / 4, 1 / 1.5, 1.0, 1.5, 4.0]))
     found = run(
-        world.context, module("path/fresnel_dielectric"), "fresnel_dielectric({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)]
+        world.context,
+        module("path/fresnel_dielectric"),
+        "fresnel_dielectric({0}, {1})",
+        [(FLOAT, cosine), (FLOAT, ratio)],
     )
     outside = int(np.sum(~((found >= 0) & (found <= 1 + 8 * ULP))))
     yield Figure("reflectances that are no share", outside, 0, "0 to 1, and 1 beyond the critical angle")
