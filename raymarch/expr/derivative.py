@@ -258,8 +258,8 @@ _lifted_from: WeakKeyDictionary[Expr, Expr] = WeakKeyDictionary()
 """The original loop of each loop with tangents."""
 
 
-def sensitivities(root: Expr, marked: Sequence[Expr]) -> list[Expr]:
-    """Derivatives of the root by each marked scalar subexpression: the weights of material blending."""
+def partial_derivatives(root: Expr, marked: Sequence[Expr]) -> list[Expr]:
+    """Derivatives of the root with respect to marked scalar subexpressions: the weights of material blending."""
     marks = [var(f"mark {i}", FLOAT) for i in range(len(marked))]
     cut = substitute([root], dict(zip(marked, marks, strict=True)))[0]
     opened = _open([cut], set(marks))[0]
@@ -530,7 +530,7 @@ def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> lis
     return [[direction.get(root, zero(root.type)) for root in roots] for direction in moved]
 
 
-def moved_along(root: Expr, variable: Expr, directions: Sequence[Expr]) -> list[Expr]:
+def directional_derivatives(root: Expr, variable: Expr, directions: Sequence[Expr]) -> list[Expr]:
     """Directional derivatives of an expression with respect to a variable, one for each direction."""
     opened = _open([root], {variable})
     return [moved[0] for moved in tangents(opened, [{variable: direction} for direction in directions])]

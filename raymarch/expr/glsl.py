@@ -358,14 +358,14 @@ def _finite(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pi
 
 
 def _probe(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    """Pass value, point, cell and number of each node to the function `seen` of the shader's probe."""
+    """Pass value, point, cell and number of each node to the function `record_value` of the shader's probe."""
     if node.data.role != "value":
         return pieces[0]
-    printer.text.needs.add("seen")
+    printer.text.needs.add("record_value")
     point = pieces[1] if node.args[1].type.size == 3 else Piece(f"vec3({pieces[1].text}, 0.0)", ATOM, 0)
     cell = pieces[2] if len(pieces) > 2 else Piece("0.0", ATOM, 0)
     number = Piece(str(node.data.site), ATOM, 0)
-    return call_text("seen", [pieces[0], point, cell, number], [*node.args[:2], node, node])
+    return call_text("record_value", [pieces[0], point, cell, number], [*node.args[:2], node, node])
 
 
 TEMPLATES: Mapping[str, Template] = {

@@ -31,14 +31,14 @@ SLACK = 0.05
 samples."""
 
 
-def texture(data: Texels, at: Operand, across: Operand, along: Operand, weight: Operand = 1.0) -> Expr:
+def texture(data: Texels, at: Operand, duvdx: Operand, duvdy: Operand, weight: Operand = 1.0) -> Expr:
     """Mean of a texture over an ellipse, times a weight. Where the weight is below 2^-10 it is 0 without a read.
 
     at : vec2 (u, v), 0 to 1 from left to right and from bottom to top.
-    across, along : vec2, the full extents of the ellipse along two conjugate axes, in the same units.
+    duvdx, duvdy : vec2, the full extents of the ellipse along two conjugate axes, in the same units.
     Returns a float, vec2 or vec3, according to the channels of the data.
     """
-    args = tuple(map(expr, (at, across, along, weight)))
+    args = tuple(map(expr, (at, duvdx, duvdy, weight)))
     if [a.type for a in args] != [VEC2, VEC2, VEC2, FLOAT]:
         raise SceneError(f"texture of {', '.join(a.type.name for a in args)}", legal="three vec2 and a float")
     return make("texture", data.type, args, data)
@@ -47,12 +47,12 @@ def texture(data: Texels, at: Operand, across: Operand, along: Operand, weight: 
 # Readings
 
 
-def evaluate(node: Expr, at: Array, across: Array, along: Array, weight: Array) -> Array:
+def evaluate(node: Expr, at: Array, duvdx: Array, duvdy: Array, weight: Array) -> Array:
     """NumPy row of "texture"."""
     data: Texels = node.data
-    lead = np.broadcast_shapes(at.shape[:-1], across.shape[:-1], along.shape[:-1], np.shape(weight))
+    lead = np.broadcast_shapes(at.shape[:-1], duvdx.shape[:-1], duvdy.shape[:-1], np.shape(weight))
     weight = np.broadcast_to(weight, lead)
-    parts = [np.broadcast_to(v, (*lead, 2)).reshape(-1, 2) for v in (at, across, along)]
+    parts = [np.broadcast_to(v, (*lead, 2)).reshape(-1, 2) for v in (at, duvdx, duvdy)]
     read = weight.ravel() >= LEAST
     total = np.zeros((read.size, data.channels), at.dtype)
     if read.any():
@@ -60,10 +60,10 @@ def evaluate(node: Expr, at: Array, across: Array, along: Array, weight: Array) 
     return total[:, 0].reshape(lead) if data.channels == 1 else total.reshape(*lead, data.channels)
 
 
-def _mean(data: Texels, at: Array, across: Array, along: Array) -> Array:
+def _mean(data: Texels, at: Array, duvdx: Array, duvdy: Array) -> Array:
     """Mean over the ellipses of N points, (N, channels)."""
     size = np.array(data.size, at.dtype)
-    axis, longest, shortest = _ellipse(across * size, along * size)
+    axis, longest, shortest = _ellipse(duvdx * size, duvdy * size)
     wide = np.maximum(shortest, np.maximum(longest / TAPS, 1))
     taps = np.clip(np.ceil(longest / wide - SLACK), 1, TAPS)
     level = np.log2(wide)
@@ -143,11 +143,11 @@ def glsl_helper(data: Texels) -> str:
     return _HELPER.replace("NAME", helper_of(data)).replace("POINT", read)
 
 
-_HELPER = f"""vec4 NAME(sampler2D image, vec2 at, vec2 across, vec2 along, float weight) {{
+_HELPER = f"""vec4 NAME(sampler2D image, vec2 at, vec2 duvdx, vec2 duvdy, float weight) {{
     // the mean over an ellipse, by samples along its longer axis
     if (weight < {LEAST}) return vec4(0.0);
     vec2 size = vec2(textureSize(image, 0));
-    vec2 a = across * size, b = along * size;
+    vec2 a = duvdx * size, b = duvdy * size;
     float half_difference = 0.5 * (a.x * a.x + b.x * b.x - a.y * a.y - b.y * b.y);
     float product = a.x * a.y + b.x * b.y;
     float root = sqrt(half_difference * half_difference + product * product);

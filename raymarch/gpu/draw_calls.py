@@ -237,7 +237,7 @@ def _joined(
                 there = {**own, **_earlier(resources, ready, own, history), "u_surface": (target, 1)}
                 there |= {f"u_now_{name}": value for name, value in camera.items()}
                 yield _call(resources, ready, before, earlier, there)
-            joined |= {"u_changed": changed, "u_earlier_color": (earlier, 0), "u_earlier_way": (earlier, 1)}
+            joined |= {"u_changed": changed, "u_earlier_color": (earlier, 0), "u_earlier_motion": (earlier, 1)}
         yield _call(resources, ready, chosen, pair.back, joined)
         pair.swap()
         history.samples += 1

@@ -17,7 +17,7 @@ from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, plan
-from raymarch.plan.hoisting import at_moment
+from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Value, Values
@@ -89,7 +89,7 @@ def frame_uniforms(
     pose : camera pose to use instead of the scene's. cut : plane of a slice; None is the one that faces the camera.
     """
     scene = ready.plan.scene
-    values = at_moment(ready.plan.moments, values)
+    values = with_hoisted(ready.plan.hoisted, values)
     given, origin = pose or ready.plan.given.pose(values, size[0] / size[1]), ready.plan.origin
     pose = replace(given, position=given.position - origin)
     uniforms: dict[str, Any] = {

@@ -134,18 +134,18 @@ def find_faults(
     drawing = _Drawing(renderer, plan_faults(scene), time, params)
     count = len(drawing.probing.nodes)
     reports = [_report(node) for node in drawing.probing.nodes] + [Report(SURFACE, scene.where, np.inf)]
-    first_faults = drawing.draw({"u_heard": Elements(site_bits(ALL))}, progress)
+    first_faults = drawing.draw({"u_site_mask": Elements(site_bits(ALL))}, progress)
     found = [*_sites(first_faults)]
     more = found
     while more:  # mask the known sites, so that the others show
         more = [
             site
-            for site in _sites(drawing.draw({"u_heard": Elements(site_bits(ALL - set(found)))}))
+            for site in _sites(drawing.draw({"u_site_mask": Elements(site_bits(ALL - set(found)))}))
             if site not in found
         ]
         found += more
     for site in found:
-        alone = drawing.draw({"u_heard": Elements(site_bits([site]))})
+        alone = drawing.draw({"u_site_mask": Elements(site_bits([site]))})
         index = site - 1 if site else count
         reports[index] = replace(
             reports[index], faults=int(np.count_nonzero(alone[0][..., 0])), first=drawing.first(alone)

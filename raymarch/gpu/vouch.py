@@ -80,7 +80,7 @@ def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> boo
     ).reshape(-1, 3)
     directions = at_one @ pose.frame.T
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    sky = scene.sky.seen(directions, values)
+    sky = scene.sky.radiance_along(directions, values)
     shown = color[np.ix_(rows, columns)].reshape(-1, 3)
     near = 1e-4 if scene.sky.constant else 0.05  # the samples of a pixel see different parts of the sky
     return bool(np.all(np.abs(shown - sky) <= near * (1.0 + np.abs(sky))))

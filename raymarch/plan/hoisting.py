@@ -20,11 +20,23 @@ from raymarch.expr.types import FLOAT, Type
 from raymarch.expr.walk import find, rebuild, rewrite, topological
 from raymarch.scene.parameter import Spec, Value, Values
 
-HELD = {"var", "apply", "cell", "loop", "item", "mark", "sample", "sample_slope", "texture", "raw", "raw_slope"}
+NEVER_HOISTED = {
+    "var",
+    "apply",
+    "cell",
+    "loop",
+    "item",
+    "mark",
+    "sample",
+    "sample_slope",
+    "texture",
+    "raw",
+    "raw_slope",
+}
 """Operations that depend on the point, or that only the shader can evaluate."""
 
 
-def hoisted_from(
+def hoist(
     field: Function, origins: dict[Expr, Location], known: Mapping[str, Expr] = MappingProxyType({})
 ) -> tuple[Function, dict[str, Expr]]:
     """The field with its time-only subexpressions replaced by new parameters, and the expression of each parameter.
@@ -32,7 +44,7 @@ def hoisted_from(
     origins : the user's line of each expression; lines of new expressions are added.
     known : parameters already hoisted from another field of the scene. They are reused and also returned.
     """
-    moments = dict(known)
+    hoisted = dict(known)
     leaves = {node: _leaf(name, node, origins) for name, node in known.items()}
     made: dict[Function, Function] = {}
     for old in topological([field], _called):
@@ -40,12 +52,12 @@ def hoisted_from(
         body = _replaced(body, _phases(body), origins)
         for node in _largest(body):
             if node not in leaves:
-                name = f"moment {len(moments)}"
-                moments[name] = node
+                name = f"hoisted {len(hoisted)}"
+                hoisted[name] = node
                 leaves[node] = _leaf(name, node, origins)
         body = _replaced(body, leaves, origins)
         made[old] = old if body is old.body else Function(old.name, old.params, body, old.names, old.where)
-    return made[field], moments
+    return made[field], hoisted
 
 
 def _leaf(name: str, node: Expr, origins: Mapping[Expr, Location]) -> Expr:
@@ -86,11 +98,11 @@ def _rewritten(body: Expr, rule: Callable[[Expr, tuple[Expr, ...]], Expr], origi
     return new[body]
 
 
-def at_moment(moments: Mapping[str, Expr], values: Values) -> Values:
+def with_hoisted(hoisted: Mapping[str, Expr], values: Values) -> Values:
     """The values of a frame, including those of the hoisted parameters."""
-    if not moments:
+    if not hoisted:
         return values
-    known = {name: _plain(values.of(node)) for name, node in moments.items()}
+    known = {name: _plain(values.of(node)) for name, node in hoisted.items()}
     return Values({**values.params, **known}, values.time)
 
 
@@ -111,7 +123,7 @@ def _of_time(body: Expr) -> tuple[set[Expr], set[Expr]]:
     still: set[Expr] = set()
     moving: set[Expr] = set()
     for node in topological([body]):
-        if node.op in HELD or not _has_leaf(node.type) or not all(arg in still for arg in node.args):
+        if node.op in NEVER_HOISTED or not _has_leaf(node.type) or not all(arg in still for arg in node.args):
             continue
         still.add(node)
         if node.op == "time" or any(arg in moving for arg in node.args) or (node.op == "call" and find([node], "time")):

@@ -11,10 +11,10 @@ from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr, const
 from raymarch.expr.vocabulary import where
 from raymarch.expr.walk import find, rebuild, rewrite
-from raymarch.plan.shading import mapped, surfaced
+from raymarch.plan.shading import mapped, needs_surface
 from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, RELIEF, Material
 from raymarch.scene.scene import Scene
-from raymarch.sdf.lower import SEEN, Lowering, look_of
+from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
 from raymarch.sdf.weights import weights_of
 
 Key = TypeVar("Key")
@@ -45,22 +45,22 @@ def materials_of(scene: Scene, lowering: Lowering, shaded: bool, index: bool) ->
     default = scene.materials[0]
     marked = lowering.again().field(scene.node, label=default)
     marks, parts = weights_of(marked)
-    values = [tuple(look_of(mark)) for mark in marks] or [tuple(default.expressions)]
+    values = [tuple(material_expressions(mark)) for mark in marks] or [tuple(default.expressions)]
     weights = parts if len(set(values)) > 1 else [const(1.0)]
     chosen = [mark.data for mark in marks] or [default]
     kinds = {m.physical for m in chosen}
     made = Evaluation("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
     if shaded:
         fields = _mixed(values, weights)
-        params = (*marked.params, *SEEN) if mapped(scene) and surfaced(scene) else marked.params
+        params = (*marked.params, *SCENE_INTERACTION) if mapped(scene) and needs_surface(scene) else marked.params
 
         def record(name: str, kind: str, names: Sequence[str]) -> Record:
             return Record(name, kind, params, tuple((n, fields[n]) for n in names))
 
-        if surfaced(scene):
+        if needs_surface(scene):
             names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
             made.record = record("material_at", "Material", names)
-        if surfaced(scene) and mapped(scene):
+        if needs_surface(scene) and mapped(scene):
             made.relief = record("relief_at", "Relief", RELIEF)
         if (scene.path_traced or scene.whitted) and any(m.transmits for m in chosen):
             made.glass = record("glass_at", "Glass", GLASS)

@@ -13,13 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from raymarch.errors import Location
-from raymarch.expr.derivative import moved_along
+from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.function import Function, sum_of
 from raymarch.expr.node import Expr, const, construct, make
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import cross, dot, length, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite
-from raymarch.plan.hoisting import hoisted_from
+from raymarch.plan.hoisting import hoist
 from raymarch.scene.camera import Camera
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene
@@ -41,14 +41,14 @@ def changes(scene: Scene) -> bool:
 
 
 def motion_of(
-    scene: Scene, lowering: Lowering, moments: Mapping[str, Expr], origins: dict[Expr, Location]
+    scene: Scene, lowering: Lowering, hoisted: Mapping[str, Expr], origins: dict[Expr, Location]
 ) -> tuple[Function, dict[str, Expr], dict[str, Expr]]:
-    """`vec3 place_before(vec3 p)`: where the point p of this frame was in the previous frame, by transforms alone.
+    """`vec3 previous_position(vec3 p)`: where the point p of this frame was in the previous frame, by transforms alone.
 
     Also returns the time-only expressions, including those of this function, and the leaf that each twin stands for,
     by the twin's name.
     """
-    marked, moments = hoisted_from(lowering.again().field(scene.node, label=PARTS), origins, moments)
+    marked, hoisted = hoist(lowering.again().field(scene.node, label=PARTS), origins, hoisted)
     (p,) = marked.params
     twins = {leaf: _twin(leaf) for leaf in find([marked.body], "param", "time")}
     plain = {twin: leaf for leaf, twin in twins.items()}
@@ -70,7 +70,7 @@ def motion_of(
         moved = [weight * each for weight, each in zip(weights, motions, strict=True) if each is not STILL]
         motion = sum_of(moved) / where(total <= 0.0, 1.0, total)
     used = {twin.data.name: plain[twin] for twin in find([motion], "param") if twin in plain}
-    return Function("place_before", (p,), p + motion), moments, used
+    return Function("previous_position", (p,), p + motion), hoisted, used
 
 
 def _twin(leaf: Expr) -> Expr:
@@ -81,7 +81,9 @@ def _twin(leaf: Expr) -> Expr:
 
 def _motion_back(here: Expr, before: Expr, p: Expr) -> Expr:
     """The motion from p to the point that the previous frame maps where this frame maps p: one Newton step."""
-    x, y, z = moved_along(before, p, [const(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+    x, y, z = directional_derivatives(
+        before, p, [const(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    )
     apart = here - before
     volume = dot(x, cross(y, z))
     motion = construct(dot(cross(y, z), apart), dot(cross(z, x), apart), dot(cross(x, y), apart))

@@ -21,7 +21,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import find, topological
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.feature import Feature
-from raymarch.plan.hoisting import hoisted_from
+from raymarch.plan.hoisting import hoist
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
@@ -43,13 +43,13 @@ class Plan:
     """The functions, modules and passes that draw a scene.
 
     given : the scene of the caller. origin : origin of the shader's coordinates in that scene, shape (3,), float64.
-    moments : hoisted time-only expressions, by the name of the parameter that replaces each.
+    hoisted : hoisted time-only expressions, by the name of the parameter that replaces each.
     scene : the scene relative to `origin`; all other attributes describe it.
     """
 
     given: Scene
     origin: NDArray[np.float64]
-    moments: dict[str, Expr]
+    hoisted: dict[str, Expr]
     scene: Scene
     field: Function
     gradient: Function | None
@@ -134,7 +134,7 @@ def plan(
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
     lowering = lowering or Lowering()
-    definition, moments = hoisted_from(lowering.field(scene.node), lowering.origins)
+    definition, hoisted = hoist(lowering.field(scene.node), lowering.origins)
     refuse_extent(given, origin, definition)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
@@ -151,7 +151,7 @@ def plan(
     made = Plan(
         given=given,
         origin=origin,
-        moments=moments,
+        hoisted=hoisted,
         scene=scene,
         field=definition,
         gradient=None,
@@ -172,7 +172,7 @@ def plan(
         operations=operations,
     )
     shaded = lit and any(p.shades for p in drawn)
-    needs_normal = (shaded and shading.surfaced(scene)) or geometry
+    needs_normal = (shaded and shading.needs_surface(scene)) or geometry
     sliced = any(p.name == "slice" for p in drawn)
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
@@ -181,7 +181,7 @@ def plan(
         made.model, made.material, made.emission = found.model, found.record, found.emission
         made.material_index, made.glass, made.relief = found.index, found.glass, found.relief
     if BEFORE in drawn:
-        place, made.moments, made.twins = motion_of(scene, lowering, moments, lowering.origins)
+        place, made.hoisted, made.twins = motion_of(scene, lowering, hoisted, lowering.origins)
         made.further.append(place)
     _choose_modules(made, shaded, needs_normal)
     made.textures = textures_of(made)

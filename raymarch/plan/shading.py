@@ -29,9 +29,9 @@ MODULES = {
 SOFT = ("two-sided", "cone", "triangulated")
 
 
-def surfaced(scene: Scene) -> bool:
+def needs_surface(scene: Scene) -> bool:
     """True if surfaces reflect light or emit a pattern, so that their normals and materials are needed."""
-    return bool(scene.lights) or scene.sky.light or scene.path_traced or scene.whitted or _glows_by_pattern(scene)
+    return bool(scene.lights) or scene.sky.light or scene.path_traced or scene.whitted or _emits_pattern(scene)
 
 
 def mapped(scene: Scene) -> bool:
@@ -44,14 +44,14 @@ def patterned(scene: Scene) -> bool:
     return mapped(scene) or any(m.patterned for m in scene.materials)
 
 
-def _glows_by_pattern(scene: Scene) -> bool:
+def _emits_pattern(scene: Scene) -> bool:
     """True if emission depends on the point or the footprint, so that the normal of the surface is needed."""
     return any(m.emits and (m.textured or m.patterned) for m in scene.materials)
 
 
 def lit(scene: Scene) -> bool:
     """True if any surface reflects or emits light."""
-    return surfaced(scene) or any(m.emits for m in scene.materials)
+    return needs_surface(scene) or any(m.emits for m in scene.materials)
 
 
 def ambient_sky(scene: Scene) -> bool:
@@ -81,7 +81,7 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
     model : "phong", "physical" or "mixed"; None if surfaces are not shaded. colored : True if a pass writes colour.
     """
     found: list[tuple[str, str]] = []
-    if model is not None and surfaced(scene):
+    if model is not None and needs_surface(scene):
         found.append((f"material/{model}", "surfaces are shaded"))
         found += _surfaces(scene)
         if scene.lights:

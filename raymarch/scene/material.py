@@ -12,11 +12,11 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import free_variables, rebuild, rewrite
-from raymarch.scene.look import refuse_sizes, value_of
-from raymarch.scene.relief import FLAT, height_of, tilt_of
+from raymarch.scene.material_values import check_map_sizes, material_value
+from raymarch.scene.relief import FLAT, bump_gradient, height_field
 from raymarch.scene.texture import Texture
 from raymarch.scene.value import Value, value
-from raymarch.sdf.lower import POSITION, is_seen
+from raymarch.sdf.lower import POSITION, depends_on_interaction
 
 PHONG = ("color", "shininess", "specular", "ambient")
 PHYSICAL = ("color", "metalness", "roughness", "f0")
@@ -28,10 +28,10 @@ SMOOTH = 0.1
 it the weight of the reflection falls linearly to 0 at twice this roughness, so that roughness maps show no edges."""
 
 GLASS = ("transmission", "ior", "absorption")
-RELIEF = ("tilt", "open")
-"""The fields of maps: "tilt", the gradient that perturbs the normal, and "open", the ambient visibility (0 to 1)."""
+RELIEF = ("bump_gradient", "ambient_visibility")
+"""The fields of maps: the gradient that perturbs the normal, and the visibility for ambient light, 0 to 1."""
 
-MADE = {"albedo": "color", "occlusion": "open"}
+MADE = {"albedo": "color", "occlusion": "ambient_visibility"}
 """Parameters that shading reads under another name."""
 
 FIELDS = (*MIXED, "emission", *GLASS, *RELIEF)
@@ -126,23 +126,23 @@ class Material(Value):
         name = "color" if albedo is None else "albedo"
         base = color if albedo is None else albedo
         maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
-        refuse_sizes({**maps, "occlusion": occlusion})
-        raised = height_of(height)
+        check_map_sizes({**maps, "occlusion": occlusion})
+        raised = height_field(height)
         made = {
-            "color": value_of(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
-            "shininess": value_of("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
-            "specular": value_of("specular", 0.0 if is_physical else _or(specular, 0.25), 1, 0.0, 1.0),
-            "ambient": value_of("ambient", 0.0 if is_physical else _or(ambient, 0.1), 1, 0.0, 1.0),
-            "metalness": value_of("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
-            "roughness": value_of("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
-            "f0": value_of("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
+            "color": material_value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
+            "shininess": material_value("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
+            "specular": material_value("specular", 0.0 if is_physical else _or(specular, 0.25), 1, 0.0, 1.0),
+            "ambient": material_value("ambient", 0.0 if is_physical else _or(ambient, 0.1), 1, 0.0, 1.0),
+            "metalness": material_value("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
+            "roughness": material_value("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
+            "f0": material_value("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
             "physical": expr(1.0 if is_physical else 0.0),
-            "emission": value_of("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
-            "transmission": value_of("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
-            "ior": value_of("ior", _or(ior, 1.5), 1, 1.0, 4.0),
-            "absorption": value_of("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
-            "tilt": tilt_of(normal, normal_strength, raised, height_scale),
-            "open": value_of("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
+            "emission": material_value("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
+            "transmission": material_value("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
+            "ior": material_value("ior", _or(ior, 1.5), 1, 1.0, 4.0),
+            "absorption": material_value("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
+            "bump_gradient": bump_gradient(normal, normal_strength, raised, height_scale),
+            "ambient_visibility": material_value("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
         }
         given = {**phong, **physical, "color": color, "emission": emission, "occlusion": occlusion}
         kept = {name: _kept(value, made[MADE.get(name, name)]) for name, value in given.items()}
@@ -194,7 +194,7 @@ class Material(Value):
     @property
     def occlusion(self) -> Expr:
         """Fraction of the ambient light that reaches the surface."""
-        return self._fields["open"]
+        return self._fields["ambient_visibility"]
 
     @property
     def shininess(self) -> Expr:
@@ -308,12 +308,12 @@ class Material(Value):
     @property
     def relief(self) -> bool:
         """True if it perturbs normals or dims ambient light."""
-        return (self._fields["tilt"], self._fields["open"]) != (FLAT, expr(1.0))
+        return (self._fields["bump_gradient"], self._fields["ambient_visibility"]) != (FLAT, expr(1.0))
 
     @property
     def textured(self) -> bool:
         """True if it has a texture, or another value that depends on the footprint or the normal."""
-        return is_seen(self.expressions)
+        return depends_on_interaction(self.expressions)
 
 
 def _kept(given: Any, made: Expr) -> Any:

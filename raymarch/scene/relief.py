@@ -19,12 +19,12 @@ from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number
 from raymarch.scene.texture import Texture
 from raymarch.sdf.domain import as_operand
-from raymarch.sdf.lower import ACROSS, ALONG, NORMAL, OUTWARD, POSITION, SEEN
+from raymarch.sdf.lower import DPDN, DPDX, DPDY, NORMAL, POSITION, SCENE_INTERACTION
 
 FLAT = expr((0.0, 0.0, 0.0))
 
 
-def tilt_of(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
+def bump_gradient(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
     """The bump gradient: a vector that shading subtracts from the unit normal before it normalises the result.
 
     A vec3 tangent to the surface, in scene space, as an expression of the label's space. FLAT if there is no relief.
@@ -39,14 +39,14 @@ def tilt_of(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
         if not isinstance(normal, Texture):
             what = f"Material: normal = {short(normal)} ({type(normal).__name__})"
             raise SceneError(what, legal="planar(...) or triplanar(...) of a normal map")
-        total = total + normal_factor * normal.tilt(POSITION)
+        total = total + normal_factor * normal.normal_map_gradient(POSITION)
     if height is not None:
-        slope = height.rise(POSITION) if isinstance(height, Texture) else gradient(height, POSITION)
+        slope = height.height_gradient(POSITION) if isinstance(height, Texture) else gradient(height, POSITION)
         total = total + height_factor * slope
     return FLAT if total is FLAT else _in_scene(total)
 
 
-def height_of(height: Callable[[Expr], Any] | Any) -> Texture | Expr | None:
+def height_field(height: Callable[[Expr], Any] | Any) -> Texture | Expr | None:
     """A height map, the heights of a function of the point as an expression, or None."""
     legal = "a texture, or a function of a point that gives a number"
     if height is None or isinstance(height, Texture):
@@ -72,8 +72,8 @@ def _in_scene(slope: Expr) -> Expr:
     space. The perturbed normal N - g is transformed by J transposed. Its component along an axis of the footprint is
     G.(J axis). Its component along the normal n of the scene is (N - g).(J n), by which the result is divided.
     """
-    _, dpdx, dpdy = SEEN
+    _, dpdx, dpdy = SCENE_INTERACTION
     perturbed = NORMAL - (slope - dot(slope, NORMAL) * NORMAL)
-    n_component = max(dot(perturbed, OUTWARD), 1e-6)
-    parts = [axis * (dot(slope, local) / dot(axis, axis)) for axis, local in ((dpdx, ACROSS), (dpdy, ALONG))]
+    n_component = max(dot(perturbed, DPDN), 1e-6)
+    parts = [axis * (dot(slope, local) / dot(axis, axis)) for axis, local in ((dpdx, DPDX), (dpdy, DPDY))]
     return (parts[0] + parts[1]) / n_component

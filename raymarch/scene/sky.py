@@ -67,7 +67,7 @@ class Sky(Value):
         """All values that may depend on parameters or time."""
         return [self.radiance]
 
-    def seen(self, directions: Any, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def radiance_along(self, directions: Any, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Radiance along unit directions, linear RGB, (N, 3) -> (N, 3), float64."""
         with bound(values.params, values.time):
             color = evaluator([self.radiance], [DIRECTION])(np.asarray(directions, np.float64))[0]
@@ -84,7 +84,9 @@ class Sky(Value):
         s = np.sqrt(1.0 - y * y)
         directions = np.stack([s * np.cos(turn), y, s * np.sin(turn)], axis=1)
         basis = harmonics_at(directions)
-        result: np.ndarray[Any, np.dtype[np.float64]] = _BANDS[:, None] * (basis.T @ self.seen(directions, values) / n)
+        result: np.ndarray[Any, np.dtype[np.float64]] = _BANDS[:, None] * (
+            basis.T @ self.radiance_along(directions, values) / n
+        )
         return result
 
 

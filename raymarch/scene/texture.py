@@ -12,7 +12,7 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, instance, optional, short
-from raymarch.expr.derivative import moved_along
+from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.texels import WRAPS, Texels, Wrap
 from raymarch.expr.textures import texture
@@ -21,7 +21,7 @@ from raymarch.scene.parameter import as_number
 from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import Scalar
-from raymarch.sdf.lower import ACROSS, ALONG, NORMAL, POSITION
+from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
 
 FACES = {"x": ((2, -1.0), (1, 1.0)), "y": ((0, 1.0), (2, -1.0)), "z": ((0, 1.0), (1, 1.0))}
 """For each projection axis, the axes across and up the picture, with signs. The picture is upright as seen from the
@@ -160,7 +160,7 @@ class Texture(Value):
             )
         return self._sampled(self._texels("number"), p)
 
-    def tilt(self, p: Expr) -> Expr:
+    def normal_map_gradient(self, p: Expr) -> Expr:
         """The slopes of a normal map as the gradient in space of a height over the surface, a vec3."""
         if self.pixels.shape[2] < 3:
             legal = "three: red right, green up, blue out"
@@ -170,7 +170,7 @@ class Texture(Value):
             )
         return self._gradient(self._texels("normals"), p, False)
 
-    def rise(self, p: Expr) -> Expr:
+    def height_gradient(self, p: Expr) -> Expr:
         """The gradient in space of the picture's values, taken as heights, a vec3."""
         if self.channel is None:
             self.number(p)  # refuses colours
@@ -210,7 +210,7 @@ class _Place:
     def __init__(self, p: Expr) -> None:
         self.p = p
         # If a pattern moves the point, the footprint is transformed by the derivative of the motion.
-        self.across, self.along = (ACROSS, ALONG) if p is POSITION else moved_along(p, POSITION, (ACROSS, ALONG))
+        self.dpdx, self.dpdy = (DPDX, DPDY) if p is POSITION else directional_derivatives(p, POSITION, (DPDX, DPDY))
 
     def weights(self, hardness: Expr) -> dict[str, Expr]:
         """Weights of the three projections from the components of the normal; their sum is 1."""
@@ -222,7 +222,7 @@ class _Place:
         """The picture projected along one axis, times a weight."""
         frame, size = _Frame(layout, axis), vec2(*layout.extents)
         middle = (frame.within(self.p) - frame.turned(*layout.shift)) / size + 0.5
-        return texture(data, middle, frame.within(self.across) / size, frame.within(self.along) / size, weight)
+        return texture(data, middle, frame.within(self.dpdx) / size, frame.within(self.dpdy) / size, weight)
 
 
 class _Frame:
@@ -331,7 +331,7 @@ def triplanar(
     )
 
 
-def lie_alike(a: Texture, b: Texture) -> bool:
+def share_projection(a: Texture, b: Texture) -> bool:
     """True if two textures share a projection, so that their texels correspond."""
 
     def key(layout: Layout) -> tuple[Any, ...]:

@@ -55,9 +55,9 @@ def _check_reach(axes: str) -> Any:
     return check
 
 
-def _joined(way: Expr, value: Expr, slope: Expr) -> Expr:
-    """The way to the reach and the field there, before the field is divided by `slope`."""
-    return length(vec2(slope * way, max(value, 0.0))) + min(value, 0.0)
+def _joined(distance: Expr, value: Expr, slope: Expr) -> Expr:
+    """The distance to the reach combined with the field there, before the field is divided by `slope`."""
+    return length(vec2(slope * distance, max(value, 0.0))) + min(value, 0.0)
 
 
 def twist_slope(rate: Expr, reach: Expr) -> Expr:
@@ -169,8 +169,8 @@ def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Len
     held = p.xz * (wide / max(radius, wide))
     width = 1.0 + rate * y
     value = child(vec3(held.x / width, y, held.y / width))
-    way = length(vec2(radius - length(held), p.y - y))
-    return _joined(way, value, taper_slope(rate, reach, low, high))
+    distance = length(vec2(radius - length(held), p.y - y))
+    return _joined(distance, value, taper_slope(rate, reach, low, high))
 
 
 @method

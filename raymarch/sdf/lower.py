@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import ONE, companion, moved_along
+from raymarch.expr.derivative import ONE, companion, directional_derivatives
 from raymarch.expr.faults import Passage
 from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
@@ -28,7 +28,7 @@ from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
-from raymarch.sdf.weights import gain_of
+from raymarch.sdf.weights import distance_scale
 
 Request: TypeAlias = tuple[Node, Expr, Any]
 Work: TypeAlias = Generator[Request, Expr, Expr]
@@ -48,56 +48,55 @@ POSITION = var("position of the label", VEC3)
 """In the expressions of a label: the point in the space in which the label was given to its node."""
 
 
-NORMAL, ACROSS, ALONG, OUTWARD = (
-    var(f"{name} of the label", VEC3) for name in ("normal", "across", "along", "outward")
-)
-"""More of that space: the unit normal of what is seen there, and the vectors to which the space takes the axes of a
-pixel's footprint on the surface and the unit normal of the surface."""
+NORMAL, DPDX, DPDY, DPDN = (var(f"{name} of the label", VEC3) for name in ("normal", "dpdx", "dpdy", "dpdn"))
+"""The surface interaction in that space: the unit normal, and the images under the Jacobian of the axes of the pixel's
+footprint on the surface (DPDX, DPDY) and of the unit normal of the scene (DPDN)."""
 
-SEEN = tuple(var(name, VEC3) for name in ("outward", "across", "along"))
-"""What they are in the space of the scene: the unit normal out of the solid, and the footprint's axes, at right angles
-to it and to each other; as long as the footprint is."""
+SCENE_INTERACTION = tuple(var(name, VEC3) for name in ("normal", "dpdx", "dpdy"))
+"""The surface interaction in scene space: the outward unit normal and the axes of the footprint. The axes are as long
+as the footprint and perpendicular to the normal and to each other."""
 
 
-def is_seen(expressions: Iterable[Expr]) -> bool:
-    """True if some expressions of a label depend on the normal or the footprint."""
-    return not {NORMAL, ACROSS, ALONG, OUTWARD, *SEEN}.isdisjoint(free_variables(expressions))
+def depends_on_interaction(expressions: Iterable[Expr]) -> bool:
+    """True if some expressions of a label depend on the normal or the footprint of the surface interaction."""
+    return not {NORMAL, DPDX, DPDY, DPDN, *SCENE_INTERACTION}.isdisjoint(free_variables(expressions))
 
 
 def cells_of(label: Any) -> list[Expr]:
-    """The cells whose index a label depends on, which it shows by a list `expressions`."""
+    """The cells on whose index a label depends: those in its list `expressions`."""
     return find(getattr(label, "expressions", ()), "cell")
 
 
-def look_of(mark: Expr) -> list[Expr]:
-    """The `expressions` of a mark's label, at the point and for the cell that the marked part stands in."""
+def material_expressions(mark: Expr) -> list[Expr]:
+    """The `expressions` of a mark's label, at the point and in the cell of the marked part."""
     _, at, *cells = mark.args
     here = at if at.type is VEC3 else construct(at, 0.0)
     known = {POSITION: here, **dict(zip(cells_of(mark.data), cells, strict=True))}
-    if is_seen(mark.data.expressions):
-        known |= _seen_at(here, at.type is not VEC3)
+    if depends_on_interaction(mark.data.expressions):
+        known |= _interaction_at(here, at.type is not VEC3)
     return substitute(mark.data.expressions, known)
 
 
-def _seen_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
-    """Normal and footprint in the space in which a point of the scene is `here`.
+def _interaction_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
+    """Normal and footprint in the label's space, in which a point of the scene is `here`.
 
-    Vectors along a surface go with the derivative J of the space, its normal with the inverse of J transposed. That is
-    the cross product of two vectors along it, up to its length, and to its sign where J is a mirror. A flat space
-    forgets a direction: walls keep their normal there, and all else has that of the plane.
+    Tangents are transformed by the Jacobian J of `here`, normals by the inverse transpose of J. The cross product of
+    two transformed tangents has the direction of the transformed normal, but the opposite sign if J is a reflection.
+    For flat shapes J is singular: side walls keep the image of their normal, and all other surfaces get the normal of
+    the plane.
     """
-    outward, across, along = moved_along(here, var("p", VEC3), SEEN)
-    if outward is SEEN[0]:
-        normal = outward
+    dpdn, dpdx, dpdy = directional_derivatives(here, var("p", VEC3), SCENE_INTERACTION)
+    if dpdn is SCENE_INTERACTION[0]:
+        normal = dpdn
     else:
-        upright = cross(across, along)
+        product = cross(dpdx, dpdy)
         if flat:
-            wall = dot(upright, upright) < 1e-6 * dot(across, across) * dot(along, along)
-            normal = normalize(where(wall, outward, upright))
-            outward = where(wall, outward, normal)
+            wall = dot(product, product) < 1e-6 * dot(dpdx, dpdx) * dot(dpdy, dpdy)
+            normal = normalize(where(wall, dpdn, product))
+            dpdn = where(wall, dpdn, normal)
         else:
-            normal = normalize(where(dot(upright, outward) < 0.0, -upright, upright))
-    return {NORMAL: normal, OUTWARD: outward, ACROSS: across, ALONG: along}
+            normal = normalize(where(dot(product, dpdn) < 0.0, -product, product))
+    return {NORMAL: normal, DPDN: dpdn, DPDX: dpdx, DPDY: dpdy}
 
 
 @dataclass(slots=True)
@@ -136,7 +135,8 @@ class Lowering:
 
         With another `label`, the distance of each part with a material stays findable, as a `mark` whose data is the
         material; parts without one of their own are marked with `label`. The mark also has the point in the space in
-        which the material was given and, where the material depends on them, the indices of cells; see `look_of`.
+        which the material was given, and the indices of cells if the material depends on them. See
+        `material_expressions`.
         """
         self._roots.append(root)
         self._count_sites(root)
@@ -236,10 +236,10 @@ class Lowering:
                     self.origins.setdefault(new[part], node.where)
             value = new[template.body]
         if marking and label is not PARTS and node.definition.arity == "one":
-            gain = gain_of(value, answers)
-            if gain is not ONE:
+            scale = distance_scale(value, answers)
+            if scale is not ONE:
                 distance = yield from self._ask(node, point, UNMARKED)
-                weight = value / stop_gradient(gain)
+                weight = value / stop_gradient(scale)
                 return distance + (weight - stop_gradient(weight))
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value
 

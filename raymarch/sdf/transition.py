@@ -36,9 +36,9 @@ def _transition_slope(children: Sequence[ChildFacts], start: Expr, end: Expr, re
 
 
 def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> str:
-    """The share is the same on both sides of a plane that the way lies along."""
-    way = end - start
-    still = [axis for axis, step in zip("xyz", way, strict=True) if step.is_constant and not step.data]
+    """The weight is the same on both sides of a plane that contains the direction of the transition."""
+    axis = end - start
+    still = [name for name, step in zip("xyz", axis, strict=True) if step.is_constant and not step.data]
     return "".join(axis for axis in still if all(axis in child.symmetry for child in children))
 
 
@@ -57,8 +57,8 @@ def transition_between(
     """
     a, *others = (child(p) for child in children)
     b = balanced(others, min)
-    way = end - start
-    share = clamp(dot(p - start, way) / dot(way, way), 0.0, 1.0)
+    axis = end - start
+    share = clamp(dot(p - start, axis) / dot(axis, axis), 0.0, 1.0)
     return a + share * clamp(b - a, -reach, reach)
 
 
@@ -98,9 +98,8 @@ GRID = 24
 def _largest_difference(a: Node, b: Node) -> float:
     """A bound of |b - a| where a and b differ in sign.
 
-    Both are 1-Lipschitz and no larger than the way to the surface: a ball in one solid and the nearest point of the
-    other lie in the box of both, so its diagonal is a bound. Where values can be had, a grid of them gives a
-    closer one.
+    Both are 1-Lipschitz and no larger than the distance to the surface. A ball in one solid and the nearest point of
+    the other lie in the box of both, so its diagonal is a bound. Values on a grid, if available, give a tighter one.
     """
     lower, upper = np.minimum(a.bounds[0], b.bounds[0]), np.maximum(a.bounds[1], b.bounds[1])
     diagonal = float(np.linalg.norm(upper - lower)) or 1.0
@@ -114,7 +113,7 @@ def _largest_difference(a: Node, b: Node) -> float:
         da, db = a.distance(points), b.distance(points)
     except SceneError:  # it depends on the index of a cell, or is GLSL without a twin
         return diagonal
-    way = 0.5 * diagonal / (GRID - 1)  # from any point of the box to the nearest of the grid
-    mixed = (np.minimum(da, db) <= way) & (np.maximum(da, db) >= -way)
-    largest = float(np.max(np.abs(db - da)[mixed], initial=0.0)) + 2.0 * way
+    spacing = 0.5 * diagonal / (GRID - 1)  # from any point of the box to the nearest of the grid
+    mixed = (np.minimum(da, db) <= spacing) & (np.maximum(da, db) >= -spacing)
+    largest = float(np.max(np.abs(db - da)[mixed], initial=0.0)) + 2.0 * spacing
     return float(np.minimum(largest, diagonal))

@@ -1,10 +1,10 @@
-"""Weights of the labelled parts at a surface point, by which materials are mixed."""
+"""Weights of the labelled parts at a surface point. Materials are interpolated with them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raymarch.expr.derivative import ONE, sensitivities
+from raymarch.expr.derivative import ONE, partial_derivatives
 from raymarch.expr.function import Function, sum_of
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, VEC2
@@ -13,13 +13,13 @@ from raymarch.expr.walk import depends_on, find, topological
 
 
 def weights_of(marked: Function) -> tuple[list[Expr], list[Expr]]:
-    """The marks of a field with labels (see `Lowering.field`), and the share of each, >= 0; their sum may not be 1.
+    """The marks of a field with labels (see `Lowering.field`), and their weights, >= 0. The sum may differ from 1.
 
-    The share is how much a part's distance moves the field. The ends of an extruded profile are moved by none: there
-    the surface is of the flat part that is nearest.
+    The weight of a part is the absolute partial derivative of the field with respect to the part's distance. At the
+    end caps of an extruded profile all derivatives are 0; there the nearest flat part gets the weight 1.
     """
     marks = find([marked.body], "mark")
-    weights = [abs(part) for part in sensitivities(marked.body, marks)]
+    weights = [abs(part) for part in partial_derivatives(marked.body, marks)]
     flat = [k for k, mark in enumerate(marks) if mark.args[1].type is VEC2]
     if flat:
         nearest = marks[flat[0]].args[0]
@@ -31,33 +31,35 @@ def weights_of(marked: Function) -> tuple[list[Expr], list[Expr]]:
     return marks, weights
 
 
-KEEPING = ("neg", "abs", "min", "max", "where")
-"""Operations that pass on the slope of what they choose, but for its sign."""
+UNSCALED = ("neg", "abs", "min", "max", "where")
+"""Operations that select an argument or change its sign, but do not scale it."""
 
 
-def gain_of(body: Expr, answers: Sequence[Expr]) -> Expr:
-    """The factor by which an operator multiplies its child's distance: 1, but for a scaled solid and its like.
+def distance_scale(body: Expr, children: Sequence[Expr]) -> Expr:
+    """The factor by which an operator multiplies its child's distance: 1 unless it scales the solid.
 
-    Materials are blended by the partial derivatives with respect to the distances that enter the blend. This factor
-    must not count: a solid that is painted and then scaled shows as much as one that is scaled and then painted. An
-    operator that does more to the distance than to multiply it keeps its derivative as it is; the result is then 1.
+    body : the field of the operator. children : the fields of its child, as they occur in the body.
+
+    The weights of materials are partial derivatives with respect to the distances of the parts. This factor must not
+    change them: a material that is set before `scale` gets the same weight as one that is set after it. The result is
+    1 for an operator that does more than multiply the distance.
     """
-    gains: dict[Expr, Expr] = dict.fromkeys(answers, ONE)
-    dependent = depends_on([body], answers)
+    scales: dict[Expr, Expr] = dict.fromkeys(children, ONE)
+    dependent = depends_on([body], children)
     for node in topological([body]):
-        if node in gains or node not in dependent or node.type is BOOL:
+        if node in scales or node not in dependent or node.type is BOOL:
             continue
         moving = [arg for arg in node.args if arg in dependent and arg.type is not BOOL]
-        own = {gains[arg] for arg in moving if arg in gains}
-        if len(own) != 1 or any(arg not in gains for arg in moving):
+        own = {scales[arg] for arg in moving if arg in scales}
+        if len(own) != 1 or any(arg not in scales for arg in moving):
             break
-        (gain,) = own
+        (scale,) = own
         if node.op in ("mul", "div") and len(moving) == 1 and moving[0] is node.args[0]:
-            gains[node] = gain * abs(node.args[1]) if node.op == "mul" else gain / abs(node.args[1])
+            scales[node] = scale * abs(node.args[1]) if node.op == "mul" else scale / abs(node.args[1])
         elif node.op == "mul" and len(moving) == 1:
-            gains[node] = gain * abs(node.args[0])
-        elif node.op in KEEPING or (node.op in ("add", "sub") and len(moving) == 1):
-            gains[node] = gain
+            scales[node] = scale * abs(node.args[0])
+        elif node.op in UNSCALED or (node.op in ("add", "sub") and len(moving) == 1):
+            scales[node] = scale
         else:
             break
-    return gains.get(body, ONE)
+    return scales.get(body, ONE)

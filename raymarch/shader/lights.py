@@ -92,8 +92,8 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
             add(f"Light centre_{i} = light;")
             add(f"for (int k = 0; k < {samples}; k++) {{")
             add(f"    light = sample_disc(centre_{i}, {width}, {_dimension(i)} + {stride} * k);", "sample_disc")
-            seen = _visibility(text, light, value)
-            add(f"    color += {call}, light, {seen}) / {literal(samples)};", bsdf)
+            visibility = _visibility(text, light, value)
+            add(f"    color += {call}, light, {visibility}) / {literal(samples)};", bsdf)
             add("}")
             return
         add(f"light = sample_disc(light, {width}, {_dimension(i)});", "sample_disc")

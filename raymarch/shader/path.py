@@ -5,7 +5,7 @@ from __future__ import annotations
 from raymarch.plan import Plan
 from raymarch.plan.shading import compensated
 from raymarch.shader.chunk import Lines
-from raymarch.shader.surface import normal_of, place_of, surface_of
+from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
 def path_tracing(text: Lines, plan: Plan) -> None:
@@ -27,7 +27,7 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     side = "side" if glass else "1.0"
     add(f"    for (int bounce = 0; bounce <= {scene.bounces}; bounce++) {{")
     add("        travelled += hit.t;")
-    call, name = surface_of(plan, "ray", "travelled")
+    call, name = surface_interaction_call(plan, "ray", "travelled")
     add(f"        Surface surface = {call};", name)
     add("        surface.t = travelled;")
     if glass:
@@ -42,13 +42,16 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     if shines:
         add(f"{indent}Surface regularized = surface;")
         add(f"{indent}regularized.material.roughness = max(surface.material.roughness, min_roughness);")
-    seen = "regularized" if shines else "surface"
+    shaded = "regularized" if shines else "surface"
     if glass and shines:
-        add(f"{indent}if (side > 0.0) color += weight * direct_light({seen}, glass, enters ? 1.0 : 0.0);")
+        add(f"{indent}if (side > 0.0) color += weight * direct_light({shaded}, glass, enters ? 1.0 : 0.0);")
     else:
-        add(f"{indent}{'if (!enters) ' if glass else ''}color += weight * direct_light({seen});")
+        add(f"{indent}{'if (!enters) ' if glass else ''}color += weight * direct_light({shaded});")
         if glass and plan.emission is not None:
-            add(f"{indent}else if (side > 0.0) color += weight * emission_at({place_of(plan)});", "emission_at")
+            add(
+                f"{indent}else if (side > 0.0) color += weight * emission_at({material_arguments(plan)});",
+                "emission_at",
+            )
     if glass:
         _glass(text, plan, shines)
         indent += "    "
@@ -68,7 +71,7 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     if glass:
         add("        }")
     add("        float start;")
-    solid, needs = normal_of(plan)
+    solid, needs = geometric_normal_of(plan)
     add(f"        vec3 side_normal = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
     add("        ray = spawn_ray(surface.p, side_normal, direction, travelled, start);", "spawn_ray")
     add(f"        hit = trace_secondary(ray, start, travelled, {side});", "trace_secondary")
@@ -85,7 +88,7 @@ def path_tracing(text: Lines, plan: Plan) -> None:
 
 def _into_glass(text: Lines, plan: Plan) -> None:
     """Whether a path meets the glass or the opaque part of a material, chosen by transmission."""
-    text.add(f"        Glass glass = glass_at({place_of(plan)});", "Glass", "glass_at")
+    text.add(f"        Glass glass = glass_at({material_arguments(plan)});", "Glass", "glass_at")
     text.add("        bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;")
 
 

@@ -9,7 +9,7 @@ from raymarch.scene.sky import DIRECTION
 from raymarch.shader.chunk import Chunk, Lines, Values
 from raymarch.shader.lights import all_lights, metal_bsdf
 from raymarch.shader.path import path_tracing
-from raymarch.shader.surface import place_of, surface_of
+from raymarch.shader.surface import material_arguments, surface_interaction_call
 from raymarch.shader.whitted import tree
 
 
@@ -31,17 +31,17 @@ def shading(plan: Plan, values: Values) -> Chunk:
             tree(text, plan)
         return _chunk(text, plan, values)
     text.add("vec3 shade(Ray ray, Hit hit) {")
-    surfaced = plan.material is not None
-    lit = surfaced and bool(scene.lights)
-    if surfaced:
-        call, name = surface_of(plan, "ray", "hit.t")
+    needs_surface = plan.material is not None
+    lit = needs_surface and bool(scene.lights)
+    if needs_surface:
+        call, name = surface_interaction_call(plan, "ray", "hit.t")
         text.add(f"    Surface surface = {call};", "Surface", name)
     if plan.emission is not None:
-        place = place_of(plan) if surfaced and patterned(scene) else "ray.origin + hit.t * ray.direction"
+        place = material_arguments(plan) if needs_surface and patterned(scene) else "ray.origin + hit.t * ray.direction"
         text.add(f"    vec3 color = emission_at({place});", "emission_at")
     else:
         text.add("    vec3 color = vec3(0.0);")
-    if surfaced:
+    if needs_surface:
         _ambient(text, plan, values)
     if lit:
         all_lights(text, plan, values)
@@ -62,11 +62,13 @@ def _lit(text: Lines, plan: Plan, values: Values) -> None:
     dielectric = plan.glass is not None and bool(plan.scene.lights)
     glass = ", Glass glass, float transmission" if dielectric else ""
     text.add(f"vec3 direct_light(Surface surface{traced}{glass}) {{", "Surface")
-    text.add(f"    vec3 color = {f'emission_at({place_of(plan)})' if plan.emission is not None else 'vec3(0.0)'};")
+    text.add(
+        f"    vec3 color = {f'emission_at({material_arguments(plan)})' if plan.emission is not None else 'vec3(0.0)'};"
+    )
     text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
     if dielectric:
-        kept = f" + transmission * emission_at({place_of(plan)})" if plan.emission is not None else ""
+        kept = f" + transmission * emission_at({material_arguments(plan)})" if plan.emission is not None else ""
         text.add(f"    color = (1.0 - transmission) * color{kept};", "Glass")
         if compensated(plan.scene):
             text.add("    ms_albedo *= 1.0 - transmission;")
@@ -119,16 +121,21 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
         for name in ("reach", "strength", "decay"):
             values.add(f"occlusion_{name}", getattr(scene.occlusion, name), scene.where)
         share = "surface.ambient_visibility * " if shares else ""
-        text.add(f"    float open = {share}ambient_occlusion(surface);", "ambient_occlusion", by=by, where=scene.where)
+        text.add(
+            f"    float ambient_visibility = {share}ambient_occlusion(surface);",
+            "ambient_occlusion",
+            by=by,
+            where=scene.where,
+        )
     elif shares:
-        text.add("    float open = surface.ambient_visibility;", by=by, where=scene.where)
+        text.add("    float ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)
     if dimmed and scene.lights and plan.model != "physical":
-        text.add("    surface.material.ambient *= open;", by=by, where=scene.where)
+        text.add("    surface.material.ambient *= ambient_visibility;", by=by, where=scene.where)
     if ambient_sky(scene):
         needs = {"phong": ("diffuse_sky",), "physical": ("specular_sky",), "mixed": ("diffuse_sky", "specular_sky")}[
             plan.model
         ]
-        factor = "open * " if dimmed else ""
+        factor = "ambient_visibility * " if dimmed else ""
         light = FROM_SKY[plan.model].format(traced="traced" if scene.whitted else "0.0")
         if multiple:
             needs = (*needs, "sky_mean")
@@ -141,5 +148,5 @@ def _occluded_by_map(plan: Plan) -> bool:
     """True if the scene has ambient light and some material has an occlusion value or map."""
     if plan.relief is None or not ambient(plan.scene, plan.model):
         return False
-    share = dict(plan.relief.fields)["open"]
+    share = dict(plan.relief.fields)["ambient_visibility"]
     return not (share.is_constant and float(share.data) == 1.0)

@@ -6,13 +6,13 @@ from raymarch.plan import Plan
 from raymarch.plan.shading import patterned
 
 
-def place_of(plan: Plan) -> str:
+def material_arguments(plan: Plan) -> str:
     """The arguments of material functions: the point, and with maps also the normal and the footprint."""
     point = "surface.inner" if patterned(plan.scene) else "surface.p"
     return point + (", surface.geometric_normal, surface.dpdx, surface.dpdy" if plan.relief is not None else "")
 
 
-def surface_of(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
+def surface_interaction_call(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
     """The call that makes the surface interaction of a hit, and the name of its function.
 
     travelled : GLSL expression for the length of the path up to the hit.
@@ -23,6 +23,6 @@ def surface_of(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
     return f"{name}({ray}, hit, {travelled})", name
 
 
-def normal_of(plan: Plan) -> tuple[str, tuple[str, ...]]:
+def geometric_normal_of(plan: Plan) -> tuple[str, tuple[str, ...]]:
     """The geometric normal, on the side of the shading normal, and the names that it needs."""
     return ("surface.normal", ()) if plan.relief is None else ("geometric_normal(surface)", ("geometric_normal",))

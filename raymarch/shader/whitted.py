@@ -10,7 +10,7 @@ from __future__ import annotations
 from raymarch.plan import Plan
 from raymarch.scene.material import SMOOTH
 from raymarch.shader.chunk import Lines
-from raymarch.shader.surface import normal_of, place_of, surface_of
+from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
 def tree(text: Lines, plan: Plan) -> None:
@@ -31,8 +31,8 @@ def tree(text: Lines, plan: Plan) -> None:
 
 def _chain(text: Lines, plan: Plan) -> None:
     """The ray without glass: a single chain from mirror to mirror."""
-    surface, name = surface_of(plan, "ray", "travelled")
-    solid, needs = normal_of(plan)
+    surface, name = surface_interaction_call(plan, "ray", "travelled")
+    solid, needs = geometric_normal_of(plan)
     for line in (
         "vec3 weight = vec3(1.0);",
         "float travelled = 0.0;",
@@ -62,7 +62,7 @@ def _chain(text: Lines, plan: Plan) -> None:
 def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
     """All rays of the tree, the newest first."""
     deepest = plan.scene.bounces
-    surface, name = surface_of(plan, "at.ray", "at.travelled")
+    surface, name = surface_interaction_call(plan, "at.ray", "at.travelled")
     for line in (
         f"Branch waiting[{deepest + 1}];",
         "int count = 0;",
@@ -82,7 +82,7 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         f"    Surface surface = {surface};",
         "    surface.t = at.travelled;",
         "    surface.normal *= at.side;",
-        f"    Glass glass = glass_at({place_of(plan)});",
+        f"    Glass glass = glass_at({material_arguments(plan)});",
         "    float transmission = at.side < 0.0 ? 1.0 : glass.transmission;",
     ):
         text.add(f"    {line}", name, "Branch", "Glass", "glass_at", "fresnel_dielectric")
@@ -98,7 +98,7 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         line = "if (transmission < 1.0) color += (1.0 - transmission) * at.weight * direct_light(surface, traced);"
         text.add(f"        {line}")
         if plan.emission is not None:
-            own = f"emission_at({place_of(plan)})"
+            own = f"emission_at({material_arguments(plan)})"
             text.add(f"        if (at.side > 0.0) color += transmission * at.weight * {own};", "emission_at")
     # Rays that are still inside glass at the last bounce return the sky's radiance, so that they do not turn black.
     text.add(f"        if (at.bounce == {deepest}) {{")
@@ -111,7 +111,7 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
 
 def _split(text: Lines, plan: Plan, mirrors: bool) -> None:
     """The reflected and the refracted ray at glass. If one is below the cutoff, the other takes its weight."""
-    solid, needs = normal_of(plan)
+    solid, needs = geometric_normal_of(plan)
     text.add("        float ratio = at.side > 0.0 ? 1.0 / glass.ior : glass.ior;")
     text.add(
         "        float reflectance = fresnel_dielectric(clamp(dot(surface.normal, surface.view), 0.0, 1.0), ratio);"

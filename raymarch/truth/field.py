@@ -19,7 +19,7 @@ from raymarch.scene.material import FIELDS
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.lower import SEEN, Lowering, look_of, lower
+from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, lower, material_expressions
 from raymarch.sdf.weights import weights_of
 
 Array: TypeAlias = NDArray[Any]
@@ -60,7 +60,8 @@ class Field:
         self._gradient = evaluator([gradient_function.body], gradient_function.params)
         self._marks, self._weights = _material_weights(scene)
         self._materials = evaluator(
-            [number for mark in self._marks for number in _numbers_of(look_of(mark))], [p, *SEEN]
+            [number for mark in self._marks for number in _numbers_of(material_expressions(mark))],
+            [p, *SCENE_INTERACTION],
         )
 
     def distance(self, points: Array) -> NDArray[np.float64]:

@@ -138,7 +138,8 @@ class Surface:
         masking = self.scene.quality.masking
         rough, metal, color, f0 = self._roughness, material["metalness"], material["color"], material["f0"]
         around = (
-            sky.seen(reflected, self.values) * (1.0 - rough) + np.maximum(harmonics_at(reflected) @ light, 0.0) * rough
+            sky.radiance_along(reflected, self.values) * (1.0 - rough)
+            + np.maximum(harmonics_at(reflected) @ light, 0.0) * rough
         )
         base = f0 * (1.0 - metal) + color * metal
         scale, bias = directional_albedo(n_dot_v, rough, masking)
@@ -148,7 +149,7 @@ class Surface:
         if self.scene.quality.energy_compensation:
             multiscatter = irradiance * multiscatter_albedo(n_dot_v, color, metal, rough, masking)
         glossy = (1.0 - traced) * (around * albedo + multiscatter) + irradiance * transmitted * color
-        ambient = material["open"] * self._ambient_occlusion
+        ambient = material["ambient_visibility"] * self._ambient_occlusion
         result: Array = ambient * (material["physical"] * glossy + (1.0 - material["physical"]) * color * irradiance)
         return result
 
@@ -184,7 +185,7 @@ class Surface:
         normals = self.normals
         if self.field.mapped:
             side = np.where(self._back_facing, -1.0, 1.0)
-            perturbed = unit(normals - self.material_values["tilt"])
+            perturbed = unit(normals - self.material_values["bump_gradient"])
             low = 0.01 + side * np.einsum("ij,ij->i", perturbed, self.directions)[:, None]
             normals = unit(perturbed - side * np.maximum(low, 0.0) * self.directions)
         return np.where(self._back_facing, -normals, normals) if self.inside else normals
@@ -243,7 +244,7 @@ class Surface:
         specular = material["specular"] * r_dot_v ** material["shininess"] * (n_dot_l > 0.0)
         direct = visible * (material["color"] * np.maximum(n_dot_l, 0.0) + specular)
         result: Array = incident.radiance * (
-            material["open"] * self._ambient_occlusion * material["ambient"] * material["color"] + direct
+            material["ambient_visibility"] * self._ambient_occlusion * material["ambient"] * material["color"] + direct
         )
         return result
 

@@ -149,7 +149,7 @@ def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int
         position=pose.position,
         direction=rays.directions.reshape(*shape, 3),
         _surface=surface,
-        _sky=scene.sky.seen(rays.directions, values).reshape(*shape, 3),
+        _sky=scene.sky.radiance_along(rays.directions, values).reshape(*shape, 3),
     )
 
 

@@ -74,4 +74,6 @@ def test_the_present_names_exist() -> None:
         if match := re.match(r"(\w+)=", rest):
             assert match[1] in inspect.signature(getattr(rm, name)).parameters, call
         elif "=" not in name:
-            assert hasattr(rm, name) or hasattr(vocabulary, name), call
+            owner, _, attribute = name.rpartition(".")
+            owners = [getattr(rm, owner)] if owner else [rm, vocabulary]
+            assert any(hasattr(each, attribute) for each in owners), call

@@ -12,7 +12,7 @@ import pytest
 import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, const, var
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import companion, gradient, sensitivities
+from raymarch.expr.derivative import companion, gradient, partial_derivatives
 from raymarch.expr.evaluate import Program
 from raymarch.expr.glsl import is_nonnegative, print_functions
 from raymarch.expr.intervals import INTERVALS, interval_of
@@ -130,7 +130,7 @@ def test_weights_of_many_parts() -> None:
     smallest = parts[0]
     for part in parts[1:]:
         smallest = v.min(smallest, part)
-    weights = sensitivities(smallest, parts)
+    weights = partial_derivatives(smallest, parts)
     values = evaluator(weights, [A, *[var(f"part {i}", FLOAT) for i in range(1_500)]])(
         0.0, *[abs(i - 1234.0) for i in range(1_500)]
     )

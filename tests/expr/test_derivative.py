@@ -10,7 +10,7 @@ import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import Expr, Function, const, loop, trace, var
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import companion, gradient, sensitivities, value_and_gradient, zero
+from raymarch.expr.derivative import companion, gradient, partial_derivatives, value_and_gradient, zero
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import make
 from raymarch.expr.types import FLOAT, MAT2, VEC2, VEC3
@@ -217,7 +217,7 @@ def test_a_loop_carries_no_tangent_of_what_does_not_move() -> None:
 
 def test_weights_of_a_minimum() -> None:
     one, two = A * 1.0 + B, A * 2.0
-    weights = sensitivities(v.min(one, two), [one, two])
+    weights = partial_derivatives(v.min(one, two), [one, two])
     values = evaluator(weights, [A, B])(np.array([1.0, 1.0]), np.array([0.0, 5.0]))
     assert [np.broadcast_to(w, 2).tolist() for w in values] == [[1.0, 0.0], [0.0, 1.0]]
 
@@ -230,7 +230,7 @@ def test_weights_of_a_blend_sum_to_one() -> None:
         return v.min(a, b) - h * h * 0.1
 
     blended = smooth(smooth(parts[0], parts[1]), parts[2])
-    weights = sensitivities(blended, parts)
+    weights = partial_derivatives(blended, parts)
     points = np.random.default_rng(3).uniform(-1, 3, (500, 3))
     values = np.array([np.broadcast_to(w, 500) for w in evaluator(weights, [P])(points)])
     np.testing.assert_allclose(values.sum(axis=0), 1.0, atol=1e-12)
@@ -241,6 +241,6 @@ def test_weights_of_a_blend_sum_to_one() -> None:
 def test_weights_of_marked_parts_can_be_evaluated() -> None:
     """What the weights read are the parts themselves, without the marks, which have no value."""
     parts = [make("mark", FLOAT, (A + float(i),), f"material {i}") for i in range(2)]
-    weights = sensitivities(v.min(*parts), parts)
+    weights = partial_derivatives(v.min(*parts), parts)
     assert not find(weights, "mark")
     assert [w.tolist() for w in evaluator(weights, [A])(0.0)] == [1.0, 0.0]

@@ -18,16 +18,16 @@ struct Material { vec3 color; };
 const float u_side = 1.0;
 const float u_pixel = 0.125;
 const float footprint_pixels = 2.0;
-vec3 solid, tilt;
+vec3 solid, bump_gradient;
 vec3 inner_point(vec3 p, vec3 normal, Hit hit, float travelled) { return p; }
 vec3 surface_normal(vec3 p, vec3 direction) { return solid; }
-Material material_at(vec3 p, vec3 n, vec3 across, vec3 along) { return Material(vec3(1.0)); }
-Relief relief_at(vec3 p, vec3 n, vec3 across, vec3 along) { return Relief(tilt, 1.0); }
+Material material_at(vec3 p, vec3 n, vec3 dpdx, vec3 dpdy) { return Material(vec3(1.0)); }
+Relief relief_at(vec3 p, vec3 n, vec3 dpdx, vec3 dpdy) { return Relief(bump_gradient, 1.0); }
 """
 AFTER = """
 Surface seen(vec3 n, vec3 view, vec3 off) {
     solid = n;
-    tilt = off;
+    bump_gradient = off;
     return surface_interaction_mapped(Ray(vec3(0.0), -view), Hit(0.0), 2.0);
 }
 """
@@ -36,12 +36,14 @@ AXES = np.concatenate([np.eye(3), -np.eye(3)])
 SLANTED = np.array([[0.36, 0.48, 0.8], [0.6, 0.0, -0.8], [0.0, 0.96, 0.28], [0.0, -0.96, 0.28]])
 
 
-def seen(egl: Context, part: str, normals: object, views: object, tilts: object) -> NDArray[np.float32]:
-    """A vector of the surface, for each normal, direction to the eye and tilt of the map."""
+def seen(egl: Context, part: str, normals: object, views: object, gradients: object) -> NDArray[np.float32]:
+    """A vector of the surface, for each normal, direction to the eye and bump gradient of the map."""
     text = modules("material/relief", "light/mapped", before="", after="").replace(
         "struct Surface {", f"{BEFORE}struct Surface {{", 1
     )
-    return run(egl, text + AFTER, f"seen({{0}}, {{1}}, {{2}}).{part}", [(VEC3, v) for v in (normals, views, tilts)], 3)
+    return run(
+        egl, text + AFTER, f"seen({{0}}, {{1}}, {{2}}).{part}", [(VEC3, v) for v in (normals, views, gradients)], 3
+    )
 
 
 @pytest.mark.parametrize("facing", [1.0, 0.5, 1e-6, 0.0, -0.5, -1.0])
@@ -74,8 +76,8 @@ def test_a_normal_is_bent_no_farther_than_it_is_seen(egl: Context) -> None:
     """On the side of the eye on which the solid's is: lifted to a cosine of some 0.01, of unit length."""
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     views = np.array([[0.6, 0.0, 0.8]] * 2)
-    tilts = np.array([[4.0, 0.0, 0.0], [-4.0, 0.0, 0.0]])
-    found = seen(egl, "normal", normals, views, tilts)
+    gradients = np.array([[4.0, 0.0, 0.0], [-4.0, 0.0, 0.0]])
+    found = seen(egl, "normal", normals, views, gradients)
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
     cosine = np.sum(found * views, axis=1) * [1.0, -1.0]
     assert np.all((cosine > 0.005) & (cosine < 0.02))

@@ -26,9 +26,9 @@ ASKED = """
 uniform int u_node;
 vec4 slopes_between(vec4 a, vec4 b, vec2 cells) {  // points and what a node gave there
     watch();
-    seen(a.w, a.xyz, cells.x, u_node);
+    record_value(a.w, a.xyz, cells.x, u_node);
     compare(a.xyz);
-    seen(b.w, b.xyz, cells.y, u_node);
+    record_value(b.w, b.xyz, cells.y, u_node);
     compare(b.xyz);
     return steepest();
 }
@@ -41,7 +41,7 @@ vec4 place_between(vec4 a, vec4 b) {
 
 def kept(egl: Context, codes: list[tuple[float, float]], heard: np.ndarray = EVERY) -> np.ndarray:
     """Code, value and number of the faults, and the place, for two codes: the first is noted once more at the end."""
-    return run(egl, modules("probe/note", after=NOTES), "kept({0})", [(VEC2, codes)], 4, {"u_heard": heard})
+    return run(egl, modules("probe/note", after=NOTES), "kept({0})", [(VEC2, codes)], 4, {"u_site_mask": heard})
 
 
 def only(*sites: int) -> np.ndarray:
@@ -146,7 +146,7 @@ def test_the_steepest_of_many_is_kept_and_its_place_with_it(egl: Context) -> Non
             watch();
             for (int i = 0; i < 8; i++) {
                 float x = start + float(i);
-                seen(x + 2.0 * clamp(x, -1.0, 1.0), vec3(x, 0.0, 0.0), 0.0, 4);
+                record_value(x + 2.0 * clamp(x, -1.0, 1.0), vec3(x, 0.0, 0.0), 0.0, 4);
                 compare(vec3(x, 0.0, 0.0));
             }
             return vec4(steepest().x, steepest_place().x, steepest_place().w, steepest().y);
@@ -167,14 +167,14 @@ def test_an_answer_that_is_not_finite_is_as_if_never_given(egl: Context, where: 
         after=f"""uniform float u_bad;
         vec4 interrupted(float x) {{
             watch();
-            seen(0.0, vec3(x), 0.0, 4);
+            record_value(0.0, vec3(x), 0.0, 4);
             compare(vec3(x));
             vec3 p = vec3(x, x, x + 0.5);
             float value = 1.0;
             {where} = u_bad;
-            seen(value, p, 0.0, 4);
+            record_value(value, p, 0.0, 4);
             compare(p);
-            seen(4.0, vec3(x, x, x + 1.0), 0.0, 4);
+            record_value(4.0, vec3(x, x, x + 1.0), 0.0, 4);
             compare(vec3(x, x, x + 1.0));
             return steepest();
         }}""",

@@ -358,9 +358,9 @@ bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel
 }
 vec4 history_at(vec2 pixel) { return texelFetch(u_history, ivec2(pixel), 0); }
 vec3 clipped(vec3 color) { return u_nearest ? asked_for.xyw : color; }
-vec3 way_before(ivec2 at) { return vec3(0.0); }
+vec3 motion_vector(ivec2 at) { return vec3(0.0); }
 float samples_kept(ivec2 at, float most) { return most; }
-vec4 at_middle(ivec2 at, vec4 color, vec2 jitter, float share) { return color; }
+vec4 filter_sample(ivec2 at, vec4 color, vec2 jitter, float share) { return color; }
 """
 
 
@@ -470,10 +470,10 @@ def test_no_sample_is_kept_of_a_point_that_was_not_there_and_of_none_that_is_not
     before[0, 6, 1] = poison
     ways = np.ones((1, 8, 4))
     ways[0, 6, 1] = poison
-    given = {"u_color": now, "u_earlier_color": before, "u_earlier_way": ways, "u_changed": True}
+    given = {"u_color": now, "u_earlier_color": before, "u_earlier_motion": ways, "u_changed": True}
     kept = draw(egl, changed_text("vec4(samples_kept(at, 10.0))"), (8, 1), given)[0][0, :, 0]
     assert kept.tolist() == [10, 10, 0, 10, 10, 10, 0, 10]
-    way = draw(egl, changed_text("vec4(way_before(at), 0.0)"), (8, 1), given)[0][0, :, 0]
+    way = draw(egl, changed_text("vec4(motion_vector(at), 0.0)"), (8, 1), given)[0][0, :, 0]
     assert way.tolist() == [1, 1, 1, 1, 1, 1, 0, 1]
 
 
@@ -494,10 +494,10 @@ def test_samples_beside_the_middle_tell_of_the_middle(egl: Context, jitter: tupl
         drawn = np.repeat(lit(*jitter)[..., None], 4, axis=2)
         drawn[..., 3] = 1
         given = {"u_color": drawn, "u_jitter": jitter, "u_changed": True}
-        text = "uniform vec2 u_jitter;\n" + changed_text("at_middle(at, texelFetch(u_color, at, 0), u_jitter, 0.0)")
+        text = "uniform vec2 u_jitter;\n" + changed_text("filter_sample(at, texelFetch(u_color, at, 0), u_jitter, 0.0)")
         found = draw(egl, text, (64, 48), given)[0][..., 0]
         errors["joined"] += float(np.sum((found - truth)[2:-2, 2:-2] ** 2))
         errors["middle"] += float(np.sum((lit(0, 0) - truth)[2:-2, 2:-2] ** 2))
     assert errors["joined"] < 0.9 * errors["middle"], errors
-    text = "uniform vec2 u_jitter;\n" + changed_text("at_middle(at, texelFetch(u_color, at, 0), u_jitter, 1.0)")
+    text = "uniform vec2 u_jitter;\n" + changed_text("filter_sample(at, texelFetch(u_color, at, 0), u_jitter, 1.0)")
     np.testing.assert_array_equal(draw(egl, text, (64, 48), given)[0], drawn.astype(np.float32))

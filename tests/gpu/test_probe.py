@@ -203,7 +203,7 @@ def test_the_probe_leaves_the_renderer_as_it_was(renderer: rm.Renderer) -> None:
     usual = assemble(rm.plan.plan(scene)).text()
     assert not re.search(r"faults|seen\(|is_finite|note\(", usual)
     assert "field_faults" in assemble(plan_faults(scene).plan).text()
-    assert "seen(" in assemble(plan_slopes(scene).plan).text()
+    assert "record_value(" in assemble(plan_slopes(scene).plan).text()
 
 
 def test_pictures_and_numbers(renderer: rm.Renderer, tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_points_are_led_back_by_the_transforms_of_their_part() -> None:
     part = rm.box((1, 0.6, 0.8)).scale(SIZE).rotate(ANGLE, "y").translate(PLACE)
     scene = rm.Scene(part | rm.plane(offset=-6), rm.Camera((0, 0, 12)), quality=KEEP)
     ready = prepare(scene)
-    (before,) = (f for f in ready.plan.further if f.name == "place_before")
+    (before,) = (f for f in ready.plan.further if f.name == "previous_position")
     own = np.random.default_rng(1).uniform(-0.5, 0.5, (200, 3))
     was = {"angle": 0.3, "size": 1.2, "place": (0.1, 0.2, -0.3)}
     now = {"angle": 0.9, "size": 0.9, "place": (0.6, -0.1, 0.4)}
@@ -77,7 +77,7 @@ def test_only_what_moves_pays(renderer: Renderer) -> None:
     x = rm.Param("x", 0.0, -1, 1)
     still = rm.Scene(rm.sphere() | rm.plane(offset=-1), rm.Camera((x, 1, 4)), quality=KEEP)
     assert "before" not in passes(still)
-    assert "place_before" not in prepare(still).texts["color"]
+    assert "previous_position" not in prepare(still).texts["color"]
     moving = rm.Scene(rm.sphere().translate((x, 0, 0)), rm.Camera((0, 1, 4)), quality=KEEP)
     assert passes(moving)[-3:] == ["sample", "before", "color"]
     assert "before" not in passes(moving.replace(quality=rm.Quality()))

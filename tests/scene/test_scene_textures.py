@@ -15,7 +15,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr
 from raymarch.expr.walk import find
 from raymarch.scene.images import linear
-from raymarch.sdf.lower import ACROSS, ALONG, NORMAL, POSITION
+from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
 
 RNG = np.random.default_rng(4)
 FOUR = np.array([[0.1, 0.2], [0.3, 0.4]])  # top left, top right; bottom left, bottom right
@@ -24,7 +24,7 @@ FOUR = np.array([[0.1, 0.2], [0.3, 0.4]])  # top left, top right; bottom left, b
 def at(value: Expr, point: Any, normal: Any = (0, 0, 1)) -> Any:
     """The value where a footprint is a point."""
     inputs = [np.array([v], np.float64) for v in (point, normal, (0, 0, 0), (0, 0, 0))]
-    return evaluator([value], [POSITION, NORMAL, ACROSS, ALONG])(*inputs)[0][0]
+    return evaluator([value], [POSITION, NORMAL, DPDX, DPDY])(*inputs)[0][0]
 
 
 @pytest.mark.parametrize(
@@ -95,26 +95,28 @@ def test_the_channels_of_one_picture_are_one_texture(tmp_path: Path) -> None:
 
 def test_a_flat_normal_map_and_an_even_height_bend_nothing() -> None:
     flat = rm.planar(np.tile([0.5, 0.5, 1.0], (4, 4, 1)))
-    np.testing.assert_array_equal(at(flat.tilt(POSITION), (0.3, 0.2, 0)), 0)
-    np.testing.assert_array_equal(at(rm.triplanar(np.ones((4, 4))).rise(POSITION), (0.3, 0.2, 0)), 0)
+    np.testing.assert_array_equal(at(flat.normal_map_gradient(POSITION), (0.3, 0.2, 0)), 0)
+    np.testing.assert_array_equal(at(rm.triplanar(np.ones((4, 4))).height_gradient(POSITION), (0.3, 0.2, 0)), 0)
 
 
 def test_normals_lean_the_way_that_their_colours_say() -> None:
     """Red right and green up lean towards +u and +v: the surface falls that way."""
     lean = np.array([0.3, 0.2, 0.9]) / np.linalg.norm([0.3, 0.2, 0.9])
     colour = np.tile(0.5 + 0.5 * lean, (4, 4, 1))
-    np.testing.assert_allclose(at(rm.planar(colour).tilt(POSITION), (0, 0, 0)), (-1 / 3, -2 / 9, 0), rtol=2e-3)
+    np.testing.assert_allclose(
+        at(rm.planar(colour).normal_map_gradient(POSITION), (0, 0, 0)), (-1 / 3, -2 / 9, 0), rtol=2e-3
+    )
     down = rm.planar(colour, green="down")
-    np.testing.assert_allclose(at(down.tilt(POSITION), (0, 0, 0)), (-1 / 3, 2 / 9, 0), rtol=2e-3)
+    np.testing.assert_allclose(at(down.normal_map_gradient(POSITION), (0, 0, 0)), (-1 / 3, 2 / 9, 0), rtol=2e-3)
     turned = rm.planar(colour, rotation=np.pi / 2)
-    np.testing.assert_allclose(at(turned.tilt(POSITION), (0, 0, 0)), (2 / 9, -1 / 3, 0), atol=1e-3)
+    np.testing.assert_allclose(at(turned.normal_map_gradient(POSITION), (0, 0, 0)), (2 / 9, -1 / 3, 0), atol=1e-3)
     above = rm.planar(colour, axis="y")
-    np.testing.assert_allclose(at(above.tilt(POSITION), (0, 0, 0)), (-1 / 3, 0, 2 / 9), rtol=2e-3)
+    np.testing.assert_allclose(at(above.normal_map_gradient(POSITION), (0, 0, 0)), (-1 / 3, 0, 2 / 9), rtol=2e-3)
 
 
 def test_heights_rise_by_their_differences() -> None:
     ramp = np.tile(np.arange(8) / 8.0, (4, 1))  # 1 across the picture, which is 2 wide
-    found = at(rm.planar(ramp, 2, wrap="clamp").rise(POSITION), (0.1, 0, 0))
+    found = at(rm.planar(ramp, 2, wrap="clamp").height_gradient(POSITION), (0.1, 0, 0))
     np.testing.assert_allclose(found, (0.5, 0, 0), rtol=1e-3)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import sensitivities
+from raymarch.expr.derivative import partial_derivatives
 from raymarch.expr.walk import find
 from raymarch.sdf import Node, box, material, sphere, union
 from raymarch.sdf.lower import Lowering
@@ -19,7 +19,7 @@ def weights_at(node: Node, points: np.ndarray) -> dict[str, np.ndarray]:
     """How much of each label there is at some points."""
     definition = Lowering().field(node, label=BASE)
     marks = find([definition.body], "mark")
-    weights = evaluator(sensitivities(definition.body, marks), definition.params)(points)
+    weights = evaluator(partial_derivatives(definition.body, marks), definition.params)(points)
     total: dict[str, np.ndarray] = {}
     for mark, weight in zip(marks, weights, strict=True):
         total[mark.data] = total.get(mark.data, 0.0) + np.broadcast_to(weight, len(points))

@@ -63,7 +63,7 @@ def test_harmonics_are_the_mean_light_of_each_half_of_the_sky() -> None:
     """For a gradient, whose true mean is known by quadrature; a constant sky is itself."""
     sky = GradientSky((0.2, 0.4, 0.9), (0.9, 0.8, 0.7), (0.3, 0.2, 0.1))
     around = directions(40_000)
-    seen = sky.seen(around, NOW)
+    seen = sky.radiance_along(around, NOW)
     for n in directions(20):
         weight = np.maximum(around @ n, 0.0)
         wanted = (weight[:, None] * seen).sum(axis=0) / weight.sum()
@@ -85,13 +85,13 @@ def test_a_sky_is_seen_where_nothing_is_hit() -> None:
 
 def test_a_clear_sky_is_brightest_at_its_sun_and_bluer_away_from_it() -> None:
     sky = SunSky((1, 1, 0))
-    sun, beside, opposite = sky.seen(np.array([[0.707, 0.707, 0], [0, 1, 0], [-0.707, 0.707, 0]]), NOW)
+    sun, beside, opposite = sky.radiance_along(np.array([[0.707, 0.707, 0], [0, 1, 0], [-0.707, 0.707, 0]]), NOW)
     assert (
         sun.sum() > 2 * beside.sum() > 0
         and opposite[2] > opposite[0]
-        and np.isfinite(sky.seen(directions(), NOW)).all()
+        and np.isfinite(sky.radiance_along(directions(), NOW)).all()
     )
-    assert sky.seen(directions(), NOW).min() >= 0
+    assert sky.radiance_along(directions(), NOW).min() >= 0
     assert isinstance(sky.sun(shadow=True), Sun)
     low, high = (np.ravel(NOW.of(SunSky((1, h, 0)).sun().color)) for h in (0.05, 5.0))
     assert low[2] / low[0] < 0.5 < high[2] / high[0]
@@ -216,12 +216,13 @@ def test_a_picture_of_the_sky_stands_where_it_should(tmp_path: Path) -> None:
     write_exr(tmp_path / "sky.exr", pixels)
     sky = ImageSky(tmp_path / "sky.exr")
     right, left, up, ahead = (
-        sky.seen(np.array([d], np.float64), NOW)[0] for d in ((1, 0.2, -1), (-1, 0.2, -1), (0, 1, 0), (0, 0, -1))
+        sky.radiance_along(np.array([d], np.float64), NOW)[0]
+        for d in ((1, 0.2, -1), (-1, 0.2, -1), (0, 1, 0), (0, 0, -1))
     )
     assert right[0] == 1 and left[0] == 0 and right[1] == left[1] == up[1] == 1 and 0 < ahead[0] < 1
     turned = ImageSky(tmp_path / "sky.exr", turn=np.pi)
-    assert turned.seen(np.array([[1, 0.2, -1.0]]), NOW)[0, 0] == 0
-    seam = sky.seen(np.array([[1e-4, 0.2, 1.0], [-1e-4, 0.2, 1.0]]), NOW)[:, 0]
+    assert turned.radiance_along(np.array([[1, 0.2, -1.0]]), NOW)[0, 0] == 0
+    seam = sky.radiance_along(np.array([[1e-4, 0.2, 1.0], [-1e-4, 0.2, 1.0]]), NOW)[:, 0]
     assert abs(seam[0] - seam[1]) < 0.1
 
 

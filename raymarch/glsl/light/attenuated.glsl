@@ -3,8 +3,8 @@
 // needs: Light
 // gives: attenuated_light
 Light attenuated_light(vec3 p, vec3 position, vec3 radiance, vec3 terms) {
-    vec3 way = position - p;
-    float far = max(length(way), 1.0842022e-19);
+    vec3 to_light = position - p;
+    float far = max(length(to_light), 1.0842022e-19);
     float divisor = max(terms.x + far * (terms.y + far * terms.z), 1.1754944e-38);
-    return Light(way / far, far, radiance / divisor);
+    return Light(to_light / far, far, radiance / divisor);
 }

@@ -35,9 +35,9 @@ Surface surface_interaction_mapped(Ray ray, Hit hit, float travelled) {
     vec3 dpdy = cross(n, dpdx) / max(abs(n_dot_v), 1.0e-4);
     vec3 inner = inner_point(p, n, hit, travelled);
     Relief relief = relief_at(inner, n, dpdx, dpdy);
-    vec3 bent = normalize(n - relief.tilt);
+    vec3 shading_normal = normalize(n - relief.bump_gradient);
     // A shading normal that faces away from the camera is turned until it just faces the camera.
     float side = n_dot_v < 0.0 ? -1.0 : 1.0;
-    bent = normalize(bent + side * max(0.01 - side * dot(bent, v), 0.0) * v);
-    return Surface(p, u_side * bent, v, hit.t, material_at(inner, n, dpdx, dpdy), relief.open, n, dpdx, dpdy, inner);
+    shading_normal = normalize(shading_normal + side * max(0.01 - side * dot(shading_normal, v), 0.0) * v);
+    return Surface(p, u_side * shading_normal, v, hit.t, material_at(inner, n, dpdx, dpdy), relief.ambient_visibility, n, dpdx, dpdy, inner);
 }

@@ -10,8 +10,8 @@ vec3 eval_microfacet(Surface surface, Light light, float visibility) {
     vec3 half_vector = normalize(light.direction + surface.view);
     float alpha = max(material.roughness * material.roughness, 1.0e-3);
     vec3 f0 = mix(material.f0, material.color, material.metalness);
-    vec3 mirrored = fresnel_schlick(f0, dot(half_vector, surface.view))
+    vec3 specular = fresnel_schlick(f0, dot(half_vector, surface.view))
         * (3.1415927 * d_ggx(surface.normal, half_vector, alpha) * v_smith(n_dot_l, n_dot_v, alpha));
-    float inside = interface_transmittance(n_dot_l, n_dot_v, material.roughness) * (1.0 - material.metalness);
-    return light.radiance * (visibility * n_dot_l) * (mirrored + inside * (1.0 - material.f0) * material.color);
+    float transmittance = interface_transmittance(n_dot_l, n_dot_v, material.roughness) * (1.0 - material.metalness);
+    return light.radiance * (visibility * n_dot_l) * (specular + transmittance * (1.0 - material.f0) * material.color);
 }

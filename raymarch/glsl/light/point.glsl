@@ -2,8 +2,8 @@
 // needs: Light
 // gives: point_light
 Light point_light(vec3 p, vec3 position, vec3 radiance) {
-    vec3 way = position - p;
-    float square = max(dot(way, way), 1.1754944e-38);
+    vec3 to_light = position - p;
+    float square = max(dot(to_light, to_light), 1.1754944e-38);
     float near = inversesqrt(square);
-    return Light(way * near, square * near, radiance / square);
+    return Light(to_light * near, square * near, radiance / square);
 }

@@ -9,12 +9,12 @@ Light sample_disc(Light light, float width, int dimension) {
     float s = d.z < 0.0 ? -1.0 : 1.0;  // branchless orthonormal basis (Duff et al. 2017)
     float a = -1.0 / (s + d.z);
     float b = d.x * d.y * a;
-    vec3 across = vec3(1.0 + s * d.x * d.x * a, s * b, -s * d.x);
-    vec3 along = vec3(b, s + d.y * d.y * a, -d.y);
+    vec3 tangent = vec3(1.0 + s * d.x * d.x * a, s * b, -s * d.x);
+    vec3 bitangent = vec3(b, s + d.y * d.y * a, -d.y);
     float r = min(width, 0.999) * sqrt(random_of_pixel(dimension));
     float turn = 6.2831853 * random_of_pixel(dimension + 1);
     float c = sqrt(1.0 - r * r);
-    light.direction = c * d + r * (cos(turn) * across + sin(turn) * along);
+    light.direction = c * d + r * (cos(turn) * tangent + sin(turn) * bitangent);
     light.radiance /= c;
     return light;
 }

@@ -2,6 +2,6 @@
 // needs:
 // gives: Relief
 struct Relief {
-    vec3 tilt;
-    float open;
+    vec3 bump_gradient;
+    float ambient_visibility;
 };

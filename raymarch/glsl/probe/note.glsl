@@ -1,8 +1,8 @@
 // The first fault of a pixel: its code, its value, the number of evaluations with a fault, and its position. Faults of
-// nodes whose bit in u_heard is 0 are ignored.
+// nodes whose bit in u_site_mask is 0 are ignored.
 // needs:
-// gives: note noted noted_place u_heard first_fault first_place
-uniform uint u_heard[128];
+// gives: note noted noted_place u_site_mask first_fault first_place
+uniform uint u_site_mask[128];
 
 vec3 first_fault = vec3(0.0);
 vec3 first_place = vec3(0.0);
@@ -10,7 +10,7 @@ vec3 first_place = vec3(0.0);
 void note(vec2 fault, vec3 p) {
     if (fault.x <= 0.0) return;
     int site = min(int(fault.x) / 32, 4095);
-    if ((u_heard[site >> 5] >> uint(site & 31) & 1u) == 0u) return;
+    if ((u_site_mask[site >> 5] >> uint(site & 31) & 1u) == 0u) return;
     if (first_fault.z == 0.0) {
         first_fault.xy = fault;
         first_place = p;

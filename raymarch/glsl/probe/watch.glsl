@@ -3,7 +3,7 @@
 // evaluated several times for one value of the field, the last value counts. Two points closer than 2^-10 of their
 // coordinates are not compared, because rounding would dominate; 16 half ulp of rounding are subtracted.
 // needs: finite
-// gives: seen compare watch steepest steepest_place u_first now_x now_y now_z now_value now_cell before_x before_y before_z before_value before_cell slopes slope_place
+// gives: record_value compare watch steepest steepest_place u_first now_x now_y now_z now_value now_cell before_x before_y before_z before_value before_cell slopes slope_place
 uniform int u_first;  // index of the first of the four nodes
 
 vec4 now_x;  // last point at which each node was evaluated
@@ -26,7 +26,7 @@ void watch() {
     slopes = slope_place = vec4(0.0);
 }
 
-float seen(float value, vec3 p, float cell, int node) {
+float record_value(float value, vec3 p, float cell, int node) {
     int component = finite(vec4(p, value)) ? node - u_first : -1;
     bvec4 own = equal(ivec4(component), ivec4(0, 1, 2, 3));
     now_x = mix(now_x, vec4(p.x), own);

@@ -1,10 +1,10 @@
 // Pass: the positions of this frame's visible points in the previous frame, and their colours there. All uniforms are
 // those of the previous frame; values of this frame have names of their own. A point that was not on a surface then did
 // not exist.
-// needs: Ray Hit shade sky field surface_normal place_before u_surface u_camera_position u_pixel u_resolution
-// gives: main out_color out_way u_now_position u_now_frame u_now_tan_half_fov u_jitter on_surface
+// needs: Ray Hit shade sky field surface_normal previous_position u_surface u_camera_position u_pixel u_resolution
+// gives: main out_color out_motion u_now_position u_now_frame u_now_tan_half_fov u_jitter on_surface
 layout(location = 0) out vec4 out_color;  // alpha is 0 if the point did not exist
-layout(location = 1) out vec4 out_way;  // motion vector: previous minus current position
+layout(location = 1) out vec4 out_motion;  // motion vector: previous minus current position
 
 uniform vec3 u_now_position;
 uniform mat3 u_now_frame;
@@ -16,11 +16,11 @@ bool on_surface(inout vec3 p, vec3 direction, float pixel) {
     float r = field(p);
     if (abs(r) <= 0.1 * pixel) return true;
     vec3 normal = surface_normal(p, direction);
-    float way = r;
+    float step_length = r;
     for (int i = 0; i < 3 && abs(r) > 0.1 * pixel; i++) {
-        p -= way * normal;
+        p -= step_length * normal;
         float next = field(p);
-        way = next / max((r - next) / way, 0.25);  // secant step
+        step_length = next / max((r - next) / step_length, 0.25);  // secant step
         r = next;
     }
     return abs(r) <= pixel;
@@ -31,18 +31,18 @@ void main() {
     vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_tan_half_fov;
     vec3 direction = normalize(u_now_frame * vec3(screen, -1.0));
     float t = texelFetch(u_surface, at, 0).x;
-    out_way = vec4(0.0);
+    out_motion = vec4(0.0);
     if (t < 0.0) {
         out_color = vec4(sky(direction), 1.0);
         return;
     }
     vec3 now = u_now_position + t * direction;
-    vec3 p = place_before(now);
+    vec3 p = previous_position(now);
     bool there = on_surface(p, direction, u_pixel * t);
-    vec3 way = p - u_camera_position;
-    float far = length(way);
-    Ray ray = Ray(u_camera_position, way / far);
+    vec3 to_point = p - u_camera_position;
+    float far = length(to_point);
+    Ray ray = Ray(u_camera_position, to_point / far);
     Hit hit = Hit(true, true, far, 0.0, 0.0, 0.0, 0.0);
     out_color = vec4(there ? shade(ray, hit) : vec3(0.0), there ? 1.0 : 0.0);
-    out_way = vec4(p - now, 0.0);
+    out_motion = vec4(p - now, 0.0);
 }

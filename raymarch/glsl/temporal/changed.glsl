@@ -1,16 +1,16 @@
 // Reprojection for scenes with motion or changing light: the motion vector of a point, and the number of samples to
 // keep, from the change of its colour since the previous frame. See temporal/before.
 // needs: u_color finite
-// gives: u_changed u_earlier_color u_earlier_way ROUNDING way_before samples_kept at_middle
+// gives: u_changed u_earlier_color u_earlier_motion ROUNDING motion_vector samples_kept filter_sample
 uniform bool u_changed;  // false if the scene is as in the previous frame
 uniform sampler2D u_earlier_color;
-uniform sampler2D u_earlier_way;
+uniform sampler2D u_earlier_motion;
 
 const float ROUNDING = 1.0e-5;  // relative difference of colours that counts as unchanged
 
-vec3 way_before(ivec2 at) {
-    vec4 way = u_changed ? texelFetch(u_earlier_way, at, 0) : vec4(0.0);
-    return finite(way) ? way.xyz : vec3(0.0);
+vec3 motion_vector(ivec2 at) {
+    vec4 motion = u_changed ? texelFetch(u_earlier_motion, at, 0) : vec4(0.0);
+    return finite(motion) ? motion.xyz : vec3(0.0);
 }
 
 // The number m of samples that minimises the error. If a colour changes by d per frame, their mean lags behind by m d,
@@ -52,7 +52,7 @@ float samples_kept(ivec2 at, float most) {
 // The colour of a moving pixel with a short history. A sample off the pixel's centre is worse than one at the centre,
 // so it is mixed with the mean of the samples around, weighted by a Gaussian about the centre. The Gaussian's width
 // minimises the error at straight edges. `share` is the weight of the sample itself, which grows with the history.
-vec4 at_middle(ivec2 at, vec4 color, vec2 jitter, float share) {
+vec4 filter_sample(ivec2 at, vec4 color, vec2 jitter, float share) {
     if (share >= 1.0) return color;
     ivec2 last = textureSize(u_color, 0) - 1;
     vec4 sum = vec4(0.0);

@@ -40,8 +40,8 @@ bool is_edge(vec3 normal) {
 
 bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
     bool hit = surface.x >= 0.0;
-    vec3 way = hit ? position + surface.x * direction - u_before_position : direction;
-    vec3 view = way * u_before_frame;  // the frame is orthonormal: this multiplies by its transpose
+    vec3 to_point = hit ? position + surface.x * direction - u_before_position : direction;
+    vec3 view = to_point * u_before_frame;  // the frame is orthonormal: this multiplies by its transpose
     if (view.z >= 0.0) return false;
     vec2 size = vec2(textureSize(u_history, 0));
     pixel = 0.5 * (view.xy / -view.z / u_before_tan_half_fov * size.y + size);
@@ -52,7 +52,7 @@ bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
             vec4 before = texelFetch(u_history_surface, clamp(ivec2(pixel) + ivec2(x, y), ivec2(0), last), 0);
-            if (finite(before) && is_same(before, surface, length(way), direction, edge)) return true;
+            if (finite(before) && is_same(before, surface, length(to_point), direction, edge)) return true;
         }
     }
     return false;

@@ -1,7 +1,7 @@
 // Pass: the new sample of each pixel blended with the history. While the picture does not change, the mean of all
 // samples. While the camera moves, the history is fetched from the previous position of the point, if the point was
 // visible; it is clipped to the colours around the new sample, and old samples lose weight after some frames.
-// needs: Ray camera_ray finite u_color u_surface u_history history_at find_in_history clipped way_before samples_kept at_middle
+// needs: Ray camera_ray finite u_color u_surface u_history history_at find_in_history clipped motion_vector samples_kept filter_sample
 // gives: main out_color out_surface u_keep u_still u_jitter MEMORY nearest_around
 layout(location = 0) out vec4 out_color;  // alpha counts the samples
 layout(location = 1) out vec4 out_surface;
@@ -41,16 +41,16 @@ void main() {
     } else if (u_keep) {
         Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
         ivec2 nearest = nearest_around(at);
-        vec3 way = way_before(nearest);
+        vec3 motion = motion_vector(nearest);
         float kept = samples_kept(at, MEMORY);
         vec2 pixel;
-        if (find_in_history(texelFetch(u_surface, nearest, 0), ray.origin + way, ray.direction, pixel)) {
+        if (find_in_history(texelFetch(u_surface, nearest, 0), ray.origin + motion, ray.direction, pixel)) {
             // the sample is jittered off the pixel's centre, and so is its previous position
             before = history_at(pixel - u_jitter);
             if (finite(before)) before = vec4(clipped(before.rgb), min(before.a, kept));
         }
         if (!finite(before)) before = vec4(0.0);
-        if (kept < MEMORY || way != vec3(0.0)) color = at_middle(at, color, u_jitter, before.a / MEMORY);
+        if (kept < MEMORY || motion != vec3(0.0)) color = filter_sample(at, color, u_jitter, before.a / MEMORY);
     }
     if (!finite(before)) before = vec4(0.0);
     float count = before.a + color.a;

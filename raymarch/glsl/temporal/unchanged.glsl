@@ -1,7 +1,7 @@
 // A scene without motion: points keep their positions and colours.
 // needs:
-// gives: way_before samples_kept at_middle
-vec3 way_before(ivec2 at) {
+// gives: motion_vector samples_kept filter_sample
+vec3 motion_vector(ivec2 at) {
     return vec3(0.0);
 }
 
@@ -9,6 +9,6 @@ float samples_kept(ivec2 at, float most) {
     return most;
 }
 
-vec4 at_middle(ivec2 at, vec4 color, vec2 jitter, float share) {
+vec4 filter_sample(ivec2 at, vec4 color, vec2 jitter, float share) {
     return color;
 }

@@ -9,7 +9,7 @@ import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.vocabulary import cos, sin
 from raymarch.plan import plan
-from raymarch.plan.hoisting import at_moment
+from raymarch.plan.hoisting import with_hoisted
 from raymarch.scene.parameter import set_values
 from raymarch.shader import assemble
 
@@ -39,7 +39,7 @@ def test_the_field_is_the_same(name: str, time: float) -> None:
     points = np.random.default_rng(1).normal(size=(100, 3))
     with bound(values.params, time):
         known = NODES[name].distance(points)
-    then = at_moment(made.moments, values)
+    then = with_hoisted(made.hoisted, values)
     with bound(then.params, time):
         found = evaluator([made.field.body], made.field.params)(points)[0]
     np.testing.assert_allclose(found, known, atol=1e-12)
@@ -54,7 +54,7 @@ def test_a_wave_keeps_its_digits_for_years(name: str) -> None:
     points = np.random.default_rng(1).normal(size=(100, 3)).astype(np.float32)
     with bound(values.params, time):
         known = NODES[name].distance(points)
-    then = at_moment(made.moments, values)
+    then = with_hoisted(made.hoisted, values)
     with bound(then.params, time):
         found = evaluator([made.field.body], made.field.params, np.float32)(points)[0]
     np.testing.assert_allclose(found, known, atol=64 * 2.0**-23)
@@ -63,12 +63,12 @@ def test_a_wave_keeps_its_digits_for_years(name: str) -> None:
 def test_nothing_but_time_that_meets_the_point_is_left_to_the_shader() -> None:
     turned, beats = (assemble(plan(rm.Scene(NODES[name]))) for name in ("turned", "beats"))
     assert not turned.uses_time and beats.uses_time
-    assert any(name.startswith("moment") for name in turned.parameters)
+    assert any(name.startswith("hoisted") for name in turned.parameters)
 
 
-def test_a_scene_without_time_has_no_moments() -> None:
+def test_a_scene_without_time_hoists_nothing() -> None:
     made = plan(rm.Scene(rm.sphere(SIZE).rotate(SIZE)))
-    assert not made.moments and set(made.parameters) == {"size"}
+    assert not made.hoisted and set(made.parameters) == {"size"}
     assert set(assemble(made).parameters) == {"size"}
 
 
@@ -85,4 +85,4 @@ def test_waves_of_shared_and_of_many_terms_are_planned() -> None:
         return 0.01 * sin(sum((p.x * (k + 1) for k in range(1500)), rm.time + 0))
 
     for wave in (shared, many):
-        assert plan(rm.Scene(rm.sphere().material(rm.Material(color=lambda p, w=wave: 0.5 + w(p))))).moments is not None
+        assert plan(rm.Scene(rm.sphere().material(rm.Material(color=lambda p, w=wave: 0.5 + w(p))))).hoisted is not None

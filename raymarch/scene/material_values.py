@@ -18,9 +18,9 @@ from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number, as_vec3
-from raymarch.scene.texture import Texture, lie_alike
+from raymarch.scene.texture import Texture, share_projection
 from raymarch.sdf.domain import as_operand
-from raymarch.sdf.lower import POSITION, is_seen
+from raymarch.sdf.lower import POSITION, depends_on_interaction
 
 _PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
 """Points at which patterns are checked. A pattern that is legal at none of them is refused, others are clamped."""
@@ -30,7 +30,7 @@ _pictures: WeakKeyDictionary[Expr, tuple[int, float, float]] = WeakKeyDictionary
 """Expressions of textures whose values were checked, with (size, low, high). They need no second check."""
 
 
-def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
+def material_value(name: str, value: Any, size: int, low: float, high: float) -> Expr:
     """A value of a material, checked. A function of the point becomes its expression, clamped to its range."""
     if isinstance(value, Expr) and _pictures.get(value) == (size, low, high):
         return value
@@ -42,7 +42,7 @@ def value_of(name: str, value: Any, size: int, low: float, high: float) -> Expr:
         raise SceneError(f"{what}: {given} has no place yet", legal="planar(picture, size) or triplanar(picture, size)")
     check = as_number if size == 1 else as_vec3
     # An expression of POSITION comes from another material, by `replace`.
-    if isinstance(value, Expr) and (POSITION in free_variables([value]) or is_seen([value])):
+    if isinstance(value, Expr) and (POSITION in free_variables([value]) or depends_on_interaction([value])):
         return _pattern(what, lambda _: value, size, low, high)
     if not callable(value) or isinstance(value, Expr):
         return check(what, value, low, high, cells=True)
@@ -74,7 +74,7 @@ def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, 
         made = vec3(made)
     if made.type is not vector(size):
         raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
-    if not find([made], "time", "param", "cell") and not is_seen([made]):
+    if not find([made], "time", "param", "cell") and not depends_on_interaction([made]):
         values = np.broadcast_to(evaluator([made], [POSITION])(_PROBES)[0], (len(_PROBES), *made.type.shape))
         legal_there = (values >= low) & (values <= high)  # false for NaN
         if not np.any(legal_there) or np.any(np.isnan(values)):
@@ -88,12 +88,12 @@ def _is_file(value: Any) -> bool:
     return isinstance(value, PathLike) or (isinstance(value, str) and Path(value).suffix != "")
 
 
-def refuse_sizes(maps: dict[str, Any]) -> None:
+def check_map_sizes(maps: dict[str, Any]) -> None:
     """SceneError if maps that share a projection differ in resolution."""
     given = {name: value for name, value in maps.items() if isinstance(value, Texture)}
     for i, (name, one) in enumerate(given.items()):
         for first, other in list(given.items())[:i]:
-            if lie_alike(one, other) and one.size != other.size:
+            if share_projection(one, other) and one.size != other.size:
                 sizes = [f"{width} x {height} pixels" for width, height in (one.size, other.size)]
                 raise SceneError(
                     f"Material: the {name} map '{one.file}' has {sizes[0]}, the {first} map '{other.file}' {sizes[1]}",
