@@ -33,7 +33,8 @@ def hash(cell: Operand) -> Expr:
     return simplify("hash", FLOAT, (value,))
 
 
-def _mixed(v: Array) -> Array:
+def pcg(v: Array) -> Array:
+    """The output permutation of a PCG generator, of an array of uint32. `PCG_GLSL` is the same function in GLSL."""
     v = v * np.uint32(747796405) + np.uint32(2891336453)
     v = ((v >> ((v >> np.uint32(28)) + np.uint32(4))) ^ v) * np.uint32(277803737)
     return (v >> np.uint32(22)) ^ v
@@ -43,20 +44,22 @@ def evaluate(_node: Expr, cell: Array) -> Array:
     """NumPy row of "hash"."""
     rounded = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
     n = np.atleast_2d(rounded).astype(np.int64).astype(np.uint32)
-    bits = _mixed(n[..., 0] + _mixed(n[..., 1] + _mixed(n[..., 2])))
+    bits = pcg(n[..., 0] + pcg(n[..., 1] + pcg(n[..., 2])))
     fraction = (bits >> np.uint32(8)).astype(cell.dtype) * cell.dtype.type(2.0**-24)
     return fraction.reshape(cell.shape[:-1])
 
 
-GLSL_HELPERS = {
-    "lattice_mixed": """uint lattice_mixed(uint v) {
+PCG_GLSL = """uint pcg(uint v) {
     v = v * 747796405u + 2891336453u;
     v = ((v >> ((v >> 28) + 4u)) ^ v) * 277803737u;
     return (v >> 22) ^ v;
-}""",
+}"""
+
+GLSL_HELPERS = {
+    "pcg": PCG_GLSL,
     "cell_hash": """float cell_hash(vec3 cell) {
     // one number in [0, 1) for each cell
     uvec3 n = uvec3(ivec3(floor(clamp(cell, -1.0e9, 1.0e9) + 0.5)));
-    return float(lattice_mixed(n.x + lattice_mixed(n.y + lattice_mixed(n.z))) >> 8) * 5.9604645e-8;
+    return float(pcg(n.x + pcg(n.y + pcg(n.z))) >> 8) * 5.9604645e-8;
 }""",
 }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Surface, Target, confine
+from raymarch.scene.srgb import srgb_glsl
 from raymarch.scene.tone import ToneMapping
 
 _SAMPLE = """#version 330 core
@@ -25,10 +26,12 @@ vec3 toned(vec3 color) {
     return color;
 }
 
-// IEC 61966-2-1; NaN becomes 0.
+LINEAR_TO_SRGB
+
+// NaN becomes 0.
 vec3 srgb(vec3 linear) {
     vec3 x = clamp(mix(linear, vec3(0.0), isnan(linear)), 0.0, 1.0);
-    return mix(1.055 * pow(x, vec3(1.0 / 2.4)) - 0.055, 12.92 * x, lessThanEqual(x, vec3(0.0031308)));
+    return vec3(linear_to_srgb(x.r), linear_to_srgb(x.g), linear_to_srgb(x.b));
 }
 
 void main() {
@@ -142,7 +145,7 @@ class Screen:
         """The program that copies pictures, or shows them with tone mapping."""
         text = _CLIPPED if tone is None else tone.glsl()
         if text not in self._samplers:
-            source = _SAMPLE.replace(_CLIPPED, text)
+            source = _SAMPLE.replace(_CLIPPED, text).replace("LINEAR_TO_SRGB", srgb_glsl())
             self._samplers[text] = Program(self.context, FULL_SCREEN, source, _ours, "window")
         return self._samplers[text]
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from raymarch.errors import SceneError, user_location
+from raymarch.scene.srgb import srgb_to_linear
 
 Array = NDArray[np.float32]
 
@@ -29,7 +30,7 @@ def read_image(what: str, file: str | PathLike[str], largest: int = LARGEST) -> 
     """
     pixels, encoded = read_stored(what, file, largest)
     rgb = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
-    return np.ascontiguousarray(linear(rgb) if encoded else rgb, np.float32)
+    return np.ascontiguousarray(srgb_to_linear(rgb) if encoded else rgb, np.float32)
 
 
 def read_stored(what: str, file: str | PathLike[str], largest: int = LARGEST) -> tuple[NDArray[Any], bool]:
@@ -77,11 +78,6 @@ def _read(path: Path) -> tuple[NDArray[Any], bool]:
         kept = image if image.mode in ("L", "RGB", "RGBA") else image.convert("L" if image.mode == "1" else "RGBA")
         pixels = np.asarray(kept, np.float64) / 255.0
         return (pixels[..., None] if pixels.ndim == 2 else pixels), True
-
-
-def linear(encoded: NDArray[Any]) -> NDArray[Any]:
-    """Linear values of sRGB values in [0, 1] (IEC 61966-2-1)."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def _read_exr(path: Path) -> NDArray[Any]:

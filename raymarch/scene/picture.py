@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.convert import file_path, numbers, short
 from raymarch.expr.texels import LARGEST, Wrap
-from raymarch.scene.images import linear, read_stored
+from raymarch.scene.images import read_stored
+from raymarch.scene.srgb import srgb_to_linear
 
 Array = NDArray[Any]
 Picture: TypeAlias = str | PathLike[str] | Array
@@ -49,7 +50,7 @@ def values_for(stored: Array, role: str, encoded: bool, channel: int | None, dow
 
 def _decoded(encoded: Array) -> Array:
     """Linear values of sRGB-encoded ones (multiples of 1/255 or 1/65535), from a table: there may be millions."""
-    table = np.asarray(linear(np.arange(65536) / 65535.0), np.float32)
+    table = np.asarray(srgb_to_linear(np.arange(65536) / 65535.0), np.float32)
     return table[np.rint(encoded * 65535.0).astype(np.uint16)]
 
 

@@ -16,9 +16,11 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.convert import choice, real, switch
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
+from raymarch.expr.hashing import pcg
 from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, dot, log2, max, pow, vec3
+from raymarch.scene.srgb import linear_to_srgb
 from raymarch.scene.value import Value, value
 
 COLOR = var("color", VEC3)
@@ -125,15 +127,8 @@ def _toned(curve: str, exposure: float) -> Function:
 def encode(linear: NDArray[Any], dither: bool = False) -> NDArray[np.uint8]:
     """Linear values from 0 to 1 as 8-bit sRGB, (H, W, 3), rounded to nearest or dithered by a hash of the pixel."""
     x = np.asarray(linear, np.float64)
-    encoded = 255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
+    encoded = 255.0 * linear_to_srgb(x)
     if not dither:
         return np.asarray(np.rint(encoded), np.uint8)
-    bits = _hashed(np.arange(x.size, dtype=np.uint32)).reshape(x.shape)
+    bits = pcg(np.arange(x.size, dtype=np.uint32)).reshape(x.shape)
     return np.asarray(np.minimum(np.floor(encoded + bits * 2.0**-32), 255.0), np.uint8)
-
-
-def _hashed(v: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """The output permutation of a PCG generator (O'Neill 2014)."""
-    v = v * np.uint32(747796405) + np.uint32(2891336453)
-    v = ((v >> ((v >> np.uint32(28)) + np.uint32(4))) ^ v) * np.uint32(277803737)
-    return (v >> np.uint32(22)) ^ v

@@ -16,6 +16,7 @@ from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Line, Printable, Text, literal, print_functions
+from raymarch.expr.hashing import PCG_GLSL
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.texels import Texels
@@ -105,8 +106,10 @@ def assemble(plan: Plan) -> Shader:
             generated.append(scene_cone(plan))
         if "u_lights" in shade.needs:
             generated.append(light_rows())
-    taken = {"PASS"}.union(*(chunk.gives for chunk in [*modules, *mains, *generated]))
+    taken = ({"PASS"} | ({"pcg"} & needed)).union(*(chunk.gives for chunk in [*modules, *mains, *generated]))
     fields, parameters, text = _fields(plan, values, taken)
+    if "pcg" in needed | fields.needs:
+        generated.append(_pcg())
     order = _in_order([*modules, fields, *generated])
     body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
     refuse_too_many(plan, body, mains)
@@ -224,11 +227,19 @@ def _scene_box(plan: Plan) -> Chunk:
     return Chunk("scene box", frozenset(needs), frozenset({"scene_box"}), lines)
 
 
+def _pcg() -> Chunk:
+    """The hash of the expression language, for its own helpers and for modules."""
+    lines = tuple(Mapped(line, "a helper function of the expression language") for line in PCG_GLSL.split("\n"))
+    return Chunk("pcg", frozenset(), frozenset({"pcg"}), lines)
+
+
 def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
     optional = (plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index)
     roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
     text = print_functions(roots, taken)
+    if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
+        text.needs.add("pcg")
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}
     lines = [Mapped(f"uniform {leaf.type} {name};", "a Param", leaf.data.where) for name, leaf in text.uniforms.items()]
     if text.uses_time:

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.expr.hashing import pcg
+
 Array = NDArray[np.float64]
 
 
 def sample_cosine(u: Array) -> Array:
-    """Sample directions about z from two numbers in [0, 1), (N, 2) -> (N, 3); the d_ggx is cosine / pi."""
+    """Sample directions about z from two numbers in [0, 1), (N, 2) -> (N, 3); with the density cosine / pi."""
     r, phi = np.sqrt(u[:, 0]), 2 * np.pi * u[:, 1]
     return np.stack([r * np.cos(phi), r * np.sin(phi), np.sqrt(1.0 - u[:, 0])], axis=1)
 
@@ -19,7 +21,7 @@ def sample_cosine(u: Array) -> Array:
 def sample_visible_normal(view: Array, alpha: float, u: Array) -> Array:
     """Sample visible GGX microfacet normals for a view direction above z = 0, (3,) and (N, 2) -> (N, 3).
 
-    Spherical caps (Dupuy and Benyoub 2023). The d_ggx is `pdf_visible_normal`.
+    Spherical caps (Dupuy and Benyoub 2023). The density is `pdf_visible_normal`.
     """
     stretched = np.array([alpha * view[0], alpha * view[1], view[2]])
     stretched /= np.linalg.norm(stretched)
@@ -43,15 +45,9 @@ def pdf_visible_normal(view: Array, alpha: float, h: Array) -> Array:
 
 def random_of_pixel(x: Any, y: Any, sample: Any, dimension: Any) -> NDArray[np.float32]:
     """The shader's random numbers in [0, 1), bit for bit."""
-    bits = _pcg(_u32(x) + _pcg(_u32(y) + _pcg(_u32(sample) + _pcg(_u32(dimension)))))
+    bits = pcg(_u32(x) + pcg(_u32(y) + pcg(_u32(sample) + pcg(_u32(dimension)))))
     return (bits >> np.uint32(8)).astype(np.float32) * np.float32(2.0**-24)
 
 
 def _u32(value: Any) -> NDArray[np.uint32]:
     return np.atleast_1d(np.asarray(value)).astype(np.uint32)
-
-
-def _pcg(v: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    v = v * np.uint32(747796405) + np.uint32(2891336453)
-    v = ((v >> ((v >> np.uint32(28)) + np.uint32(4))) ^ v) * np.uint32(277803737)
-    return (v >> np.uint32(22)) ^ v

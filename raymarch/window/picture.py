@@ -23,6 +23,7 @@ from raymarch.gpu.views import VIEWS
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.camera import Pose
 from raymarch.scene.scene import Scene
+from raymarch.scene.srgb import srgb_to_linear
 from raymarch.window.pace import Pace, scaled
 
 
@@ -274,9 +275,8 @@ class Picture:
 
 
 def linear(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """8-bit sRGB to linear values (IEC 61966-2-1)."""
-    x = np.arange(256) / 255.0
-    table = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    """8-bit sRGB to linear values."""
+    table = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
     return np.asarray(table[srgb], np.float32)
 
 

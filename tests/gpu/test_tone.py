@@ -7,16 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from glsl_harness import run
 from typer.testing import CliRunner
 
 import raymarch as rm
 from raymarch.cli.commands import app
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.types import FLOAT
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 from raymarch.scene.images import read_image
+from raymarch.scene.srgb import linear_to_srgb, srgb_glsl, srgb_to_linear
 from raymarch.scene.tone import COLOR, CURVES, ToneMapping, encode
 
 LIGHT = np.concatenate([np.linspace(0, 2, 50), np.geomspace(2, 1e4, 50)])[:, None] * np.ones(3)
@@ -71,6 +74,16 @@ void main() {{ color = vec4(toned(texelFetch(light, ivec2(gl_FragCoord.xy), 0).r
         shown = np.clip(target.read()[..., :3], 0, 1)
     known = ToneMapping(curve, 0.5).apply(light[..., :3])
     np.testing.assert_allclose(encode(shown).astype(int), encode(known).astype(int), atol=1)
+
+
+def test_srgb_is_that_of_the_standard_in_numpy_and_in_glsl(egl: Context) -> None:
+    """IEC 61966-2-1, including both sides of the joint of line and power; GLSL to the rounding of its pow."""
+    x = np.concatenate([np.linspace(0.0, 1.0, 1000), [0.0031307, 0.0031308, 0.0031309, 1e-6]])
+    known = np.array([12.92 * v if v <= 0.0031308 else 1.055 * v ** (1.0 / 2.4) - 0.055 for v in x])
+    np.testing.assert_allclose(linear_to_srgb(x), known, rtol=1e-14)
+    np.testing.assert_allclose(srgb_to_linear(known), x, atol=1e-7)  # the limits of the standard are rounded
+    found = run(egl, srgb_glsl(), "linear_to_srgb({0})", [(FLOAT, x)])
+    np.testing.assert_allclose(found, known, atol=1e-6)
 
 
 def test_dithering_keeps_the_mean_and_repeats() -> None:

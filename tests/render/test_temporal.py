@@ -11,7 +11,7 @@ import pytest
 
 import raymarch as rm
 from raymarch import glsl
-from raymarch.expr.hashing import _mixed
+from raymarch.expr.hashing import PCG_GLSL, pcg
 from raymarch.gpu import draw_calls
 from raymarch.gpu.context import Context
 from raymarch.gpu.jitter import halton, r2
@@ -167,14 +167,14 @@ def test_sequences_spread_over_the_pixel() -> None:
 def test_random_numbers_are_those_of_numpy_bit_by_bit(egl: Context) -> None:
     module = "\n".join(glsl.load("random/pixel").lines)
     main = "void main() { c = vec4(random_of_pixel(0), random_of_pixel(7), 0.0, 0.0); }"
-    text = f"#version 330 core\nout vec4 c;\n{module}\n{main}\n"
+    text = f"#version 330 core\nout vec4 c;\n{PCG_GLSL}\n{module}\n{main}\n"
     with Target(egl, (64, 32)) as target, Program(egl, FULL_SCREEN, text, lambda _: ("test", None), "test") as program:
         program.draw(target, {"u_sample": 3})
         drawn = target.read()[::-1]
     x, y = np.meshgrid(np.arange(64, dtype=np.uint32), np.arange(32, dtype=np.uint32))
     for k, dimension in ((0, 0), (1, 7)):
-        inner = _mixed(np.full_like(x, 3) + _mixed(np.full_like(x, dimension)))
-        bits = _mixed(x + _mixed(y + inner))
+        inner = pcg(np.full_like(x, 3) + pcg(np.full_like(x, dimension)))
+        bits = pcg(x + pcg(y + inner))
         assert np.array_equal(drawn[..., k], (bits >> np.uint32(8)).astype(np.float32) * np.float32(2.0**-24))
     assert (
         abs(drawn[..., 0].mean() - 0.5) < 0.03

@@ -14,7 +14,7 @@ import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr
 from raymarch.expr.walk import find
-from raymarch.scene.images import linear
+from raymarch.scene.srgb import srgb_to_linear
 from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
 
 RNG = np.random.default_rng(4)
@@ -67,7 +67,7 @@ def test_colours_of_files_are_decoded_and_numbers_are_not(tmp_path: Path) -> Non
     Image.fromarray(stored).save(tmp_path / "c.png")
     for given in (tmp_path / "c.png", stored):
         found = at(rm.planar(given, 4).color(POSITION), (-1.5, 1.5, 0))
-        np.testing.assert_allclose(found, linear(stored[0, 0] / 255), rtol=1e-3)
+        np.testing.assert_allclose(found, srgb_to_linear(stored[0, 0] / 255), rtol=1e-3)
         green = rm.planar(given, 4, channel="g").number(POSITION)
         np.testing.assert_allclose(at(green, (-1.5, 1.5, 0)), stored[0, 0, 1] / 255, rtol=1e-3)
     np.testing.assert_allclose(

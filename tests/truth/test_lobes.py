@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from raymarch import glsl
+from raymarch.expr.hashing import PCG_GLSL
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
@@ -86,9 +87,9 @@ void main() {
 }
 """
     with Target(egl, (64, 32), 2) as target:
-        Program(egl, FULL_SCREEN, f"#version 330 core\n{modules}\n{main}", lambda line: ("", None), "test").draw(
-            target, {"u_sample": 3}
-        )
+        Program(
+            egl, FULL_SCREEN, f"#version 330 core\n{PCG_GLSL}\n{modules}\n{main}", lambda line: ("", None), "test"
+        ).draw(target, {"u_sample": 3})
         one, two = target.read(0)[::-1], target.read(1)[::-1]
     y, x = np.mgrid[0:32, 0:64]
     u = np.stack([random_of_pixel(x.ravel(), y.ravel(), 3, d) for d in (17, 18)], axis=1)
