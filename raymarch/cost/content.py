@@ -70,7 +70,7 @@ def code_key() -> str:
     """Digest of the code that computes references, so that a change of the code invalidates the cache."""
     home = Path(__file__).parents[1]
     code = hashlib.sha256(np.__version__.encode())
-    files = [file for room in PACKAGES for file in sorted((home / room).rglob("*.py"))]
+    files = [file for package in PACKAGES for file in sorted((home / package).rglob("*.py"))]
     for file in (*files, Path(__file__).with_name("reference.py")):
         code.update(file.name.encode() + file.read_bytes())
     return code.hexdigest()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from raymarch.cost.drawing import Draws, Renderers, brought_to, draw, nearest, timed
 from raymarch.cost.environment import environment
 from raymarch.cost.errors import Errors, measure
-from raymarch.cost.pareto import pareto
 from raymarch.cost.reference import Reference
 from raymarch.cost.settings import Setting
 from raymarch.cost.statistics import Median, median
 from raymarch.plan import plan
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.shader import assemble
+
+T = TypeVar("T")
+
 
 METRICS = (
     "pixels_p99",
@@ -237,3 +239,17 @@ def _examine(
         color=color,
         known=known,
     )
+
+
+def pareto(points: Sequence[T], cost: Callable[[T], float], error: Callable[[T], float]) -> list[T]:
+    """The Pareto-optimal points, by ascending cost: no other is at least as good in both and better in one.
+
+    Points whose cost or error is nan are never on the front.
+    """
+    usable = [p for p in points if cost(p) == cost(p) and error(p) == error(p)]
+    best, found = float("inf"), []
+    for point in sorted(usable, key=lambda p: (cost(p), error(p))):
+        if error(point) < best:
+            found.append(point)
+            best = error(point)
+    return found

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self, TypeAlias, cast
@@ -258,3 +259,20 @@ def _check_tile(tile: tuple[int, int, int, int], width: int, height: int) -> Non
     x, y, across, up = tile
     if x < 0 or y < 0 or across < 1 or up < 1 or x + across > width or y + up > height:
         raise ValueError(f"tile={tile!r} lies outside the surface of {width} x {height} pixels")
+
+
+@contextmanager
+def in_pass(*names: str) -> Iterator[None]:
+    """Convert a failure of the driver (out of memory, a lost context) to a DeviceError that names the passes.
+
+    A DeviceError that the driver caused and that names no pass yet gets the names; invalid input of the user does not.
+    """
+    what = f"pass {' and '.join(names)}"
+    try:
+        yield
+    except moderngl.Error as error:
+        raise DeviceError(f"{what}: the device failed: {error}", legal="less memory, or a new Renderer") from error
+    except DeviceError as error:
+        if not isinstance(error.__cause__, moderngl.Error) or error.what.startswith("pass "):
+            raise
+        raise DeviceError(f"{what}: {error.what}", legal=error.legal, where=error.where) from error.__cause__

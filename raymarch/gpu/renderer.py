@@ -18,9 +18,9 @@ from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import BACKENDS, Context, open_context
 from raymarch.gpu.draw_calls import DrawCall, History, count_draws, draw_calls_of
-from raymarch.gpu.failure import in_pass
 from raymarch.gpu.frame import Frame, Timing, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
+from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.slices import Slice
 from raymarch.gpu.targets import Target

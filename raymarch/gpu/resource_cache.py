@@ -14,9 +14,8 @@ from raymarch.errors import PlanError, SceneError, warn
 from raymarch.expr.samples import Samples
 from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
-from raymarch.gpu.failure import in_pass
 from raymarch.gpu.prepare import Prepared
-from raymarch.gpu.program import FULL_SCREEN, Program
+from raymarch.gpu.program import FULL_SCREEN, Program, in_pass
 from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
 from raymarch.plan import Plan
 

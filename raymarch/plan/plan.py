@@ -18,15 +18,16 @@ from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr
+from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find, topological
 from raymarch.plan import lights, marching, shading
-from raymarch.plan.feature import Feature
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
-from raymarch.plan.textures import Data, textures_of
+from raymarch.plan.shading import Feature
 from raymarch.scene.extent import InReach, refuse_extent
 from raymarch.scene.legal import Condition, conditions_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
@@ -68,7 +69,7 @@ class Plan:
     shapes: int
     nodes: int
     operations: int
-    textures: list[Data] = default(default_factory=list)
+    textures: list[Samples | Texels] = default(default_factory=list)
     warnings: list[str] = default(default_factory=list)
     twins: dict[str, Expr] = default(default_factory=dict)
     """Leaves whose current values the motion pass reads, by the name of their twin; see `raymarch.plan.motion`."""
@@ -184,7 +185,7 @@ def plan(
         place, made.hoisted, made.twins = motion_of(scene, lowering, hoisted, lowering.origins)
         made.further.append(place)
     _choose_modules(made, shaded, needs_normal)
-    made.textures = textures_of(made)
+    made.textures = _textures_of(made)
     _describe_effects(made)
     made.conditions = conditions_of(given)
     if not all(value.is_constant for value in given.camera.expressions):
@@ -214,6 +215,15 @@ def _operations(definition: Function, turns: bool = True) -> int:
         return total
 
     return cost([definition.body])
+
+
+def _textures_of(made: Plan) -> list[Samples | Texels]:
+    """The pictures and sampled data that the field and the materials read, each once."""
+    functions = (made.field, made.material, made.relief, made.emission, made.glass)
+    roots = [root for function in functions if function is not None for root in function.inner]
+    if any(p.shades for p in made.passes):
+        roots.append(made.scene.sky.radiance)
+    return list(dict.fromkeys(node.data for node in find(roots, "texture", "sample", "sample_slope")))
 
 
 def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:

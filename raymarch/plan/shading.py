@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from raymarch.errors import Location
 from raymarch.plan import lights
-from raymarch.plan.feature import Feature
 from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """An effect, whether the scene uses it, and why.
+
+    where : the user's line that calls for it, if there is one.
+    """
+
+    name: str
+    used: bool
+    reason: str
+    where: Location | None = None
+
 
 MODULES = {
     "sun": ("light/sun", "a directional light"),

@@ -202,8 +202,8 @@ def _measured(
             legal="a bounded solid, as `node & box(...)`; or amplitude and lipschitz as numbers",
         )
     lower, upper = node.bounds
-    for room in (1.0, 2.0, 4.0):
-        reach = node.facts.spread * room * float(interval_of(expr(over(*node.bounds)[0]))[1])
+    for margin in (1.0, 2.0, 4.0):
+        reach = node.facts.spread * margin * float(interval_of(expr(over(*node.bounds)[0]))[1])
         lower, upper = node.bounds[0] - reach, node.bounds[1] + reach
         found = over(lower, upper)
         if finite(found) and node.facts.spread * float(interval_of(expr(found[0]))[1]) <= reach:

@@ -30,7 +30,7 @@ INFINITE = 0
 MOST = 2**24
 """Copies along an axis: float32 counts no farther."""
 NO_WALL = 1e30
-"""Half the extent of a room without walls: farther off than any point."""
+"""Half the extent of an unbounded box: larger than any coordinate."""
 
 
 def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from raymarch import glsl
-from raymarch.errors import Location, is_users
+from raymarch.errors import Location, PlanError, is_users
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
@@ -24,11 +24,10 @@ from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
-from raymarch.shader.bounds import box_ends, scene_cone
+from raymarch.shader.bounds import scene_box, scene_cone
 from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.lights import light_rows
 from raymarch.shader.shade import shading
-from raymarch.shader.texture_units import refuse_too_many
 
 HEADERS = {
     "330 core": ["#version 330 core"],
@@ -99,7 +98,7 @@ def assemble(plan: Plan) -> Shader:
     generated = [_constants(plan)]
     needed = {name for chunk in modules for name in chunk.needs}
     if "scene_box" in needed:
-        generated.append(_scene_box(plan))
+        generated.append(scene_box(plan))
     if shade is not None:
         generated.append(shade)
         if "scene_cone" in needed:
@@ -112,7 +111,7 @@ def assemble(plan: Plan) -> Shader:
         generated.append(_pcg())
     order = _in_order([*modules, fields, *generated])
     body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
-    refuse_too_many(plan, body, mains)
+    _check_texture_units(plan, body, mains)
     body += _main(mains)
     names, heads = tuple(p.name for p in plan.passes), tuple(p.head for p in plan.passes)
     return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples)
@@ -165,6 +164,29 @@ def _main(mains: Sequence[Chunk]) -> list[Mapped]:
     return [*body, Mapped("#endif", "passes")]
 
 
+TEXTURE_UNITS = 16
+"""Texture units that every OpenGL 3.3 and WebGL 2 driver has in a fragment shader."""
+
+
+def _check_texture_units(plan: Plan, shared: Sequence[Mapped], mains: Sequence[Chunk]) -> None:
+    """Raise PlanError if a pass reads more textures than every driver supports.
+
+    shared : the lines of all passes. mains : the further lines of each pass.
+    """
+    read = _samplers(shared) + max(_samplers(chunk.lines) for chunk in mains)
+    if read > TEXTURE_UNITS:
+        names = ", ".join(data.label for data in plan.textures)
+        raise PlanError(
+            f"the shader reads {read} textures, {len(plan.textures)} of them from the scene: {names}",
+            legal=f"up to {TEXTURE_UNITS} in all; equal pictures share one texture, as do the channels of a picture",
+            where=next((m.where for m in plan.scene.materials if m.textured), plan.scene.where),
+        )
+
+
+def _samplers(lines: Sequence[Mapped]) -> int:
+    return sum(line.text.startswith("uniform sampler") for line in lines)
+
+
 # Generated chunks
 
 
@@ -200,31 +222,6 @@ def _constants(plan: Plan) -> Chunk:
         if name in needed
     ]
     return Chunk("constants", frozenset(), frozenset(values) & needed, tuple(lines))
-
-
-def _scene_box(plan: Plan) -> Chunk:
-    """The part of a ray inside the scene's box, which is padded so that rounding cannot cut off the surface.
-
-    A cone is inside where any of its points is: its radius u_cone t moves each plane outwards, as if its axis pointed
-    further inwards. For rays u_cone is 0.
-    """
-    steps, needs = [], {"Ray"}
-    cones = plan.marching.cones
-    for axis, low, high in box_ends(plan.scene.node.facts):
-        at = f"ray.origin.{axis}, ray.direction.{axis}"
-        if cones:
-            clips = [(f"above(range, {at} + u_cone, {literal(low)})", "above")] if low is not None else []
-            clips += [(f"below(range, {at} - u_cone, {literal(high)})", "below")] if high is not None else []
-        else:
-            planes = ", ".join(literal(end) for end in (low, high) if end is not None)
-            clip = "above" if high is None else "below" if low is None else "slab"
-            clips = [(f"{clip}(range, {at}, {planes})", clip)] if planes else []
-        steps += [f"    range = {text};" for text, _ in clips]
-        needs |= {name for _, name in clips}
-    needs |= {"u_cone"} if cones else set()
-    text = ["vec2 scene_box(Ray ray, vec2 range) {", *steps, "    return range;", "}"]
-    lines = tuple(Mapped(line, "the scene's bounds", plan.scene.node.where) for line in text)
-    return Chunk("scene box", frozenset(needs), frozenset({"scene_box"}), lines)
 
 
 def _pcg() -> Chunk:

@@ -7,7 +7,32 @@ import numpy as np
 from raymarch.expr.glsl import literal
 from raymarch.plan import Plan
 from raymarch.sdf.facts import Facts
-from raymarch.shader.chunk import Chunk, Lines
+from raymarch.shader.chunk import Chunk, Lines, Mapped
+
+
+def scene_box(plan: Plan) -> Chunk:
+    """The part of a ray inside the scene's box, which is padded so that rounding cannot cut off the surface.
+
+    A cone is inside where any of its points is: its radius u_cone t moves each plane outwards, as if its axis pointed
+    further inwards. For rays u_cone is 0.
+    """
+    steps, needs = [], {"Ray"}
+    cones = plan.marching.cones
+    for axis, low, high in box_ends(plan.scene.node.facts):
+        at = f"ray.origin.{axis}, ray.direction.{axis}"
+        if cones:
+            clips = [(f"above(range, {at} + u_cone, {literal(low)})", "above")] if low is not None else []
+            clips += [(f"below(range, {at} - u_cone, {literal(high)})", "below")] if high is not None else []
+        else:
+            planes = ", ".join(literal(end) for end in (low, high) if end is not None)
+            clip = "above" if high is None else "below" if low is None else "slab"
+            clips = [(f"{clip}(range, {at}, {planes})", clip)] if planes else []
+        steps += [f"    range = {text};" for text, _ in clips]
+        needs |= {name for _, name in clips}
+    needs |= {"u_cone"} if cones else set()
+    text = ["vec2 scene_box(Ray ray, vec2 range) {", *steps, "    return range;", "}"]
+    lines = tuple(Mapped(line, "the scene's bounds", plan.scene.node.where) for line in text)
+    return Chunk("scene box", frozenset(needs), frozenset({"scene_box"}), lines)
 
 
 def scene_cone(plan: Plan) -> Chunk:

@@ -1,4 +1,4 @@
-"""Rays: one through each pixel, and where they meet a box."""
+"""Rays: one through each pixel, where they meet a box, and the footprint of a pixel on a surface."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from raymarch.truth.march import Lines
 
 BOX_MARGIN = 1e-9
 """Relative margin of a box, over its largest coordinate: above rounding errors, far below a pixel."""
+
+MIN_COSINE = 1e-4
+"""Lower bound of the cosine of incidence: at a horizon the footprint would be unbounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,3 +80,22 @@ def _slabs(rays: Rays, box: Facts) -> tuple[NDArray[np.float64], NDArray[np.floa
     near = np.where(d == 0.0, np.where(beside, np.inf, -np.inf), np.fmin(first, last))
     far = np.where(d == 0.0, np.where(beside, -np.inf, np.inf), np.fmax(first, last))
     return near.max(axis=1), far.min(axis=1)
+
+
+def footprint(
+    normals: NDArray[np.float64], directions: NDArray[np.float64], width: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Full axes of the ellipses in which cones of round pixels meet the tangent planes, (N, 3) each.
+
+    normals, directions : unit surface normals and ray directions, (N, 3). width : of the pixel at that depth, (N,).
+    The first axis is perpendicular to the ray and as long as the pixel is wide. The second is longer by 1 / cosine.
+    """
+    minor = np.cross(normals, -directions)
+    size = np.linalg.norm(minor, axis=1, keepdims=True)
+    x, y, z = normals.T
+    none = np.zeros_like(x)
+    other = np.where(np.abs(normals[:, 1:2]) < 0.9, np.stack([z, none, -x], 1), np.stack([none, -z, y], 1))
+    minor = np.where(size < 1e-4, other, minor)
+    minor = minor * (width[:, None] / np.linalg.norm(minor, axis=1, keepdims=True))
+    cosine = np.abs(np.einsum("ij,ij->i", normals, directions))[:, None]
+    return minor, np.cross(normals, minor) / np.maximum(cosine, MIN_COSINE)

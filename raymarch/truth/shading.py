@@ -14,7 +14,6 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
 from raymarch.truth.field import Field
-from raymarch.truth.footprint import footprint
 from raymarch.truth.light import (
     DISC_SAMPLES,
     Incoming,
@@ -26,7 +25,7 @@ from raymarch.truth.light import (
     soft_visibility,
 )
 from raymarch.truth.march import GAP, NOISE
-from raymarch.truth.rays import Rays, unit
+from raymarch.truth.rays import Rays, footprint, unit
 from raymarch.truth.visibility import unblocked
 
 Array = NDArray[np.float64]

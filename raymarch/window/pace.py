@@ -55,13 +55,13 @@ class Pace:
         """The scale of width and height to draw now, from `SMALLEST` to 1."""
         if self._per_pixel is None:
             return UNKNOWN
-        room = max(self.budget * HEADROOM - self.fixed, self.budget * 0.1)
+        available = max(self.budget * HEADROOM - self.fixed, self.budget * 0.1)
         pixels = size[0] * size[1]
         step = self._step
-        if self._cost(step, pixels) > room / HEADROOM:
-            while step < LAST_STEP and self._cost(step, pixels) > room:
+        if self._cost(step, pixels) > available / HEADROOM:
+            while step < LAST_STEP and self._cost(step, pixels) > available:
                 step += 1
-        while step > 0 and self._cost(step - 1, pixels) <= room:
+        while step > 0 and self._cost(step - 1, pixels) <= available:
             step -= 1
         self._step = step
         return _share(step)

@@ -148,7 +148,7 @@ class Picture:
         Returns milliseconds of drawing and of compiling, the draw calls, and the fraction of the picture that was
         drawn.
         """
-        room = max(self.pace.budget - self.pace.fixed, self.pace.budget / 4)
+        available = max(self.pace.budget - self.pace.fixed, self.pace.budget / 4)
         renderer, quality = self._renderer, shot.scene.quality
         self._fit(size)
         if quality.temporal == "accumulate":
@@ -157,7 +157,7 @@ class Picture:
         drawn: list[DrawCall] = []
         passes = renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.passes
         for call in renderer.iterate_draw_calls(
-            shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > room
+            shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > available
         ):
             compiled += call.compile
             spent.append(self._clocked(call.draw, wait=passes > 1))

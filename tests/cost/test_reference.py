@@ -12,7 +12,7 @@ import pytest
 from cost_samples import SIZE, make_scene
 
 import raymarch as rm
-from raymarch.cost import reference as room
+from raymarch.cost import reference as reference_module
 from raymarch.cost.content import content_key
 from raymarch.cost.reference import CACHE_VARIABLE, reference
 
@@ -35,7 +35,7 @@ def test_the_picture_is_the_mean_of_finer_rays(scene, known):
 def test_the_half_is_every_other_ray(scene, known, monkeypatch):
     fine = rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color
     assert known.half[7, 9] == pytest.approx((fine[14, 18] + fine[15, 19]) / 2)
-    monkeypatch.setattr(room, "AT_ONCE", 4 * SIZE[0] * 5)
+    monkeypatch.setattr(reference_module, "AT_ONCE", 4 * SIZE[0] * 5)
     monkeypatch.setenv(CACHE_VARIABLE, "")
     bands = reference(scene, SIZE, samples=4)
     for name in ("picture", "half", "spread"):
@@ -46,13 +46,13 @@ def test_where_nearly_all_is_silhouettes_nearer_ones_count(known):
     assert known.edge_width == 1.0
     lattice = rm.Scene(rm.gyroid() & rm.sphere(2))
     found = reference(lattice, (96, 54), samples=0)
-    assert found.edge_width in room.EDGE_WIDTHS
+    assert found.edge_width in reference_module.EDGE_WIDTHS
     assert (found.hit & ~found.edges).sum() >= 0.5 * found.hit.sum()
     assert reference(rm.Scene(rm.mandelbulb()), (48, 27), samples=0).edge_width == 1.0
 
 
 def test_it_is_computed_once(known, monkeypatch):
-    monkeypatch.setattr(room, "_compute", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr(reference_module, "_compute", lambda *_: pytest.fail("computed again"))
     again = reference(make_scene(), SIZE, samples=4)
     assert np.array_equal(again.depth, known.depth)
     assert (again.samples, again.pixel) == (4, known.pixel)
@@ -162,7 +162,7 @@ def test_geometry_alone(scene, known):
 
 def test_geometry_is_that_of_every_quality(scene, known, monkeypatch):
     reference(scene, SIZE, samples=0)
-    monkeypatch.setattr(room, "_compute", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr(reference_module, "_compute", lambda *_: pytest.fail("computed again"))
     other = make_scene()
     other = other.replace(quality=rm.Quality.preset("exact"))
     assert np.array_equal(reference(other, SIZE, samples=0).depth, known.depth)

@@ -10,7 +10,7 @@ import pytest
 from cost_samples import SIZE, FakeRenderer
 
 import raymarch as rm
-from raymarch.cost import search as room
+from raymarch.cost import search as searching
 from raymarch.cost.errors import check_followed, measure
 from raymarch.cost.reference import reference
 from raymarch.cost.search import LADDER, REPEATS, for_error, for_time, parse_error, parse_time
@@ -142,10 +142,10 @@ def test_a_picture_must_keep_the_error_with_what_the_truth_may_be_off_by(scene, 
     """The renderer draws the true picture itself, so that all of the error is the truth's."""
     renderer = FakeRenderer(known)
     doubt = {4: 0.2, 16: 0.1}
-    monkeypatch.setattr(room, "TRUTH_SAMPLES", tuple(doubt))
-    monkeypatch.setattr(room, "picture_doubt", lambda found: doubt[found.samples])
+    monkeypatch.setattr(searching, "TRUTH_SAMPLES", tuple(doubt))
+    monkeypatch.setattr(searching, "picture_doubt", lambda found: doubt[found.samples])
     asked = []
-    monkeypatch.setattr(room, "reference", lambda *args: asked.append(args[4]) or replace(known, samples=args[4]))
+    monkeypatch.setattr(searching, "reference", lambda *args: asked.append(args[4]) or replace(known, samples=args[4]))
     assert for_error(scene, "flip:0.7", SIZE, renderer=renderer).error == pytest.approx(0.2)
     assert asked == [4]
     assert for_error(scene, "flip:0.3", SIZE, renderer=renderer).error == pytest.approx(0.1)

@@ -14,7 +14,7 @@ from raymarch import glsl
 from raymarch.expr.hashing import PCG_GLSL, pcg
 from raymarch.gpu import draw_calls
 from raymarch.gpu.context import Context
-from raymarch.gpu.jitter import halton, r2
+from raymarch.gpu.draw_calls import halton, r2
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.targets import Target

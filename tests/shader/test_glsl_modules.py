@@ -115,6 +115,6 @@ def test_names_that_are_given_twice_are_alternatives() -> None:
     for name in MODULES:
         for given in glsl.load(name).gives:
             givers.setdefault(given, []).append(name)
-    rooms = {frozenset(name.split("/")[0] for name in names) for names in givers.values() if len(names) > 1}
-    alone = {frozenset({room}) for room in ("march", "normal", "view", "material", "light", "probe", "temporal")}
-    assert rooms <= alone | {frozenset({"view", "temporal"})}
+    packages = {frozenset(name.split("/")[0] for name in names) for names in givers.values() if len(names) > 1}
+    alone = {frozenset({package}) for package in ("march", "normal", "view", "material", "light", "probe", "temporal")}
+    assert packages <= alone | {frozenset({"view", "temporal"})}
