@@ -22,7 +22,7 @@ from raymarch.gpu.reports import LEEWAY, SURFACE, Fault, Pixel, Report, Vector, 
 from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import draw_in_tiles
 from raymarch.plan.probe import Probing, plan_faults, plan_slopes
-from raymarch.scene.parameter import set_values
+from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.node import Node
 
@@ -97,7 +97,7 @@ def probe(
     scene: Scene,
     size: tuple[int, int] = (160, 90),
     time: float = 0.0,
-    params: Mapping[str, Any] | None = None,
+    params: Mapping[str, ParamValue] | None = None,
     backend: str = "auto",
 ) -> Probe:
     """Check every node of a scene along the rays of its picture.
@@ -111,7 +111,9 @@ def probe(
         return probe_with(renderer, scene, time, params)
 
 
-def probe_with(renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None) -> Probe:
+def probe_with(
+    renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, ParamValue] | None = None
+) -> Probe:
     """As `probe`, on an existing renderer."""
     check_scene("probe", scene)
     values = find_faults(renderer, scene, time, params).reports
@@ -127,7 +129,7 @@ def find_faults(
     renderer: Renderer,
     scene: Scene,
     time: float = 0.0,
-    params: Mapping[str, Any] | None = None,
+    params: Mapping[str, ParamValue] | None = None,
     progress: Progress | None = None,
 ) -> Faults:
     """Find the first faulty value of each pixel, and its node."""
@@ -159,7 +161,7 @@ def find_slopes(
     renderer: Renderer,
     scene: Scene,
     time: float = 0.0,
-    params: Mapping[str, Any] | None = None,
+    params: Mapping[str, ParamValue] | None = None,
     progress: Progress | None = None,
 ) -> Slopes:
     """Measure the slopes of each node along the rays."""
@@ -221,7 +223,9 @@ def _sites(arrays: Sequence[NDArray[np.float32]]) -> list[int]:
 class _Drawing:
     """The program of a probe and its uniforms, for several draws."""
 
-    def __init__(self, renderer: Renderer, probing: Probing, time: float, params: Mapping[str, Any] | None) -> None:
+    def __init__(
+        self, renderer: Renderer, probing: Probing, time: float, params: Mapping[str, ParamValue] | None
+    ) -> None:
         self.probing = probing
         made = probing.plan
         self.ready: Prepared = assembled(made)

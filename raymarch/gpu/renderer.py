@@ -28,7 +28,7 @@ from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.plan import lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.legal import violations
-from raymarch.scene.parameter import Values, set_values
+from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 
 Progress = Callable[[float], None]
@@ -129,7 +129,7 @@ class Renderer:
         self,
         scene: Scene,
         time: float = 0.0,
-        params: Mapping[str, Any] | None = None,
+        params: Mapping[str, ParamValue] | None = None,
         outputs: Sequence[str] = ("color",),
         progress: Progress | None = None,
         pose: Pose | None = None,
@@ -169,7 +169,7 @@ class Renderer:
         self,
         scene: Scene,
         time: float,
-        params: Mapping[str, Any] | None,
+        params: Mapping[str, ParamValue] | None,
         outputs: Sequence[str],
         progress: Progress | None,
         pose: Pose | None,
@@ -239,7 +239,7 @@ class Renderer:
         self,
         scene: Scene,
         time: float = 0.0,
-        params: Mapping[str, Any] | None = None,
+        params: Mapping[str, ParamValue] | None = None,
         outputs: Sequence[str] = ("color",),
         pose: Pose | None = None,
         cut: Slice | None = None,
@@ -255,7 +255,7 @@ class Renderer:
         self,
         scene: Scene,
         time: float = 0.0,
-        params: Mapping[str, Any] | None = None,
+        params: Mapping[str, ParamValue] | None = None,
         outputs: Sequence[str] = ("color",),
         pose: Pose | None = None,
         enough: Callable[[], bool] | None = None,
@@ -278,7 +278,9 @@ class Renderer:
         while len(self._prepared) > max(PLANNED, self.kept // 4):
             self._prepared.popitem(last=False)
 
-    def _values(self, scene: Scene, params: Mapping[str, Any] | None, time: float, outputs: Sequence[str]) -> Values:
+    def _values(
+        self, scene: Scene, params: Mapping[str, ParamValue] | None, time: float, outputs: Sequence[str]
+    ) -> Values:
         return set_values(self._prepare(scene, outputs).plan.parameters, params, time, scene.where)
 
     def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
@@ -456,7 +458,7 @@ def render(
     scene: Scene,
     size: tuple[int, int] = (640, 360),
     time: float = 0.0,
-    params: Mapping[str, Any] | None = None,
+    params: Mapping[str, ParamValue] | None = None,
     backend: str = "auto",
     strict: bool = False,
 ) -> Image.Image:

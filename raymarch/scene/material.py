@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import plain
-from raymarch.expr.node import Expr, expr
+from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import free_variables, rebuild, rewrite
-from raymarch.scene.material_values import check_map_sizes, material_value
+from raymarch.scene.material_values import ColorOrTexture, FloatOrTexture, check_map_sizes, material_value
 from raymarch.scene.relief import FLAT, bump_gradient, height_field
 from raymarch.scene.texture import Texture
 from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import Scalar
 from raymarch.sdf.lower import POSITION, depends_on_interaction
 
 PHONG = ("color", "shininess", "specular", "ambient")
@@ -93,24 +95,24 @@ class Material(Value):
 
     def __init__(
         self,
-        color: Any = None,
-        shininess: Any = None,
-        specular: Any = None,
-        ambient: Any = None,
+        color: ColorOrTexture | None = None,
+        shininess: FloatOrTexture | None = None,
+        specular: FloatOrTexture | None = None,
+        ambient: FloatOrTexture | None = None,
         *,
-        albedo: Any = None,
-        metalness: Any = None,
-        roughness: Any = None,
-        f0: Any = None,
-        emission: Any = None,
-        transmission: Any = None,
-        ior: Any = None,
-        absorption: Any = None,
-        normal: Any = None,
-        normal_strength: Any = 1.0,
-        height: Any = None,
-        height_scale: Any = 0.02,
-        occlusion: Any = None,
+        albedo: ColorOrTexture | None = None,
+        metalness: FloatOrTexture | None = None,
+        roughness: FloatOrTexture | None = None,
+        f0: ColorOrTexture | None = None,
+        emission: ColorOrTexture | None = None,
+        transmission: FloatOrTexture | None = None,
+        ior: FloatOrTexture | None = None,
+        absorption: ColorOrTexture | None = None,
+        normal: Texture | None = None,
+        normal_strength: Scalar = 1.0,
+        height: Texture | Callable[[Expr], Operand] | Expr | None = None,
+        height_scale: Scalar = 0.02,
+        occlusion: FloatOrTexture | None = None,
     ) -> None:
         self._begin()
         if isinstance(color, Expr) and color is albedo:  # `replace` of a physical material passes both
@@ -177,7 +179,7 @@ class Material(Value):
         return self._given["normal"]
 
     @property
-    def normal_strength(self) -> Any:
+    def normal_strength(self) -> Scalar:
         """Factor of the slopes of the normal map."""
         return self._given["normal_strength"]
 
@@ -187,7 +189,7 @@ class Material(Value):
         return self._given["height"]
 
     @property
-    def height_scale(self) -> Any:
+    def height_scale(self) -> Scalar:
         """Factor of the heights."""
         return self._given["height_scale"]
 

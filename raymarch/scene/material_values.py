@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,14 +13,20 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.convert import called
-from raymarch.expr.node import Expr, expr
+from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number, as_vec3
 from raymarch.scene.texture import Texture, share_projection
-from raymarch.sdf.domain import as_operand
+from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 from raymarch.sdf.lower import POSITION, depends_on_interaction
+
+FloatOrTexture: TypeAlias = Scalar | Texture | Callable[[Expr], Operand]
+"""A number, a texture, or a function of the point."""
+
+ColorOrTexture: TypeAlias = ColorLike | Scalar | Texture | Callable[[Expr], Operand]
+"""Linear RGB or one number for all three channels, a texture, or a function of the point."""
 
 _PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
 """Points at which patterns are checked. A pattern that is legal at none of them is refused, others are clamped."""

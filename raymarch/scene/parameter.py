@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from raymarch.expr.walk import find, free_variables
 from raymarch.sdf.domain import as_operand, unit
 
 Value = float | tuple[float, ...]
+
+ParamValue: TypeAlias = float | Sequence[float] | NDArray[Any]
+"""A number, or 2 to 4 of them as a sequence or an array."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +89,9 @@ def _plain(value: Any, what: str, where: Location | None = None) -> Value:
 
 def Param(
     name: str,
-    value: float | Sequence[float] | NDArray[Any],
-    min: float | Sequence[float] | NDArray[Any] | None = None,
-    max: float | Sequence[float] | NDArray[Any] | None = None,
+    value: ParamValue,
+    min: ParamValue | None = None,
+    max: ParamValue | None = None,
 ) -> Expr:
     """A named value that can change without a recompile.
 
@@ -162,7 +165,10 @@ class Values:
 
 
 def set_values(
-    specs: Mapping[str, Spec], given: Mapping[str, Any] | None = None, time: float = 0.0, where: Location | None = None
+    specs: Mapping[str, Spec],
+    given: Mapping[str, ParamValue] | None = None,
+    time: float = 0.0,
+    where: Location | None = None,
 ) -> Values:
     """Default values with some replaced. SceneError for an unknown name or a value out of range.
 

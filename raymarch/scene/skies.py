@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from os import PathLike
-from typing import Any
 
 import numpy as np
 
@@ -92,16 +91,22 @@ class SunSky(Sky):
         Sky.__init__(self, color, light)
         self._set(direction=towards, turbidity=haze, intensity=factor, ground=low)
 
-    def sun(self, intensity: Scalar = 3.0, **parts: Any) -> Sun:
+    def sun(
+        self,
+        intensity: Scalar = 3.0,
+        shadow: bool = False,
+        softness: Scalar = 0.0,
+        penumbra: str = "two-sided",
+    ) -> Sun:
         """The sun as a light: white at the zenith, red at the horizon.
 
         intensity : factor >= 0, multiplied by the intensity of the sky.
-        parts : `shadow`, `softness` and `penumbra` of the `Sun`.
+        shadow, softness, penumbra : see `Sun`.
         """
         up = max(self.direction.y, 0.0)
         through = exp(expr((-0.06, -0.12, -0.28)) / (up + 0.1))
         factor = as_number("SunSky.sun: intensity", intensity, low=0.0)
-        return Sun(self.direction, through, factor * self.intensity, **parts)
+        return Sun(self.direction, through, factor * self.intensity, shadow, softness, penumbra)
 
 
 @value

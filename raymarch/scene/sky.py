@@ -10,11 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.convert import called, switch
-from raymarch.expr.node import Expr, expr, var
+from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import max
 from raymarch.expr.walk import free_variables
@@ -45,7 +46,7 @@ class Sky(Value):
     color: Expr
     light: bool
 
-    def __init__(self, color: ColorLike | Callable[[Expr], Any] = (0.5, 0.65, 0.85), light: bool = False) -> None:
+    def __init__(self, color: ColorLike | Callable[[Expr], Operand] = (0.5, 0.65, 0.85), light: bool = False) -> None:
         self._begin()
         self._set(light=switch(f"{type(self).__name__}: light", light), color=_radiance(color))
 
@@ -67,7 +68,7 @@ class Sky(Value):
         """All values that may depend on parameters or time."""
         return [self.radiance]
 
-    def radiance_along(self, directions: Any, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
+    def radiance_along(self, directions: NDArray[Any], values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Radiance along unit directions, linear RGB, (N, 3) -> (N, 3), float64."""
         with bound(values.params, values.time):
             color = evaluator([self.radiance], [DIRECTION])(np.asarray(directions, np.float64))[0]

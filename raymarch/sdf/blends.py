@@ -17,6 +17,7 @@ from raymarch.expr.function import function
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, exp2, length, log2, max, min, mod, round, sqrt, vec2
+from raymarch.sdf.domain import Scalar
 
 __all__ = ["FAMILIES", "Family"]
 
@@ -173,7 +174,7 @@ def reach_of(family: Family, n: int, k: Any) -> Expr:
     return expr(k) * const(family.margin(n))
 
 
-def fold_all(family: Family, values: Sequence[Expr], k: Expr) -> Expr:
+def fold_all(family: Family, values: Sequence[Expr], k: Scalar) -> Expr:
     """The blend of any number of distances, in a balanced tree."""
     row = list(values)
     while len(row) > 1:

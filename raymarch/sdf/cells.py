@@ -131,7 +131,7 @@ def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr
 
 
 def repeat_varied(
-    build: Callable[[Any], Node], spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None
+    build: Callable[[Expr], Node], spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None
 ) -> Node:
     """Copies at a spacing along the axes that differ from cell to cell.
 

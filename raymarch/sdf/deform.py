@@ -16,7 +16,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
-from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, vec2, vec3
+from raymarch.expr.vocabulary import abs, clamp, cos, length, max, min, sin, sqrt, vec2, vec3
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
@@ -55,12 +55,12 @@ def _check_reach(axes: str) -> Any:
     return check
 
 
-def _joined(distance: Expr, value: Expr, slope: Expr) -> Expr:
+def _joined(distance: Expr, value: Expr, slope: Scalar) -> Expr:
     """The distance to the reach combined with the field there, before the field is divided by `slope`."""
     return length(vec2(slope * distance, max(value, 0.0))) + min(value, 0.0)
 
 
-def twist_slope(rate: Expr, reach: Expr) -> Expr:
+def twist_slope(rate: Scalar, reach: Scalar) -> Expr:
     """Largest stretch of a twist: the larger singular value of the shear that it is at a radius."""
     m = abs(rate) * reach
     return 0.5 * (m + sqrt(m * m + 4.0))
@@ -126,7 +126,7 @@ def bend(node: Node, rate: Scalar = 0.5) -> Node:
     return bend_about_z(node, rate, _reach(node, "bend", "xy"))
 
 
-def taper_slope(rate: Expr, reach: Expr, low: Expr, high: Expr) -> Expr:
+def taper_slope(rate: Scalar, reach: Scalar, low: Scalar, high: Scalar) -> Expr:
     """Largest singular value of (x, y) -> (x / s(y), y), with x / s(y) up to reach times the widest over s."""
     bottom, top = 1.0 + rate * low, 1.0 + rate * high
     least, most = min(bottom, top), max(bottom, top)

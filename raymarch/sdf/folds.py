@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import LARGEST, called, numbers, short
@@ -18,7 +19,7 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, rotation2, vec3
 from raymarch.sdf.definition import Child, at_least, operator, shape
-from raymarch.sdf.domain import Count, Domain, Factor, as_operand
+from raymarch.sdf.domain import Count, Domain, Factor, Scalar, as_operand
 from raymarch.sdf.node import Node
 
 __all__ = ["ball_fold", "box_fold", "fold_fractal", "plane_fold"]
@@ -55,7 +56,7 @@ def ball_fold(z: Operand, growth: Operand, inner: Operand = 0.5, outer: Operand 
     return turn * at, turn * grown
 
 
-def _steps(fold: Fold, p: Expr, bailout: Expr, iterations: int) -> tuple[Expr, Expr]:
+def _steps(fold: Fold, p: Expr, bailout: Scalar, iterations: int) -> tuple[Expr, Expr]:
     def step(i: Expr, z: Expr, growth: Expr) -> tuple[Any, Any]:
         made = called("fold_fractal: fold", fold, z, growth, p, legal="a function from (z, growth, p) to (z, growth)")
         if not isinstance(made, tuple | list) or len(made) != 2:
@@ -122,7 +123,7 @@ def folded_solid(
 def fold_fractal(
     fold: Fold,
     solid: Node | None = None,
-    bounds: float | Sequence[Any] = 2.0,
+    bounds: float | Sequence[Sequence[float]] | NDArray[Any] = 2.0,
     iterations: int = 8,
     bailout: float = 100.0,
 ) -> Node:

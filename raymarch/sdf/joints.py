@@ -13,7 +13,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import length, max, min, mix, vec2
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
-from raymarch.sdf.domain import Positive, Share
+from raymarch.sdf.domain import Positive, Scalar, Share
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
@@ -94,22 +94,22 @@ def complement(p: Expr, child: Child) -> Expr:
     return -child(p)
 
 
-def pipe(a: Node, b: Node, radius: Any = 0.1) -> Node:
+def pipe(a: Node, b: Node, radius: Scalar = 0.1) -> Node:
     """A tube of a radius > 0 along the line where the surfaces of two solids meet. A bound."""
     return pipe_along([a, b], radius)
 
 
-def engrave(a: Node, b: Node, depth: Any = 0.1) -> Node:
+def engrave(a: Node, b: Node, depth: Scalar = 0.1) -> Node:
     """The first solid with a V-shaped line of a depth > 0 where the second's surface meets it. A bound."""
     return engraved([a, b], depth)
 
 
-def groove(a: Node, b: Node, depth: Any = 0.1, width: Any = 0.1) -> Node:
+def groove(a: Node, b: Node, depth: Scalar = 0.1, width: Scalar = 0.1) -> Node:
     """The first solid with a channel of a depth and full width > 0 along the second's surface. A bound."""
     return grooved([a, b], depth, width)
 
 
-def tongue(a: Node, b: Node, height: Any = 0.1, width: Any = 0.1) -> Node:
+def tongue(a: Node, b: Node, height: Scalar = 0.1, width: Scalar = 0.1) -> Node:
     """The first solid with a rib of a height and full width > 0 along the second's surface. A bound."""
     return tongued([a, b], height, width)
 
@@ -120,6 +120,6 @@ def xor(a: Node, b: Node) -> Node:
     return exclusive([a, b])
 
 
-def morph(a: Node, b: Node, amount: Any = 0.5) -> Node:
+def morph(a: Node, b: Node, amount: Scalar = 0.5) -> Node:
     """A solid between two others: the first for amount 0, the second for 1. A bound."""
     return between([a, b], amount)

@@ -15,6 +15,9 @@ from raymarch.sdf.pickling import Same, pickled, remake, same
 from raymarch.sdf.registry import METHODS
 
 if TYPE_CHECKING:
+    import os
+
+    from raymarch.expr.node import Expr, Operand
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
 
@@ -226,7 +229,9 @@ class Node:
         """Elongate along the axes: the section through the origin is extruded, the ends keep their shape."""
         return self._call("elongate", extent)
 
-    def displace_by_image(self, source: Any, size: Vector | Scalar = (2.0, 2.0), height: Scalar = 0.2) -> Node:
+    def displace_by_image(
+        self, source: str | os.PathLike[str] | ArrayLike, size: Vector | Scalar = (2.0, 2.0), height: Scalar = 0.2
+    ) -> Node:
         """Displace along the normals by an image over the xz plane; see `raymarch.displace_by_image`."""
         return self._call("displace_by_image", source, size, height)
 
@@ -235,7 +240,7 @@ class Node:
         return self._call("displace_by_noise", amplitude, frequency, octaves)
 
     def displace_by(
-        self, function: Callable[[Any], Any], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
+        self, function: Callable[[Expr], Operand], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
     ) -> Node:
         """Displace along the normals by a function of the point; see `raymarch.sdf.displace_by`."""
         return self._call("displace_by", function, amplitude, lipschitz)

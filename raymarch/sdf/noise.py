@@ -20,7 +20,7 @@ from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, function, sum_of, trace
 from raymarch.expr.hashing import hash
 from raymarch.expr.intervals import INTERVALS, interval_of
-from raymarch.expr.node import Expr, expr
+from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
 from raymarch.expr.walk import find
@@ -36,7 +36,7 @@ Octaves = Annotated[int, Domain(None, low=1, high=16, unit="count")]
 OfPoint = Annotated[Any, Domain(None, holds=Function)]
 
 
-def _displaced(distance: Expr, displacement: Expr, amplitude: Expr, slope: Expr) -> Expr:
+def _displaced(distance: Expr, displacement: Expr, amplitude: Scalar, slope: Scalar) -> Expr:
     return max((distance + displacement) / (1.0 + slope), distance - amplitude)
 
 
@@ -126,7 +126,7 @@ def displaced(
 
 @method
 def displace_by(
-    node: Node, function: Callable[[Any], Any], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
+    node: Node, function: Callable[[Expr], Operand], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
 ) -> Node:
     """Displace along the normals by a function of the point.
 

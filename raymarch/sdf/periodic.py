@@ -15,7 +15,7 @@ from typing import Any
 from raymarch.expr.node import Expr, swizzle
 from raymarch.expr.vocabulary import abs, cos, dot, sin, sqrt
 from raymarch.sdf.definition import EVERYWHERE, Rule, shape
-from raymarch.sdf.domain import Positive, require, shown
+from raymarch.sdf.domain import Positive, Scalar, require, shown
 
 __all__ = ["gyroid", "lidinoid", "neovius", "schwarz_d", "schwarz_p"]
 
@@ -29,7 +29,7 @@ def _level(f: Expr, steepest: float, largest: float) -> Expr:
     return (largest / math.sqrt(steepest)) * u * (1.0 + square * (1.0 / 6.0 + square * 0.075))
 
 
-def _wall(level: Expr, period: Expr, thickness: Expr) -> Expr:
+def _wall(level: Expr, period: Scalar, thickness: Scalar) -> Expr:
     return abs(level) * (period / _TURN) - 0.5 * thickness
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,7 +67,7 @@ def translate(p: Expr, child: Child, offset: Vec3) -> Expr:
     return child(p - offset)
 
 
-def rotation_matrix(axis: Expr, angle: Expr) -> Expr:
+def rotation_matrix(axis: Expr, angle: Scalar) -> Expr:
     """Rotation about a unit axis, counter-clockwise seen from its tip (Rodrigues 1840), for column vectors."""
     c, s = cos(angle), sin(angle)
     x, y, z = axis
@@ -163,7 +163,7 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
     """
     value = as_operand("scale: factor", factor, "a number > 0, or one for each axis")
     if value.type is FLOAT:
-        return scale_evenly(node, factor)
+        return scale_evenly(node, cast(Scalar, factor))
     if value.is_constant and value.type.is_vector and np.all(value.data == value.data[0]):
         return scale_evenly(node, float(value.data[0]))
     return scale_axes(node, factor)

@@ -24,7 +24,7 @@ from raymarch.expr.node import Expr, const, swizzle
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs, all_of, dot, length, max, min, sqrt, vec3, where
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Positive
+from raymarch.sdf.domain import Positive, Scalar
 
 __all__ = [
     "cuboctahedron",
@@ -140,7 +140,7 @@ class Solid:
         """Bounds; on each axis they reach equally far to both sides."""
         return cube(tuple(self.vertices().max(axis=0)) * radius)
 
-    def distance(self, p: Expr, radius: Expr) -> Expr:
+    def distance(self, p: Expr, radius: Scalar) -> Expr:
         """Signed distance for vertices on a sphere of the radius."""
         from_vertex = self.mirrors.fold(p) - const(self.vertex) * radius
         faces = self.faces()

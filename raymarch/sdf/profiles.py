@@ -28,7 +28,7 @@ __all__ = ["EASINGS", "elongate", "extrude", "extrude_to", "offset", "revolve", 
 # Extrusion
 
 
-def _prism(profile: Expr, z: Expr, height: Expr) -> Expr:
+def _prism(profile: Expr, z: Expr, height: Scalar) -> Expr:
     """What two fields at right angles share: a profile in the xy plane, and the slab |z| <= height / 2."""
     over = vec2(profile, abs(z) - 0.5 * height)
     return length(max(over, 0.0)) + min(max(over.x, over.y), 0.0)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.scene.parameter import set_values
+from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
 from raymarch.truth.rays import camera_rays
@@ -26,7 +26,7 @@ LIMIT = 20_000
 
 
 def floor_evaluations(
-    scene: Scene, size: tuple[int, int] = (160, 90), time: float = 0.0, params: Mapping[str, Any] | None = None
+    scene: Scene, size: tuple[int, int] = (160, 90), time: float = 0.0, params: Mapping[str, ParamValue] | None = None
 ) -> NDArray[np.int64]:
     """N*, the least number of field evaluations that decide a single ray, in float64.
 

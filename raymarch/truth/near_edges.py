@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.parameter import set_values
+from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 from raymarch.truth.compare import silhouettes
 from raymarch.truth.rays import Rays, camera_rays, unit
@@ -25,7 +24,7 @@ def silhouettes_within(
     pixels: NDArray[np.bool_],
     spacing: float,
     time: float = 0.0,
-    params: Mapping[str, Any] | None = None,
+    params: Mapping[str, ParamValue] | None = None,
 ) -> NDArray[np.bool_]:
     """Mask of the requested pixels with an edge within `spacing` pixels of their centre.
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.convert import short
 from raymarch.scene.camera import Pose
-from raymarch.scene.parameter import Values, set_values
+from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth.field import Field
 from raymarch.truth.rays import Rays, camera_rays
@@ -83,7 +83,7 @@ def truth(
     scene: Scene,
     size: tuple[int, int] = (640, 360),
     time: float = 0.0,
-    params: Mapping[str, Any] | None = None,
+    params: Mapping[str, ParamValue] | None = None,
     outputs: Sequence[str] = OUTPUTS,
 ) -> Truth:
     """Trace a scene in float64 on the CPU.
