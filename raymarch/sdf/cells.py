@@ -39,9 +39,9 @@ __all__ = ["repeat_varied"]
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Which indices the cells of one repetition have, along each axis; infinite where there is no end.
+    """The range of indices of the cells of one repetition along each axis; infinite without a limit.
 
-    key : of this repetition, and of no other; also where it comes back from another process.
+    key : unique to this repetition, also after unpickling in another process.
     """
 
     low: tuple[float, float, float]
@@ -50,7 +50,7 @@ class Cells:
 
     @property
     def index(self) -> Expr:
-        """What stands for the index of a cell of this repetition, and of no other."""
+        """The expression of the index of a cell, unique to this repetition."""
         return make("cell", VEC3, (), self)
 
 
@@ -60,7 +60,7 @@ CellsOf = Annotated[Any, Domain(None, holds=Cells)]
 
 
 def _reach(spacing: Expr, counts: Sequence[int]) -> Expr:
-    """From the origin to the middle of the outermost cells."""
+    """Offsets from the origin to the centres of the outermost cells."""
     return vec3(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in counts]) * spacing
 
 
@@ -122,7 +122,7 @@ def _limited(cell: Expr, n: int) -> Expr:
 
 
 def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr | None]]) -> Expr:
-    """The child of one cell. For a neighbour the value is at least the distance to its cell."""
+    """The child of one cell. For a neighbour, the value is at least the distance to the neighbour's cell."""
     asked = child(construct(*[q for q, _, _ in choice]))
     index = construct(*[cell for _, cell, _ in choice])
     distance = make(asked.op, asked.type, (*asked.args, cells.index, index), asked.data)
@@ -141,7 +141,7 @@ def repeat_varied(
         integers; along an axis with n cells it runs from -(n // 2) to (n - 1) // 2. Any parameter of any node may
         depend on it. `raymarch.hash(index)` gives a number from 0 to 1 for each cell.
     spacing : a length > 0 for each of x, y and z, or one number for all. None means no repetition along that axis.
-    count : number of cells, about the origin: one number, or one for each axis. None means infinitely many.
+    count : number of cells, centred on the origin: one number, or one for each axis. None means infinitely many.
 
     Facts hold for every index. A value that depends on the index must have a finite range: with infinitely many cells
     use sin, mod or clamp. The solid must fit its cell, from -spacing/2 to spacing/2, for every index.

@@ -1,10 +1,11 @@
-"""Copies around an axis, in mirrored cells, and in a stretch of cells.
+"""Copies around an axis, in mirrored cells, and in a range of cells.
 
-The number of evaluations of the child follows from its box and its symmetry. Around an axis, take a point s of a copy
-two or more sectors away from a point p, or in the farther one of the two neighbours. Rotated towards p by whole sectors
-it is a point of the own or of the nearer copy, at the same radius and height and at a smaller angle from p, hence
-nearer. So two evaluations are exact if each copy stays in its sector. One is exact if the child is also symmetric about
-the half-plane in the middle of its sector. A child that extends beyond its sector is evaluated for every copy.
+The number of evaluations of the child follows from its box and its symmetry. Around an axis, let s be a point of a copy
+two or more sectors away from a point p, or in the farther of the two neighbours. Rotated towards p by whole sectors, s
+becomes a point of the own copy or of the nearer neighbour, at the same radius and height and at a smaller angle from p,
+so it is nearer. Two evaluations are therefore exact if each copy stays in its sector. One is exact if the child is also
+symmetric about the half-plane in the middle of its sector. A child that extends beyond its sector is evaluated for
+every copy.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ __all__ = ["polar", "repeat_interval", "repeat_mirrored"]
 # Around the y axis
 
 OWN, NEARER, GUARDED, ALL = range(4)
-"""What is asked: the own copy; the nearer neighbour too; besides, the distance to the sectors that are not asked, for a
-field that is only a bound and might rank copies wrongly; every copy."""
+"""The copies that are evaluated: the own copy; also the nearer neighbour; also the distance to all other sectors, for a
+field that is only a bound and may order copies wrongly; every copy."""
 
 Asked = Annotated[int, Domain(None, low=OWN, high=ALL)]
 
@@ -50,13 +51,13 @@ UNBOUNDED = 1e30
 
 
 def _turned(p: Expr, angle: Expr) -> Expr:
-    """The point before it was turned about y by an angle from x towards z."""
+    """The point rotated back about y by an angle from x towards z."""
     c, s = cos(angle), sin(angle)
     return vec3(c * p.x + s * p.z, p.y, c * p.z - s * p.x)
 
 
 def _polar_bounds(child: ChildFacts, count: int, asked: int, **_: Any) -> tuple[Expr, Expr]:
-    """The boxes of all copies; of very many, the cylinder that they stand in."""
+    """The box of all copies; for very many copies, that of the cylinder which contains them."""
     if count > MANY or asked == GUARDED:
         corner = max(absolute(child.lower), absolute(child.upper))
         reach = length(corner.xz)
@@ -66,12 +67,12 @@ def _polar_bounds(child: ChildFacts, count: int, asked: int, **_: Any) -> tuple[
 
 
 def _polar_spread(child: ChildFacts, asked: int, **_: Any) -> Any:
-    """A box may turn its corner to the side. With a guard, the field is no less than the distance to the ring."""
+    """Rotation can move a corner of a box to the side. With a guard, the field is at least the distance to the ring."""
     return 1.0 if asked == GUARDED else math.sqrt(2.0) * child.spread
 
 
 def _polar_symmetry(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> str:
-    """Mirror planes stand in the middle of the sectors and between them, if the child has one in its middle."""
+    """If the child has a mirror plane in its middle, the copies have mirror planes in and between the sectors."""
     kept = "y" if "y" in child.symmetry else ""
     if asked != OWN or not middle.is_constant:
         return kept
@@ -81,7 +82,7 @@ def _polar_symmetry(child: Facts, count: int, middle: Expr, asked: int, ring: Ex
 
 
 def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> None:
-    """SceneError if the evaluated copies do not suffice for the child."""
+    """SceneError if too few copies are evaluated for the child."""
     if asked == ALL:
         return
     own_middle, half = _wedge(child)
@@ -111,7 +112,7 @@ def polar_sectors(
     """Copies in equal sectors about the y axis.
 
     middle : angle, from x towards z, of the half-plane in the middle of the child's sector. asked : see `OWN`.
-    ring : inner and outer radius, middle and half the height of the ring that all copies lie in.
+    ring : inner and outer radius, middle and half the height of the ring that contains all copies.
     """
     sector = math.tau / count
     if asked == ALL:
@@ -168,7 +169,7 @@ def polar(node: Node, count: int = 6) -> Node:
 
 
 def _ring(facts: Facts) -> tuple[float, float, float, float]:
-    """Inner and outer radius, middle and half the height of the ring that a box takes when it is turned about y."""
+    """Inner and outer radius, middle and half the height of the ring that a box sweeps when it rotates about y."""
     low, high = facts.lower[[0, 2]], facts.upper[[0, 2]]
     nearest = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0))
     farthest = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))
@@ -183,7 +184,7 @@ def _largest(half: float) -> int:
 
 
 def _wedge(facts: Facts) -> tuple[float, float]:
-    """The middle, and half the opening, of the wedge about the y axis that a box stands in."""
+    """The middle and half the opening of the wedge about the y axis that contains a box."""
     (x0, z0), (x1, z1) = facts.lower[[0, 2]], facts.upper[[0, 2]]
     if (x0 <= 0.0 <= x1 and z0 <= 0.0 <= z1) or not np.all(np.isfinite([x0, x1, z0, z1])):
         return 0.0, math.pi
@@ -197,7 +198,7 @@ def _wedge(facts: Facts) -> tuple[float, float]:
 
 
 def _mirrors_itself(facts: Facts, middle: float) -> bool:
-    """True if the field is known to be its own image in the half-plane at an angle."""
+    """True if the field is known to be symmetric about the half-plane at an angle."""
     quarter = middle / (0.5 * math.pi)
     if abs(quarter - np.round(quarter)) > 1e-12:
         return False
@@ -208,7 +209,7 @@ def _mirrors_itself(facts: Facts, middle: float) -> bool:
 
 
 def _mirrored_bounds(child: ChildFacts, spacing: Expr, nx: int, ny: int, nz: int) -> tuple[Expr, Expr]:
-    """The first and the last copy, mirrored if they stand in an odd cell."""
+    """The box of the first and the last copy, which are mirrored in odd cells."""
     counts = (nx, ny, nz)
     low, high = [], []
     for i, n in enumerate(counts):
@@ -219,12 +220,12 @@ def _mirrored_bounds(child: ChildFacts, spacing: Expr, nx: int, ny: int, nz: int
 
 
 def _mirrored_symmetry(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> str:
-    """An even number is symmetric about the wall in its middle, whatever the child."""
+    """An even number of cells is symmetric about the wall in its middle, for any child."""
     return "".join(a for a, n in zip("xyz", (nx, ny, nz), strict=True) if a in child.symmetry or (n and n % 2 == 0))
 
 
 def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> Exactness:
-    """A copy that touches the wall of its cell grows together with its image."""
+    """A copy that touches the wall of its cell merges with its mirror image."""
     mirrored = np.array([n != 1 for n in (nx, ny, nz)])
     touching = 2.0 * np.maximum(-child.lower, child.upper) >= interval_of(spacing)[0]
     return "bound" if np.any(mirrored & touching) else "exact"
@@ -266,11 +267,11 @@ def repeat_mirrored(
     ----------
     spacing : width > 0 of the cells along x, y and z, or one number for all. The origin is the centre of the solid's
         own cell. None means no repetition along that axis.
-    count : number of cells, about the origin: one number, or one for each axis. None means infinitely many.
+    count : number of cells, centred on the origin: one number, or one for each axis. None means infinitely many.
 
-    The solid must lie in its cell, from -spacing/2 to spacing/2. One evaluation is exact for any exact child: for a
-    point of a cell, the neighbour is the mirror image of the solid inside, and the image of a point is farther away
-    than the point itself.
+    The solid must lie in its cell, from -spacing/2 to spacing/2. One evaluation is exact for any exact child: the
+    neighbour is the mirror image of the solid in the point's own cell, and the image of a surface point is farther away
+    than the surface point itself.
     """
     if not isinstance(node, Node) or node.dimension != 3:
         raise SceneError(f"repeat_mirrored of {short(node)}", legal="a solid such as sphere()")
@@ -316,7 +317,7 @@ def each_axis(name: str, what: str, value: Any) -> list[Any]:
     return [value] * 3
 
 
-# A stretch of cells
+# A range of cells
 
 
 @method
@@ -334,7 +335,7 @@ def repeat_interval(
     first, last : indices of the first and the last copy, first <= last: one, or one for each axis. Copy 0 is at the
         position of the solid.
 
-    Otherwise like `repeat`: exact for an exact child, which must fit its cell.
+    As for `repeat`, the child must fit its cell, and the field is exact for an exact child.
     """
     steps = each_axis("repeat_interval", "spacing", spacing)
     ends = [each_axis("repeat_interval", "first", first), each_axis("repeat_interval", "last", last)]

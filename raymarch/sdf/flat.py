@@ -1,10 +1,10 @@
 """Flat shapes with straight edges, the disc, and strokes. Each is one short function of a vec2 in the xy plane.
 
-Where a shape has mirror lines, a point is folded into one of the sectors between them first: of a shape that is its
-own mirror image, the nearest point of the boundary lies in the point's own sector.
+If a shape has mirror lines, a point is first folded into one of the sectors between them: the nearest point of the
+boundary of a symmetric shape lies in the same sector as the point.
 
-Beside a straight edge the distance is a linear function with a sign, not the root of a square: on the edge itself,
-where rays end, a root has no gradient left.
+Beside a straight edge the distance is a signed linear function. A square root would have no gradient on the edge
+itself, where rays end.
 """
 
 from __future__ import annotations
@@ -107,8 +107,8 @@ def segment_squared(p: Expr, a: Expr, b: Expr) -> Expr:
 def edge(p: Expr, a: Expr, b: Expr, at_a: Expr, at_b: Expr) -> Expr:
     """Signed distance to the edge from a to b, which has the inside on its left.
 
-    at_a, at_b : the normals at the corners, halfway between those of the edges that meet there. Where a corner is the
-        nearest point, they tell outside from inside, at an acute angle too.
+    at_a, at_b : the normals at the corners, each the mean of the normals of the two edges there. If a corner is the
+        nearest point, its normal gives the sign, at acute angles too.
     """
     along, from_a, from_b = b - a, p - a, p - b
     squared = max(dot(along, along), SMALLEST)
@@ -120,18 +120,18 @@ def edge(p: Expr, a: Expr, b: Expr, at_a: Expr, at_b: Expr) -> Expr:
 
 
 def nearer(first: Expr, second: Expr) -> Expr:
-    """The signed distance that is smaller in size."""
+    """The signed distance of smaller absolute value."""
     return where(abs(second) < abs(first), second, first)
 
 
 def outward(a: Any, b: Any) -> Expr:
-    """The unit normal of an edge that has the inside on its left."""
+    """The outward unit normal of an edge whose left side is inside."""
     along = expr(b) - a
     return normalize(vec2(along.y, -along.x))
 
 
 def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
-    """Signed distance to the region inside a closed line, counter-clockwise: that to the nearest edge."""
+    """Signed distance to the region inside a closed, counter-clockwise polyline: that of the nearest edge."""
     ends = [*corners[1:], corners[0]]
     normals = [outward(a, b) for a, b in zip(corners, ends, strict=True)]
     at_corners = [before + after for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True)]
@@ -145,7 +145,7 @@ def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
 
 
 def mirrors(corners: NDArray[np.float64]) -> str:
-    """The axes along which a closed line is its own mirror image."""
+    """The axes along which a closed polyline is symmetric."""
     found = ""
     for axis, flip in zip("xy", ((-1.0, 1.0), (1.0, -1.0)), strict=True):
         image = (corners * flip)[::-1]
@@ -155,7 +155,7 @@ def mirrors(corners: NDArray[np.float64]) -> str:
 
 
 def _turns(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
-    """1 where a, b, c turn left, -1 where right, 0 where they lie on one line."""
+    """1 if a, b, c turn left, -1 if they turn right, 0 if they are collinear."""
     u, v = b - a, c - a
     first, second = u[..., 0] * v[..., 1], u[..., 1] * v[..., 0]
     rounding = 4 * np.finfo(np.float64).eps * (np.abs(first) + np.abs(second))
@@ -163,13 +163,13 @@ def _turns(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
 
 
 def _between(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
-    """Whether c, on one line with a and b, lies between them."""
+    """True if c lies between a and b; all three are collinear."""
     inside: NDArray[Any] = np.all((np.minimum(a, b) <= c) & (c <= np.maximum(a, b)), axis=-1)
     return inside
 
 
 def _check_polygon(points: Points) -> None:
-    """No edge may meet another but the next one in their common corner."""
+    """SceneError if two edges meet elsewhere than in the corner that they share."""
     corners = np.array(points)
     n = len(corners)
     if n < 3:
@@ -195,7 +195,7 @@ def _check_polygon(points: Points) -> None:
 
 
 def _meet(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) -> NDArray[Any]:
-    """Whether the segment from a to b has a point in common with those from c to d."""
+    """True if the segment from a to b has a point in common with those from c to d."""
     abc, abd, cda, cdb = _turns(a, b, c), _turns(a, b, d), _turns(c, d, a), _turns(c, d, b)
     across = (abc * abd < 0) & (cda * cdb < 0)
     touch = (abc == 0) & _between(a, b, c) | (abd == 0) & _between(a, b, d)
@@ -205,7 +205,7 @@ def _meet(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) ->
 
 
 def _bulges(corners: NDArray[np.float64]) -> bool:
-    """Whether a simple polygon turns the same way at all of its corners."""
+    """True if a simple polygon is convex."""
     turns = _turns(np.roll(corners, 1, axis=0), corners, np.roll(corners, -1, axis=0))
     return bool(np.all(turns >= 0) or np.all(turns <= 0))
 
@@ -224,10 +224,10 @@ def _corners_box(points: Points) -> tuple[Expr, Expr]:
     dimension=2,
 )
 def polygon(p: Expr, points: Points2 = ((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (0.1, 0.0), (-0.6, 0.8))) -> Expr:
-    """The region inside a closed line of straight edges.
+    """The region inside a closed polyline.
 
-    points : its corners in order, either way round, three or more, each (x, y); the last is joined to the first.
-        Numbers, which become part of the shader. Edges may meet in their corners only.
+    points : three or more corners (x, y) in order, clockwise or counter-clockwise; the last is joined to the first.
+        They are numbers, which become part of the shader. Edges may meet only at corners.
 
     Exact: the distance to the nearest edge, which also gives the sign. If a corner is nearest, the mean of the normals
     there gives the sign. The cost grows with the number of corners.
@@ -269,7 +269,7 @@ def _check_triangle(a: Any, b: Any, c: Any) -> None:
 def flat_triangle(p: Expr, a: Vec2 = (-0.8, -0.6), b: Vec2 = (0.9, -0.4), c: Vec2 = (0.1, 0.8)) -> Expr:
     """Triangle.
 
-    a, b, c : its corners in any order, not on one line. Exact, as `polygon` is.
+    a, b, c : corners in any order, not collinear. Exact, as `polygon` is.
     """
     left = _area(a, b, c) > 0.0
     return enclosed(p, [a, where(left, b, c), where(left, c, b)])
@@ -288,11 +288,11 @@ def _check_trapezoid(bottom: Any, top: Any, height: Any) -> None:
     dimension=2,
 )
 def trapezoid(p: Expr, bottom: NonNegative = 1.8, top: NonNegative = 0.8, height: Positive = 1.2) -> Expr:
-    """Trapezoid about the origin, mirrored by the y axis.
+    """Trapezoid about the origin, symmetric about the y axis.
 
-    bottom, top : lengths of its level edges, >= 0, not both 0; a 0 makes a triangle. height : > 0.
+    bottom, top : lengths of the horizontal edges, >= 0, not both 0; 0 gives a triangle. height : > 0.
 
-    Exact: the nearest of the level edges and one slanted edge.
+    Exact: the distance to the nearest of the horizontal edges and one slanted edge.
     """
     q = vec2(abs(p.x), p.y)
     low, high = vec2(0.5 * bottom, -0.5 * height), vec2(0.5 * top, 0.5 * height)
@@ -306,10 +306,10 @@ def trapezoid(p: Expr, bottom: NonNegative = 1.8, top: NonNegative = 0.8, height
 
 
 def fold(p: Expr, n: int) -> Expr:
-    """A point mirrored into the sector between the y axis and the line at pi/n from it, towards +x.
+    """A point reflected into the sector between the y axis and the line at pi/n from it, towards +x.
 
-    The mirror lines of a regular n-gon are the walls of 2n such sectors. Each reflection halves the number of
-    those in which the point may be, rounded up: log2(n) of them in place of trigonometry.
+    The mirror lines of a regular n-gon bound 2n such sectors. Each reflection halves the number of sectors that can
+    contain the point, rounded up, so log2(n) reflections replace trigonometry.
     """
     q, sectors = vec2(abs(p.x), p.y), n
     while sectors > 1:
@@ -343,7 +343,7 @@ def _regular_bounds(sides: int, radius: Any) -> tuple[Expr, Expr]:
 def regular_polygon(p: Expr, sides: Sides = 6, radius: Positive = 1.0) -> Expr:
     """Polygon of n equal sides about the origin, one corner up.
 
-    sides : their number, an integer >= 3. radius : from the centre to a corner, > 0.
+    sides : number of sides, an integer >= 3. radius : from the centre to a corner, > 0.
 
     Exact: folded along its mirror lines until one half of an edge is left.
     """
@@ -383,7 +383,7 @@ def star(p: Expr, points: Sides = 5, outer: Positive = 1.0, inner: Positive = 0.
     q = fold(p, points)
     tip, hollow = vec2(0.0, outer), inner * expr((math.sin(math.pi / points), math.cos(math.pi / points)))
     slant = outward(hollow, tip)
-    return edge(q, hollow, tip, slant, slant)  # in the sector, which side of the line a point is on is all that counts
+    return edge(q, hollow, tip, slant, slant)  # in the sector, the sign follows from the side of the line alone
 
 
 def _check_cross(size: Any, thickness: Any) -> None:
@@ -402,7 +402,8 @@ def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
 
     size : full length of the bars, > 0. thickness : full width of the bars, > 0 and below `size`.
 
-    Exact. Folded into the octant below y = x, where a bar's end, its side and the corner between the bars remain.
+    Exact. Points are folded into the octant below y = x; it contains the end of a bar, its side and the corner
+    between the bars.
     """
     q = abs(p)
     q = where(q.y > q.x, q.yx, q)
@@ -424,7 +425,7 @@ def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
 def stroke(p: Expr, a: Vec2 = (-0.7, -0.4), b: Vec2 = (0.7, 0.5), thickness: Positive = 0.3) -> Expr:
     """A line from a to b with round ends.
 
-    a, b : its ends; the same point twice gives a disc. thickness : full width, > 0. Exact.
+    a, b : ends; equal ends give a disc. thickness : full width, > 0. Exact.
     """
     return sqrt(segment_squared(p, a, b)) - 0.5 * thickness
 
@@ -452,7 +453,7 @@ def polyline(
 
     points : two or more, each (x, y); numbers, which become part of the shader. thickness : full width, > 0.
 
-    Exact outside. Inside a bound: on the inner side of a bend the corner of the outline is farther than the field says.
+    Exact outside, a bound inside: on the inner side of a bend the field is less than the distance to the corner.
     """
     nearest, *others = [segment_squared(p, a, b) for a, b in pairwise(points)]
     for squared in others:

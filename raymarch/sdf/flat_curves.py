@@ -1,7 +1,7 @@
 """Flat shapes with curved edges. Each is one short function of a vec2 in the xy plane.
 
-Most are made of circular arcs: the plane falls into regions whose nearest arc or corner is known, and the normals
-at the ends of the arcs are the borders of these regions.
+Most consist of circular arcs. The normals at the ends of the arcs divide the plane into regions, each with a known
+nearest arc or corner.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ __all__ = ["arc", "bezier", "egg", "ellipse", "flat_vesica", "heart", "moon", "p
 
 
 def _holds(condition: Expr) -> bool:
-    """Whether a condition on parameters holds over the whole of their ranges."""
+    """True if a condition holds for all values of the parameters."""
     return bool(interval_of(condition)[0])
 
 
@@ -48,7 +48,7 @@ def _holds(condition: Expr) -> bool:
 def shallow_arc(p: Expr, radius: Expr, back: Expr) -> Expr:
     """Distance to the circle about (-back, 0) through (radius, 0).
 
-    |c|^2 - r^2 over |c| + r in place of |c| - r, which would lose the digits of a flat arc with a far centre.
+    Computed as (|c|^2 - r^2) / (|c| + r), because |c| - r would cancel for a flat arc with a distant centre.
     """
     span = radius + back
     return ((p.x - radius) * (p.x + span + back) + p.y * p.y) / (length(p + vec2(back, 0.0)) + span)
@@ -72,7 +72,7 @@ def _check_ring(radius: Any, thickness: Any) -> None:
 def ring(p: Expr, radius: Positive = 0.8, thickness: Positive = 0.3) -> Expr:
     """The region between two circles about the origin.
 
-    radius : of the circle in the middle between them, > 0. thickness : full width, > 0 and at most twice the radius.
+    radius : mean of the radii of the two circles, > 0. thickness : full width, > 0 and at most twice the radius.
     Exact.
     """
     return abs(length(p) - radius) - 0.5 * thickness
@@ -93,7 +93,7 @@ def _check_arc(radius: Any, angle: Any, thickness: Any) -> None:
 
 
 def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
-    """Where the round ends overlap, a point between them is deeper inside than the nearer end alone tells."""
+    """Where the round ends overlap, the field of the nearer end is only a bound."""
     apart = (angle <= math.pi) | (2.0 * radius * sin(0.5 * angle) >= thickness) | (angle >= 2.0 * math.pi)
     return "exact" if _holds(apart) else "bound"
 
@@ -105,10 +105,10 @@ def arc(p: Expr, radius: Positive = 0.8, angle: Turn = 4.0, thickness: Positive 
     radius : of the circle, > 0. angle : of the arc, half of it on either side of the y axis, in (0, 2 pi].
     thickness : full width, > 0 and at most twice the radius.
 
-    Exact: the distance to the circle in front of the arc, else to its end. A bound inside if the two ends overlap.
+    Exact: the distance to the circle within the angle of the arc, else to its end. A bound inside if the ends overlap.
     """
     q = vec2(abs(p.x), p.y)
-    end = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may lie behind the half turn
+    end = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may be more than half a turn
     past = q.x * end.y - q.y * end.x > 0.0
     return where(past, length(q - radius * end), abs(length(q) - radius)) - 0.5 * thickness
 
@@ -120,7 +120,7 @@ def _pie_bounds(radius: Any, angle: Any) -> tuple[Expr, Expr]:
 
 
 def _exact_if_cut(radius: Expr, angle: Expr) -> Exactness:
-    """At the full turn the edges fall together and bound nothing."""
+    """At a full turn the two edges coincide and bound nothing."""
     return "exact" if _holds(angle < 2.0 * math.pi) else "bound"
 
 
@@ -137,11 +137,11 @@ def pie(p: Expr, radius: Positive = 1.0, angle: Turn = 2.0) -> Expr:
 
     radius : of the disc, > 0. angle : full opening of the sector, in (0, 2 pi].
 
-    Exact: inside what is nearer, the circle or a straight edge; beside the edge its distance, before the arc that of
-    the circle. A bound at the full turn, where the edge that remains is none.
+    Exact: inside, the distance to the nearer of the circle and a straight edge; outside, to the edge beside it and to
+    the circle in front of the arc. A bound at a full turn, where the straight edges vanish.
     """
     q = vec2(abs(p.x), p.y)
-    edge = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may lie behind the half turn
+    edge = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may be more than half a turn
     along, over = dot(q, edge), q.x * edge.y - q.y * edge.x
     corner = length(q - edge * clamp(along, 0.0, radius)) * where(over > 0.0, 1.0, -1.0)
     return max(length(q) - radius, where((along > 0.0) & (along < radius), over, corner))
@@ -157,7 +157,7 @@ _HEART_TOP = 0.75 + math.sqrt(0.125)
     dimension=2,
 )
 def heart(p: Expr, height: Positive = 1.6) -> Expr:
-    """A heart about the middle of its box, tip down: a square on its corner and a half disc on each upper side.
+    """A heart centred on its bounding box, tip down: a square on its corner and a half disc on each upper side.
 
     height : full height, > 0; the width is 1.094 times as much.
 
@@ -184,9 +184,9 @@ def _check_vesica(width: Any, height: Any) -> None:
     dimension=2,
 )
 def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 1.8) -> Expr:
-    """A pointed lens about the origin, upright: what two equal discs share.
+    """A pointed lens about the origin, upright: the intersection of two equal discs.
 
-    width, height : full extents, 0 < width <= height; equal ones give a disc.
+    width, height : full extents, 0 < width <= height; equal extents give a disc.
 
     Exact. With radius r = (w^2 + h^2) / 4w the arc's centre lies at (w/2 - r, 0) (a chord's sagitta); beyond the
     arc's normal at the tip the tip is nearest.
@@ -205,14 +205,14 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
 
     Exact to rounding. The nearest point of an ellipse with half axes a >= b is (a^2 x / (t + a^2), b^2 y / (t + b^2))
     for the largest root t of (a x / (t + a^2))^2 + (b y / (t + b^2))^2 = N^2 = 1 (Lagrange). 1/N is concave in t and
-    Newton's method on it climbs to the root from the left without overshooting. The normal n found so gives the
-    distance as p.n less the ellipse's support function |(a n_x, b n_y)|, which is stationary at the true n: an error
-    of the root enters by its square.
+    Newton's method on it approaches the root from the left without overshooting. The resulting normal n gives the
+    distance as p.n minus the ellipse's support function |(a n_x, b n_y)|. It is stationary at the true n, so the error
+    of the distance is quadratic in the error of the root.
     """
     wide = size.x >= size.y
     a, b = 0.5 * max(size.x, size.y), 0.5 * min(size.x, size.y)
     x = where(wide, abs(p.x), abs(p.y))
-    y = max(where(wide, abs(p.y), abs(p.x)), 1e-15 * b)  # on the long axis the root runs into the pole
+    y = max(where(wide, abs(p.y), abs(p.x)), 1e-15 * b)  # on the long axis the root coincides with the pole
     c = (a - b) * (a + b)
 
     def climb(s: Expr) -> Expr:
@@ -224,7 +224,7 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
         return square(a * x / (s + c)) + square(b * y / s) < 1.0 + 1e-5
 
     (s,) = loop(24, [max(b * y, a * x - c)], lambda i, s: [climb(s)], until=arrived)  # s = t + b^2
-    s = climb(s)  # the last step squares what error is left
+    s = climb(s)  # the last step squares the remaining error
     n = normalize(stop_gradient(normalize(vec2(x / (s + c), y / s))))
     return dot(vec2(x, y), n) - length(vec2(a, b) * n)
 
@@ -243,7 +243,7 @@ def _check_egg(width: Any, height: Any, tip: Any) -> None:
     dimension=2,
 )
 def egg(p: Expr, width: Positive = 1.2, height: Positive = 1.6, tip: Positive = 0.3) -> Expr:
-    """An egg about the middle of its box, the narrow end up.
+    """An egg centred on its bounding box, the narrow end up.
 
     width, height : full extents, 0 < width <= height. tip : radius of the narrow end, > 0 and below half the width.
 
@@ -261,7 +261,7 @@ def egg(p: Expr, width: Positive = 1.2, height: Positive = 1.6, tip: Positive = 
 
 
 def _horn(radius: Any, bite: Any, offset: Any) -> tuple[Any, Any]:
-    """Where the two circles cross: x, and y >= 0."""
+    """The intersection of the two circles: x, and y >= 0."""
     x = (radius * radius - bite * bite + offset * offset) / (2.0 * offset)
     return x, sqrt(max((radius - x) * (radius + x), 0.0))
 
@@ -282,12 +282,12 @@ def _check_moon(radius: Any, bite: Any, offset: Any) -> None:
 
 @shape(exactness="exact", bounds=_moon_bounds, symmetry="y", check=_check_moon, dimension=2)
 def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive = 0.6) -> Expr:
-    """A crescent: a disc about the origin from which another disc, aside on the +x axis, is taken.
+    """A crescent: a disc about the origin minus another disc on the +x axis.
 
-    radius : of the disc, > 0. bite : radius of what is taken away, > 0. offset : distance of the two centres; the
-    circles must cross, so it lies between the difference and the sum of the radii.
+    radius : of the disc, > 0. bite : radius of the subtracted disc, > 0. offset : distance of the two centres. The
+    circles must intersect, so it lies between the difference and the sum of the radii.
 
-    Exact. Between the normals of the two arcs at a horn the horn is nearest, elsewhere the hard difference.
+    Exact. Between the normals of the two arcs at a horn the horn is nearest; elsewhere the hard difference is exact.
     """
     x, y = _horn(radius, bite, offset)
     q = vec2(p.x, abs(p.y))
@@ -300,21 +300,21 @@ def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive
 
 
 def _extreme(a: Expr, b: Expr, c: Expr) -> Expr:
-    """The curve where its derivative along each axis is 0, or an end."""
+    """The points of the curve where its derivative along an axis is 0, or an end."""
     bend = a - 2.0 * b + c
     t = clamp((a - b) * bend / max(bend * bend, SMALLEST), 0.0, 1.0)
     return a + 2.0 * t * (b - a) + t * t * bend
 
 
 def _bezier_bounds(a: Expr, b: Expr, c: Expr, thickness: Any) -> tuple[Expr, Expr]:
-    """The curve stays in the triangle of its points, whatever the intervals of the extreme points say."""
+    """Bounds from the extreme points, clipped to the triangle of the control points, which contains the curve."""
     lowest, highest = min(a, b, c), max(a, b, c)
     turn = clamp(_extreme(a, b, c), lowest, highest)
     return min(a, c, turn) - 0.5 * thickness, max(a, c, turn) + 0.5 * thickness
 
 
 def _exact_if_wide(a: Expr, b: Expr, c: Expr, thickness: Expr) -> Exactness:
-    """Where the curve bends more tightly than its half width, the inner side of the bend overlaps itself."""
+    """A bound if a radius of curvature is below half the width: the inner side of the bend then overlaps itself."""
     if not (a.is_constant and b.is_constant and c.is_constant):
         return "bound"
     first, bend = b.data - a.data, a.data - 2 * b.data + c.data
@@ -326,7 +326,7 @@ def _exact_if_wide(a: Expr, b: Expr, c: Expr, thickness: Expr) -> Exactness:
 
 @function(rise=FLOAT, slope=FLOAT)
 def newton_step(rise: Expr, slope: Expr) -> Expr:
-    """rise / slope where that is below 1, else 1; 0 where nothing is to be climbed."""
+    """rise / slope, at most 1; 0 if the rise is 0."""
     steep = slope > rise
     return where(rise > 0.0, where(steep, rise, 1.0) / where(steep, slope, 1.0), 0.0)
 
@@ -341,13 +341,13 @@ def bezier(
 ) -> Expr:
     """A stroke along a quadratic Bézier curve, with round ends.
 
-    a, b, c : the control points; the curve runs from a to c and leaves and arrives in the direction of b.
+    a, b, c : the control points; the curve runs from a to c, and its tangents at both ends pass through b.
     thickness : full width, > 0.
 
-    Exact where the curve bends no tighter than half the thickness, else a bound inside. Half the derivative of the
+    Exact if no radius of curvature is below half the thickness, else a bound inside. Half the derivative of the
     squared distance is a cubic in the curve's parameter with a positive leading coefficient, so it is concave before
-    its inflection and convex after it. Each side holds one minimum at most, and Newton's method reaches it from the
-    outer end without overshooting, whether the curve is straight, folded or neither.
+    its inflection and convex after it. Each side has at most one minimum, which Newton's method reaches from the outer
+    end without overshooting, also for straight and folded curves.
     """
     w, first, bend = a - p, b - a, a - 2.0 * b + c
     k0, k1, k2, k3 = dot(w, first), 2.0 * dot(first, first) + dot(w, bend), 3.0 * dot(first, bend), dot(bend, bend)
@@ -366,6 +366,6 @@ def bezier(
         return max(next_low - low, high - next_high) < 1e-5
 
     low, high = loop(32, [0.0, 1.0], lambda i, low, high: approach(low, high), until=arrived)
-    low, high = approach(low, high)  # the last step squares what error is left
+    low, high = approach(low, high)  # the last step squares the remaining error
     apart = [w + (2.0 * first + bend * t) * t for t in (stop_gradient(low), stop_gradient(high))]
     return sqrt(min(*[dot(v, v) for v in apart])) - 0.5 * thickness

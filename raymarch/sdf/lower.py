@@ -1,7 +1,7 @@
-"""From a node to the expression of its field.
+"""Lowering: translates a node to the expression of its field.
 
 Bodies of definitions are combined top-down, without recursion. A subtree that is evaluated at several points becomes a
-function of its own. The rest is one expression, in which equal subtrees are one object.
+function. The rest is one expression, in which equal subtrees are one object.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ Work: TypeAlias = Generator[Request, Expr, Expr]
 
 
 _PRIMES = (1.0, 127.0, 16381.0)
-"""By which the indices of a cell are told apart as one number, exact in float32 up to some hundred cells a side."""
+"""Factors that combine the indices of a cell into one number, exact in float32 for up to some hundred cells a side."""
 
 UNMARKED = object()
-"""In place of a label: the material of this part does not matter."""
+"""Replaces a label if no materials are needed."""
 
 PARTS = object()
-"""In place of a label: each shape of the solid is marked, and the point of its own space; labels do not matter."""
+"""Replaces a label: each shape is marked, with the point in its object space. Materials are ignored."""
 
 
 POSITION = var("position of the label", VEC3)
-"""In the expressions of a label: the point in the space in which the label was given to its node."""
+"""In the expressions of a label: the point in the label's space, in which the label was given to its node."""
 
 
 NORMAL, DPDX, DPDY, DPDN = (var(f"{name} of the label", VEC3) for name in ("normal", "dpdx", "dpdy", "dpdn"))
@@ -105,10 +105,10 @@ class Lowering:
 
     Attributes
     ----------
-    origins : the user's line for each expression that a node became.
-    shapes : the expressions that shapes became, each once, those inside of functions too.
-    sites : where a list is given, what passes from one node to another stays findable, as a `probe`; the list is filled
-        with the nodes, and the number of a node is its place in it, from 1. See `raymarch.expr.faults.Passage`.
+    origins : the user's line for the expression of each node.
+    shapes : the expressions of all shapes, each once, including those inside functions.
+    sites : if a list is given, values and points that pass between nodes are marked as a `probe`. The list is filled
+        with the nodes; the number of a node is its position in the list, from 1. See `raymarch.expr.faults.Passage`.
     """
 
     origins: dict[Expr, Location] = field(default_factory=dict)
@@ -119,10 +119,10 @@ class Lowering:
     _done: dict[tuple[int, Expr, Any], Expr] = field(default_factory=dict)
     _functions: dict[int, tuple[Function, list[Expr]]] = field(default_factory=dict)
     _roots: list[Node] = field(default_factory=list)
-    """Kept, because nodes are told apart by their ids: equal ones at two places of a tree are two."""
+    """Kept alive, because nodes are identified by their ids: two equal nodes of a tree are distinct."""
 
     def again(self) -> Lowering:
-        """Another pass over the same nodes, which shares what this one found and the functions that it made."""
+        """Another pass over the same nodes, which shares the origins, shapes and functions of this one."""
         return Lowering(
             self.origins, self.shapes, self.sites, self._numbers, _functions=self._functions, _roots=self._roots
         )
@@ -130,11 +130,11 @@ class Lowering:
     def field(self, root: Node, name: str = "field", label: Any = UNMARKED) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
 
-        With the label `PARTS`, the distance of each shape stays findable, as a `mark` with the point in the shape's own
-        space. A solid that is made of flat shapes counts as one shape.
+        With the label `PARTS`, the distance of each shape is wrapped in a `mark` with the point in the shape's object
+        space. A solid made of flat shapes counts as one shape.
 
-        With another `label`, the distance of each part with a material stays findable, as a `mark` whose data is the
-        material; parts without one of their own are marked with `label`. The mark also has the point in the space in
+        With another `label`, the distance of each part with a material is wrapped in a `mark` whose data is the
+        material. Parts without a material are marked with `label`. The mark also has the point in the space in
         which the material was given, and the indices of cells if the material depends on them. See
         `material_expressions`.
         """
@@ -165,7 +165,7 @@ class Lowering:
                     pending.append(child)
 
     def _run(self, root: Request) -> Expr:
-        """Drive the generators of `_lower` with a stack of our own, so that depth is no limit."""
+        """Run the generators of `_lower` with an explicit stack, so that the depth of a tree is unlimited."""
         stack = [(root, self._lower(*root))]
         value: Any = None
         while stack:
@@ -208,7 +208,7 @@ class Lowering:
         return (yield from self._body(node, children, point, label))
 
     def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
-        """The definition's body with the point, the parameters and the children put in."""
+        """The definition's body with the point, the parameters and the children substituted."""
         template = node.definition.template(len(children), node.params)
         marking = label is not UNMARKED
         answers: list[Expr] = []
@@ -259,7 +259,7 @@ class Lowering:
         return function(point, *cells)
 
     def _handed(self, point: Expr, above: Node | None, child: Node) -> Expr:
-        """A point at which a node evaluates a child."""
+        """A point at which a node evaluates a child, as a `probe`."""
         if self.sites is None:
             return point
         return make("probe", point.type, (point,), Passage("point", self._number(above), self._number(child)))
@@ -275,7 +275,7 @@ class Lowering:
         return make("probe", FLOAT, (value, point, *which), data)
 
     def _number(self, node: Node | None) -> int:
-        """The number of the node that computes the value; labels compute nothing."""
+        """The number of the node that computes the value; a label is skipped, since it computes nothing."""
         while node is not None and node.label is not None:
             node = node.children[0]
         if node is None or self.sites is None:
@@ -311,7 +311,7 @@ def lower(node: Node) -> Function:
 
 
 BLOCK = 1 << 14
-"""Points that are evaluated at once: every step between them is an array of so many, whatever the caller asks for."""
+"""Points that are evaluated at once; this limits the size of temporary arrays."""
 
 
 @method
@@ -328,7 +328,7 @@ def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def _in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Values of a function of a point, each of `shape`, of all points in a row."""
+    """Values of a function of a point, each of `shape`, for all points in order."""
     value = evaluator([definition.body], definition.params)
     flat = points.reshape(-1, points.shape[-1])
     result = np.empty((len(flat), *shape))

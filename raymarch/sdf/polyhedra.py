@@ -1,10 +1,10 @@
 """Regular and semiregular polyhedra, all exact.
 
-Each is the hull of one vertex and its images under the mirrors of a cube, a tetrahedron or an icosahedron (the
-construction of Wythoff and Coxeter). Three mirrors bound a chamber of space, and a point is folded into it. There
-the solid has the one vertex V; an edge from V, square to each mirror that V does not lie on; and a face for each
-corner of the chamber. Because the solid is its own mirror image, its point nearest to a point of the chamber lies in
-the chamber too, so those few pieces decide the distance.
+Each is the convex hull of one vertex and its images under the mirror planes of a cube, a tetrahedron or an icosahedron
+(the construction of Wythoff and Coxeter). Three mirror planes bound a chamber of space, and points are folded into it.
+In the chamber the solid has one vertex V, an edge from V perpendicular to each mirror plane that does not contain V,
+and one face for each corner of the chamber. By symmetry, the surface point nearest to a point of the chamber lies in
+the chamber too, so these few pieces determine the distance.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Floats = NDArray[np.float64]
 
 _GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 _OBLIQUE = (-0.5 * _GOLDEN, -0.5, 0.5 / _GOLDEN)
-"""The mirror of the icosahedron that meets x = 0 at 36 and y = 0 at 60 degrees."""
+"""Normal of the mirror plane of the icosahedron at 36 degrees to x = 0 and 60 degrees to y = 0."""
 
 
 @function(p=VEC3)
@@ -69,8 +69,8 @@ def octahedral_fold(p: Expr) -> Expr:
 
 @function(p=VEC3)
 def icosahedral_fold(p: Expr) -> Expr:
-    """The image of p in one of the 120 chambers of the icosahedron. Of the 15 in an octant, none is farther than
-    three reflections in the oblique mirror."""
+    """The image of p in one of the 120 chambers of the icosahedron. Three reflections in the oblique mirror plane reach
+    each of the 15 chambers of an octant."""
     q = abs(p)
     for _ in range(3):
         q = abs(q - 2.0 * min(dot(q, _OBLIQUE), 0.0) * const(_OBLIQUE))
@@ -79,7 +79,7 @@ def icosahedral_fold(p: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class Mirrors:
-    """Three mirrors, given by their unit normals into the chamber, and the fold of a point into it."""
+    """Three mirror planes, given by their unit normals towards the chamber, and the folding of a point into it."""
 
     fold: Callable[[Expr], Expr]
     normals: tuple[tuple[float, float, float], ...]
@@ -93,7 +93,7 @@ ICOSAHEDRAL = Mirrors(icosahedral_fold, ((1.0, 0.0, 0.0), _OBLIQUE, (0.0, 1.0, 0
 
 @dataclass(frozen=True)
 class Solid:
-    """A polyhedron whose vertex keeps equal distances from the mirrors in `ringed` and lies on the others.
+    """A polyhedron whose vertex has equal distances from the mirror planes in `ringed` and lies on the others.
 
     All lengths are for vertices on the unit sphere.
     """
@@ -127,7 +127,7 @@ class Solid:
         return found
 
     def vertices(self) -> Floats:
-        """All of them, of shape (N, 3)."""
+        """All vertices, of shape (N, 3)."""
         known = self.vertex[None]
         while True:
             wider = np.concatenate([known, *[known - 2.0 * np.outer(known @ n, n) for n in self.normals]])
@@ -137,7 +137,7 @@ class Solid:
             known = wider[distinct]
 
     def reach(self, radius: Any) -> tuple[Expr, Expr]:
-        """Bounds; on each axis they reach equally far to both sides."""
+        """Bounds, symmetric on each axis."""
         return cube(tuple(self.vertices().max(axis=0)) * radius)
 
     def distance(self, p: Expr, radius: Scalar) -> Expr:
@@ -159,7 +159,7 @@ class Solid:
         return where(inside > 0.0, sqrt(nearest), inside)
 
     def _regular(self, from_vertex: Expr, out: Floats, inward: Sequence[Floats]) -> Expr:
-        """One face with one edge: how far a point lies above the face, beyond the edge and beyond the vertex."""
+        """The distance to one face with one edge: above the face, beyond the edge or beyond the vertex."""
         edge = self.normals[self.ringed[0]]
         r = vec3(dot(from_vertex, const(out)), dot(from_vertex, const(0.0 - inward[0])), dot(from_vertex, const(edge)))
         return where(r.x > 0.0, length(max(r, 0.0)), r.x)
@@ -179,7 +179,7 @@ _TETRAHEDRON = Solid(TETRAHEDRAL, (0,))
 
 @shape(exactness="exact", bounds=_TETRAHEDRON.reach, convex=True)
 def tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:
-    """Regular tetrahedron; its vertices are four of the corners of a cube, (1, 1, 1) among them.
+    """Regular tetrahedron; its vertices are four corners of a cube, one in the direction (1, 1, 1).
 
     radius : distance of the vertices from the origin, > 0; an edge is 1.633 times as long.
     """
@@ -263,9 +263,9 @@ _CUBOCTAHEDRON = Solid(OCTAHEDRAL, (1,))
 
 @shape(exactness="exact", bounds=_CUBOCTAHEDRON.reach, symmetry="xyz", convex=True)
 def cuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:
-    """Cube cut off to the middles of its edges: eight triangles, six squares.
+    """Cube cut off at the midpoints of its edges: eight triangles, six squares.
 
-    radius : distance of the vertices from the origin, > 0; an edge is as long.
+    radius : distance of the vertices from the origin, > 0; an edge has the same length.
     """
     return _CUBOCTAHEDRON.distance(p, radius)
 
@@ -311,7 +311,7 @@ _ICOSIDODECAHEDRON = Solid(ICOSAHEDRAL, (1,))
 
 @shape(exactness="exact", bounds=_ICOSIDODECAHEDRON.reach, symmetry="xyz", convex=True)
 def icosidodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:
-    """Icosahedron cut off to the middles of its edges: twenty triangles, twelve pentagons.
+    """Icosahedron cut off at the midpoints of its edges: twenty triangles, twelve pentagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.618 times as long.
     """

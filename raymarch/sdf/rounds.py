@@ -1,8 +1,8 @@
 """Solids with curved surfaces beyond sphere, cylinder and torus: ellipsoids, cones, parts of balls and rings.
 
-Most are turned about the y axis, so two numbers of a point count: its distance from the axis and its height. In that
-plane the outline is made of lines and arcs; a point belongs to the piece whose normals sweep over it, else to the
-corner between two pieces.
+Most are solids of revolution about the y axis: the field depends on the distance of a point from the axis and on its
+height. In this half-plane the outline consists of lines and arcs. The nearest piece is the one whose normals pass
+through the point; if there is none, the nearest point is a corner between two pieces.
 """
 
 from __future__ import annotations
@@ -77,12 +77,12 @@ Roundness = Annotated[Any, Domain(FLOAT, low=0.05, high=2.0)]
 
 
 def about_y(p: Expr) -> Expr:
-    """A point's distance from the y axis and its height."""
+    """Distance of a point from the y axis, and its height."""
     return vec2(length(p.xz), p.y)
 
 
 def surely(condition: Expr) -> bool:
-    """True if a relation between parameters holds over the whole of their ranges."""
+    """True if a relation holds for all values of the parameters."""
     return bool(interval_of(condition)[0])
 
 
@@ -95,18 +95,18 @@ def ellipsoid(p: Expr, size: Size3 = (2.0, 1.2, 1.5)) -> Expr:
 
     size : full extents along x, y and z, each > 0; one number gives a ball.
 
-    Exact. With half axes r, of which m is the smallest, the nearest surface point is r^2 p / (u + r^2 - m^2) for the
-    one u > 0 that puts it on the surface. Written as 1 / |r p / (u + r^2 - m^2)| = 1 this equation is concave in u, so
-    Newton's method climbs to its root from the left without ever passing it (as in trust-region methods); it starts
-    where one axis alone would have its root. It takes 2 to 4 turns nearly everywhere; of 10^6 points none took more
-    than 18, for axes up to 1 : 1000. The value is the height of p above the tangent plane whose normal n the root
-    gives, n.p - |r n|: for every n that is a lower bound of the signed distance (support function), so outside the
-    field is safe after any number of turns, and its error is the square of the root's.
+    Exact. With half axes r, the smallest of which is m, the nearest surface point is r^2 p / (u + r^2 - m^2) for the
+    unique u > 0 for which it lies on the surface. In the form 1 / |r p / (u + r^2 - m^2)| = 1 this equation is concave
+    in u, so Newton's method approaches its root from the left without overshooting (as in trust-region methods). It
+    starts at the root for a single axis. It takes 2 to 4 iterations nearly everywhere; of 10^6 points none took more
+    than 18, for axes up to 1 : 1000. The value is the height of p above the tangent plane with the resulting normal n,
+    n.p - |r n|. For every n that is a lower bound of the signed distance (support function), so the field is safe
+    outside after any number of iterations, and its error is quadratic in the error of the root.
     """
     r = 0.5 * size
     m = min(r.x, r.y, r.z)
     g = (r - m) * (r + m)
-    q = max(abs(p), 1e-12 * m)  # off the planes of symmetry: there the root may be 0, and the normal is lost
+    q = max(abs(p), 1e-12 * m)  # off the planes of symmetry, where the root may be 0 and the normal undefined
     a = r * q
     start = max(a.x - g.x, a.y - g.y, a.z - g.z, length(a) - max(g.x, g.y, g.z))
 
@@ -122,7 +122,7 @@ def ellipsoid(p: Expr, size: Size3 = (2.0, 1.2, 1.5)) -> Expr:
 
 @function(a=FLOAT, b=FLOAT, e=FLOAT)
 def norm2(a: Expr, b: Expr, e: Expr) -> Expr:
-    """(a^(2/e) + b^(2/e))^(e/2) for a, b >= 0, with the larger taken out so that nothing overflows."""
+    """(a^(2/e) + b^(2/e))^(e/2) for a, b >= 0, with the larger factored out, so that nothing overflows."""
     pair = where(a < b, vec2(b, a), vec2(a, b))
     return pair.x * pow(1.0 + pow(max(pair.y / max(pair.x, 1e-30), 1e-15), 2.0 / e), 0.5 * e)
 
@@ -150,12 +150,12 @@ def superquadric(
     """Superellipsoid about the origin (Barr 1981): between box, cylinder, ellipsoid and octahedron.
 
     size : full extents along x, y and z, each > 0.
-    north_south, east_west : Barr's exponents, 0.05 to 2, of the outlines in upright planes and of the level
-        outline: towards 0 square, 1 round, 2 straight-edged.
+    north_south, east_west : Barr's exponents of the outlines in vertical planes and of the horizontal outline, 0.05 to
+        2: square towards 0, round at 1, diamond-shaped at 2.
 
     A bound: up to an exponent of 2 the solid is the unit ball of a norm N. N rises at most by N(v) along a unit
-    vector v, and the largest of these, L, has a closed form by Hoelder's inequality; so (N - 1) / L is
-    1-Lipschitz. Where the box around the solid is farther away than that, its distance is taken, a bound as well.
+    vector v, and the maximum L of N(v) has a closed form by Hoelder's inequality, so (N - 1) / L is 1-Lipschitz. The
+    distance to the bounding box is a bound too; the larger of the two is used.
     """
     half = 0.5 * size
     a = abs(p) / half
@@ -169,7 +169,7 @@ def superquadric(
 
 
 def _half_angle_sine(angle: Any) -> Expr:
-    """How far the ends of an arc of a unit circle are from its axis of symmetry; 1 if the arc is at most a half."""
+    """Sine of half the angle of an arc; 1 for up to half a circle, whose ends do not approach each other."""
     half = 0.5 * angle
     return where(half < 0.5 * math.pi, 1.0, sin(half))
 
@@ -181,7 +181,7 @@ def _check_capped_torus(major: Any, minor: Any, angle: Any) -> None:
 
 
 def _capped_torus_exactness(major: Any, minor: Any, angle: Any) -> Exactness:
-    """Where the two round ends run into each other, points between them are deeper than the field says."""
+    """Where the two round ends overlap, the field is only a bound."""
     closed = surely(angle >= 2.0 * math.pi)
     return "exact" if closed or surely(minor <= major * _half_angle_sine(angle)) else "bound"
 
@@ -203,9 +203,9 @@ def _capped_torus_bounds(major: Any, minor: Any, angle: Any) -> tuple[Expr, Expr
     spread=1.0,
 )
 def capped_torus(p: Expr, major: Positive = 0.8, minor: Positive = 0.2, angle: Turn = 4.0) -> Expr:
-    """Part of a ring about the y axis, with round ends; its middle lies on the x axis.
+    """Part of a torus about the y axis, with round ends, centred on the +x axis.
 
-    major : radius of the circle in the middle of the tube, > 0.
+    major : radius of the centre circle of the tube, > 0.
     minor : radius of the tube, > 0 and not above `major`.
     angle : full angle of the arc, > 0 and <= 2 pi.
 
@@ -229,10 +229,10 @@ def _check_link(straight: Any, major: Any, minor: Any) -> None:
     check=_check_link,
 )
 def link(p: Expr, straight: NonNegative = 0.6, major: Positive = 0.45, minor: Positive = 0.15) -> Expr:
-    """Link of a chain: a ring about the z axis, pulled apart along y.
+    """Link of a chain: a torus about the z axis, elongated along y.
 
     straight : length of the two straight parts, >= 0.
-    major : radius of the bends in the middle of the wire, > 0. minor : radius of the wire, > 0 and not above `major`.
+    major : radius of the centre line of the bends, > 0. minor : radius of the wire, > 0 and not above `major`.
     """
     bend = vec2(p.x, max(abs(p.y) - 0.5 * straight, 0.0))
     return length(vec2(length(bend) - major, p.z)) - minor
@@ -297,14 +297,14 @@ def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNeg
     radius : of the base, at y = -height / 2. top : radius at y = height / 2, 0 for a tip. Each >= 0, not both 0.
     height : full height, > 0.
 
-    Exact: the nearer of the slanted side and of the nearer end; inside, of their planes.
+    Exact: the distance to the nearer of the slanted side and the nearer end; inside, to the nearer of their planes.
     """
     q = about_y(p)
     side = vec2(top - radius, height)
     from_base = q - vec2(radius, -0.5 * height)
     slant = length(side)
     beyond, along = dot(from_base, vec2(side.y, -side.x)) / slant, dot(from_base, side) / slant
-    to_side = vec2(beyond, along - clamp(along, 0.0, slant))  # a multiple of the normal, however short
+    to_side = vec2(beyond, along - clamp(along, 0.0, slant))  # a multiple of the normal, of any length
     above = abs(p.y) - 0.5 * height
     to_end = vec2(max(q.x - where(p.y < 0.0, radius, top), 0.0), above)
     inside = max(beyond, above)
@@ -318,7 +318,7 @@ def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNeg
     convex=True,
 )
 def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
-    """Infinite cone, its tip at the origin, opening down the y axis.
+    """Infinite cone with its tip at the origin, opening along -y.
 
     half_angle : between the axis and the side, > 0 and <= pi / 2.
     """
@@ -347,12 +347,12 @@ def _check_round_cone(bottom: Any, top: Any, height: Any) -> None:
     convex=True,
 )
 def round_cone(p: Expr, bottom: Positive = 0.6, top: Positive = 0.25, height: Positive = 1.0) -> Expr:
-    """Hull of two balls on the y axis.
+    """Convex hull of two balls on the y axis.
 
     bottom, top : radii of the balls at y = -height / 2 and y = height / 2, each > 0.
-    height : between the centres of the balls, more than their radii differ.
+    height : distance of the centres, greater than the difference of the radii.
 
-    Exact: where the normals of the slanted side meet the axis between the centres, its distance, else a ball's.
+    Exact: the distance to the slanted side where its normals meet the axis between the centres, else to a ball.
     """
     q = vec2(length(p.xz), p.y + 0.5 * height)
     lean = (bottom - top) / height
@@ -369,7 +369,7 @@ def _check_line(a: Any, b: Any, radius: Any) -> None:
 
 
 def _line_bounds(a: Any, b: Any, radius: Any) -> tuple[Expr, Expr]:
-    """The flat ends reach sideways as far as a disc across the line does."""
+    """The box of the two discs at the ends."""
     along = normalize(b - a)
     reach = radius * sqrt(1.0 - along * along)
     return min(a, b) - reach, max(a, b) + reach
@@ -377,9 +377,9 @@ def _line_bounds(a: Any, b: Any, radius: Any) -> tuple[Expr, Expr]:
 
 @shape(exactness="exact", bounds=_line_bounds, check=_check_line, convex=True)
 def line(p: Expr, a: Vec3 = (-0.6, -0.5, -0.2), b: Vec3 = (0.6, 0.6, 0.3), radius: Positive = 0.2) -> Expr:
-    """Round bar from a to b with flat ends; `capsule` has round ones.
+    """Cylinder from a to b with flat ends; `capsule` has round ends.
 
-    a, b : middles of the ends, distinct points. radius : length, > 0.
+    a, b : centres of the ends, distinct points. radius : length, > 0.
     """
     axis = normalize(b - a)
     from_middle = p - 0.5 * (a + b)
@@ -395,9 +395,9 @@ def line(p: Expr, a: Vec3 = (-0.6, -0.5, -0.2), b: Vec3 = (0.6, 0.6, 0.3), radiu
     convex=True,
 )
 def disc(p: Expr, radius: Positive = 0.8, thickness: NonNegative = 0.1) -> Expr:
-    """Flat round plate square to the y axis, its rim rounded.
+    """Round plate perpendicular to the y axis, with a rounded rim.
 
-    radius : of the flat disc, > 0; the rounded rim reaches half the thickness farther.
+    radius : of the flat disc, > 0; the rim extends beyond it by half the thickness.
     thickness : full thickness, >= 0; 0 gives a sheet without an inside.
     """
     return length(vec2(max(length(p.xz) - radius, 0.0), p.y)) - 0.5 * thickness
@@ -407,7 +407,7 @@ def disc(p: Expr, radius: Positive = 0.8, thickness: NonNegative = 0.1) -> Expr:
 
 
 def _quarter_sine(half_angle: Any) -> Expr:
-    """How wide a sector of the unit ball is."""
+    """Largest distance of a sector of the unit ball from its axis."""
     return where(half_angle < 0.5 * math.pi, sin(half_angle), 1.0)
 
 
@@ -421,11 +421,11 @@ def _quarter_sine(half_angle: Any) -> Expr:
     convex=lambda radius, half_angle: surely(half_angle <= 0.5 * math.pi),
 )
 def solid_angle(p: Expr, radius: Positive = 1.0, half_angle: HalfTurn = 0.6) -> Expr:
-    """Sector of a ball: what a cone with its tip at the origin, open up the y axis, cuts out of it.
+    """Sector of a ball: its intersection with a cone with the tip at the origin, opening along +y.
 
     radius : of the ball, > 0. half_angle : between the axis and the side, > 0 and <= pi.
 
-    Exact: the larger of the distances from the ball and, signed, from the straight side.
+    Exact: the larger of the signed distances to the ball and to the straight side.
     """
     q = about_y(p)
     side = vec2(sin(half_angle), cos(half_angle))
@@ -437,7 +437,7 @@ def solid_angle(p: Expr, radius: Positive = 1.0, half_angle: HalfTurn = 0.6) -> 
 
 
 def _rim(radius: Any, cut: Any) -> Expr:
-    """Radius of the circle in which a plane at a height cuts a sphere."""
+    """Radius of the intersection of a sphere with a horizontal plane."""
     return sqrt((radius - cut) * (radius + cut))
 
 
@@ -458,11 +458,11 @@ def _cut_sphere_bounds(radius: Any, cut: Any) -> tuple[Expr, Expr]:
     convex=True,
 )
 def cut_sphere(p: Expr, radius: Positive = 1.0, cut: Length = -0.3) -> Expr:
-    """The part of a ball above a level plane.
+    """The part of a ball above a horizontal plane.
 
     radius : of the ball, > 0. cut : height of the plane, between -radius and radius.
 
-    Exact: outside, the sphere counts for directions from the centre above the rim, else the flat disc.
+    Exact: outside, the distance to the sphere for directions from the centre above the rim, else to the flat disc.
     """
     q = about_y(p)
     rim = _rim(radius, cut)
@@ -473,7 +473,7 @@ def cut_sphere(p: Expr, radius: Positive = 1.0, cut: Length = -0.3) -> Expr:
 
 
 def _cut_hollow_exactness(radius: Any, cut: Any, thickness: Any) -> Exactness:
-    """Where the wall is thicker than the mouth is wide, points within it are deeper than the field says."""
+    """If the wall is thicker than the opening is wide, the field is only a bound inside."""
     return "exact" if surely(0.5 * thickness <= where(cut > 0.0, _rim(radius, cut), radius)) else "bound"
 
 
@@ -490,12 +490,12 @@ def _cut_hollow_bounds(radius: Any, cut: Any, thickness: Any) -> tuple[Expr, Exp
     spread=1.0,
 )
 def cut_hollow_sphere(p: Expr, radius: Positive = 0.8, cut: Length = 0.2, thickness: Positive = 0.1) -> Expr:
-    """Bowl: the shell of a ball below a level plane, its rim rounded.
+    """Bowl: the part of a spherical shell below a horizontal plane, with a rounded rim.
 
     radius : of the sphere in the middle of the wall, > 0.
-    cut : height of the plane, between -radius and radius. thickness : of the wall, in full, > 0.
+    cut : height of the plane, between -radius and radius. thickness : full thickness of the wall, > 0.
 
-    Exact, unless the wall closes the mouth; then exact outside only.
+    Exact, unless the wall closes the opening; then exact outside only.
     """
     q = about_y(p)
     rim = vec2(_rim(radius, cut), cut)
@@ -504,7 +504,7 @@ def cut_hollow_sphere(p: Expr, radius: Positive = 0.8, cut: Length = 0.2, thickn
 
 
 def _death_star_rim(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
-    """Radius and height of the circle in which the two spheres meet."""
+    """Radius and height of the intersection circle of the two spheres."""
     height = 0.5 * ((radius - bite) * (radius + bite) / distance + distance)
     return sqrt((radius - height) * (radius + height)), height
 
@@ -525,11 +525,11 @@ def _death_star_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Exp
 def death_star(p: Expr, radius: Positive = 1.0, bite: Positive = 0.7, distance: Positive = 1.2) -> Expr:
     """Ball minus another ball above it on the y axis.
 
-    radius : of the ball, > 0. bite : radius of what is taken away, > 0.
-    distance : between the centres; the two spheres must cross.
+    radius : of the ball, > 0. bite : radius of the subtracted ball, > 0.
+    distance : of the centres; the two spheres must intersect.
 
-    Exact, unlike the difference of two balls: outside, each sphere counts only where its normals start on the
-    part of it that is there, else the rim.
+    Exact, unlike `difference` of two balls: outside, the distance to a sphere is used only where the nearest point of
+    the sphere belongs to the surface, else the distance to the rim.
     """
     q = about_y(p)
     width, height = _death_star_rim(radius, bite, distance)
@@ -555,15 +555,15 @@ def _check_vesica(height: Any, width: Any) -> None:
     convex=True,
 )
 def vesica(p: Expr, height: Positive = 1.8, width: Positive = 0.9) -> Expr:
-    """Spindle: an arc turned about the y axis, pointed at both ends.
+    """Spindle: a solid of revolution of an arc about the y axis, pointed at both ends.
 
-    height : from tip to tip, > 0. width : full width in the middle, > 0 and at most the height, which gives a ball.
+    height : from tip to tip, > 0. width : full width in the middle, > 0 and at most the height; if equal, a ball.
 
-    Exact: above the last normal of the arc the tip counts, else the arc.
+    Exact: beyond the last normal of the arc the tip is nearest, else the arc.
     """
     q = vec2(length(p.xz), abs(p.y))
     half = 0.5 * height
-    beyond_axis = 0.25 * (height - width) * (height + width) / width  # where the centre of the arc lies
+    beyond_axis = 0.25 * (height - width) * (height + width) / width  # position of the centre of the arc
     at_tip = beyond_axis * (q.y - half) > half * q.x
     to_arc = length(q + vec2(beyond_axis, 0.0)) - (beyond_axis + 0.5 * width)
     return where(at_tip, length(q - vec2(0.0, half)), to_arc)
@@ -579,14 +579,14 @@ _ICOSAHEDRON_AXIS = (0.0, math.sqrt(0.5 - 0.1 * math.sqrt(5.0)), math.sqrt(0.5 +
     spread=1.0,
 )
 def blob(p: Expr, radius: Positive = 0.65, knob: Positive = 0.3, reach: Positive = 0.65, k: Positive = 0.25) -> Expr:
-    """Ball with twelve soft knobs, towards the vertices of an icosahedron.
+    """Ball with twelve smoothly blended knobs, towards the vertices of an icosahedron.
 
     radius : of the ball, > 0. knob : radius of a knob, > 0.
     reach : distance of the knobs' centres from the origin, > 0.
     k : width of the quadratic blend between ball and knobs, > 0.
 
-    A bound: a smooth minimum of distances is no steeper than they are. The point is mirrored to the knob nearest to
-    it, so the knobs blend with the ball, not with each other.
+    A bound: a smooth minimum of distances is 1-Lipschitz. Points are reflected towards the nearest knob, so the knobs
+    blend with the ball, not with each other.
     """
     to_knob = length(icosahedral_fold(p) - const(_ICOSAHEDRON_AXIS) * reach) - knob
     return smooth_min(length(p) - radius, to_knob, k)

@@ -36,10 +36,10 @@ def turn_between(start: Expr, end: Expr) -> Expr:
     """The smallest rotation that takes one unit vector to another, for column vectors.
 
     Rodrigues' formula with sin and cos of the angle as the cross and dot products: R = c I + [v] + v v' / (1 + c).
-    Where the two are opposite, half a turn about an axis across.
+    If the two are opposite, half a turn about a perpendicular axis.
     """
     v, c = cross(start, end), dot(start, end)
-    opposite = c < -1.0 + 1e-6  # beyond, 1 + c has lost all but a bit or two of a float32
+    opposite = c < -1.0 + 1e-6  # beyond this, 1 + c has only one or two significant bits in float32
     share = 1.0 / where(opposite, 1.0, 1.0 + c)
     x, y, z = v
     turn = columns(
@@ -118,7 +118,7 @@ def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> N
 # Wrap around
 
 RELIEF = 0.125
-"""Fraction of the radius of the ring at which distances inside the ring are clamped."""
+"""Limit of distances inside the ring, as a fraction of its radius."""
 
 UNBOUNDED = 1e30
 """Half the height of an unbounded solid, small enough for float32."""
@@ -132,7 +132,7 @@ def _wrapped_bounds(child: ChildFacts, start: Expr, end: Expr, above: Expr, **_:
 def _check_wrapped(
     child: Facts, start: Expr, end: Expr, below: Expr, above: Expr, low: Expr, high: Expr, both: int
 ) -> None:
-    """The slab must fit its ring, leave the axis free, and be asked twice unless it mirrors itself."""
+    """SceneError unless the slab fits its ring, leaves the axis free, and is evaluated twice if it is not symmetric."""
     bottom, top = np.maximum(child.lower[1], -UNBOUNDED), np.minimum(child.upper[1], UNBOUNDED)
     if not (interval_of(low)[1] <= bottom and top <= interval_of(high)[0]):
         raise SceneError("wrapped: the solid extends beyond low or high", legal="low and high around it")
@@ -156,7 +156,7 @@ def _check_wrapped(
 
 
 def _is_centred(child: Facts, start: Expr, end: Expr) -> bool:
-    """True if the slab is its own image in the middle of its ring."""
+    """True if the slab is symmetric about the middle of its ring."""
     ends = start + end
     return "x" in child.symmetry and ends.is_constant and float(ends.data) == 0.0
 
@@ -175,15 +175,15 @@ def wrapped(
 ) -> Expr:
     """Wrap a slab in the xy plane around the y axis.
 
-    start, end : the x that come together. below, above : how far the slab reaches along z. low, high : its
-    ends along y. both : 1 to ask the slab's
-    other end too, across the seam at the back.
+    start, end : the coordinates x that meet at the seam. below, above : extent of the slab along z. low, high : its
+    extent along y. both : 1 to evaluate the other end of the slab too, across the seam at the back.
 
-    At the distance rho from the axis a unit of the circumference is radius / rho units of x. Inside of the radius the
-    field c is therefore weighted by rho / radius: along the circumference that is as steep as c; along rho it
-    is |c| / radius more. With |c| cut at a share of the radius, the sum is 1 + share steep. Around the axis the way
-    to the ring is larger, so that it is not seen how the weight goes to 0. Of the other end the field says no less
-    than the way to the seam; opposite of the seam, where the ends change places, that is more than the cut.
+    At the distance rho from the axis, a unit of the circumference is radius / rho units of x. Inside the radius the
+    field c is therefore weighted by rho / radius. Along the circumference the weighted field has the slope of c; along
+    rho the slope is larger by |c| / radius. With |c| clamped to a fraction f of the radius, the slope is at most 1 + f.
+    Near the axis, where the weight tends to 0, the distance to the ring is used instead, since it is larger. The field
+    of the other end is at least the distance to the seam. Opposite the seam, where the ends are exchanged, that is
+    more than the clamp.
     """
     radius, middle = (end - start) / math.tau, 0.5 * (start + end)
     rho = length(p.xz)
@@ -204,8 +204,8 @@ def wrapped(
 def wrap_around(node: Node, start: Scalar | None = None, end: Scalar | None = None) -> Node:
     """Wrap a slab along x once around the y axis to form a ring.
 
-    start, end : the x that meet at the back, start < end; by default the ends of the solid's box. The solid must lie
-        between them. z = 0 maps to the radius (end - start) / (2 pi), +z points outwards, y is unchanged.
+    start, end : the coordinates x that meet at the back, start < end; by default the ends of the solid's box. The solid
+        must lie between them. z = 0 maps to the radius (end - start) / (2 pi), +z points outwards, y is unchanged.
 
     A bound: inside the radius the field is weighted by the distance from the axis, and the result is divided by 1.125.
     Evaluates the slab once if it is symmetric about the middle of start and end, which must be 0, else twice.
