@@ -112,7 +112,7 @@ def render(
     ] = None,
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="If a picture is in doubt, write no file and exit with code 2 and the reason."),
+        typer.Option("--strict", help="If a picture may be wrong, write no file and exit with code 2 and the reason."),
     ] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,

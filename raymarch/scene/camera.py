@@ -132,12 +132,14 @@ class Camera(Value):
             raise SceneError(f"Camera: position {position}, target {target}, up {up}", legal="finite", where=self.where)
         view = target - position
         if not np.any(view):
-            raise SceneError(f"Camera: position = target = {position.tolist()}", legal="two points", where=self.where)
+            raise SceneError(
+                f"Camera: position = target = {position.tolist()}", legal="two different points", where=self.where
+            )
         across = np.linalg.norm(np.cross(view, up))
         if across <= 1e-9 * np.linalg.norm(view) * np.linalg.norm(up):
             raise SceneError(
                 f"Camera: up = {up.tolist()} is parallel to the view {view.tolist()}",
-                legal="an up direction across the view",
+                legal="an up direction that is not parallel to the view",
                 where=self.where,
             )
 

@@ -64,7 +64,7 @@ def refuse_extent(scene: Scene, origin: NDArray[np.float64], field: Function) ->
     if lost:
         raise PlanError(
             f"the scene is {largest:.3g} units large and its nearest surface {away:.3g} away: {lost}",
-            legal="sizes that are closer to 1, and a camera that is not so close to what is so large",
+            legal="sizes closer to 1, or a camera farther from the large surface",
             where=scene.node.where,
         )
 

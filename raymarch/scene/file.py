@@ -50,7 +50,7 @@ def load(path: str | os.PathLike[str]) -> Scene:
         raise SceneError(f"{type(fault).__name__}: {fault.msg}", where=where) from fault
     except SystemExit as fault:
         raise SceneError(
-            f"the scene file ended Python (SystemExit: {fault.code})", where=_line_in(fault, name)
+            f"the scene file exited Python (SystemExit: {fault.code})", where=_line_in(fault, name)
         ) from None
     except Exception as fault:
         raise SceneError(f"{type(fault).__name__}: {fault}", where=_line_in(fault, name)) from fault
@@ -92,7 +92,7 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
     where = Location(name, 1)
     if not hasattr(namespace, "scene"):
         raise SceneError(
-            "the file leaves no 'scene'", legal="scene = rm.Scene(...), a node, or a function", where=where
+            "the file defines no 'scene'", legal="scene = rm.Scene(...), a node, or a function", where=where
         )
     found: Any = namespace.scene
     if callable(found) and not isinstance(found, Node | Scene | type):

@@ -45,7 +45,9 @@ def material_value(name: str, value: Any, size: int, low: float, high: float) ->
         return _picture(what, value, size, low, high)
     if _is_file(value) or (isinstance(value, np.ndarray) and value.ndim > 1):
         given = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else f"'{fspath(value)}'"
-        raise SceneError(f"{what}: {given} has no place yet", legal="planar(picture, size) or triplanar(picture, size)")
+        raise SceneError(
+            f"{what}: {given} has no projection", legal="planar(picture, size) or triplanar(picture, size)"
+        )
     check = as_number if size == 1 else as_vec3
     # An expression of POSITION comes from another material, by `replace`.
     if isinstance(value, Expr) and (POSITION in free_variables([value]) or depends_on_interaction([value])):

@@ -225,7 +225,9 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
         raise SceneError(f"{what} = {short(value)}", legal=legal)
     stray = free_variables([given])
     if stray:
-        raise SceneError(f"{what} depends on {short(stray[0].data)}", legal=f"{legal}, of parameters and time")
+        raise SceneError(
+            f"{what} depends on {short(stray[0].data)}", legal=f"{legal}, which may depend on parameters and time only"
+        )
     if find([given], "cell"):
         first, last = interval_of(given)
         if not cells or not np.all((first >= low) & (last <= high)):

@@ -90,7 +90,7 @@ def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr)
     apart = half * count < math.pi * (1.0 - 1e-9)
     enough = _mirrors_itself(child, own_middle) if asked == OWN else asked == GUARDED or child.exactness == "exact"
     if not (at_middle and apart and enough and np.allclose(ring.data, _ring(child))):
-        raise SceneError("polar_sectors evaluates too few copies of this solid", legal="polar(node, count)")
+        raise SceneError("polar evaluates too few copies of this solid", legal="polar(node, count)")
 
 
 @operator(

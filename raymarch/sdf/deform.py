@@ -50,7 +50,9 @@ def _check_reach(axes: str) -> Any:
         corner = np.maximum(np.abs(child.lower), np.abs(child.upper))[["xyz".index(axis) for axis in axes]]
         known, least = float(interval_of(reach)[0]), float(np.linalg.norm(corner))
         if not least <= known * (1 + 1e-12):
-            raise SceneError(f"reach = {known:g}, but the solid reaches {least:g} across {axes}", legal="no less")
+            raise SceneError(
+                f"reach = {known:g}, but the solid reaches {least:g} across {axes}", legal=f"reach >= {least:g}"
+            )
 
     return check
 
@@ -143,7 +145,9 @@ def _tapered_bounds(child: ChildFacts, rate: Expr, reach: Expr, low: Expr, high:
 def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> None:
     _check_reach("xz")(child, reach=reach)
     if not (float(interval_of(low)[1]) <= child.lower[1] and child.upper[1] <= float(interval_of(high)[0])):
-        raise SceneError("taper: the solid extends beyond low or high", legal="low and high around it")
+        raise SceneError(
+            "taper: the solid extends beyond low or high", legal="low and high outside the bounds of the solid"
+        )
     least = np.min([interval_of(1.0 + rate * end)[0] for end in (low, high)])
     if not least > 0.01:
         raise SceneError(

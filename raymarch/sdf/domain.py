@@ -86,7 +86,7 @@ class Domain:
         stray = free_variables([given])
         if stray:
             what = f"{node}: {name} depends on {short(stray[0].data)}"
-            raise SceneError(what, legal=f"{self.legal}, of parameters and time")
+            raise SceneError(what, legal=f"{self.legal}, which may depend on parameters and time only")
         if self.stretch and given.type is FLOAT:
             given = expr((given,) * self.type.size)
         if given.type is not self.type:

@@ -146,8 +146,8 @@ class Lowering:
         body = self._probed(body, q, root, None)
         if find([body], "cell"):
             raise SceneError(
-                f"{root.name} depends on the index of a cell that it does not stand in",
-                legal="the index only inside of the function that repeat_varied calls",
+                f"{root.name} depends on the index of a cell outside of repeat_varied",
+                legal="the index only inside the function that repeat_varied calls",
                 where=root.where,
             )
         return Function(name, (p,), body, where=root.where)

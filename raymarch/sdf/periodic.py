@@ -106,8 +106,8 @@ def schwarz_d(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Ex
 def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr:
     """Wall along Neovius' surface (1883), unbounded.
 
-    period : edge of the cube that repeats, > 0. thickness : of the wall where it is thinnest, > 0, < 0.559 period; it is
-        up to five times as thick where the surface is flat.
+    period : edge of the cube that repeats, > 0. thickness : of the wall where it is thinnest, > 0, < 0.559 period. The
+        wall is up to five times as thick where the surface is flat.
 
     f = 3 (cos x + cos y + cos z) + 4 cos x cos y cos z. The squared slope is a polynomial of the three cosines. Over
     the cube of their values it is at most 27.01 + 5 |f| (proven by interval arithmetic on subdivisions of the cube).

@@ -332,7 +332,7 @@ def _check_round_cone(bottom: Any, top: Any, height: Any) -> None:
     require(
         abs(bottom - top) < height,
         f"round_cone: bottom = {shown(bottom)} and top = {shown(top)} for height = {shown(height)}",
-        "radii that differ by less than the height; else one ball holds the other",
+        "radii that differ by less than the height; else one ball contains the other",
     )
 
 
@@ -511,8 +511,8 @@ def _death_star_rim(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
 
 def _check_death_star(radius: Any, bite: Any, distance: Any) -> None:
     message = f"death_star: bite = {shown(bite)} at distance = {shown(distance)} from radius = {shown(radius)}"
-    require(abs(radius - bite) < distance, message, "|radius - bite| < distance: else one ball holds the other")
-    require(distance < radius + bite, message, "distance < radius + bite: else the balls do not meet")
+    require(abs(radius - bite) < distance, message, "|radius - bite| < distance: else one ball contains the other")
+    require(distance < radius + bite, message, "distance < radius + bite: else the balls do not intersect")
 
 
 def _death_star_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:

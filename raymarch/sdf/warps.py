@@ -135,7 +135,9 @@ def _check_wrapped(
     """SceneError unless the slab fits its ring, leaves the axis free, and is evaluated twice if it is not symmetric."""
     bottom, top = np.maximum(child.lower[1], -UNBOUNDED), np.minimum(child.upper[1], UNBOUNDED)
     if not (interval_of(low)[1] <= bottom and top <= interval_of(high)[0]):
-        raise SceneError("wrapped: the solid extends beyond low or high", legal="low and high around it")
+        raise SceneError(
+            "wrapped: the solid extends beyond low or high", legal="low and high outside the bounds of the solid"
+        )
     first, last, radius = interval_of(start)[1], interval_of(end)[0], interval_of((end - start) / math.tau)
     slack = 1e-9 * float(radius[1])
     if not (child.lower[0] >= first - slack and child.upper[0] <= last + slack and radius[0] > 0.0):

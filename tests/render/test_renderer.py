@@ -394,7 +394,7 @@ def test_times_are_told_by_pass(renderer: Renderer) -> None:
         (lambda r: r.render(scene(), time=float("nan")), ("time = nan", "finite")),
         (lambda r: r.render(scene(), time=None), ("time = None", "finite")),
         (lambda r: r.render(scene()).array("deep"), ("'deep'", "color, depth, normal")),
-        (lambda r: r.render(scene(camera=rm.Camera((0, 0, 0)))), ("position = target", "two points")),
+        (lambda r: r.render(scene(camera=rm.Camera((0, 0, 0)))), ("position = target", "two different points")),
         (lambda r: rm.render(rm.sphere(), (8, 8)), ("render of <sphere", "a Scene")),
         (lambda r: plan(rm.sphere()), ("plan of <sphere", "a Scene")),
         (lambda r: probe_with(r, rm.sphere()), ("probe of <sphere", "a Scene")),

@@ -39,12 +39,28 @@ BAD = [
     (lambda: rm.Camera(target=(0, -INF, 0)), "Camera: target = (0, -inf, 0)", "3 finite numbers"),
     (lambda: rm.Camera(target={}), "Camera: target = {}", "3 finite numbers"),
     (lambda: rm.Camera(up=(0, NAN, 0)), "Camera: up = (0, nan, 0)", "3 finite numbers"),
-    (lambda: rm.Camera((1, 2, 3), (1, 2, 3)), "position = target = [1.0, 2.0, 3.0]", "two points"),
-    (lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 0, 1)), "up = [0.0, 0.0, 1.0] is parallel", "across the view"),
-    (lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 0, -7)), "up = [0.0, 0.0, -7.0] is parallel", "across the view"),
-    (lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 0, 0)), "up = [0.0, 0.0, 0.0] is parallel", "across the view"),
-    (lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 1e-12, 1)), "up = [0.0, 1e-12, 1.0]", "across the view"),
-    (lambda: rm.Camera((9, 9, 9), (0, 0, 0), (1, 1, 1)), "up = [1.0, 1.0, 1.0] is parallel", "across the view"),
+    (lambda: rm.Camera((1, 2, 3), (1, 2, 3)), "position = target = [1.0, 2.0, 3.0]", "two different points"),
+    (
+        lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 0, 1)),
+        "up = [0.0, 0.0, 1.0] is parallel",
+        "not parallel to the view",
+    ),
+    (
+        lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 0, -7)),
+        "up = [0.0, 0.0, -7.0] is parallel",
+        "not parallel to the view",
+    ),
+    (
+        lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 0, 0)),
+        "up = [0.0, 0.0, 0.0] is parallel",
+        "not parallel to the view",
+    ),
+    (lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 1e-12, 1)), "up = [0.0, 1e-12, 1.0]", "not parallel to the view"),
+    (
+        lambda: rm.Camera((9, 9, 9), (0, 0, 0), (1, 1, 1)),
+        "up = [1.0, 1.0, 1.0] is parallel",
+        "not parallel to the view",
+    ),
 ]
 
 

@@ -65,7 +65,7 @@ def test_random_numbers_are_even() -> None:
         (lambda: repeat_varied(ball, 0.0), "a number > 0"),
         (lambda: rm.Material(color=_escaped()), "between"),
         (lambda: rm.Camera(position=_escaped()), "depends on the index of a cell"),
-        (lambda: sphere(0.3).translate(0.1 * sin(_escaped())).glsl(), "does not stand in"),
+        (lambda: sphere(0.3).translate(0.1 * sin(_escaped())).glsl(), "outside of repeat_varied"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
@@ -82,5 +82,5 @@ def _escaped() -> Any:
 
 def test_a_material_outside_of_its_cell_is_refused() -> None:
     node = sphere().material(rm.Material(color=0.5 + 0.5 * sin(_escaped())))
-    with pytest.raises(SceneError, match="does not stand in"):
+    with pytest.raises(SceneError, match="outside of repeat_varied"):
         rm.truth(rm.Scene(node), size=(4, 4))

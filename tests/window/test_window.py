@@ -156,7 +156,7 @@ def test_a_demo_of_a_scene_that_is_gone_says_so(view: View) -> None:
     [
         ("import raymarch as rm\nscene = rm.sphere(-1)\n", "scene.py:2: sphere: radius = -1"),
         ("scene = (\n", "scene.py:1: SyntaxError"),
-        ("x = 1\n", "scene.py:1: the file leaves no 'scene'"),
+        ("x = 1\n", "scene.py:1: the file defines no 'scene'"),
     ],
 )
 def test_a_bad_scene_opens_no_window(tmp_path: Path, capfd: Capture, text: str, words: str) -> None:
