@@ -27,8 +27,9 @@ ROOT = Path(rm.__file__).parents[1]
 
 @case(79, "odd arguments")
 def odd_arguments(world: World) -> Iterator[Figure]:
-    """Python's own words reach the user (OverflowError, AttributeError), or a value that passes makes a loop of
-    131,071 turns; values come in at one place, and every change of a scene goes through its constructors."""
+    """Python's own exceptions (OverflowError, AttributeError) reach the user, or an accepted value makes a loop of
+    131,071 iterations. Arguments are checked in one place, and every change of a scene goes through its
+    constructors."""
     made, wrong = 0, []
     for call in odd.calls():
         for parameter in call.odd():
@@ -38,7 +39,12 @@ def odd_arguments(world: World) -> Iterator[Figure]:
                     given = {parameter: (value,) if parameter == "*" else value}
                     fault = odd.fault_of(lambda call=call, given=given: call(**given), odd.__file__)
                     wrong += [] if fault is None else [f"{call.name}.{parameter} = {kind}: {fault}"]
-    yield Figure(f"calls that end in other words, of {made // SHARE}", len(wrong), 0, "one place where values come in")
+    yield Figure(
+        f"calls that end in another kind of error, of {made // SHARE}",
+        len(wrong),
+        0,
+        "arguments are checked in one place",
+    )
     scene = rm.Scene(rm.sphere())
     yield refusals(
         (lambda: scene.replace(quality=scene.quality.replace(max_steps=131071)), ("max_steps = 131071", "60000")),
@@ -52,8 +58,8 @@ def odd_arguments(world: World) -> Iterator[Figure]:
 
 @case(80, "faults of disks, pipes and keys")
 def faults_from_outside(world: World) -> Iterator[Figure]:
-    """A traceback and the code 1 where a disk is full, a pipe is closed, a cache is broken or Ctrl+C comes early; they
-    are the user's to mend, or nobody's."""
+    """A full disk, a closed pipe, a broken cache or an early Ctrl+C gave a traceback and the exit code 1. The user gets
+    a message for a fault that the user can mend, and other faults are ignored."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "hello.py").write_text("import raymarch as rm\nscene = rm.sphere()\n")
@@ -79,7 +85,7 @@ def faults_from_outside(world: World) -> Iterator[Figure]:
             for stream in (process.stdout, process.stderr):
                 stream.close()  # type: ignore[union-attr]
         wrong = sum(found != wanted for found, wanted in codes.values()) + sum(map(bool, said.values()))
-        yield Figure("wrong exit codes and words of a closed pipe and Ctrl+C", wrong, 0, "0 and 130, in silence")
+        yield Figure("wrong exit codes and words of a closed pipe and Ctrl+C", wrong, 0, "0 and 130, without output")
 
         kept = folder / "cache" / "mesh-0.npz"
         _to_cache(kept, BALL.values, np.ones(3), np.zeros(3))
@@ -88,7 +94,7 @@ def faults_from_outside(world: World) -> Iterator[Figure]:
             kept.write_bytes(content)
             with suppress(Exception):
                 unread += _from_cache(kept) is None
-        yield Figure("broken caches that are not passed over, of 4", 4 - unread, 0, "they are made anew")
+        yield Figure("broken caches that are not passed over, of 4", 4 - unread, 0, "they are made again")
         _to_cache(folder / "hello.py" / "mesh-0.npz", BALL.values, np.ones(3), np.zeros(3))
         left = {file.name for file in folder.iterdir()} - {"hello.py", "first", "cache"}
-        yield Figure("files left by a cache that cannot be written", len(left), 0, "it is only not used")
+        yield Figure("files left by a cache that cannot be written", len(left), 0, "the cache is then not used")

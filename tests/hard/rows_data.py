@@ -60,8 +60,8 @@ PLACES: tuple[tuple[float, float, tuple[float, float, float]], ...] = (
 
 @case(67, "a pattern asked on its border", before="57 % of the pixels of a floor at y = -1 with cells of .8")
 def on_the_border(world: World) -> Iterator[Figure]:
-    """A floor on the border of a 3D checker's cells is decided by the rounding of each hit: salt and pepper. The cell
-    that the solid fills is shown: materials are asked just inside of it."""
+    """On a floor at the border of a 3D checker's cells, the rounding of each hit decides: noise. Materials are
+    evaluated just inside the solid, which shows the cell that it fills."""
     wrong = truth = total = 0
     for scale, angle, offset in PLACES:
         rotation = turned(angle, (0, 0, 1))
@@ -198,7 +198,8 @@ def _indirect() -> Iterator[tuple[str, rm.Scene, Array, Array]]:
 
 @case(68, "letters that the font lacks", before="a crossed box for each, exit code 0, no warning")
 def letters(world: World) -> Iterator[Figure]:
-    """A font shows a sign of its own, a box, for a letter that it lacks. Such a text is refused by name."""
+    """A font shows a placeholder, a box, for a missing letter. Such a text is refused, and the message names the
+    letter."""
     missing = ["ä", "ß", "é", "ñ", "\u2013", "€", "\u6f22", "\u200b", "\t", "\ud800"]
     calls = [(partial(rm.text, f"a{letter}b"), ("lacks", repr(letter), "Aileron", "font=")) for letter in missing]
     yield refusals(*calls)
@@ -214,8 +215,8 @@ def letters(world: World) -> Iterator[Figure]:
 
 @case(69, "a mesh turned inside out", before="a noisy cube, its sign lost")
 def inside_out(world: World) -> Iterator[Figure]:
-    """The sign of the distance follows the triangles' order. Parts that are inside out are turned, with a warning; what
-    has no inside is refused."""
+    """The sign of the distance depends on the orientation of the triangles. Inverted parts are turned, with a warning.
+    A mesh without an inside is refused."""
     q = np.random.default_rng(3).uniform(-1.5, 1.5, (4000, 3))
     away = np.abs(q) - (0.5, 1.0, 0.5)
     known = np.linalg.norm(np.maximum(away, 0), axis=1) + np.minimum(away.max(axis=1), 0)
@@ -239,7 +240,7 @@ def inside_out(world: World) -> Iterator[Figure]:
             said += len(caught) == 1 and "turned" in str(caught[0].message)
             wrong += int(np.sum((node.distance(q) < 0)[clear] != (known < 0)[clear]))
         yield Figure("points on the wrong side, of three cubes", wrong, 0, "farther than two cells off the surface")
-        yield Figure("cubes that were turned without a word, of 3", 3 - said, 0, "one warning each")
+        yield Figure("cubes that were turned without a warning, of 3", 3 - said, 0, "one warning each")
         lost = cube.vertices.copy()
         lost[3] = np.nan
         crossed = np.concatenate([cube.vertices, cube.vertices + np.array([0.4, 0.3, 0.2])])
@@ -256,14 +257,14 @@ def inside_out(world: World) -> Iterator[Figure]:
 
 @case(78, "deep trees", before="200 smooth unions compile for 16 s, 1,000 for 346 s, without a word")
 def deep(world: World) -> Iterator[Figure]:
-    """Software renderers compile a field in a time that grows with the square of its operations. It is estimated before
-    the compilation: said from 10 s, refused beyond a limit that can be raised."""
+    """Software renderers compile a field in a time that grows with the square of its operations. The time is estimated
+    before the compilation: from 10 s on it is reported, and beyond a limit, which can be raised, it is refused."""
     measured = {100: 4.5, 200: 16.0}
     worst = 1.0
     for n, seconds in measured.items():
         share = plan(rm.Scene(_chain(n))).compile_seconds / seconds
         worst = max(worst, share, 1 / share)
-    yield Figure("factor between the estimate and what was measured", worst, 2, "what helps is said, not a date")
+    yield Figure("factor between the estimate and what was measured", worst, 2, "a rough estimate is enough")
     limit, os.environ["RAYMARCH_COMPILE_LIMIT"] = os.environ.get("RAYMARCH_COMPILE_LIMIT"), "30"
     try:
         words = ("operations", "compiling takes about", "RAYMARCH_COMPILE_LIMIT")

@@ -15,7 +15,8 @@ from tests.hard.world import Figure, World, case, refusals
 
 @case(52, "loops on the software renderer")
 def loops(world: World) -> Iterator[Figure]:
-    """llvmpipe ends every loop after 65,535 iterations without a word; `doctor` finds it, and no quality reaches it."""
+    """llvmpipe silently ends every loop after 65,535 iterations. `doctor` detects this, and no quality setting exceeds
+    it."""
     found = count_loop(world.context)
     known = 65_535 if world.context.driver.is_software else found.asked
     yield Figure("iterations by which doctor misses the known limit", abs(found.reached - known), 1, "it counts")
@@ -27,23 +28,23 @@ def loops(world: World) -> Iterator[Figure]:
 
 @case(53, "timers on the software renderer", before="7.1 ms for a draw of 207 ms; once 4,295 ms")
 def timers(world: World) -> Iterator[Figure]:
-    """A timer query may answer anything; it is held against the wall clock before it is believed."""
+    """A timer query may return wrong times. It is compared with the wall clock before it is used."""
     liar = Clock(world.context, lambda draw: (draw(), world.context.gl.finish(), 0.001)[-1])
-    yield Figure("lying timers that are believed", liar.kind != "wall clock", 0, "tested on draws of known load")
+    yield Figure("wrong timers that are accepted", liar.kind != "wall clock", 0, "tested on draws of known load")
     honest = Clock(world.context)
     software = world.context.driver.is_software
     yield Figure(
         "software renderers timed by a query",
         software and honest.kind != "wall clock",
         0,
-        "there the wall clock is the truth",
+        "the wall clock is used there",
     )
 
 
 @case(60, "a failing driver")
 def failing(world: World) -> Iterator[Figure]:
-    """Out of memory, a lost context, a refused shader: any call may fail. The error names the pass, no half-written
-    file is left, and the next frame is drawn."""
+    """Any call may fail: out of memory, a lost context, a refused shader. The error names the pass, no incomplete file
+    is left, and the next frame is drawn."""
     calls, unnamed, broken = failures(world.context)
     yield Figure(f"failures without the pass or the cause, of {calls}", unnamed, 0, "each call fails once")
     yield Figure("renderers that do not draw the same again afterwards", broken, 0, "nothing half made is kept")

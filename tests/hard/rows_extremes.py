@@ -67,9 +67,9 @@ def _differ(world: World, one: rm.Scene, two: rm.Scene, unit: float) -> int:
 
 @case(70, "extreme sizes", before="empty skies at 1e20, 1e30 and 1e-30, stray dots for a mesh of 1e-6; exit code 0")
 def extreme_sizes(world: World) -> Iterator[Figure]:
-    """In float32 the square of 1e20 is infinite and that of 1e-30 is 0. Scenes from 1e-12 to 1e12 units are the picture
-    that they are in another unit; beyond what float32 holds they are refused, and so is a scene whose field or normals
-    it loses where the camera looks, such as a ball of 1e9 under a camera at 1."""
+    """In float32 the square of 1e20 is infinite and that of 1e-30 is 0. Scenes from 1e-12 to 1e12 units render as in
+    any other unit. Scenes beyond the range of float32 are refused, and so are scenes whose field or normals lose all
+    digits in front of the camera, such as a ball of radius 1e9 at a distance of 1."""
     home = _scenes(1.0)
     for unit in (UNIT, 1.0 / UNIT):
         differ = sum(_differ(world, *pair, unit) for pair in zip(home, _scenes(unit), strict=True))
@@ -148,9 +148,9 @@ def _values(t: Any, d: Any, a: Any) -> list[Callable[[], Any]]:
 
 @case(71, "values out of range at run time", before="an empty sky, or ambient light only, exit code 0")
 def run_time_values(world: World) -> Iterator[Figure]:
-    """A radius that time makes negative, a sun whose direction a parameter makes 0. Numbers are refused where they are
-    written; what depends on time or a parameter is asked in each frame by the same rules, and the frame says which
-    value is out of its range. With `strict` there is no picture."""
+    """Time may make a radius negative, and a parameter may make the direction of a sun 0. Numbers are refused where
+    they are written. Values that depend on time or a parameter are checked by the same rules in each frame, and the
+    frame names the value that is out of range. With `strict`, no picture is made."""
     others = (((0, 1, 0), 0.5), ((0, 0, 0), 0.0), ((1, 0, 1), 1.5))
     moments = [(t, d, a) for t in (-50.0, -1.0, 0.0, 0.5, 3.0) for d, a in others]
     silent = loud = unnamed = 0
@@ -166,10 +166,10 @@ def run_time_values(world: World) -> Iterator[Figure]:
             unnamed += bool(reason and said) and not named
     count = len(moving) * len(moments)
     yield Figure(
-        f"frames of {count} with a value that is refused as a number, and not a word", silent, 0, "the same rules"
+        f"frames of {count} without a warning about a value that is refused as a number", silent, 0, "the same rules"
     )
-    yield Figure(f"frames of {count} with a word on a value that is legal as a number", loud, 0, "the same rules")
-    yield Figure("words that do not name the value, its range and the line", unnamed, 0, "what a user needs")
+    yield Figure(f"frames of {count} with a warning about a value that is legal as a number", loud, 0, "the same rules")
+    yield Figure("warnings that do not name the value, its range and the line", unnamed, 0, "needed to find the value")
     scene = rm.Scene(rm.sphere(1 + 0.1 * rm.time))
     with rm.Renderer((16, 12), context=world.context, strict=True) as strict:
         kept = 0

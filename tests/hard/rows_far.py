@@ -34,7 +34,8 @@ def _displaced(light: rm.scene.light.Light, by: tuple[float, float, float]) -> r
 
 @case(4, "far from the origin", before="hello at 1e6 was off by up to 144 of 255 steps, at 1e4 by 1")
 def far_away(world: World) -> Iterator[Figure]:
-    """Depths are wrong by 3e-3 at 1e5 and .45 at 1e7; a scene far away is described from near its camera."""
+    """Depths are wrong by 3e-3 at a distance of 1e5 from the origin, and by 0.45 at 1e7. A distant scene is rendered in
+    coordinates relative to a point near its camera."""
     hello = load(HELLO)
     one = world.draw(hello, outputs=("color", "depth", "normal"))
     calm = ~_edges(one)
@@ -51,7 +52,7 @@ def far_away(world: World) -> Iterator[Figure]:
     mixed = rm.Scene(node, rm.Camera((2, 1.5, 3), (0, 0, 0)), [lamp])
     one, two = (world.draw(s, outputs=("color", "depth", "normal")) for s in (mixed, displaced(mixed, (1e6, 1e6, 1e6))))
     yield Figure(
-        "8-bit steps of blends, planes and lamps at 1e6", bytes_off(one, two, ~_edges(one)), 1, "float64, rounded once"
+        "8-bit steps of blends, planes and lights at 1e6", bytes_off(one, two, ~_edges(one)), 1, "float64, rounded once"
     )
     columns = rm.box((0.4, 2, 0.4)).repeat((1.5, None, 1.5))
     far = 1.5 * 700_000
@@ -68,9 +69,7 @@ def far_away(world: World) -> Iterator[Figure]:
     )
     told = any(f.name == "camera-relative" and f.used for f in plan(displaced(hello, (1e6, 0, 0))).features)
     quiet = not any(f.name == "camera-relative" and f.used for f in plan(hello).features)
-    yield Figure(
-        "scenes described from elsewhere without a word, or without need", 2 - told - quiet, 0, "explain says so"
-    )
+    yield Figure("scenes with another origin without a report, or without need", 2 - told - quiet, 0, "explain says so")
 
 
 def _edges(frame: rm.Frame) -> np.ndarray:
@@ -87,7 +86,8 @@ def _edges(frame: rm.Frame) -> np.ndarray:
 
 @case(5, "normals far away", before="5.6° at 1e3, 37° at 1e4 with a fixed step of 1e-4")
 def far_normals(world: World) -> Iterator[Figure]:
-    """Differences over a fixed step lose all digits far from the origin; the gradient is analytic."""
+    """Finite differences with a fixed step lose all digits far from the origin. The gradient is computed
+    analytically."""
     for far in (1e3, 1e4, 1e6):
         centre = np.array([far, 0.5 * far, -far])
         view = view_of(tuple(centre + np.array((1, 0.7, 4))), tuple(centre), 35.0)
@@ -109,8 +109,9 @@ def far_normals(world: World) -> Iterator[Figure]:
 
 @case(36, "a long time")
 def long_time(world: World) -> Iterator[Figure]:
-    """One ulp of float32 is .0078 s after a day, 2 s after a year. What depends on time alone is worked out in float64;
-    a wave over the point is told the turn that it is in. Other products of time and point keep the digits they have."""
+    """One ulp of float32 is 0.0078 s after a day, and 2 s after a year. Subexpressions that depend on time alone are
+    computed in float64, and the phase of a wave is reduced modulo its period. Other products of time and position keep
+    float32 precision."""
     turning = rm.Scene(rm.box((1, 0.6, 0.4)).rotate(rm.time * 2 * np.pi), rm.Camera((2, 1.5, 3), (0, 0, 0)))
     known = world.draw(turning, outputs=("color", "depth"), time=0.3)
     worst = 0

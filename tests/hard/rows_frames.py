@@ -47,7 +47,7 @@ def unlike(a: Frame, b: Frame) -> int:
 
 @case(42, "history on the first frame")
 def first_history(world: World) -> Iterator[Figure]:
-    """The content of a new texture is what was in the memory before; it is poisoned with NaN here."""
+    """A new texture contains arbitrary memory. The test fills it with NaN."""
     scene = rm.Scene(NODE, HERE, quality=KEEP)
     known = fresh(world, scene)
     poison(world)
@@ -63,7 +63,7 @@ def first_history(world: World) -> Iterator[Figure]:
 
 @case(43, "camera cut")
 def cut(world: World) -> Iterator[Figure]:
-    """After a cut the old picture shines through."""
+    """After a camera cut, pixels of the previous picture remain visible."""
     for name, other in (
         ("camera", rm.Scene(NODE, THERE, quality=KEEP)),
         ("scene", rm.Scene(rm.torus(), HERE, quality=KEEP)),
@@ -81,7 +81,7 @@ def cut(world: World) -> Iterator[Figure]:
 
 @case(44, "one NaN in the history")
 def one_nan(world: World) -> Iterator[Figure]:
-    """A mean that holds a NaN holds it for ever."""
+    """A running mean that contains a NaN remains NaN."""
     scene = rm.Scene(NODE, HERE, quality=KEEP)
     fresh(world, scene)
     poison(world, texel=(18, 24))
@@ -96,7 +96,7 @@ def one_nan(world: World) -> Iterator[Figure]:
 
 @case(45, "a still scene")
 def still(world: World) -> Iterator[Figure]:
-    """A running mean drifts where its weights are rounded; that of n frames is the mean of n samples."""
+    """A running mean drifts if its weights are rounded. After n frames it must be the mean of n samples."""
     n = 32
     sampled = fresh(world, rm.Scene(NODE, HERE, quality=rm.Quality(samples=n)))
     scene = rm.Scene(NODE, HERE, quality=KEEP)
@@ -133,8 +133,8 @@ def _sample(world: World, i: int) -> np.ndarray:
 
 @case(47, "coarse passes")
 def coarse(world: World) -> Iterator[Figure]:
-    """What is found on a coarse grid and enlarged bleeds over edges. Cones are the only coarse pass: they tell a ray
-    where to start, never what it hits."""
+    """Results of a coarse grid bleed over edges when they are enlarged. Cones are the only coarse pass: they determine
+    where a ray starts, never what it hits."""
     node = NODE | rm.box((0.01, 3, 0.01)).translate((0.8, 0, 0.5)) | rm.plane(offset=-0.5)
     frames = [
         world.draw(rm.Scene(node, HERE, quality=rm.Quality(schedule=schedule)), SIZE, ("depth",))
@@ -152,7 +152,7 @@ def coarse(world: World) -> Iterator[Figure]:
 
 @case(48, "tiles")
 def tiles(world: World) -> Iterator[Figure]:
-    """Drawn in tiles, a picture must be the whole one to the last bit."""
+    """A picture drawn in tiles must equal the whole picture to the last bit."""
     size = (80, 60)
     for quality in (rm.Quality(), rm.Quality(schedule="cone"), rm.Quality(rays="interpolated")):
         scene = rm.Scene(NODE | rm.plane(offset=-0.5), HERE, [rm.Sun(shadow=True)], quality=quality)
@@ -165,12 +165,12 @@ def tiles(world: World) -> Iterator[Figure]:
                 shown = call.target.read()[..., :3]
             wrong += int(np.sum(shown != known.color))
         what = quality.schedule if quality.schedule != "auto" else quality.rays
-        yield Figure(f"values that tiles of 32 and 64 change, {what}", wrong, 0, "a pixel knows nothing of its tile")
+        yield Figure(f"values that tiles of 32 and 64 change, {what}", wrong, 0, "pixels do not depend on tiles")
 
 
 @case(50, "empty scene")
 def empty(world: World) -> Iterator[Figure]:
-    """Nothing to hit and nothing to light it: the background."""
+    """Without solids and lights, the picture is the background."""
     nothing = rm.sphere().translate((-3, 0, 0)) & rm.sphere().translate((3, 0, 0))
     for name, scene in (
         ("solid", rm.Scene(nothing, HERE, sky=(0.25, 0.5, 1.0))),
@@ -182,5 +182,8 @@ def empty(world: World) -> Iterator[Figure]:
         yield Figure(f"values unlike the sky, no {name}", wrong, 0, "nothing is hit")
     dark = world.draw(rm.Scene(NODE, HERE, []), SIZE, ("color", "depth"))
     yield Figure(
-        "light on a solid without lights", float(dark.color[np.isfinite(dark.depth)].max()), 0, "no light is no light"
+        "light on a solid without lights",
+        float(dark.color[np.isfinite(dark.depth)].max()),
+        0,
+        "without lights all is black",
     )

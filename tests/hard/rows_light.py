@@ -26,7 +26,8 @@ def module(name: str) -> str:
 
 @case(29, "secondary rays", before="all of 2,968 rays without an offset; 20 with one of 1e-4")
 def secondary(world: World) -> Iterator[Figure]:
-    """A shadow ray that starts on a surface meets it at once; it starts two epsilons off, in any unit of length."""
+    """A shadow ray that starts on a surface hits it at once. It starts at an offset of two epsilons, in any unit of
+    length."""
     dark = tried = 0
     sun = unit(np.array([1.0, 0.3, 0.2]))
     for scale in (1e-4, 1.0, 1e4):
@@ -48,8 +49,8 @@ def secondary(world: World) -> Iterator[Figure]:
 
 @case(30, "refraction")
 def refraction(world: World) -> Iterator[Figure]:
-    """Total internal reflection gives a zero vector, and inside the sign turns. In a white room glass must be as white
-    as the room, whatever way the light takes through it."""
+    """At total internal reflection the refracted direction is a zero vector, and inside the solid the sign of the field
+    is inverted. In a white furnace glass must be invisible, whichever path the light takes."""
     cosine, ratio = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 201), [1 / 4, 1 / 1.5, 1.0, 1.5, 4.0]))
     found = run(
         world.context,
@@ -58,7 +59,7 @@ def refraction(world: World) -> Iterator[Figure]:
         [(FLOAT, cosine), (FLOAT, ratio)],
     )
     outside = int(np.sum(~((found >= 0) & (found <= 1 + 8 * ULP))))
-    yield Figure("reflectances that are no share", outside, 0, "0 to 1, and 1 beyond the critical angle")
+    yield Figure("reflectances outside of the legal range", outside, 0, "0 to 1, and 1 beyond the critical angle")
     glass = rm.Material(albedo=(1, 1, 1), transmission=1.0, roughness=0.0)
     for name, node in (("slab", rm.box((4, 4, 0.3))), ("ball", rm.sphere(0.9))):
         scene = rm.Scene(
@@ -74,15 +75,15 @@ def refraction(world: World) -> Iterator[Figure]:
             f"brightest pixel of a glass {name}",
             float(np.nanmax(color)),
             1 + 64 * ULP,
-            "furnace: no more than the room",
+            "white furnace test",
         )
         missing = int(np.sum(~np.isfinite(color))) + abs(1 - float(color.mean()))
-        yield Figure(f"light that a glass {name} loses", missing, 2e-3, "what is left after 16 bounces")
+        yield Figure(f"light that a glass {name} loses", missing, 2e-3, "the remainder after 16 bounces")
 
 
 @case(38, "a light at the surface")
 def light_at_surface(world: World) -> Iterator[Figure]:
-    """The inverse square is infinite where the light touches, and its direction 0/0."""
+    """At a point light the inverse square is infinite and the direction is 0/0."""
     bad = tried = 0
     for y in (1.5, 1.001, 1.0 + 1e-6, 1.0, 1.0 - 1e-6, 0.5, 0.0):
         for light in (
@@ -99,7 +100,8 @@ def light_at_surface(world: World) -> Iterator[Figure]:
 
 @case(39, "microfacets of a mirror", before="NaN at roughness 0, infinite at alpha = 1e-4")
 def mirror(world: World) -> Iterator[Figure]:
-    """The density of a mirror's facets is infinite; 1 - cosine² would lose all its digits before that."""
+    """The normal distribution of a mirror's microfacets is infinite, and 1 - cosine² loses all its digits before
+    that."""
     u = np.linspace(1e-4, 1 - 1e-4, 2000)
     worst = bad = 0.0
     for alpha in (1e-3, 1e-2, 0.1, 0.5, 1.0):
@@ -132,7 +134,7 @@ def mirror(world: World) -> Iterator[Figure]:
 
 @case(40, "rough surfaces at grazing angles")
 def grazing_energy(world: World) -> Iterator[Figure]:
-    """A microfacet model with the wrong masking gives back more light than it gets."""
+    """A microfacet model with the wrong masking function reflects more light than arrives."""
     n = 64
     u, v = (x.ravel() for x in np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n))
     for form in ("correlated", "separable"):
@@ -153,12 +155,14 @@ def grazing_energy(world: World) -> Iterator[Figure]:
                 )
                 weight = np.where((facing > 0) & (both > 0), masks * 4 * facing * both / cosine, 0)
                 worst = max(worst, float(weight.mean()))
-        yield Figure(f"largest reflectance of white metal, {form}", worst, 1 + 2e-3, "furnace; 4,096 samples")
+        yield Figure(
+            f"largest reflectance of white metal, {form}", worst, 1 + 2e-3, "white furnace test; 4,096 samples"
+        )
 
 
 @case(41, "soft shadow at t = 0")
 def soft_start(world: World) -> Iterator[Figure]:
-    """The cone of a soft shadow is 0 wide where it starts, and the surface itself is nearest there."""
+    """The cone of a soft shadow has width 0 at its start, where the surface itself is nearest."""
     sun = unit(np.array([0.3, 1.0, 0.2]))
     for penumbra in ("two-sided", "cone", "triangulated"):
         light = rm.Sun(tuple(sun), shadow=True, softness=0.05, penumbra=penumbra)
@@ -166,12 +170,13 @@ def soft_start(world: World) -> Iterator[Figure]:
         frame = world.draw(rm.Scene(node, rm.Camera((0, 1.0, 3.0), (0, 0, 0)), [light]), outputs=("color", "depth"))
         near = frame.depth < 20
         missing = float(np.max(np.abs(frame.color[..., 0][near] / sun[1] - 1)))
-        yield Figure(f"light that a free plane lacks, {penumbra}", missing, 32 * ULP, "nothing is in the way")
+        yield Figure(f"light that a free plane lacks, {penumbra}", missing, 32 * ULP, "no occluder")
 
 
 @case(59, "shadow ray that leaves the scene", before="86 evaluations a pixel to a far end")
 def leaving(world: World) -> Iterator[Figure]:
-    """A ray to the sun that goes on to a far end asks the field for nothing; it ends at the scene's box."""
+    """A shadow ray towards the sun evaluates the field up to the far distance. It ends at the bounding box of the
+    scene."""
     node = rm.box((1, 1, 1)) - rm.sphere(0.65)
     scenes = [
         rm.Scene(node | far, rm.Camera((2, 1.5, 3), (0, 0, 0)), [rm.Sun(shadow=True)])
@@ -181,7 +186,7 @@ def leaving(world: World) -> Iterator[Figure]:
     yield Figure(
         "evaluations of a lit pixel, primary ray and shadow ray", near, 20, "SPEED: 15 where it ends at the box"
     )
-    yield Figure("their share of those without a box", near / endless, 1, "a box saves")
+    yield Figure("their share of those without a box", near / endless, 1, "the box shortens rays")
 
 
 def _evaluations(world: World, scene: rm.Scene) -> float:

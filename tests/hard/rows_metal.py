@@ -40,8 +40,8 @@ def furnace(
 
 @case(74, "rough white metal", before="41 % of the light at roughness 1")
 def white_metal(world: World) -> Iterator[Figure]:
-    """Light that other facets hide is not lost: they mirror it again. In a white room metal is as white as the room, by
-    the sky's mean light, by lights, and by light that bounces."""
+    """Light that other microfacets block is not lost: they reflect it again. In a white furnace metal is white under
+    the mean light of the sky, under lights, and with bounces."""
     for masking in ("correlated", "separable"):
         one, many = (rm.Quality(samples=n, masking=masking) for n in (1, 64))
         found = furnace(world, ROUGH, METAL, (48, 36), sky=rm.Sky((1, 1, 1), light=True), quality=one)

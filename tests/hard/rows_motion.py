@@ -127,8 +127,8 @@ def errors_of(renderer: Renderer, name: str, frames: int = 10, samples: int = 25
 
 @case(75, "history of what moves", "rms .024 where .020 is without any")
 def moved(world: World) -> Iterator[Figure]:
-    """A history that follows the camera alone is found where things were not. It is carried back by their transforms,
-    and shaded again as it was: where that differs, it is forgotten."""
+    """A history that follows only the camera is read at wrong positions if objects move. Positions are mapped back by
+    the objects' transforms and shaded with the previous values; where the result differs, the history is discarded."""
     if world.renderer.size != (96, 72):
         world.renderer.resize((96, 72))
     for name in ("translated", "blended", "shadow of what is out of sight", "mirrored"):

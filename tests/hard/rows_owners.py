@@ -27,8 +27,8 @@ def _wrong(picture: Any, right: Any) -> float:
 
 @case(72, "a renderer in another thread", before="memory that nobody wrote, `complete` True")
 def threads(world: World) -> Iterator[Figure]:
-    """An OpenGL context is current in one thread. Each call makes it current and releases it, so that any thread may
-    draw; threads that want the same renderer wait for each other."""
+    """An OpenGL context is current in one thread. Each call makes it current and releases it, so that any thread can
+    draw. Threads that use the same renderer wait for each other."""
     right = [world.draw(scene(k), SIZE, ("color",)).color for k in range(3)]
     wrong: list[float] = []
 
@@ -49,8 +49,8 @@ def threads(world: World) -> Iterator[Figure]:
 
 @case(76, "a context of other code", before="85 % of the pixels wrong, no error")
 def foreign(world: World) -> Iterator[Figure]:
-    """pygame, moderngl or glfw make their own context current between two frames. The platform is asked for it before
-    each call, and it is current again afterwards."""
+    """pygame, moderngl or glfw make their own context current between two frames. The platform is queried for it before
+    each call, and it is made current again afterwards."""
     right = [world.draw(scene(k), SIZE, ("color",)).color for k in range(3)]
     settings: dict[str, Any] = {"backend": "egl"}
     wrong, harmed = [], 0
@@ -65,14 +65,14 @@ def foreign(world: World) -> Iterator[Figure]:
             harmed += frame.depth.shape != SIZE[::-1] or not other.unharmed()
         current.unbind()
         gl.release()
-    yield Figure("% of pixels unlike those drawn alone", max(wrong), 0, "the platform is asked, nothing is remembered")
-    yield Figure("frames that leave the other context harmed or not current", harmed, 0, "it is given back")
+    yield Figure("% of pixels unlike those drawn alone", max(wrong), 0, "the platform is queried before each call")
+    yield Figure("frames that leave the other context harmed or not current", harmed, 0, "it is made current again")
 
 
 @case(77, "a fork after a render", before="hangs for ever")
 def forks(world: World) -> Iterator[Figure]:
-    """The threads of the driver are gone in a forked process, so a draw there would wait for ever. It is refused with
-    the cure; a process that is forked before any OpenGL draws."""
+    """The driver's threads do not exist in a forked process, so that a draw there would hang. It is refused with the
+    cure. A process that is forked before any use of OpenGL can draw."""
     late = """
 import raymarch
 from tests.hard.owners import SIZE, forked, scene

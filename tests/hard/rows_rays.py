@@ -25,7 +25,7 @@ REAL = [name for name in TRACERS if name != "auto"]
 
 @case(1, "thin shell")
 def thin_shell(world: World) -> Iterator[Figure]:
-    """A step a fifth too long goes through a shell of a thousandth, and most rays land on its far side."""
+    """A step that is too long by a fifth skips a shell of thickness 0.001, and most rays hit its far side."""
     node = rm.sphere(1.0).shell(0.002)
     outer = float(-node.bounds[0][0])
     view = view_of((0.5, 0.8, 3.5), (0, 0, 0))
@@ -44,7 +44,7 @@ def thin_shell(world: World) -> Iterator[Figure]:
 
 @case(2, "grazing plane")
 def grazing(world: World) -> Iterator[Figure]:
-    """Plain steps towards a plane seen at 10, 1 and .1 degrees number 49, 524 and 5,273."""
+    """A plain march towards a plane takes 49 steps at 10 degrees, 524 at 1 degree and 5,273 at 0.1 degrees."""
     node = rm.plane() | rm.sphere().translate((0, 30, 60))
     for degrees, most in ((10.0, 0.0), (1.0, 0.0)):
         view = view_of((0, 1, 0), (0, 1 - np.tan(np.radians(degrees)), -1), degrees / 2)
@@ -77,7 +77,8 @@ def grazing(world: World) -> Iterator[Figure]:
 
 @case(3, "tangent miss")
 def tangent(world: World) -> Iterator[Figure]:
-    """Steps grow with 1/sqrt(gap) along a ray that just misses; the silhouette must neither swell nor shrink."""
+    """The number of steps grows with 1/sqrt(gap) along a ray that just misses; the silhouette must neither grow nor
+    shrink."""
     position = np.array([0.3, 0.2, 6.0])
     ahead = -position / np.linalg.norm(position)
     edge = np.cross(ahead, (0, 1, 0))
@@ -101,7 +102,8 @@ def tangent(world: World) -> Iterator[Figure]:
 
 @case(6, "coplanar materials")
 def coplanar(world: World) -> Iterator[Figure]:
-    """Two surfaces in one plane flicker where rounding decides; a tie is decided the same way everywhere."""
+    """Two surfaces in one plane flicker if rounding decides between them. Ties are resolved in the same manner
+    everywhere."""
     red, blue = rm.box((2, 1, 2)).material(RED), rm.box((1, 1, 3)).material(BLUE)
     view = view_of((0.4, 4, 1.5), (0, 0, 0))
     scenes = [
@@ -118,7 +120,7 @@ def coplanar(world: World) -> Iterator[Figure]:
             & (frame.normal[..., 1] > 0.9)
         )
         kinds.append(len(np.unique(frame.material[shared])))
-    yield Figure("materials seen on the shared face, beyond the one", max(kinds) - 1, 0, "no pixel decides by itself")
+    yield Figure("further materials visible on the shared face", max(kinds) - 1, 0, "ties are resolved in one manner")
     first = world.draw(scenes[0], outputs=("color",))
     again = world.draw(scenes[0], outputs=("color",))
     yield Figure("8-bit steps between two frames", bytes_off(first, again), 0, "the same text and numbers")
@@ -126,7 +128,7 @@ def coplanar(world: World) -> Iterator[Figure]:
 
 @case(7, "a shape united with itself")
 def self_union(world: World) -> Iterator[Figure]:
-    """Twice the same distance is a tie everywhere."""
+    """Two equal distances are a tie at every point."""
     node = rm.box() - rm.sphere(0.65)
     one = world.draw(rm.Scene(node), outputs=("color", "depth"))
     for name, other in (("|", node | node), ("&", node & node), ("union of 3", rm.union(node, node, node))):
@@ -141,7 +143,8 @@ def self_union(world: World) -> Iterator[Figure]:
 
 @case(23, "displacement")
 def displacement(world: World) -> Iterator[Figure]:
-    """Bumps steepen the field, and rays step through them; their slope adds to the bound."""
+    """Displacement increases the slope of the field, so that rays skip surfaces. Its slope is added to the Lipschitz
+    bound."""
     node = rm.sphere().displace(0.05, 12.0)
     yield Figure("slope over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz")
     scene = rm.Scene(node, rm.Camera((0.3, 0.4, 3.2), (0, 0, 0)))
@@ -161,7 +164,7 @@ def displacement(world: World) -> Iterator[Figure]:
 
 @case(27, "camera inside a solid")
 def camera_inside(world: World) -> Iterator[Figure]:
-    """The field is negative from the start; the rule is that the inner wall is seen."""
+    """The field is negative at the camera. By definition, the inner wall is visible."""
     holes, worst = 0, 0.0
     for axis in range(3):
         for sign in (-1.0, 1.0):
@@ -186,7 +189,8 @@ def camera_inside(world: World) -> Iterator[Figure]:
 
 @case(28, "fractal without bail-out")
 def fractals(world: World) -> Iterator[Figure]:
-    """The derivative of a power of 8 overflows in the third turn of the loop; loops end, and bail out."""
+    """The derivative of the eighth power overflows in the third iteration. Loops are bounded and stop when values grow
+    too large."""
     from glsl_harness import run
 
     from raymarch.expr.glsl import print_functions
@@ -205,7 +209,8 @@ def fractals(world: World) -> Iterator[Figure]:
 
 @case(35, "tiny or huge units")
 def units(world: World) -> Iterator[Figure]:
-    """length() of 1e-23 is 0 and of 3e19 infinite; no constant in the shader is a length, so units do not matter."""
+    """length() of a vector of size 1e-23 is 0, and of size 3e19 infinite. No constant in the shader is a length, so the
+    unit of length does not matter."""
 
     def sized(s: float) -> rm.Scene:
         node = (rm.box(s).round(0.1 * s) | rm.torus(s, 0.2 * s).translate((0.2 * s, 0, 0))) - rm.sphere(0.6 * s)
@@ -236,7 +241,8 @@ def units(world: World) -> Iterator[Figure]:
 
 @case(54, "cone pass")
 def cones(world: World) -> Iterator[Figure]:
-    """A cone that hands on the t at which it got stuck starts rays behind surfaces, and jitter leaves the cone."""
+    """A cone that returns the t at which it stopped may start rays behind surfaces, and jittered rays leave the
+    cone."""
     node = (
         rm.sphere(0.6).repeat((1.4, None, 1.4), (5, None, 5))
         | rm.box((0.02, 1.5, 0.02)).translate((0.3, 0.4, 2.2))
@@ -275,7 +281,8 @@ def rm_silhouettes(known: Any) -> Any:
 
 @case(55, "relaxed tracer on an estimate")
 def estimates(world: World) -> Iterator[Figure]:
-    """Overlapping spheres prove nothing where the field may be too large; such a field is marched by plain steps."""
+    """Overlapping spheres prove nothing if the field may exceed the distance. Such a field is marched with plain
+    steps."""
     wrong = 0
     for tracer in REAL:
         made = plan(rm.Scene(rm.mandelbulb(), quality=rm.Quality(tracer=tracer)))
@@ -286,7 +293,7 @@ def estimates(world: World) -> Iterator[Figure]:
 
 @case(56, "first step of the enhanced tracer")
 def enhanced(world: World) -> Iterator[Figure]:
-    """As printed, its first step is 0/0, and a receding ray takes an infinite one."""
+    """As published, its first step is 0/0, and a receding ray takes an infinite step."""
     node = rm.sphere() | rm.plane(offset=-1.0) | rm.sphere(0.2).translate((0.3, 0.2, 2.5))
     camera = rm.Camera((0.8, 0.5, 3.5), (0, 0, 0))
     for tracer in ("enhanced", "auto_relaxed", "bracketing"):
@@ -302,8 +309,8 @@ def enhanced(world: World) -> Iterator[Figure]:
 
 @case(57, "seam of a bound through a blend")
 def seam(world: World) -> Iterator[Figure]:
-    """Where space is cut into parts that know only what is near, a blend that reaches across shows a seam. The scene's
-    box is such a cut: the blend must lie in it whole."""
+    """If space is divided into regions that contain only nearby solids, a blend across regions has a seam. The bounding
+    box of the scene is such a region: it must contain the whole blend."""
     node = rm.union(
         rm.box(1.0), rm.sphere(0.7).translate((0.9, 0.3, 0)), rm.torus(0.8, 0.2).translate((0, 0.6, 0)), k=0.6
     )
@@ -324,7 +331,7 @@ def seam(world: World) -> Iterator[Figure]:
 
 @case(58, "infinite plane at the horizon")
 def horizon(world: World) -> Iterator[Figure]:
-    """Rays that run out of steps leave a band of holes under the horizon; they take the nearest sample."""
+    """Rays that run out of steps leave a band of holes below the horizon. They take the nearest sample."""
     node = rm.plane() | rm.sphere().translate((0, 30, 60))
     holes = above = 0
     for tracer in REAL:
@@ -339,7 +346,8 @@ def horizon(world: World) -> Iterator[Figure]:
 
 @case(46, "sizes of the picture")
 def sizes(world: World) -> Iterator[Figure]:
-    """One pixel, odd, thin and very long pictures: halves of 0, a wrong aspect; sizes beyond the limit are refused."""
+    """Pictures of one pixel, of odd size, or very thin and long: half pixels or a wrong aspect ratio. Sizes beyond the
+    limit are refused."""
     node = rm.sphere() | rm.plane(offset=-1)
     wrong = 0
     most = world.context.limits.picture[0]
@@ -374,8 +382,9 @@ def sizes(world: World) -> Iterator[Figure]:
 
 @case(61, "a wall beside the ray", before="1 of 480 rays went through a Menger sponge, 0.66 behind its face")
 def beside_a_wall(world: World) -> Iterator[Figure]:
-    """Along a wall nearer than an epsilon the slope is nearly 0, and a step along it leads through whatever stands
-    on the wall. The first leap is a pixel at most, the next no longer than what the slope has held for."""
+    """Along a wall that is nearer than an epsilon the slope is nearly 0, and a step along it passes through objects on
+    the wall. The first such step is at most a pixel, and the next at most as long as the interval over which the slope
+    was constant."""
     through = 0
     for seed in (2849, 11, 12, 13):
         referee = Referee(scene_of(rm.menger(2.0, 3), seed), (24, 20))
@@ -388,7 +397,10 @@ def beside_a_wall(world: World) -> Iterator[Figure]:
         depth = world.draw(scene, (32, 1), ("depth",)).depth
         through += int((depth > face).sum())
     yield Figure(
-        "rays that go through a block on a floor, of 96", through, 0, "thicker than the way within epsilon to it"
+        "rays that go through a block on a floor, of 96",
+        through,
+        0,
+        "thicker than the distance at which the ray is within epsilon of it",
     )
 
 
@@ -405,8 +417,8 @@ def _block_on_a_floor(degrees: float, distance: float, thickness: float) -> tupl
 
 @case(62, "a slope where nobody looks", before="no normal of the solid was finite")
 def hidden_slope(world: World) -> Iterator[Figure]:
-    """The side of a choice that is not taken may have an infinite slope, and 0 times that is NaN. Gradients choose
-    between products."""
+    """The branch of a choice that is not taken may have an infinite slope, and 0 times that is NaN. Gradients choose
+    between the products."""
 
     @rm.shape(exactness="exact", bounds=lambda radius: cube(radius))
     def guarded_ball(p: Any, radius: Positive = 1.0) -> Any:

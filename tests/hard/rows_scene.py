@@ -27,8 +27,8 @@ BOTH = (rm.box(), rm.sphere(0.6).translate((0.4, 0.3, 0)))
 
 @case(8, "order in a smooth chain")
 def smooth_chain(world: World) -> Iterator[Figure]:
-    """512 equal operands blended one by one would grow by nearly k; as a balanced tree they grow by k/4 a level, and
-    the box knows it."""
+    """512 equal operands, blended one after another, would grow by nearly k. In a balanced tree they grow by k/4 per
+    level, and the bounding box includes it."""
     k, ball = 0.3, rm.sphere(0.5)
     many = rm.union(*[rm.sphere(0.5 + 1e-7 * i) for i in range(512)], k=k)
     points = np.random.default_rng(0).uniform(-1.5, 1.5, (2000, 3))
@@ -44,9 +44,9 @@ def smooth_chain(world: World) -> Iterator[Figure]:
 
 @case(9, "k is 0")
 def no_blend(world: World) -> Iterator[Figure]:
-    """A blend of width 0 divides 0 by 0 and the object vanishes; it is the plain union, in the text too."""
+    """A blend of width 0 computes 0/0 and the object vanishes. It is compiled to the plain union."""
     same = rm.union(*BOTH, k=0).glsl() == (BOTH[0] | BOTH[1]).glsl()
-    yield Figure("texts that differ from the plain union", not same, 0, "no blend is no blend")
+    yield Figure("texts that differ from the plain union", not same, 0, "no blend: the plain union")
     plain, none = (world.draw(rm.Scene(node), outputs=("color",)) for node in (BOTH[0] | BOTH[1], rm.union(*BOTH, k=0)))
     yield Figure("8-bit steps between the pictures", bytes_off(plain, none), 0, "the same text")
     yield refusals((lambda: rm.union(*BOTH, k=rm.Param("k", 0.5, 0.0, 1.0)), ("k = ", "> 0")))
@@ -54,14 +54,15 @@ def no_blend(world: World) -> Iterator[Figure]:
 
 @case(10, "k below 0")
 def negative_blend(world: World) -> Iterator[Figure]:
-    """A negative width gives a wrong picture without a word; it is refused."""
+    """A negative width gives a wrong picture without an error. It is refused."""
     calls = [(lambda f=f: f(*BOTH, k=-0.1), ("k = -0.1", ">= 0")) for f in (rm.union, rm.intersection, rm.difference)]
     yield refusals(*calls)
 
 
 @case(11, "zero or negative size")
 def no_size(world: World) -> Iterator[Figure]:
-    """A size of 0 or less is an empty solid, or one turned inside out; it is refused with its value."""
+    """A size of 0 or less gives an empty solid, or one turned inside out. It is refused, and the message names the
+    value."""
     yield refusals(
         (lambda: rm.sphere(0), ("sphere: radius = 0", "> 0")),
         (lambda: rm.sphere(-1), ("sphere: radius = -1", "> 0")),
@@ -90,7 +91,8 @@ def _accepts(domain: Domain, node: str, name: str, value: object) -> bool:
 
 @case(12, "NaN or infinite parameter")
 def not_a_number(world: World) -> Iterator[Figure]:
-    """min() drops a NaN, so a broken arm of a union changes no pixel; every number of every node is checked."""
+    """min() drops a NaN, so a faulty operand of a union does not change any pixel. Every number of every node is
+    checked."""
     accepted, tried = [], 0
     for definition in definitions():
         for name, domain in definition.domains.items():
@@ -108,7 +110,7 @@ def not_a_number(world: World) -> Iterator[Figure]:
 
 @case(13, "exponential blend")
 def exponential(world: World) -> Iterator[Figure]:
-    """The sum of powers is infinite from distances of 100 k on; the smaller one is taken out first."""
+    """The sum of powers overflows at distances of 100 k. The larger term is factored out."""
     b = np.concatenate([np.linspace(-1000, 1000, 2001), [1e-30, -1e-30, 0]])
     a, k = np.full_like(b, 0.25), np.full_like(b, 1.0)
     found = evaluate(world.context, exponential_min, [a, b, k]).astype(np.float64)
@@ -120,14 +122,15 @@ def exponential(world: World) -> Iterator[Figure]:
 
 @case(14, "power blend")
 def power_blend(world: World) -> Iterator[Figure]:
-    """It overflows, is NaN for negative distances and does not blend the surface; it is not offered."""
+    """It overflows, is NaN for negative distances and does not blend on the surface. It is not offered."""
     yield Figure("families of that name", "power" in BLENDS, 0, "not offered")
     yield refusals((lambda: rm.union(*BOTH, k=0.1, blend="power"), ("blend = 'power'", "quadratic", "root")))
 
 
 @case(15, "power of a negative base")
 def negative_base(world: World) -> Iterator[Figure]:
-    """pow(-1, 2) is 1 as a literal, which the compiler folds, and NaN as a uniform; the vocabulary gives one answer."""
+    """pow(-1, 2) is 1 as a literal, which the compiler folds, and NaN as a uniform. The vocabulary defines one
+    result."""
     x, y = var("x", FLOAT), var("y", FLOAT)
     bases = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 2.0])
     apart = 0
@@ -147,7 +150,8 @@ def negative_base(world: World) -> Iterator[Figure]:
 
 @case(16, "off-centre child in a repetition")
 def off_centre(world: World) -> Iterator[Figure]:
-    """The own cell alone overestimates by up to .7 of a cell; the nearer neighbours are asked too."""
+    """The field of the own cell overestimates the distance by up to 0.7 of a cell. The nearer neighbours are evaluated
+    too."""
     for name, child in (
         ("ball aside", rm.sphere(0.2).translate((0.3, 0.1, -0.2))),
         ("capsule", rm.capsule((0, 0, 0), (0.3, 0.4, 0.2), 0.1)),
@@ -162,7 +166,7 @@ def off_centre(world: World) -> Iterator[Figure]:
 
 @case(17, "child larger than its cell")
 def too_large(world: World) -> Iterator[Figure]:
-    """A solid that leaves its cell is cut at the border; more copies are asked, or it is refused."""
+    """A solid that extends beyond its cell is cut at the border. More copies are evaluated, or the solid is refused."""
     ball, aside = rm.sphere(0.8), rm.sphere(0.4).translate((0.3, 0, 0))
     yield refusals(
         (lambda: repeat(ball, 1.0), ("sphere is 1.6 wide along x", "spacing >= 1.6")),
@@ -180,8 +184,8 @@ def too_large(world: World) -> Iterator[Figure]:
 
 @case(18, "huge repetition index")
 def huge_index(world: World) -> Iterator[Figure]:
-    """fract(1e6 + .3) is .3125 in float32, and mod(-1e-9, 1) is 1; near a border two copies are asked, so that either
-    cell gives the distance."""
+    """fract(1e6 + 0.3) is 0.3125 in float32, and mod(-1e-9, 1) is 1. Near a border two copies are evaluated, so that
+    the distance is right for either cell."""
     random = np.random.default_rng(3)
     node, p = repeat(rm.sphere(0.3), 1.0), var("p", VEC3)
     from raymarch.sdf.lower import lower
@@ -199,7 +203,7 @@ def huge_index(world: World) -> Iterator[Figure]:
 
 @case(19, "spacing 0")
 def no_spacing(world: World) -> Iterator[Figure]:
-    """Copies in one place divide by 0; they are refused."""
+    """A spacing of 0 divides by 0. It is refused."""
     yield refusals(
         (lambda: repeat(rm.sphere(0.1), 0), ("spacing", "> 0")),
         (lambda: repeat(rm.sphere(0.1), (1, 0, 1)), ("spacing", "> 0")),
@@ -210,7 +214,7 @@ def no_spacing(world: World) -> Iterator[Figure]:
 
 @case(20, "uneven scale")
 def uneven_scale(world: World) -> Iterator[Figure]:
-    """Distances along the axis that is stretched least are overestimated unless the smallest factor scales them."""
+    """Distances along the axis with the smallest factor are overestimated unless that factor scales them."""
     for node in (rm.sphere().scale((3, 0.2, 1)), rm.box().rotate(0.7, (1, 2, 3)).scale((0.1, 5, 1))):
         yield Figure(
             f"slope of {node.children[0].name}.scale over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz"
@@ -219,7 +223,7 @@ def uneven_scale(world: World) -> Iterator[Figure]:
 
 @case(21, "singular or mirroring matrix")
 def matrices(world: World) -> Iterator[Figure]:
-    """A matrix without an inverse has no field, and one that mirrors turns normals that are made as cross products."""
+    """A singular matrix gives no field. A reflection inverts normals that are computed as cross products."""
     flat, mirror = np.diag([1.0, 0, 1, 1]), np.diag([-1.0, 1, 1, 1])
     yield refusals((lambda: transform(rm.box(), flat), ("matrix", "invert")))
     node = transform(rm.sphere().translate((0.5, 0, 0)), mirror)
@@ -233,7 +237,8 @@ def matrices(world: World) -> Iterator[Figure]:
 
 @case(22, "twist and bend")
 def twist(world: World) -> Iterator[Figure]:
-    """Both steepen the field, without limit where the child has no end; the bound is in closed form over its box."""
+    """Both increase the slope of the field, without limit if the child is unbounded. The Lipschitz bound has a closed
+    form over the bounding box."""
     brick = rm.box((1, 2, 0.5))
     for name, node in (("twist", brick.twist(2.0)), ("bend", brick.bend(0.8)), ("both", brick.twist(1.0).bend(0.5))):
         yield Figure(f"slope after {name} over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz")
@@ -253,7 +258,7 @@ def twist(world: World) -> Iterator[Figure]:
 
 @case(24, "ellipsoid quotient")
 def ellipsoid(world: World) -> Iterator[Figure]:
-    """The usual quotient of two lengths has slopes up to 25 and is 0/0 at the centre; a safe form is used."""
+    """The usual quotient of two lengths has slopes up to 25 and is 0/0 at the centre. A safe form is used."""
     node = rm.ellipsoid((1.0, 0.1, 0.6))
     yield Figure("slope over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz")
     near = np.concatenate([np.zeros((1, 3)), np.eye(3) * 1e-20, -np.eye(3) * 1e-7, np.eye(3) * 1e-3])
@@ -265,21 +270,22 @@ def ellipsoid(world: World) -> Iterator[Figure]:
 
 @case(25, "shell of a subtraction")
 def shell_of_bound(world: World) -> Iterator[Figure]:
-    """An offset of a field that is only a bound is not where it was asked for; `explain` says so."""
+    """The offset of a field that is only a bound is not at the requested distance. `explain` warns about it."""
     cut = rm.box() - rm.sphere(0.6)
     warned = sum(
         any("acts on a bound field" in w for w in plan(rm.Scene(n)).warnings) for n in (cut.shell(0.1), cut.round(0.1))
     )
     yield Figure("offsets of a bound without a warning, of 2", 2 - warned, 0, "exactness is a fact")
     quiet = plan(rm.Scene(rm.box().shell(0.1))).warnings
-    yield Figure("warnings about an exact one", len(quiet), 0, "an exact field may be offset")
+    yield Figure("warnings about an exact one", len(quiet), 0, "the offset of an exact field is exact")
     known = json.loads(json.dumps(explain.as_dict(plan(rm.Scene(cut.shell(0.1))))))["warnings"]
     yield Figure("warnings missing in --json", 1 - len(known), 0, "both say the same")
 
 
 @case(26, "inside distances")
 def inside(world: World) -> Iterator[Figure]:
-    """Unions are inexact inside; the value must keep its sign, and be no larger than the way to the surface."""
+    """Unions are not exact inside. The value must have the right sign and must not exceed the distance to the
+    surface."""
     node = rm.box((2, 1, 1)) | rm.sphere(0.8).translate((0.5, 0.2, 0)) | rm.torus(1, 0.2)
     field, random = Field(node), np.random.default_rng(5)
     points = field.draw(random, 20000)
@@ -288,9 +294,9 @@ def inside(world: World) -> Iterator[Figure]:
     some = points[:800]
     true = np.min(np.linalg.norm(some[:, None] - surface[None], axis=-1), axis=1)
     over = float(np.max(np.abs(values[:800]) - true))
-    yield Figure("value beyond the way to the surface", over, 1e-9, "true distance to points on it")
+    yield Figure("value minus the distance to the surface", over, 1e-9, "true distance to points on it")
     solid = np.min([c.distance(points) for c in node.children], axis=0) < 0
-    yield Figure("wrong signs", int(np.sum((values < 0) != solid)), 0, "inside is inside")
+    yield Figure("wrong signs", int(np.sum((values < 0) != solid)), 0, "the sign is exact")
 
 
 @case(31, "medial axis")
@@ -310,7 +316,7 @@ def medial_axis(world: World) -> Iterator[Figure]:
 
 @case(32, "root of 0")
 def root_of_zero(world: World) -> Iterator[Figure]:
-    """The derivative of a root is infinite at 0: on edges, axes and corners."""
+    """The derivative of a square root is infinite at 0: on edges, axes and corners."""
     grid = np.stack(np.meshgrid(*[[-1.0, -0.5, 0.0, 0.25, 0.5]] * 3), axis=-1).reshape(-1, 3)
     bad, tried = _bad_gradients(world, grid)
     yield Figure(f"gradients on a grid that are NaN or too long, of {tried}", bad, 0, "finite, and at most 1")
@@ -342,7 +348,7 @@ def _bad_gradients(world: World, points: np.ndarray) -> tuple[int, int]:
 
 @case(33, "arguments a hair out of range")
 def clamped(world: World) -> Iterator[Figure]:
-    """acos(1 + ulp) and sqrt(-1e-8) are NaN; the vocabulary clamps."""
+    """acos(1 + ulp) and sqrt(-1e-8) are NaN. The vocabulary clamps arguments."""
     x = var("x", FLOAT)
     edge = np.array([1 + ULP, -1 - ULP, 1.5, -1.5, 1.0, -1.0, 0.0, -1e-8, -1.0, -1e-38])
     bad = 0
@@ -358,7 +364,7 @@ def undefined(world: World) -> Iterator[Figure]:
     """atan(0, 0) and smoothstep with equal edges are undefined in GLSL."""
     x, y = var("x", FLOAT), var("y", FLOAT)
     values = evaluate(world.context, Function("angle", (y, x), atan2(y, x)), [[0, 0, -0.0, 1e-38], [0, -0.0, 0, 0]])
-    yield Figure("angles at the pole that are not finite", int(np.sum(~np.isfinite(values))), 0, "0 is as good as any")
+    yield Figure("angles at the pole that are not finite", int(np.sum(~np.isfinite(values))), 0, "defined as 0")
     from raymarch.sdf.lower import lower
 
     axis = np.array([(0, h, 0) for h in np.linspace(-1, 1, 21)])
@@ -375,7 +381,8 @@ def undefined(world: World) -> Iterator[Figure]:
 
 @case(37, "hash by sines")
 def hashes(world: World) -> Iterator[Figure]:
-    """fract(sin(x) * 43758) is chaotic in the last bit and differs between drivers; hashes are of integers."""
+    """fract(sin(x) * 43758) is chaotic in the last bit and differs between drivers. Hashes are computed from
+    integers."""
     p = var("p", VEC3)
     cells = np.random.default_rng(6).integers(-5000, 5000, (4000, 3)).astype(np.float64)
     from raymarch.expr.arrays import evaluator
@@ -394,7 +401,7 @@ def hashes(world: World) -> Iterator[Figure]:
 
 @case(49, "degenerate camera")
 def degenerate_camera(world: World) -> Iterator[Figure]:
-    """A camera without a direction, an up or an opening has no picture."""
+    """A camera without a direction, an up vector or a field of view has no picture."""
     yield refusals(
         (lambda: rm.Camera((0, 1, 0), (0, 0, 0), up=(0, 1, 0)), ("Camera", "parallel")),
         (lambda: rm.Camera((1, 1, 1), (1, 1, 1)), ("Camera: position = target",)),
@@ -407,7 +414,7 @@ def degenerate_camera(world: World) -> Iterator[Figure]:
 
 @case(51, "a very large graph")
 def large_graph(world: World) -> Iterator[Figure]:
-    """Chains of operators overflow Python's stack, and compilers take seconds over a thousand shapes."""
+    """Chains of operators overflow Python's stack, and compilers take seconds for a thousand shapes."""
     node: rm.Node = rm.sphere(0.1)
     for i in range(3000):
         node = node | rm.sphere(0.1).translate((0.01 * (i % 100), 0, 0))

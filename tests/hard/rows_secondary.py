@@ -23,7 +23,8 @@ WHITE = rm.Material((1.0, 1.0, 1.0), ambient=0.0, specular=0.0)
     "a threshold that does not grow along the ray; a ray out of steps counts as lit",
 )
 def far_occluder(world: World) -> Iterator[Figure]:
-    """Float32 cannot come as near to a far occluder as to the lit point: 19 % of the pixels were lit at 500 units."""
+    """In float32, distances to a far occluder are coarser than at the lit point: 19 % of the pixels were lit at 500
+    units."""
     lit, dark, too_dark, too_light = 0, 0, 0, 0
     ball = Pair("floor", 20.0, 500.0, "ball", 100.0, "hard", 0.0, "sun", 2.0)
     grazing = Pair("floor", 88.5, 3e4, "ball", 30.0, "hard", 0.0, "sun", 0.7)
@@ -62,7 +63,7 @@ def _false(p):  # type: ignore[no-untyped-def]
 
 @case(65, "steps shortened for all rays", "only the tracer of the camera's rays knew the factor")
 def shortened(world: World) -> Iterator[Figure]:
-    """A field that is too steep needs short steps also towards lights and in mirrors, whatever it promises."""
+    """A field that exceeds its Lipschitz bound needs short steps also for shadow and reflection rays."""
     mirror = rm.Material((1.0, 1.0, 1.0), metalness=1.0, roughness=0.0)
 
     def scene(node: rm.Node, quality: rm.Quality, bounces: int) -> rm.Scene:
@@ -92,7 +93,7 @@ def shortened(world: World) -> Iterator[Figure]:
 
 @case(66, "bounces that run out of steps", "rays out of steps saw the sky")
 def endless_wall(world: World) -> Iterator[Figure]:
-    """Half of the sky is behind a black wall without end; rays that creep up to it met it nowhere, and saw the sky."""
+    """An infinite black wall covers half of the sky. Rays close to it never hit it, and returned the sky."""
     wall = rm.plane((1, 0, 0), -1.0).material(rm.Material((0.0, 0.0, 0.0), ambient=0.0, specular=0.0))
     scene = rm.Scene(
         rm.plane().material(WHITE) | wall,
@@ -103,12 +104,12 @@ def endless_wall(world: World) -> Iterator[Figure]:
         quality=rm.Quality(samples=1024),
     )
     mean = float(world.draw(scene, (40, 40), outputs=("color",)).color.mean())
-    yield Figure("what is too much of the sky's half", abs(mean - 0.5), 1e-3, "4 standard errors of 1,638,400 rays")
+    yield Figure("excess over half of the sky's light", abs(mean - 0.5), 1e-3, "4 standard errors of 1,638,400 rays")
 
 
 @case(73, "march in pieces", "the last slope was not carried, and 67 of 57,600 pixels differed")
 def in_pieces(world: World) -> Iterator[Figure]:
-    """A march over many passes asks the field at the same points as the whole march."""
+    """A march over several passes evaluates the field at the same points as a march in one pass."""
     ring = rm.union(rm.torus(0.7, 0.2).rotate(1.2, "x"), rm.sphere(0.4), k=0.2)
     scene = rm.Scene(ring | rm.plane(offset=-0.8), rm.Camera((1.2, 0.8, 3.2), (0, -0.1, 0), fov=50))
     names = ("depth", "iterations", "evaluations", "residual", "fallbacks")
@@ -122,4 +123,4 @@ def in_pieces(world: World) -> Iterator[Figure]:
             )
             off = [whole.array(name) != parts.array(name) for name in names]
             differing += int(np.sum(np.any(off, axis=0)))
-    yield Figure("pixels that differ in any bit, of all tracers", differing, 0, "the state is all that a march knows")
+    yield Figure("pixels that differ in any bit, of all tracers", differing, 0, "the stored state is complete")

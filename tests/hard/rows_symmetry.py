@@ -30,8 +30,9 @@ def _mirrored(ends: tuple[tuple[float, float, float], tuple[float, float, float]
 
 @case(64, "planes of symmetry", before="normals of smooth blends off by 40° on a line of pixels, also in the reference")
 def planes_of_symmetry(world: World) -> Iterator[Figure]:
-    """Where two distances are equal, min has the derivative of one and abs that of neither: a blend's gradient was that
-    of neither side. Kinks of one difference take one side now; the judge is differences of the distance."""
+    """Where two distances are equal, min has the derivative of one and abs that of neither, so the gradient of a blend
+    was that of neither side. Kinks of the same difference now take the same side. The reference is finite differences
+    of the distance."""
     worst, single, asked, unsure = 0.0, 0.0, 0, 0
     for seed, (_, build) in enumerate(mirrored_fields()):
         node, at = build(), on_the_plane(seed, 100).astype(np.float32).astype(np.float64)
@@ -64,5 +65,5 @@ def planes_of_symmetry(world: World) -> Iterator[Figure]:
         color = frame.color[:, middle][hit][sure]
         unequal = max(unequal, float(np.max(np.abs(color[:, 0] - color[:, 2]), initial=0.0)))
     yield Figure(f"error of the normals of {seen_pixels} pixels in the plane, radians", turned, 2e-4, "float32")
-    yield Figure("difference of the shares of two materials there", unequal, 1e-5, "both are half")
+    yield Figure("difference of the weights of two materials there", unequal, 1e-5, "both are half")
     yield Figure("pixels in the plane that are missing, of 100", max(100 - seen_pixels, 0), 0, "the blends fill it")

@@ -115,7 +115,7 @@ def refusals(
             wrong += not all(word in str(error) for word in (*words, ".py:"))
         else:
             wrong += 1
-    return Figure(f"{what}, of {len(calls)}", wrong, 0, "none can be meant")
+    return Figure(f"{what}, of {len(calls)}", wrong, 0, "no such value is meaningful")
 
 
 def view_of(
