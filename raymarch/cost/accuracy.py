@@ -27,22 +27,22 @@ def page(made: Suite, pictures: Mapping[str, str]) -> str:
     """
     parts = [
         _head(made),
-        "## What of P1's claims holds here\n",
+        "## Which claims of P1 hold here\n",
         claims(made),
         "## Tracers and schedules\n",
         _tracers_text(made),
         f"![P1's figure 3]({pictures['tracers']})\n",
         *(_tracer_table(made, scene) for scene in made.scenes),
         "## Steps that were undone\n",
-        "The share of the steps 17 to 24 that proved too long and were taken again, as in P1's figure 5: black none, "
-        "white every one.\n",
+        "The fraction of the steps 17 to 24 that were too long and were repeated, as in P1's figure 5: 0 is black, "
+        "1 is white.\n",
         f"![P1's figure 5]({pictures['oversteps']})\n",
         "## Presets and the front\n",
-        "Whole pictures, with all that a quality does: cones, the last step towards a surface, shading. "
-        "Distances are in pixel footprints, silhouettes apart.\n",
+        "Whole pictures, with all that a quality includes: cones, refinement of hits, shading. "
+        "Distances are in pixel footprints, without silhouettes.\n",
         f"![fronts]({pictures['fronts']})\n",
         *(_preset_table(scene) for scene in made.scenes),
-        "## The report's own checks\n",
+        "## Checks of the measurement\n",
         _checks(made),
     ]
     return "\n".join(parts)
@@ -53,13 +53,13 @@ def _head(made: Suite) -> str:
     clock = env["clock"]["kind"]
     return (
         "# Accuracy against time\n\n"
-        "This page is written by `raymarch cost --suite`. It repeats the comparison of Bálint and Valasek, "
-        '"Accelerating Sphere Tracing" (2018), here P1, over scenes like its three, and adds what came later. '
-        "[cost.md](cost.md) says how errors and times are measured.\n\n"
+        "`raymarch cost --suite` writes this page. It repeats the comparison of Bálint and Valasek, "
+        '"Accelerating Sphere Tracing" (2018), here P1, over scenes like its three, and adds later tracers. '
+        "[cost.md](cost.md) describes how errors and times are measured.\n\n"
         f"Measured on {env['date'][:10]}: {env['driver']['renderer']}, {env['driver']['version']}, by the {clock}; "
         f"{env['machine']['cores']} cores; {scale.size[0]}x{scale.size[1]} pixels, {scale.repeats} frames of each "
         f"setting in random order (seed {made.seed}); raymarch {env['versions']['raymarch']}. Times hold for this "
-        "machine; errors and evaluations for any.\n"
+        "machine, errors and evaluations for all machines.\n"
     )
 
 
@@ -75,7 +75,7 @@ def claims(made: Suite) -> str:
         _par("on the fractal enhanced and relaxed are on par", made),
         _saving("two resolutions save enhanced up to 20 % of its time", made, TWO_OVER_ONE),
         _saving("not in P1: one converged pass of cones, in time", made, CONE_OVER_ONE),
-        _undone("enhanced rarely has to step back", made),
+        _undone("enhanced rarely repeats a step", made),
     ]
     lines = ["| claim | measured, with 95 % interval | holds here |", "|---|---|---|"]
     return "\n".join([*lines, *(f"| {a} | {b} | {c} |" for a, b, c in rows)]) + "\n"
@@ -103,7 +103,7 @@ def _always(claim: str, made: Suite, pair: Curve, start: int) -> tuple[str, str,
         if len(better) == len(steps)
         else f"at {len(better)} of {len(steps)}, worse at {len(worse)}, else within the intervals"
     )
-    return claim, f"error x time over the other's, by steps: {words}", verdict
+    return claim, f"ratio of error x time, by steps: {words}", verdict
 
 
 def _par(claim: str, made: Suite) -> tuple[str, str, str]:
@@ -119,7 +119,7 @@ def _saving(claim: str, made: Suite, pair: Curve) -> tuple[str, str, str]:
     found = _ratios(made, pair, made.scale.schedule_steps, "time")
     steps, ratio = min(found.items(), key=lambda item: item[1].value)
     saved = f"{1 - ratio.value:.0%} [{1 - ratio.high:.0%}, {1 - ratio.low:.0%}] at {steps} steps"
-    verdict = "yes" if ratio.high < 1.0 else "no" if ratio.low >= 1.0 else "not told from none"
+    verdict = "yes" if ratio.high < 1.0 else "no" if ratio.low >= 1.0 else "not distinguishable from none"
     return claim, saved, verdict
 
 
@@ -136,11 +136,11 @@ def _tracers_text(made: Suite) -> str:
     steps = made.scale.steps
     order = sorted(TRACERS, key=lambda t: _mean_evaluations(made, t))
     return (
-        f"Rays are marched for {steps[0]} to {steps[-1]} steps and end where they are; no last step mends what is "
-        "left, and the fractal's estimate is trusted, as P1 does. Error is P1's, the sum of squared differences of "
-        "depth, without silhouettes: there, one pixel that sees the other surface would outweigh all the rest. "
-        "`relaxed_again` is P1's relaxed tracer; `relaxed` is that of Keinert et al. (2014), which gives up relaxing "
-        f"after one step too long. By evaluations, fewest first: {', '.join(order)}.\n"
+        f"Rays are marched for {steps[0]} to {steps[-1]} steps and end there: without refinement of "
+        "the hit, and with the fractal's estimate taken as a bound, as in P1. Error is P1's: the sum of squared "
+        "differences of depth, without silhouettes, where a single pixel would dominate the sum. "
+        "`relaxed_again` is P1's relaxed tracer; `relaxed` is that of Keinert et al. (2014), which stops relaxing "
+        f"after the first step that was too long. By evaluations, fewest first: {', '.join(order)}.\n"
     )
 
 
@@ -171,7 +171,7 @@ def _preset_table(scene: Measured) -> str:
     product = scene.product
     lines = [
         f"### {scene.name}\n",
-        "| preset | promise | px p99 | px max | missed | evaluations a pixel | ms |",
+        "| preset | limit | px p99 | px max | missed | evaluations a pixel | ms |",
         "|---|---|---|---|---|---|---|",
     ]
     certified = product.floor > 0
@@ -179,10 +179,12 @@ def _preset_table(scene: Measured) -> str:
         point = next((p for p in product.points if p.setting.preset == name), None)
         if point is not None:
             lines.append(_preset_row(name, point, certified))
-    lines.append(f"\nThe default {standing(product, 'pixels_p99')}. Worth having: ")
+    lines.append(f"\nThe default {standing(product, 'pixels_p99')}. Recommended: ")
     lines[-1] += "; ".join(labelled(p) for p in worth(product.front(), "pixels_p99")) + ".\n"
     if not certified:
-        lines.append("The field is an estimate: nothing is promised, and nearly all that is seen is silhouettes.\n")
+        lines.append(
+            "The field is an estimate: the presets guarantee nothing, and nearly all pixels are silhouettes.\n"
+        )
     return "\n".join(lines)
 
 
