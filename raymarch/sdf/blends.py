@@ -2,8 +2,8 @@
 
 A family is a fold of two distances. All but the shaped ones are normalised to the classic k: two equal distances a
 blend to a - k/4 (the circular-geometric family, whose fillet depends on a, does so at a = 0). For operands that are
-1-Lipschitz, a fold is as steep as the norm of its two partial derivatives allows: where these are not negative and
-add up to 1, the result is 1-Lipschitz; where only their squares do, it is sqrt(2)-Lipschitz.
+1-Lipschitz, the slope of a fold is bounded by its two partial derivatives: if they are not negative and sum to 1, the
+result is 1-Lipschitz; if only their squares sum to 1, it is sqrt(2)-Lipschitz.
 """
 
 from __future__ import annotations
@@ -50,15 +50,15 @@ def circular_min(a: Expr, b: Expr, k: Expr) -> Expr:
 
 @function(a=FLOAT, b=FLOAT, k=FLOAT)
 def exponential_min(a: Expr, b: Expr, k: Expr) -> Expr:
-    """-log of a sum of powers of 2; the smaller distance is taken out first, so that nothing overflows. It reaches
-    everywhere, and the order of the operands does not matter."""
+    """-log of a sum of powers of 2; the smaller distance is factored out, so that nothing overflows. It acts
+    at all distances, and the order of the operands does not matter."""
     width = 0.25 * k
     return min(a, b) - width * log2(1.0 + exp2(-abs(a - b) / width))
 
 
 @function(a=FLOAT, b=FLOAT, k=FLOAT)
 def root_min(a: Expr, b: Expr, k: Expr) -> Expr:
-    """A branch of a hyperbola; it reaches everywhere."""
+    """A branch of a hyperbola; it acts at all distances."""
     return 0.5 * (a + b - length(vec2(a - b, 0.5 * k)))
 
 
@@ -137,7 +137,7 @@ def _even(_n: int) -> float:
 
 
 def _diagonal(n: int) -> float:
-    """Each fold is as steep as the diagonal of its two operands."""
+    """Each fold multiplies the Lipschitz constant by sqrt(2)."""
     return math.sqrt(2.0) ** levels(n)
 
 
@@ -146,7 +146,7 @@ def _quarter(n: int) -> float:
 
 
 def _half(n: int) -> float:
-    """Where the joint stands, a + b < k, so the nearer of the two is within k/2; and so on up the tree."""
+    """In the joint a + b < k, so the nearer operand is within k/2; likewise at each level of the tree."""
     return 0.5 * levels(n)
 
 
@@ -166,7 +166,7 @@ FAMILIES: dict[str, Callable[[int], Family]] = {
     "stairs": lambda steps: Family(stairs(steps), _even, _half),
     "columns": lambda steps: Family(columns(steps), _diagonal, _half),
 }
-"""Every family but the quadratic, by the name that `blend=` takes; stairs and columns depend on their number."""
+"""All families except the quadratic, by the value of `blend=`; stairs and columns depend on their number."""
 
 
 def reach_of(family: Family, n: int, k: Any) -> Expr:

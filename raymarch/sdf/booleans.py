@@ -68,7 +68,7 @@ def _of_the_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
 
 
 def _exact_if_apart(*children: Facts) -> Exactness:
-    """Inside one of several solids that overlap, the nearest surface may be hidden inside another."""
+    """Inside overlapping solids, the nearest surface of one may lie inside another."""
     if len(children) > 2:  # pairs would cost n^2; a fold of two at a time finds the same
         return "bound"
     return worst(*[c.exactness for c in children]) if disjoint(*children) else "bound"
@@ -192,7 +192,7 @@ def _choose(
     if len(nodes) == 1:
         return nodes[0]
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0
-    if sharp and hard is not hard_difference:  # a solid united with itself is that solid
+    if sharp and hard is not hard_difference:  # the union of a solid with itself is the solid
         nodes = tuple({id(node): node for node in nodes}.values())
         if len(nodes) == 1:
             return nodes[0]

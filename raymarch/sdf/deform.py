@@ -63,7 +63,7 @@ def _joined(distance: Expr, value: Expr, slope: Scalar) -> Expr:
 
 
 def twist_slope(rate: Scalar, reach: Scalar) -> Expr:
-    """Largest stretch of a twist: the larger singular value of the shear that it is at a radius."""
+    """Largest stretch of a twist: the larger singular value of its local shear at a radius."""
     m = abs(rate) * reach
     return 0.5 * (m + sqrt(m * m + 4.0))
 
@@ -80,7 +80,7 @@ def _twisted_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, E
     called="twist",
 )
 def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
-    """Twist about the y axis by an angle that grows with y."""
+    """Twist about the y axis by an angle proportional to y."""
     radius = length(p.xz)
     held = p.xz * (reach / max(radius, reach))
     c, s = cos(rate * p.y), sin(rate * p.y)
@@ -110,7 +110,7 @@ def _bent_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr
     called="bend",
 )
 def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
-    """Bend about the z axis by an angle that grows with x."""
+    """Bend about the z axis by an angle proportional to x."""
     radius = length(p.xy)
     held = p.xy * (reach / max(radius, reach))
     c, s = cos(rate * held.x), sin(rate * held.x)

@@ -9,7 +9,7 @@ from raymarch.sdf.node import Node
 
 
 def flattened(node: Node) -> list[Node]:
-    """The children of a node, those of nested nodes of the same kind and parameters in their place."""
+    """The children of a node; nested nodes of the same kind and parameters are replaced by their children."""
     flat: list[Node] = []
     pending = [node]
     while pending:
@@ -22,12 +22,12 @@ def flattened(node: Node) -> list[Node]:
 
 
 def cutting(children: Sequence[Node]) -> Sequence[Node]:
-    """Of operands that cut each other, those that decide the material: a tool without one shows what it cuts."""
+    """The operands of a cut that decide the material: a subtracted solid without a material is left out."""
     return [child for child in children if child.labelled] if children[0].labelled else children
 
 
 def seen_labels(root: Node) -> set[Any]:
-    """The labels that some part of the solid shows. Of nested labels, a part has the innermost."""
+    """The labels of all visible parts. Of nested labels, the innermost applies."""
     found: set[Any] = set()
     visited: set[tuple[Node, Any]] = set()
     pending: list[tuple[Node, Any]] = [(root, None)]

@@ -1,8 +1,8 @@
 """Surfaces displaced by a function of the point: noise, or one of the user's own.
 
-With a displacement of at most A, that is g-Lipschitz, the field f + A n is 1 + g steep. Divided by that, it would be
-marched slowly everywhere; but far from the surface f - A says as much and is no steeper than f, so the larger of both
-is taken. That moves no surface: where the first is 0 or less, f is A at most.
+With a g-Lipschitz displacement n of at most A, the field f + n is (1 + g)-Lipschitz. Divided by 1 + g, it would be
+marched slowly everywhere. Far from the surface f - A is a better bound and 1-Lipschitz, so the larger of both is taken.
+The surface stays the same: where f + n is 0 or less, f is at most A.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ def _displaced(distance: Expr, displacement: Expr, amplitude: Scalar, slope: Sca
 
 @function(q=VEC3)
 def value_noise(q: Expr) -> Expr:
-    """Random values from -1 to 1 at the points of the lattice of whole numbers, joined by cosines; pi-Lipschitz.
+    """Value noise: random values from -1 to 1 at integer lattice points, interpolated by cosines; pi-Lipschitz.
 
     The constant: with the weights w = (1 - cos(pi t)) / 2 along each axis, the noise is the mean of a function v of the
-    eight corners under a product of chances w and 1 - w. The coefficients c of v by its axes have a sum of squares
-    of at most the mean of v^2, hence at most 1 (Parseval), and the slopes are c w' / sqrt(w (1 - w)) = pi c.
+    eight corners under a product of probabilities w and 1 - w. The coefficients c of v along the axes have a sum of
+    squares of at most the mean of v^2, hence at most 1 (Parseval), and the slopes are c w' / sqrt(w (1 - w)) = pi c.
     """
     cell = floor(q)
     weight = 0.5 - 0.5 * cos(math.pi * (q - cell))
@@ -59,11 +59,11 @@ def value_noise(q: Expr) -> Expr:
 
 
 OFFSET = (17.31, 5.77, 29.53)
-"""Between octaves, so that their lattices have no point in common."""
+"""Offset between octaves, so that their lattices have no point in common."""
 
 
 def _share(octaves: int) -> float:
-    """Amplitude of the first octave, if the sum of all is 1 and each is half the one before."""
+    """Amplitude of the first octave if each is half the previous one and all sum to 1."""
     return 1.0 / (2.0 - 2.0 ** (1 - octaves))
 
 
@@ -91,7 +91,7 @@ def displace_by_noise(node: Node, amplitude: Scalar = 0.1, frequency: Scalar = 3
 
     amplitude : largest displacement of the surface, a length >= 0.
     frequency : bumps per unit of length, > 0.
-    octaves : number of layers, 1 to 16. Each has half the height and twice the frequency of the one before.
+    octaves : number of layers, 1 to 16. Each has half the height and twice the frequency of the previous one.
 
     A bound: near the surface divided by 1 + pi amplitude frequency (times octaves / (2 - 2^(1 - octaves)) for more than
     one layer), farther away not divided.
@@ -100,7 +100,7 @@ def displace_by_noise(node: Node, amplitude: Scalar = 0.1, frequency: Scalar = 3
 
 
 def _ripples(p: Expr) -> Expr:
-    """The specimen: up to 0.05, and sqrt(2) 0.3 steep."""
+    """The example: up to 0.05, with the Lipschitz constant 0.3 sqrt(2)."""
     return 0.025 * (sin(12.0 * p.x) + sin(12.0 * p.z))
 
 
@@ -168,17 +168,17 @@ def _traced(source: Callable[[Any], Any]) -> Function:
 # What can be derived of a function
 
 JUMPS = ("sign", "floor", "ceil", "round", "fract", "mod", "step", "where", "loop", "hash", "raw")
-"""Operations that may jump, or whose slope intervals do not follow."""
+"""Operations that may be discontinuous, or whose slopes intervals cannot bound."""
 
 
 LARGEST = 2.0**23
-"""A field divided by more than this says nothing in float32."""
+"""A field divided by more than this has no precision left in float32."""
 
 
 def _measured(
     node: Node, function: Function, amplitude: Scalar | None, lipschitz: Scalar | None
 ) -> tuple[Function, Scalar, Scalar]:
-    """The function with its amplitude and slope; where they hold in a box only, held constant outside of it."""
+    """The function with its amplitude and slope. If they hold only in a box, the function is constant outside of it."""
     jumps = find([function.body], *JUMPS)
     if lipschitz is None and jumps:
         raise SceneError(
@@ -215,7 +215,7 @@ def _measured(
 
 
 def _steepest(function: Function, lower: Any, upper: Any) -> tuple[float, float]:
-    """The largest size and slope of a function over a box, by intervals; infinite where they are not known."""
+    """The largest size and slope of a function over a box, by intervals; infinite if unknown."""
     whole = companion(function)
     with np.errstate(all="ignore"):
         ((low, high),) = Program([whole.body], whole.params, INTERVALS)((lower, upper))
@@ -225,5 +225,5 @@ def _steepest(function: Function, lower: Any, upper: Any) -> tuple[float, float]
 
 
 def _held_outside(function: Function, lower: Any, upper: Any) -> Function:
-    """The function asked at the nearest point of a box."""
+    """The function evaluated at the nearest point of a box."""
     return trace(f"{function.name}_held", lambda p: function(clamp(p, lower, upper)), [("p", VEC3)])

@@ -220,8 +220,8 @@ def transform(node: Node, matrix: ArrayLike) -> Node:
 
 
 def _exact_if_one_sided(child: Facts, normal: Expr) -> Exactness:
-    """A part that reaches over the mirror is cut off, and distances to what was cut are too small. A part that
-    touches the mirror grows together with its image, and what was its surface there is inside."""
+    """Exactness: a part beyond the mirror plane is cut off, and distances to it are too small. A part that touches the
+    plane merges with its image, and its surface there is then inside."""
     if not normal.is_constant:
         return "bound"
     n = np.asarray(normal.data)
@@ -279,7 +279,7 @@ def mirror(node: Node, axis: Vector | str) -> Node:
     called="material",
 )
 def labelled(p: Expr, child: Child) -> Expr:
-    """The same field with a label, by which shading finds the material."""
+    """The same field with a label, which determines the material."""
     return child(p)
 
 

@@ -29,7 +29,7 @@ __all__ = ["EASINGS", "elongate", "extrude", "extrude_to", "offset", "revolve", 
 
 
 def _prism(profile: Expr, z: Expr, height: Scalar) -> Expr:
-    """What two fields at right angles share: a profile in the xy plane, and the slab |z| <= height / 2."""
+    """The intersection of a profile in the xy plane and the slab |z| <= height / 2."""
     over = vec2(profile, abs(z) - 0.5 * height)
     return length(max(over, 0.0)) + min(max(over.x, over.y), 0.0)
 
@@ -78,11 +78,11 @@ EASINGS: Mapping[str, tuple[Easing, float]] = {
         3.0,
     ),
 }
-"""How a share t from 0 to 1 eases from one profile to the next, and the steepest slope of that."""
+"""Easing curves of a fraction t from 0 to 1, each with its steepest slope."""
 
 
 def _loft_bounds(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> tuple[Expr, Expr]:
-    """Where some profiles mix to a negative value, one of them is negative."""
+    """The box of all profiles: where their mix is negative, one of them is negative."""
     lower, upper = children[0].lower, children[0].upper
     for child in children[1:]:
         lower, upper = min(lower, child.lower), max(upper, child.upper)
@@ -90,7 +90,7 @@ def _loft_bounds(children: Sequence[ChildFacts], height: Any, gap: Any, easing: 
 
 
 def _loft_slope(sections: int, height: Any, gap: Any, easing: str) -> Expr:
-    """The mix is 1-Lipschitz across; along z it changes by the gap, times the easing's slope, in one section."""
+    """Lipschitz constant: 1 across; along z, the gap times the slope of the easing curve over one section."""
     return sqrt(1.0 + square(EASINGS[easing][1] * sections * gap / height))
 
 
@@ -99,7 +99,7 @@ def _loft_symmetry(*children: Facts, **_: Any) -> str:
 
 
 def _loft_spread(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> Expr:
-    """A mix is no smaller than the smallest of what is mixed."""
+    """A mix is at least the smallest of its profiles."""
     widest = children[0].spread
     for child in children[1:]:
         widest = max(widest, child.spread)
@@ -119,7 +119,7 @@ def loft(
 ) -> Expr:
     """Flat shapes at equal steps along z, each blended into the next.
 
-    gap : differences of two profiles are cut off at this, which keeps the field from growing steeper with distance.
+    gap : differences of two profiles are clamped to this, so that the slope does not grow with distance.
     """
     ease, sections = EASINGS[easing][0], len(children) - 1
     along = (p.z / height + 0.5) * float(sections)
@@ -156,9 +156,9 @@ def _widest_gap(node: Node, other: Node) -> float:
     """An upper bound of the difference of two flat fields where one of them is negative.
 
     Elsewhere it does not matter for the solid. Both fields are 1-Lipschitz, so between samples their difference
-    moves by twice the way at most. Where parameters move the shapes, their boxes decide: a field that is positive
-    is no larger than the distance to the farthest point of its box, one that is negative no deeper than half the
-    smaller side.
+    changes by at most twice the distance. For shapes with parameters the bound follows from their boxes: a positive
+    field is at most the distance to the farthest point of its box, and a negative one at least minus half the smaller
+    side.
     """
     a, b = node.facts, other.facts
     low, high = np.minimum(a.lower, b.lower), np.maximum(a.upper, b.upper)
@@ -177,13 +177,13 @@ def _widest_gap(node: Node, other: Node) -> float:
 
 
 def _mirrored(child: Facts, offset: Expr) -> bool:
-    """Whether both halves of the profile are alike, so that the nearest point may be looked for in one."""
+    """True if the profile is symmetric, so that one half contains the nearest point."""
     low, high = interval_of(offset)
     return "x" in child.symmetry and bool(low == 0.0 == high)
 
 
 def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
-    """What lies beyond the axis is cut off, and an edge on the axis bounds nothing: distances to both are too small."""
+    """A bound if the profile touches the axis: parts beyond it are cut off, and an edge on it is then inside."""
     clear = child.lower[0] + interval_of(offset)[0] > 0.0
     return "exact" if clear or _mirrored(child, offset) else "bound"
 
@@ -222,7 +222,7 @@ def _missed(child: ChildFacts, z: Any) -> Expr:
 
 
 def _slice_bounds(child: ChildFacts, z: Any) -> tuple[Expr, Expr]:
-    """The solid's box from above; turned inside out where the plane misses the box."""
+    """The solid's box from above; inverted if the plane misses the box."""
     low, high, missed = child.lower.xy, child.upper.xy, _missed(child, z)
     return where(missed, high, low), where(missed, low, high)
 
@@ -253,7 +253,7 @@ Extent = Annotated[Any, Domain(VEC3, low=0.0, unit="length", stretch=True)]
 
 
 def _stretched_bounds(child: ChildFacts, extent: Any) -> tuple[Expr, Expr]:
-    """A side of the box moves outwards; one that lies beyond the middle moves with what it bounds."""
+    """The box with its sides moved outwards; a side beyond the middle moves with its piece."""
     half = 0.5 * extent
     sides = list(zip(child.lower, child.upper, half, strict=True))
     lower = [low + where(low > 0.0, h, -h) for low, _, h in sides]
@@ -262,7 +262,7 @@ def _stretched_bounds(child: ChildFacts, extent: Any) -> tuple[Expr, Expr]:
 
 
 def _stretched_spread(child: ChildFacts, extent: Any) -> Expr:
-    """Small values lie near the child's box; of a box beyond the middle they may lie on the other piece as well."""
+    """Small values lie near the child's box; for a box beyond the middle also near the other piece."""
     widest = child.spread
     for low, high, along in zip(child.lower, child.upper, extent, strict=True):
         gap = max(low, -high)
@@ -271,7 +271,7 @@ def _stretched_spread(child: ChildFacts, extent: Any) -> Expr:
 
 
 def _stretched_convex(child: Facts, extent: Expr) -> bool:
-    """A slope where it is cut goes on behind the drawn-out section, unless both pieces are alike."""
+    """The slope at the cut continues beyond the extruded section, unless both pieces are symmetric."""
     longer = np.broadcast_to(interval_of(extent)[1], len(extent)) > 0.0
     return child.convex and all(axis in child.symmetry for axis, far in zip("xyz", longer, strict=False) if far)
 
@@ -304,7 +304,7 @@ def _offset_bounds(child: ChildFacts, distance: Any) -> tuple[Expr, Expr]:
 
 
 def _exact_if_grown(child: Facts, distance: Expr) -> Exactness:
-    """As for `round`; what shrinks has its sharp corners farther from a point outside than the field says."""
+    """As for `round`. If it shrinks, sharp corners are farther from a point outside than the field."""
     return "exact" if child.convex and interval_of(distance)[0] >= 0.0 else "bound"
 
 

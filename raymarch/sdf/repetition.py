@@ -28,7 +28,7 @@ from raymarch.sdf.registry import method
 
 INFINITE = 0
 MOST = 2**24
-"""Copies along an axis: float32 counts no farther."""
+"""Maximum number of copies along an axis: the largest consecutive integer of float32."""
 NO_WALL = 1e30
 """Half the extent of an unbounded box: larger than any coordinate."""
 
@@ -81,9 +81,10 @@ def repeat_cells(
 
     nx, ny, nz : copies along each axis, 0 for infinitely many, 1 for no repetition; nz is 1 for flat shapes.
     both : bits of the axes on which the nearer neighbour is evaluated too.
-    guard : 1 if the child's field is only a bound. It might then rank copies wrongly, and the choice of
-        neighbours would make it jump; the distance to the cells not asked keeps it continuous.
-    middle, half : of the box that holds all copies. From outside of it, the way there says more than the guard.
+    guard : 1 if the child's field is only a bound. It may then order copies wrongly, and the choice of neighbours would
+        make it discontinuous. The distance to the nearest unvisited cell keeps it continuous.
+    middle, half : centre and half extents of the box of all copies. Outside, the distance to it is a tighter bound than
+        the guard.
     """
     counts = (nx, ny, nz)[: len(p)]
     axes = [i for i, count in enumerate(counts) if count != 1]
@@ -138,7 +139,7 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     ----------
     spacing : a length > 0 for each of x, y and z (x and y for a flat shape), or one number for all axes. None means no
         repetition along that axis.
-    count : number of copies, about the origin: one number, or one for each axis. None means infinitely many.
+    count : number of copies, centred on the origin: one number, or one for each axis. None means infinitely many.
 
     The child must fit its cell: its box must not be larger than the spacing, wherever it is. Exact for an exact child.
     Evaluates 1 copy along an axis where the child is symmetric, else 2.

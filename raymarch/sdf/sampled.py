@@ -35,7 +35,7 @@ __all__ = ["displace_by_image", "grid", "heightmap", "mesh"]
 Progress = Callable[[float], None]
 
 MOST = 2048
-"""Samples along each axis, at most."""
+"""Maximum number of samples along each axis."""
 
 
 def _texels(data: Samples) -> NDArray[np.float64]:
@@ -50,7 +50,7 @@ def _steepness(data: Samples, size: Any) -> Expr:
 
 
 def _solid_box(data: Samples, size: Any, centre: Any) -> tuple[Expr, Expr]:
-    """The cells that can hold some of the solid: those with a corner that is not outside."""
+    """The cells that may contain part of the solid: those with a corner that is not outside."""
     inside = data.values <= 0.0
     if not inside.any():
         return expr(centre), expr(centre)
@@ -63,7 +63,7 @@ def _solid_box(data: Samples, size: Any, centre: Any) -> tuple[Expr, Expr]:
 
 
 def _some_grid() -> Samples:
-    """A ball of radius 0.8 in a box of side 2: the specimen that `grid()` shows."""
+    """A ball of radius 0.8 in a box of side 2: the example that `grid()` shows."""
     axis = np.linspace(-1.0, 1.0, 24)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     return Samples(np.sqrt(x * x + y * y + z * z) - 0.8)
@@ -167,7 +167,7 @@ def mesh(
 
 
 def _cache(folder: str | None) -> Path | None:
-    """The folder of the cache; None where there is no home."""
+    """The folder of the cache; None without a home folder."""
     try:
         return Path(folder or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
     except RuntimeError:
@@ -195,7 +195,7 @@ def _from_cache(kept: Path) -> tuple[Node, list[str]] | None:
 
 
 def _to_cache(kept: Path, values: Any, size: Any, centre: Any, repairs: Sequence[str] = ()) -> None:
-    """Keep samples for the next run. A cache that cannot be written is only not used."""
+    """Keep samples for the next run. If the cache cannot be written, it is not used."""
     partial = kept.with_suffix(f".{os.getpid()}.part.npz")
     try:
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -211,7 +211,7 @@ def _extent(what: str, value: Any) -> float:
 
 
 def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]:
-    """The solid, closed and the right way out; the unit of its coordinates, about its size; and what was mended."""
+    """The mesh, closed and with outward normals; the unit of its coordinates, about its size; and the repairs."""
     try:
         import trimesh
     except ImportError:
@@ -240,7 +240,7 @@ def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]
 
 
 def _closed(solid: Any, file: Path) -> list[str]:
-    """Turns the triangles of a mesh so that their normals point out; says what was turned. SceneError if none can."""
+    """Orient the triangles of a mesh outwards; returns the repairs. SceneError if that is impossible."""
     edges, counts = np.unique(solid.edges_sorted, axis=0, return_counts=True)
     for wrong, what in ((counts < 2, "is not closed: {} edges have one triangle"), (counts > 2, _NON_MANIFOLD)):
         if wrong.any():
@@ -268,10 +268,10 @@ _NON_MANIFOLD = "is not manifold: {} edges have more than two triangles"
 
 
 def _wound_alike(faces: NDArray[Any]) -> tuple[NDArray[np.bool_] | None, NDArray[Any]]:
-    """Which triangles of a closed mesh must be turned to be wound as the first of their part, and the part of each.
+    """The triangles of a closed mesh whose orientation differs from the first of their part, and the part of each.
 
-    Each triangle is two nodes of a graph, as it is and turned; neighbours that are wound alike run along their edge in
-    opposite directions. None in place of the first if a triangle would be wound both ways, as on a Klein bottle.
+    Each triangle is two nodes of a graph, one for each orientation. Neighbours of equal orientation traverse their
+    common edge in opposite directions. The first result is None for a one-sided mesh, such as a Klein bottle.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -304,7 +304,7 @@ def _inside_out(solid: Any, part: NDArray[Any], file: Path) -> NDArray[np.bool_]
     parts = [trimesh.Trimesh(solid.vertices, solid.faces[part == k]) for k in range(len(volumes))]
     around = [[j for j, other in enumerate(parts) if j != k and _holds(other, one)] for k, one in enumerate(parts)]
     outer = [volumes[k] < 0.0 and len(around[k]) % 2 == 0 for k in range(len(parts))]
-    # In an odd number of others a part is a cavity, and was turned along with the one that it is in.
+    # A part inside an odd number of others is a cavity, and was turned along with the part around it.
     wrong = [outer[k] or (volumes[k] > 0.0 and any(outer[j] for j in around[k])) for k in range(len(parts))]
     return np.array(wrong)[part]
 
@@ -362,7 +362,7 @@ def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[
 
 @contextmanager
 def opened(source: str | os.PathLike[str], what: str) -> Iterator[Image.Image]:
-    """An image file, open. SceneError with its name if it is missing or broken, or far too large."""
+    """An open image file. SceneError with its name if it is missing, broken or far too large."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its size is checked where it is used
@@ -378,7 +378,7 @@ def _carpet(data: Samples, size: Any, height: Any) -> Expr:
 
 
 def _some_hills() -> Samples:
-    """Gentle hills, the specimen."""
+    """Gentle hills, for the example."""
     y, x = np.mgrid[0:1:32j, 0:1:32j]
     return Samples(0.5 + 0.5 * np.sin(2 * np.pi * x) * np.cos(2 * np.pi * y))
 
@@ -416,7 +416,7 @@ def displace_by_image(
     Parameters
     ----------
     source : image file (its luminance, 0 to 1), or heights of shape (rows, columns); row 0 lies at the far side, -z.
-    size : extents of the image along x and z, > 0. height : length that the value 1 raises the surface by, >= 0.
+    size : extents of the image along x and z, > 0. height : displacement for the value 1, a length >= 0.
 
     The slope of the data adds to the Lipschitz constant, so steep maps are marched in smaller steps.
     """

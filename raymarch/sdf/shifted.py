@@ -1,8 +1,7 @@
 """The same solid relative to another origin.
 
-Far from the origin float32 has no digits left: at 1e6 its steps are 0.06. A solid that was moved there and is looked at
-from there is therefore described from an origin nearby: translations on the way to it are combined in float64, and
-what is left of them is small.
+Far from the origin float32 is too coarse: at 1e6 an ulp is 0.06. A distant solid seen by a nearby camera is therefore
+described relative to an origin near the camera: translations are combined in float64, so that the remainder is small.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def shifted(node: Node, by: Vector) -> Node:
     first: Request = (node, tuple(float(v) for v in by))
     stack = [(first, _shift(node, np.array(by, np.float64)))]
     value: Any = None
-    while stack:  # a stack of our own, so that depth is no limit
+    while stack:  # an explicit stack, so that the depth of a tree is unlimited
         try:
             request = stack[-1][1].send(value)
         except StopIteration as stop:
@@ -74,7 +73,7 @@ def _shift(node: Node, by: Vector) -> Work:
 
 
 def _below(node: Node, by: Vector) -> Work:
-    """The shift handed to all children."""
+    """Pass the shift to all children."""
     children = []
     for child in node.children:
         children.append((yield child, _key(by)))
@@ -90,14 +89,14 @@ def _unit(direction: Expr) -> Vector:
 
 
 def _within_a_cell(params: Any, by: Vector) -> Vector:
-    """An endless repetition is the same after a whole number of cells."""
+    """An infinite repetition is periodic: whole cells of the shift are dropped."""
     spacing = np.asarray(params["spacing"].data, np.float64)
     endless = np.array([params[n] == INFINITE for n in ("nx", "ny", "nz")])
     return np.where(endless, by - spacing * np.rint(by / spacing), by)
 
 
 def _again(node: Node, children: tuple[Node, ...], params: Any) -> Node:
-    """A node of the same definition, where the user wrote the first one."""
+    """A node of the same definition, with the user's line of the original."""
     made = Node(node.definition, children, params, node.definition.derive(children, params), node.label)
     made.where = node.where
     return made
@@ -117,7 +116,7 @@ def _reads_place(label: Any) -> bool:
 
 
 def _pointwise(node: Node) -> bool:
-    """True if the definition asks its children at its own point, and reads the point for nothing else."""
+    """True if the definition evaluates its children at its own point and does not use the point otherwise."""
     template = node.definition.template(len(node.children), node.params)
     p = template.params[0]
     parts = topological([template.body])

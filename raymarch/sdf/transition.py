@@ -50,10 +50,10 @@ def transition_between(
     end: Vec3 = (0.0, 1.0, 0.0),
     reach: Positive = 2.0,
 ) -> Expr:
-    """The first solid at one end, the others at the other end, and a mix between.
+    """The first solid at one end, the second at the other end, and a mix between.
 
-    start, end : where the first ends and the second begins. reach : differences of the two distances beyond this are
-    taken as this, so that the share, which changes over space, cannot make the sum steep.
+    start, end : where the first ends and the second begins. reach : the difference of the two distances is clamped to
+    this, so that the weight, which changes over space, adds a bounded slope.
     """
     a, *others = (child(p) for child in children)
     b = balanced(others, min)
