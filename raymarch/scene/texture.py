@@ -59,7 +59,7 @@ class Layout(Value):
         what: str = "texture",
     ) -> None:
         self._begin()
-        what = instance("Layout: what", what, str, "who asks, for messages")
+        what = instance("Layout: what", what, str, "the name of the caller, for messages")
         self._set(
             axis=optional(choice, f"{what}: axis", axis, tuple(FACES)),
             extents=_pair(f"{what}: size", extents, "a length > 0, or two", 1e-6),

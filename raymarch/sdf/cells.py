@@ -123,9 +123,9 @@ def _limited(cell: Expr, n: int) -> Expr:
 
 def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr | None]]) -> Expr:
     """The child of one cell. For a neighbour, the value is at least the distance to the neighbour's cell."""
-    asked = child(construct(*[q for q, _, _ in choice]))
+    value = child(construct(*[q for q, _, _ in choice]))
     index = construct(*[cell for _, cell, _ in choice])
-    distance = make(asked.op, asked.type, (*asked.args, cells.index, index), asked.data)
+    distance = make(value.op, value.type, (*value.args, cells.index, index), value.data)
     gaps = [gap for _, _, gap in choice if gap is not None]
     return at_least(distance, balanced(gaps, max)) if gaps else distance
 

@@ -40,7 +40,7 @@ OWN, NEARER, GUARDED, ALL = range(4)
 """The copies that are evaluated: the own copy; also the nearer neighbour; also the distance to all other sectors, for a
 field that is only a bound and may order copies wrongly; every copy."""
 
-Asked = Annotated[int, Domain(None, low=OWN, high=ALL)]
+Evaluated = Annotated[int, Domain(None, low=OWN, high=ALL)]
 
 MANY = 24
 """Largest number of copies that are all evaluated."""
@@ -56,9 +56,9 @@ def _turned(p: Expr, angle: Expr) -> Expr:
     return vec3(c * p.x + s * p.z, p.y, c * p.z - s * p.x)
 
 
-def _polar_bounds(child: ChildFacts, count: int, asked: int, **_: Any) -> tuple[Expr, Expr]:
+def _polar_bounds(child: ChildFacts, count: int, evaluated: int, **_: Any) -> tuple[Expr, Expr]:
     """The box of all copies; for very many copies, that of the cylinder which contains them."""
-    if count > MANY or asked == GUARDED:
+    if count > MANY or evaluated == GUARDED:
         corner = max(absolute(child.lower), absolute(child.upper))
         reach = length(corner.xz)
         return vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)
@@ -66,36 +66,38 @@ def _polar_bounds(child: ChildFacts, count: int, asked: int, **_: Any) -> tuple[
     return balanced(turns, min), balanced(turns, max)
 
 
-def _polar_spread(child: ChildFacts, asked: int, **_: Any) -> Any:
+def _polar_spread(child: ChildFacts, evaluated: int, **_: Any) -> Any:
     """Rotation can move a corner of a box to the side. With a guard, the field is at least the distance to the ring."""
-    return 1.0 if asked == GUARDED else math.sqrt(2.0) * child.spread
+    return 1.0 if evaluated == GUARDED else math.sqrt(2.0) * child.spread
 
 
-def _polar_symmetry(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> str:
+def _polar_symmetry(child: Facts, count: int, middle: Expr, evaluated: int, ring: Expr) -> str:
     """If the child has a mirror plane in its middle, the copies have mirror planes in and between the sectors."""
     kept = "y" if "y" in child.symmetry else ""
-    if asked != OWN or not middle.is_constant:
+    if evaluated != OWN or not middle.is_constant:
         return kept
     planes = {"z": float(middle.data), "x": 0.5 * math.pi - float(middle.data)}
     sectors = {axis: angle * count / math.pi for axis, angle in planes.items()}
     return "".join(sorted([*(a for a, n in sectors.items() if abs(n - np.round(n)) < 1e-9), *kept]))
 
 
-def _check_polar(child: Facts, count: int, middle: Expr, asked: int, ring: Expr) -> None:
+def _check_polar(child: Facts, count: int, middle: Expr, evaluated: int, ring: Expr) -> None:
     """SceneError if too few copies are evaluated for the child."""
-    if asked == ALL:
+    if evaluated == ALL:
         return
     own_middle, half = _wedge(child)
     at_middle = middle.is_constant and abs(float(middle.data) - own_middle) < 1e-9
     apart = half * count < math.pi * (1.0 - 1e-9)
-    enough = _mirrors_itself(child, own_middle) if asked == OWN else asked == GUARDED or child.exactness == "exact"
+    enough = (
+        _mirrors_itself(child, own_middle) if evaluated == OWN else evaluated == GUARDED or child.exactness == "exact"
+    )
     if not (at_middle and apart and enough and np.allclose(ring.data, _ring(child))):
         raise SceneError("polar evaluates too few copies of this solid", legal="polar(node, count)")
 
 
 @operator(
     bounds=_polar_bounds,
-    exactness=lambda child, asked, **_: "exact" if asked in (OWN, NEARER) else "bound",
+    exactness=lambda child, evaluated, **_: "exact" if evaluated in (OWN, NEARER) else "bound",
     spread=_polar_spread,
     symmetry=_polar_symmetry,
     check=_check_polar,
@@ -106,26 +108,26 @@ def polar_sectors(
     child: Child,
     count: Count = 6,
     middle: Angle = 0.0,
-    asked: Asked = ALL,
+    evaluated: Evaluated = ALL,
     ring: Vec4 = (0.0, UNBOUNDED, 0.0, UNBOUNDED),
 ) -> Expr:
     """Copies in equal sectors about the y axis.
 
-    middle : angle, from x towards z, of the half-plane in the middle of the child's sector. asked : see `OWN`.
+    middle : angle, from x towards z, of the half-plane in the middle of the child's sector. evaluated : see `OWN`.
     ring : inner and outer radius, middle and half the height of the ring that contains all copies.
     """
     sector = math.tau / count
-    if asked == ALL:
+    if evaluated == ALL:
         return balanced([child(_turned(p, expr(sector * i))) for i in range(count)], min)
     along = (atan2(p.z, p.x) - middle) / sector
     index = round(along)
     own = child(_turned(p, sector * index))
-    if asked == OWN:
+    if evaluated == OWN:
         return own
     local = along - index
     side = where(local < 0.0, -1.0, 1.0)
     other = child(_turned(p, sector * (index + side)))
-    if asked == NEARER:
+    if evaluated == NEARER:
         return min(own, other)
     radius, angle = length(p.xz), sector * absolute(local)
     gap = radius * sin(0.5 * sector - angle)
@@ -152,20 +154,20 @@ def polar(node: Node, count: int = 6) -> Node:
     if count == 1:
         return node
     middle, half = _wedge(node.facts)
-    share = half * count / math.pi
-    if share >= 1.0 - 1e-9:
+    fraction = half * count / math.pi
+    if fraction >= 1.0 - 1e-9:
         if count > MANY:
             raise SceneError(
                 f"polar: {node.name} takes {2.0 * half:.4g} radians about the y axis, its sector only "
                 f"{math.tau / count:.4g}",
                 legal=f"a count <= {_largest(half)}, or a smaller solid farther from the axis",
             )
-        asked = ALL
+        evaluated = ALL
     elif _mirrors_itself(node.facts, middle):
-        asked = OWN
+        evaluated = OWN
     else:
-        asked = NEARER if node.exactness == "exact" else GUARDED
-    return polar_sectors(node, int(count), middle, asked, _ring(node.facts))
+        evaluated = NEARER if node.exactness == "exact" else GUARDED
+    return polar_sectors(node, int(count), middle, evaluated, _ring(node.facts))
 
 
 def _ring(facts: Facts) -> tuple[float, float, float, float]:

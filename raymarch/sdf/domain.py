@@ -144,7 +144,7 @@ NonNegative = Annotated[Scalar, Domain(FLOAT, low=0.0, unit="length")]
 Power = Annotated[Scalar, Domain(FLOAT, low=2.0, high=64.0, unit="power")]
 Vec4 = Annotated[Any, Domain(VECTORS[4])]
 Factor = Annotated[Scalar, Domain(FLOAT, low=0.0, open=True, unit="factor")]
-Share = Annotated[Scalar, Domain(FLOAT, low=0.0, high=1.0, unit="share")]
+Fraction = Annotated[Scalar, Domain(FLOAT, low=0.0, high=1.0, unit="fraction")]
 Angle = Annotated[Scalar, Domain(FLOAT, unit="radians")]
 PI = float(np.float32(np.pi))  # a little more than pi, so that pi rounded to float32 is legal too
 Acute = Annotated[Scalar, Domain(FLOAT, low=0.0, high=PI / 2, open=True, unit="radians")]

@@ -13,7 +13,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import length, max, min, mix, vec2
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
-from raymarch.sdf.domain import Positive, Scalar, Share
+from raymarch.sdf.domain import Fraction, Positive, Scalar
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
@@ -82,7 +82,7 @@ def exclusive(p: Expr, children: Sequence[Child]) -> Expr:
 
 
 @combination(bounds=_hull, called="morph")
-def between(p: Expr, children: Sequence[Child], amount: Share) -> Expr:
+def between(p: Expr, children: Sequence[Child], amount: Fraction) -> Expr:
     """The mean of two fields: where it is not positive, one of them is not."""
     return mix(children[0](p), children[1](p), amount)
 

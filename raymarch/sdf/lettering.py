@@ -134,8 +134,8 @@ def _outline(coverage: Array) -> tuple[Array, Array]:
             for edge, found in zip(line, (starts, ends), strict=True):
                 i, j = edge, (edge + 1) % 4
                 a, b = corners[i][y, x], corners[j][y, x]
-                share = (a / (a - b))[:, None]
-                found.append(np.stack([x, y], axis=-1) + places[i] + share * (places[j] - places[i]))
+                fraction = (a / (a - b))[:, None]
+                found.append(np.stack([x, y], axis=-1) + places[i] + fraction * (places[j] - places[i]))
     return np.concatenate(starts), np.concatenate(ends)
 
 

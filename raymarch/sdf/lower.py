@@ -157,8 +157,8 @@ class Lowering:
         pending, seen = [root], {id(root)}
         while pending:
             node = pending.pop()
-            asked = [1] * len(node.children) if node.definition.arity == "many" else _asked(node)
-            for child, times in zip(node.children, asked, strict=True):
+            evaluations = [1] * len(node.children) if node.definition.arity == "many" else _evaluations(node)
+            for child, times in zip(node.children, evaluations, strict=True):
                 self._sites[id(child)] = self._sites.get(id(child), 0) + times
                 if id(child) not in seen:
                     seen.add(id(child))
@@ -296,7 +296,7 @@ class Lowering:
         return new[value]
 
 
-def _asked(node: Node) -> list[int]:
+def _evaluations(node: Node) -> list[int]:
     """The number of places in the body of a node at which it evaluates each child."""
     times = [0] * len(node.children)
     for part in topological([node.definition.template(len(node.children), node.params).body]):

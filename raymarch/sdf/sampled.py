@@ -145,7 +145,7 @@ def mesh(
     file = file_path("mesh: file", file, "a mesh file")
     folder = None if cache is None else file_path("mesh: cache", cache, "a folder")
     if progress is not None and not callable(progress):
-        raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the share done, or None")
+        raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the fraction done, or None")
     try:
         content = Path(file).read_bytes()
     except OSError as fault:

@@ -58,8 +58,8 @@ def transition_between(
     a, *others = (child(p) for child in children)
     b = balanced(others, min)
     axis = end - start
-    share = clamp(dot(p - start, axis) / dot(axis, axis), 0.0, 1.0)
-    return a + share * clamp(b - a, -reach, reach)
+    weight = clamp(dot(p - start, axis) / dot(axis, axis), 0.0, 1.0)
+    return a + weight * clamp(b - a, -reach, reach)
 
 
 @method

@@ -40,12 +40,12 @@ def turn_between(start: Expr, end: Expr) -> Expr:
     """
     v, c = cross(start, end), dot(start, end)
     opposite = c < -1.0 + 1e-6  # beyond this, 1 + c has only one or two significant bits in float32
-    share = 1.0 / where(opposite, 1.0, 1.0 + c)
+    factor = 1.0 / where(opposite, 1.0, 1.0 + c)
     x, y, z = v
     turn = columns(
-        vec3(c, z, -y) + share * x * v,
-        vec3(-z, c, x) + share * y * v,
-        vec3(y, -x, c) + share * z * v,
+        vec3(c, z, -y) + factor * x * v,
+        vec3(-z, c, x) + factor * y * v,
+        vec3(y, -x, c) + factor * z * v,
     )
     across = where(absolute(start.x) < 0.7, vec3(0.0, start.z, -start.y), vec3(start.y, -start.x, 0.0))
     a = across / length(across)

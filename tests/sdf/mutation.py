@@ -24,8 +24,8 @@ from raymarch.sdf.facts import Facts
 
 Change = Callable[[Sequence[Expr]], Expr | None]
 
-LOOK_UPS = {"both": 0, "guard": 0, "asked": 0}
-"""Static parameters that say how many copies are asked, and what asks the fewest."""
+LOOK_UPS = {"both": 0, "guard": 0, "evaluated": 0}
+"""Static parameters that choose how many copies are evaluated, and the value for the fewest."""
 
 
 @dataclass(frozen=True)
