@@ -12,6 +12,8 @@ from hypothesis import HealthCheck, settings
 from raymarch.errors import DeviceError
 from raymarch.gpu.context import Context, open_context
 
+pytest.register_assert_rewrite("tests.support")
+
 # The same examples in every run: a red test must be red again for whoever looks into it.
 settings.register_profile(
     "repeatable", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]

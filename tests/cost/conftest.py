@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cost_samples import SIZE, make_scene
 
 import raymarch as rm
 from raymarch.cost.reference import CACHE_VARIABLE, Reference, reference
+from tests.cost.cost_samples import SIZE, make_scene
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cost_samples import SIZE
 
 import raymarch as rm
 from raymarch.cost.checks import check, check_clock
@@ -17,6 +16,7 @@ from raymarch.cost.sweep import Sweep, sweep
 from raymarch.cost.text import findings
 from raymarch.gpu import prepare
 from raymarch.scene import quality
+from tests.cost.cost_samples import SIZE
 
 SETTINGS = [
     Setting("base", rm.Quality()),

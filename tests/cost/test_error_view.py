@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cost_samples import make_scene
 
 import raymarch as rm
 from raymarch.cost.error_view import error_picture, error_scale, errors_of
 from raymarch.cost.maps import WRONG
 from raymarch.gpu.frame import Frame
 from raymarch.scene.parameter import set_values
+from tests.cost.cost_samples import make_scene
 
 SIZE = (48, 27)
 

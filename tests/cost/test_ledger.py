@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 
 import pytest
-from ledger import EXAMPLES, FILE, SIZE, grown, row
 
 import raymarch as rm
 from raymarch.scene import load
 from raymarch.scene.quality import PRESETS, PROMISED
+from tests.cost.ledger import EXAMPLES, FILE, SIZE, grown, row
 
 LEDGER = json.loads(FILE.read_text())
 CASES = [(file, preset) for file in EXAMPLES for preset in PRESETS]

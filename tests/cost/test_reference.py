@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cost_samples import SIZE, make_scene
 
 import raymarch as rm
 from raymarch.cost import reference as reference_module
 from raymarch.cost.content import content_key
 from raymarch.cost.reference import CACHE_VARIABLE, reference
+from tests.cost.cost_samples import SIZE, make_scene
 
 
 def test_it_is_the_truth(scene, known):
@@ -102,12 +102,12 @@ def test_a_model_that_the_truth_follows_counts():
 def test_the_key_is_the_same_in_another_process(scene):
     root = Path(__file__).parents[2]
     code = (
-        "from cost_samples import make_scene; from raymarch.cost.content import content_key;"
+        "from tests.cost.cost_samples import make_scene; from raymarch.cost.content import content_key;"
         "print(content_key(make_scene()))"
     )
     answer = subprocess.run(
         [sys.executable, "-c", code],
-        cwd=root / "tests" / "cost",
+        cwd=root,
         env=os.environ | {"PYTHONPATH": str(root)},
         capture_output=True,
         text=True,

@@ -10,7 +10,6 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from cost_samples import FakeRenderer
 from PIL import Image
 
 import raymarch as rm
@@ -22,6 +21,7 @@ from raymarch.cost.settings import Setting, axes, grid
 from raymarch.cost.sweep import Sweep, sweep
 from raymarch.cost.text import findings, lights_of, worth
 from raymarch.errors import CostError
+from tests.cost.cost_samples import FakeRenderer
 
 
 @pytest.fixture

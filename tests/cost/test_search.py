@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cost_samples import SIZE, FakeRenderer
 
 import raymarch as rm
 from raymarch.cost import search as searching
@@ -18,6 +17,7 @@ from raymarch.cost.settings import grid, with_quality
 from raymarch.errors import CostError, SceneError
 from raymarch.plan.presets import meanings
 from raymarch.scene.quality import PRESETS, PROMISED
+from tests.cost.cost_samples import SIZE, FakeRenderer
 
 # Presets
 

@@ -9,7 +9,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from cost_samples import SIZE, FakeRenderer
 
 from raymarch.cli import main
 from raymarch.cost import accuracy, suite_plots
@@ -32,6 +31,7 @@ from raymarch.cost.suite import (
 from raymarch.cost.suite_plots import figure_3, figure_5, fronts
 from raymarch.cost.sweep import sweep
 from raymarch.errors import CostError
+from tests.cost.cost_samples import SIZE, FakeRenderer
 
 SCALE = Scale((64, 36), 6, (8, 64, 128), ("plain", "enhanced"), (64, 128))
 ERRORS = {"plain": 4.0, "relaxed_again": 3.0, "relaxed": 3.0, "enhanced": 2.0, "auto_relaxed": 1.5, "bracketing": 1.0}

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cost_samples import FakeRenderer
 
 import raymarch as rm
 from raymarch.cost.settings import AXES, Axis, Setting, axes, grid, parse_values
@@ -16,6 +15,7 @@ from raymarch.cost.statistics import median
 from raymarch.cost.sweep import Sweep, pareto, sweep
 from raymarch.cost.text import as_csv, as_dict, as_json, findings
 from raymarch.errors import CostError
+from tests.cost.cost_samples import FakeRenderer
 
 # Medians
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from glsl_harness import evaluate, text_of
 
 import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
@@ -16,6 +15,7 @@ from raymarch.expr.node import make
 from raymarch.expr.types import FLOAT, MAT2, VEC2, VEC3
 from raymarch.expr.walk import find, topological
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import evaluate, text_of
 
 A, B, P, Q = var("a", FLOAT), var("b", FLOAT), var("p", VEC3), var("q", VEC2)
 

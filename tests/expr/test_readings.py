@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from expression_samples import PER_SAMPLE, SAMPLES, Sample
-from glsl_harness import assert_es, evaluate, text_of
 from numpy.typing import NDArray
 
 from raymarch.expr import Expr, Function, const
@@ -21,6 +19,8 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import dot
 from raymarch.expr.walk import find
 from raymarch.gpu.context import Context
+from tests.expr.expression_samples import PER_SAMPLE, SAMPLES, Sample
+from tests.support.glsl_harness import assert_es, evaluate, text_of
 
 ULP = float(np.finfo(np.float32).eps)
 

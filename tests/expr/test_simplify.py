@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
-from glsl_harness import evaluate
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -24,6 +23,7 @@ from raymarch.expr.types import BOOL, FLOAT, VEC2, VEC3, VECTORS
 from raymarch.expr.walk import topological
 from raymarch.gpu.context import Context
 from raymarch.sdf.placing import rotation_matrix
+from tests.support.glsl_harness import evaluate
 
 Recipe: TypeAlias = Any
 A, P, Q = var("a", FLOAT), var("p", VEC3), var("q", VEC2)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from profiles import PIXEL, Marched, Profiles, contact
+
+from tests.functions.profiles import PIXEL, Marched, Profiles, contact
 
 FAR = 20.0
 MANY = 1000

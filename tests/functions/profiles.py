@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from glsl_harness import modules, run
 from numpy.typing import NDArray
 
 from raymarch.expr.types import VEC4
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import modules, run
 
 KNOTS = 8
 PIXEL = 0.002

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from glsl_harness import modules, run
 
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 LIGHT = "struct Light { vec3 direction; float distance; vec3 radiance; };"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from glsl_harness import modules, run
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.gpu.context import Context
 from raymarch.truth.light import albedo_f90, microfacets
+from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 ABOVE_ONE = 1 + 2.0**-22

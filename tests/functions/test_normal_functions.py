@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from glsl_harness import modules, run
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.expr.types import VEC3, VEC4
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 STEPS = {"central": 4.9215666e-3, "forward": 3.4526698e-4, "tetrahedron": 3.4526698e-4}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from glsl_harness import modules, run
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
 from raymarch.gpu.context import Context
 from raymarch.truth.light import microfacets
 from raymarch.truth.whitted import THROUGHPUT_CUTOFF, reflectance
+from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 LAST = 1 - ULP

@@ -6,11 +6,11 @@ import itertools
 
 import numpy as np
 import pytest
-from glsl_harness import modules, run
 from numpy.typing import NDArray
 
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 FAR = 100.0

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from glsl_harness import run
 from numpy.typing import NDArray
-from profiles import CONTACT, NEAR, PIXEL, Profiles, text_of
 
 from raymarch.expr.types import FLOAT, VEC4
 from raymarch.gpu.context import Context
+from tests.functions.profiles import CONTACT, NEAR, PIXEL, Profiles, text_of
+from tests.support.glsl_harness import run
 
 AFTER = """
 vec4 settled(vec4 a, vec4 b, vec4 c, vec4 d, float slope, float part) {

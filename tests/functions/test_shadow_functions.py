@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from glsl_harness import modules, run
 from numpy.typing import NDArray
 
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 PIXEL = 0.01

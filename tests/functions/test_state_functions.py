@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from glsl_harness import modules, run
 from numpy.typing import NDArray
 
 from raymarch.expr.types import VEC2, VEC4
 from raymarch.gpu.context import Context
 from raymarch.gpu.targets import Target
+from tests.support.glsl_harness import modules, run
 
 RAY = "struct Ray { vec3 origin; vec3 direction; };\n"
 

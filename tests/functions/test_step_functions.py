@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fields import FAR, MANY, assert_true, everything, random
-from glsl_harness import run
-from profiles import Profiles, march, plane, text_of
 
 from raymarch.expr.types import FLOAT
 from raymarch.gpu.context import Context
+from tests.functions.fields import FAR, MANY, assert_true, everything, random
+from tests.functions.profiles import Profiles, march, plane, text_of
+from tests.support.glsl_harness import run
 
 
 def test_relaxed_steps_end_for_good_or_for_one_step(egl: Context) -> None:

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from glsl_harness import draw, modules, run
 
 from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import draw, modules, run
 
 ULP = 2.0**-24
 OUT = "out vec4 c;\n"

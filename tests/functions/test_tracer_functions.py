@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fields import FAR, MANY, assert_true, everything
-from profiles import NEAR, PIXEL, TRACED, TRACERS, Profiles, contact, march, plane, text_of
 
 from raymarch.gpu.context import Context
+from tests.functions.fields import FAR, MANY, assert_true, everything
+from tests.functions.profiles import NEAR, PIXEL, TRACED, TRACERS, Profiles, contact, march, plane, text_of
 
 LONG = ("enhanced", "auto_relaxed", "bracketing")
 """The tracers whose steps go to where the spheres touch."""

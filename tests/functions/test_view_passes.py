@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from glsl_harness import draw, modules, run
 
 from raymarch.expr.types import VEC2
 from raymarch.gpu.context import Context
+from tests.support.glsl_harness import draw, modules, run
 
 ULP = 2.0**-24
 CLOCK = "GL_ARB_shader_clock"

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from gl_objects import alive
 
 import raymarch as rm
 from raymarch.gpu import Renderer
 from raymarch.gpu.context import Context
 from raymarch.gpu.probe import probe_with
+from tests.support.gl_objects import alive
 
 LAMPS = [rm.PointLight((0.1 * i, 2, 1), intensity=0.3) for i in range(40)]
 SIZES = [(8 + i, 9) for i in range(12)]

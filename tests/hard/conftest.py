@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from raymarch.gpu.context import Context
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from tests.hard.world import World
 
 

@@ -22,8 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shader_samples import scenes
-from test_render_shading import EXACT, SOFT
 
 import raymarch as rm
 from raymarch import glsl
@@ -34,6 +32,8 @@ from tests.hard.seeded import by_functions, by_tests, spoil
 from tests.hard.table import cases
 from tests.hard.watertight import solid
 from tests.hard.world import World
+from tests.render.test_render_shading import EXACT, SOFT
+from tests.support.shader_samples import scenes
 
 LOOK = (80, 60)
 LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "glsl_faults.json"

@@ -15,7 +15,6 @@ from collections import Counter
 
 import hypothesis
 import numpy as np
-import test_random_trees
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
@@ -26,13 +25,14 @@ from tests.hard.python import as_python
 from tests.hard.referee import Referee
 from tests.hard.relations import RELATIONS, Seen
 from tests.hard.world import World
+from tests.support import random_trees
 
 SIZE = (64, 64)
-test_random_trees.OWN["labelled"] = lambda node, random: node.material(rm.Material(tuple(random.uniform(size=3))))
+random_trees.OWN["labelled"] = lambda node, random: node.material(rm.Material(tuple(random.uniform(size=3))))
 
-small = test_random_trees.shapes
+small = random_trees.shapes
 for _ in range(3):
-    small = test_random_trees.shapes | test_random_trees.grown(small)
+    small = random_trees.shapes | random_trees.grown(small)
 
 EACH = 2
 """Relations that each scene is held against, of those that its number chooses."""
@@ -106,7 +106,7 @@ class Search:
             print_blob=False,
             verbosity=hypothesis.Verbosity.quiet,
         )
-        @given(small if seed % DEEP else test_random_trees.trees, st.integers(0, 10_000))
+        @given(small if seed % DEEP else random_trees.trees, st.integers(0, 10_000))
         def look(node: rm.Node, view: int) -> None:
             if smallest and not (shrinking_left and shrinking_left.pop()):
                 return  # small enough

@@ -362,7 +362,7 @@ def main(arguments: list[str]) -> int:
     faulthandler.dump_traceback_later(300 + 2.0 * given.frames, exit=True)
     with ExitStack() as stack:
         try:
-            from tests.window.window_driver import serve_display
+            from tests.support.window_driver import serve_display
 
             display = stack.enter_context(serve_display())
         except OSError as error:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from node_samples import NodeSample, samples
 
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
@@ -29,6 +28,7 @@ from raymarch.scene.file import load
 from raymarch.sdf.lower import Lowering
 from tests.hard.table import PAGE, PROBE, cases, ledger, page
 from tests.hard.world import World
+from tests.support.node_samples import NodeSample, samples
 
 ROOT = Path(__file__).parents[2]
 SHEET = 8

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from node_samples import definitions
 
 import raymarch as rm
 from raymarch.expr.node import Expr
+from tests.support.node_samples import definitions
 
 
 def make(name: str, *children: rm.Node, **params: Any) -> rm.Node:

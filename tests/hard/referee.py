@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from analytic import around
 from numpy.typing import NDArray
 
 import raymarch as rm
@@ -23,6 +22,7 @@ from raymarch.truth import silhouettes
 from raymarch.truth.rays import camera_rays
 from tests.hard.rounding import rounding_of
 from tests.hard.world import EPSILON, ULP
+from tests.support.analytic import around
 
 PLACE = 4.0
 """Ulp of the largest coordinate that a point on a ray may be off: the direction's rotation and length, and t times it,

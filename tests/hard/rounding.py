@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from analytic import ULP
 from numpy.typing import NDArray
 
 import raymarch as rm
@@ -21,6 +20,7 @@ from raymarch.expr.evaluate import Program
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL
 from raymarch.sdf.lower import lower
+from tests.support.analytic import ULP
 
 Array: TypeAlias = Any
 

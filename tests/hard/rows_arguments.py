@@ -13,11 +13,11 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import odd_arguments as odd
 
 import raymarch as rm
 from raymarch.sdf.sampled import BALL, _from_cache, _to_cache
 from tests.hard.world import Figure, World, case, refusals
+from tests.support import odd_arguments as odd
 
 SHARE = 40
 """Of the calls with one odd argument one in so many is made here; the tests make them all."""

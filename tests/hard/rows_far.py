@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from analytic import angles, around, hit_sphere, points
 
 import raymarch as rm
 from raymarch.expr.vocabulary import sin
 from raymarch.plan import plan
 from raymarch.scene import load
 from tests.hard.world import ULP, Figure, World, bytes_off, camera_of, case, view_of
+from tests.support.analytic import angles, around, hit_sphere, points
 
 HELLO = Path(__file__).parents[2] / "examples" / "hello.py"
 

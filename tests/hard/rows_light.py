@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from analytic import unit
-from glsl_harness import run
 
 import raymarch as rm
 from raymarch import glsl
@@ -16,6 +14,8 @@ from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 from raymarch.scene.parameter import Values
 from tests.hard.world import ULP, Figure, World, case
+from tests.support.analytic import unit
+from tests.support.glsl_harness import run
 
 MATT = rm.Material((1, 1, 1), specular=0.0, ambient=0.0)
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from analytic import angles, around, hit_plane, hit_sphere, points
 
 import raymarch as rm
 from raymarch.expr.vocabulary import length, where
@@ -18,6 +17,7 @@ from raymarch.sdf.domain import Positive
 from tests.hard.fuzz import scene_of
 from tests.hard.referee import Referee
 from tests.hard.world import EPSILON, ULP, Figure, World, bytes_off, camera_of, case, off, steepest, view_of
+from tests.support.analytic import angles, around, hit_plane, hit_sphere, points
 
 RED, BLUE = rm.Material((0.9, 0.1, 0.1)), rm.Material((0.1, 0.1, 0.9))
 REAL = [name for name in TRACERS if name != "auto"]
@@ -191,11 +191,10 @@ def camera_inside(world: World) -> Iterator[Figure]:
 def fractals(world: World) -> Iterator[Figure]:
     """The derivative of the eighth power overflows in the third iteration. Loops are bounded and stop when values grow
     too large."""
-    from glsl_harness import run
-
     from raymarch.expr.glsl import print_functions
     from raymarch.expr.types import VEC3
     from raymarch.sdf.lower import lower
+    from tests.support.glsl_harness import run
 
     random = np.random.default_rng(7)
     near = random.uniform(-2, 2, (2000, 3))

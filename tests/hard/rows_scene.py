@@ -6,8 +6,6 @@ import json
 from collections.abc import Iterator
 
 import numpy as np
-from glsl_harness import evaluate
-from node_samples import Field, definitions
 
 import raymarch as rm
 from raymarch.expr.function import Function
@@ -21,6 +19,8 @@ from raymarch.sdf.booleans import BLENDS
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.noise import hash
 from tests.hard.world import ULP, Figure, World, bytes_off, case, refusals, steepest
+from tests.support.glsl_harness import evaluate
+from tests.support.node_samples import Field, definitions
 
 BOTH = (rm.box(), rm.sphere(0.6).translate((0.4, 0.3, 0)))
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from analytic import angles, points
-from one_sided import limits, mirrored_fields, on_the_plane
 
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
@@ -14,6 +12,8 @@ from raymarch.expr.derivative import companion
 from raymarch.sdf.booleans import BLENDS
 from raymarch.sdf.lower import lower
 from tests.hard.world import Figure, World, camera_of, case, view_of
+from tests.support.analytic import angles, points
+from tests.support.one_sided import limits, mirrored_fields, on_the_plane
 
 PART = ((0.1, -0.5, 0.2), (0.7, 0.3, 0.5), 0.3)
 

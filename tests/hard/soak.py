@@ -12,13 +12,12 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from gl_objects import alive
-
 import raymarch as rm
 from raymarch.gpu import Renderer
 from tests.hard.failing import scenes
 from tests.hard.long_runs import keep
 from tests.hard.world import World
+from tests.support.gl_objects import alive
 
 SIZES = ((32, 24), (17, 31), (64, 48), (1, 5), (40, 40))
 SIZE = rm.Param("size", 1.0, 0.1, 2.0)

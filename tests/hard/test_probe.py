@@ -6,7 +6,6 @@ import json
 
 import numpy as np
 import pytest
-from node_samples import NodeSample, definitions, samples
 
 import raymarch as rm
 from raymarch.gpu.context import Context
@@ -14,6 +13,7 @@ from raymarch.gpu.probe import probe_with
 from raymarch.scene.file import load
 from tests.hard.probe import ROOT, SETS, faults_in_numpy, sheet
 from tests.hard.table import PROBE
+from tests.support.node_samples import NodeSample, definitions, samples
 
 
 def points() -> np.ndarray:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import test_random_trees
-from glsl_harness import run
 from hypothesis import given, settings
 
 import raymarch as rm
@@ -14,16 +12,18 @@ from raymarch.gpu.context import Context
 from raymarch.sdf.lower import lower
 from tests.hard.rounding import rounding_of
 from tests.hard.world import ULP
+from tests.support import random_trees
+from tests.support.glsl_harness import run
 
 
 def test_random_trees_are_within_it(egl: Context) -> None:
     """And it is no wider than it must be: at most half the trees within some ulp of their size."""
     tight = []
 
-    @given(test_random_trees.trees)
+    @given(random_trees.trees)
     @settings(max_examples=25)
     def look(node: rm.Node) -> None:
-        field, points, values = test_random_trees._looked_at(node)
+        field, points, values = random_trees.looked_at(node)
         points = points[:300].astype(np.float32).astype(np.float64)
         values = field.value(points)
         text = print_functions([lower(node)])

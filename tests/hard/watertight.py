@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import test_random_trees
 from numpy.typing import NDArray
 
 import raymarch as rm
@@ -25,6 +24,7 @@ from tests.hard.fuzz import scene_of
 from tests.hard.long_runs import keep
 from tests.hard.referee import Referee
 from tests.hard.world import EPSILON, World
+from tests.support import random_trees
 
 ANGLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 90.0)
 """Upper ends of the bins, degrees between ray and surface."""
@@ -59,12 +59,12 @@ class Count:
 def solid(seed: int) -> rm.Node:
     """A closed solid of two or three operators about random shapes."""
     random = np.random.default_rng(seed)
-    shapes, one, many = ([d.name for d in test_random_trees.BY_ARITY[arity]] for arity in ("none", "one", "many"))
-    node = test_random_trees.made(str(random.choice(shapes)), [], int(random.integers(200)))
+    shapes, one, many = ([d.name for d in random_trees.BY_ARITY[arity]] for arity in ("none", "one", "many"))
+    node = random_trees.made(str(random.choice(shapes)), [], int(random.integers(200)))
     for _ in range(2):
-        node = test_random_trees.made(str(random.choice(one)), [node], int(random.integers(200)))
-    other = test_random_trees.made(str(random.choice(shapes)), [], int(random.integers(200)))
-    return test_random_trees.made(str(random.choice(many)), [node, other], int(random.integers(200)))
+        node = random_trees.made(str(random.choice(one)), [node], int(random.integers(200)))
+    other = random_trees.made(str(random.choice(shapes)), [], int(random.integers(200)))
+    return random_trees.made(str(random.choice(many)), [node, other], int(random.integers(200)))
 
 
 def first_contact(referee: Referee) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

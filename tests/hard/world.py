@@ -9,13 +9,13 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from analytic import EPSILON, ULP, View
 from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
 from raymarch.gpu import Frame, Renderer
 from raymarch.gpu.context import Context, open_context
+from tests.support.analytic import EPSILON, ULP, View
 
 GEOMETRY = ("depth", "normal", "material", "iterations", "evaluations")
 
@@ -142,7 +142,7 @@ def bytes_off(a: Frame, b: Frame, where: NDArray[Any] | None = None) -> int:
 
 def steepest(node: rm.Node, seed: int = 3, count: int = 4000) -> float:
     """The largest slope of a field between points near and far, over what the node promises."""
-    from node_samples import Field
+    from tests.support.node_samples import Field
 
     field, random = Field(node), np.random.default_rng(seed)
     points = field.draw(random, count)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +9,6 @@ import pytest
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.bench.reference import SCENES, compare, judged, ours, theirs
 from tests.bench.ztest import verdict
 

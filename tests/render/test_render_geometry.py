@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic import EPSILON, ULP, View, angles, edges, hit_plane, hit_sphere, points, unit
 
 import raymarch as rm
 from raymarch.scene.quality import TRACERS
+from tests.support.analytic import EPSILON, ULP, View, angles, edges, hit_plane, hit_sphere, points, unit
 
 # Nothing about it is symmetric: mirrored or upside down it is another picture.
 BALLS = [((1.5, 1.0, 0.0), 0.6), ((-1.0, 0.3, -1.0), 0.9), ((-0.4, -0.6, 1.5), 0.25)]

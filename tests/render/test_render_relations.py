@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic import EPSILON, ULP, around
 
 import raymarch as rm
 from raymarch.gpu import Frame, Renderer
 from raymarch.scene.quality import TRACERS
+from tests.support.analytic import EPSILON, ULP, around
 
 SIZE = (160, 120)
 FOV = 40.0

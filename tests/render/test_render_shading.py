@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,9 +10,7 @@ from raymarch.gpu import Renderer
 from raymarch.plan import lights
 from raymarch.scene.parameter import set_values
 from raymarch.truth import silhouettes, truth
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "shader"))
-from shader_samples import lamps, scenes, solid
+from tests.support.shader_samples import lamps, scenes, solid
 
 SIZE = (80, 60)
 SKIES = ("gradient sky", "sun sky", "blue sky", "matte under a sky", "gold under a sky", "occlusion")

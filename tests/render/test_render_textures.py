@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -19,10 +16,8 @@ from raymarch.expr.vocabulary import vec3
 from raymarch.gpu import Renderer
 from raymarch.gpu.context import Context
 from raymarch.truth import silhouettes, truth
-
-sys.path += [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / "shader")]
-from glsl_harness import evaluate
-from shader_samples import scenes, tiles
+from tests.support.glsl_harness import evaluate
+from tests.support.shader_samples import scenes, tiles
 
 WEIGHTS = 3 * 2.0**-9
 """What texture units may do to a value, by its range: they round the weights along u, v and the levels to 8 bits."""

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic import EPSILON, around
 
 import raymarch as rm
 from raymarch.expr.arrays import bound
@@ -15,6 +14,7 @@ from raymarch.gpu import Renderer
 from raymarch.scene import load
 from raymarch.scene.parameter import Values, set_values
 from raymarch.truth import Truth, compare, silhouettes, truth
+from tests.support.analytic import EPSILON, around
 
 SIZE = (80, 60)
 

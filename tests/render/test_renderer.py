@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic import ULP, View, edges, hit_sphere
 
 import raymarch as rm
 from raymarch.cost.reference import reference
@@ -22,6 +21,7 @@ from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.targets import Target
 from raymarch.plan import OUTPUTS, plan
+from tests.support.analytic import ULP, View, edges, hit_sphere
 
 DTYPES = {
     "color": np.float32,

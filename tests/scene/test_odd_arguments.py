@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import odd_arguments as odd
 import pytest
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
 from raymarch.gpu.context import Context
+from tests.support import odd_arguments as odd
 
 CALLS = {call.name: call for call in odd.calls()}
 NOT_THERE = {"mesh"}

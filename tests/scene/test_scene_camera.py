@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scene_refusals import refused
 
 import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.scene.parameter import Values, set_values
+from tests.support.scene_refusals import refused
 
 NAN, INF = math.nan, math.inf
 EPS = float(np.finfo(np.float64).eps)

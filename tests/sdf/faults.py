@@ -22,15 +22,11 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parent))
-
-import test_every_node as promises
-from mutation import Fault, fact_faults, formula_faults, rebuilt
-from node_samples import POINTS, Field, NodeSample, Seen, definitions, samples
-
 from raymarch.sdf import Node
 from raymarch.sdf.definition import Definition
+from tests.sdf import test_every_node as promises
+from tests.sdf.mutation import Fault, fact_faults, formula_faults, rebuilt
+from tests.support.node_samples import POINTS, Field, NodeSample, Seen, definitions, samples
 
 LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "faults.json"
 FACTS = ("exactness", "divisor", "lower", "upper", "symmetry", "spread", "convex")

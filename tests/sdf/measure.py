@@ -17,21 +17,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parent))
-
-from glsl_harness import run
-from node_samples import NodeSample, Seen, definitions, look_at, samples
 from scipy.spatial import cKDTree
-from surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance
-from test_every_node import TWIN_ULPS, ULP, few_wrong
 
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VECTORS
 from raymarch.gpu.context import Context, open_context
 from raymarch.sdf.facts import ORDER
 from raymarch.sdf.lower import lower
+from tests.sdf.test_every_node import TWIN_ULPS, ULP, few_wrong
+from tests.support.glsl_harness import run
+from tests.support.node_samples import NodeSample, Seen, definitions, look_at, samples
+from tests.support.surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance
 
 LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "nodes.json"
 PAIRS = 1_000_000

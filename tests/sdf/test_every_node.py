@@ -10,10 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from glsl_harness import assert_es, run
-from node_samples import POINTS, Field, Seen, definitions, look_at, samples
 from scipy.spatial import cKDTree
-from surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance, unit
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
@@ -23,6 +20,9 @@ from raymarch.expr.types import VECTORS
 from raymarch.gpu.context import Context
 from raymarch.sdf import Node
 from raymarch.sdf.lower import lower
+from tests.support.glsl_harness import assert_es, run
+from tests.support.node_samples import POINTS, Field, Seen, definitions, look_at, samples
+from tests.support.surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance, unit
 
 ULP = float(np.finfo(np.float32).eps)
 

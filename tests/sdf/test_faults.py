@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from faults import faults_of, run, shares, subject, verdict
-from mutation import replaced
-from node_samples import definitions
 
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, sqrt
+from tests.sdf.faults import faults_of, run, shares, subject, verdict
+from tests.sdf.mutation import replaced
+from tests.support.node_samples import definitions
 
 SOME = (
     "smooth_union",

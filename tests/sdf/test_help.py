@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from node_samples import definitions
 
 import raymarch as rm
 import raymarch.sdf
 from raymarch.sdf.definition import REGISTRY, Definition
+from tests.support.node_samples import definitions
 
 ROOT = Path(rm.__file__).parents[1]
 PUBLIC = [name for name in raymarch.sdf.__all__ if name in REGISTRY and REGISTRY[name] in definitions()]

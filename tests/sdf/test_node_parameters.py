@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from glsl_harness import run
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound
@@ -15,6 +14,7 @@ from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
 from raymarch.scene.parameter import Param, time
 from raymarch.sdf import Node, box, capsule, cylinder, plane, shell, sphere, torus, union
+from tests.support.glsl_harness import run
 
 POINTS = np.random.default_rng(9).uniform(-3, 3, (3000, 3)).astype(np.float32).astype(np.float64)
 NAN, INF = float("nan"), float("inf")

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from node_samples import NodeSample, definitions, samples
 from numpy.typing import NDArray
 
 import raymarch as rm
@@ -16,6 +15,7 @@ from raymarch.scene.parameter import set_values
 from raymarch.sdf import Node
 from raymarch.sdf.definition import REGISTRY
 from raymarch.truth import compare, silhouettes, truth
+from tests.support.node_samples import NodeSample, definitions, samples
 
 SIZE = (64, 64)
 FOOTPRINT = 0.25

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from glsl_harness import assert_es, run
 from numpy.typing import NDArray
 
 import raymarch.expr.vocabulary as v
@@ -19,6 +18,7 @@ from raymarch.gpu.context import Context
 from raymarch.sdf import Node, box, operator, plane, shape, sphere
 from raymarch.sdf.definition import EVERYWHERE, REGISTRY, cube
 from raymarch.sdf.domain import Angle, Count, Length, NonNegative, Positive, Size3, Vec3
+from tests.support.glsl_harness import assert_es, run
 
 POINTS = np.random.default_rng(3).uniform(-2, 2, (3000, 3)).astype(np.float32).astype(np.float64)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from node_samples import NodeSample, definitions, samples
 
 import raymarch as rm
 from raymarch.scene.origin import origin_of, seen_from
 from raymarch.sdf.shifted import shifted
+from tests.support.node_samples import NodeSample, definitions, samples
 
 LAST = {sample.definition.name: sample for sample in samples() if sample.definition.dimension == 3}
 

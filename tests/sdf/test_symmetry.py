@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from one_sided import SURE, limits, mirrored_fields, on_the_plane
 
 from raymarch.expr import var
 from raymarch.expr.arrays import evaluator
@@ -15,6 +14,7 @@ from raymarch.expr.types import FLOAT
 from raymarch.sdf import Node
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.booleans import BLENDS, smooth_min
+from tests.support.one_sided import SURE, limits, mirrored_fields, on_the_plane
 
 
 @pytest.mark.parametrize(("name", "build"), [pytest.param(*pair, id=pair[0]) for pair in mirrored_fields()])

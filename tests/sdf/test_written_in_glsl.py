@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from glsl_harness import run
 
 import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
 from raymarch.sdf import glsl_node, sphere
+from tests.support.glsl_harness import run
 
 BALL = """
 const float R = 1.0;

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from shader_samples import PASSES, scenes
 
 import raymarch as rm
 from raymarch.errors import Location, ShaderError
@@ -15,6 +14,7 @@ from raymarch.expr import glsl as printer
 from raymarch.expr import vocabulary as v
 from raymarch.plan import plan
 from raymarch.shader import assemble
+from tests.support.shader_samples import PASSES, scenes
 
 SCENES = scenes()
 

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shader_samples import PASSES, scenes
 
 import raymarch as rm
 from raymarch.plan import plan
 from raymarch.scene import load
 from raymarch.shader import Shader, assemble
+from tests.support.shader_samples import PASSES, scenes
 
 ROOT = Path(rm.__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -119,14 +119,13 @@ def test_moving_the_camera_changes_nothing() -> None:
 
 
 PRINT = """
-import hashlib, sys
-sys.path.insert(0, {here!r})
+import hashlib
 from pathlib import Path
 import raymarch as rm
 from raymarch.plan import explain, plan
 from raymarch.scene import load
 from raymarch.shader import assemble
-from shader_samples import scenes
+from tests.support.shader_samples import scenes
 
 {before}
 assert Path(rm.__file__).is_relative_to({package!r})
@@ -161,10 +160,9 @@ vec3 sun_light() { return vec3(1.0); }
 
 
 def printing(package: Path, seed: int, before: str = "") -> subprocess.Popen[str]:
-    code = PRINT.format(
-        here=str(Path(__file__).parent), package=str(package), examples=str(ROOT / "examples"), before=before
-    )
-    environment = os.environ | {"PYTHONPATH": str(package), "PYTHONHASHSEED": str(seed)}
+    code = PRINT.format(package=str(package), examples=str(ROOT / "examples"), before=before)
+    path = os.pathsep.join([str(package), str(ROOT)])
+    environment = os.environ | {"PYTHONPATH": path, "PYTHONHASHSEED": str(seed)}
     command = [sys.executable, "-P", "-c", code]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 

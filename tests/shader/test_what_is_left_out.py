@@ -10,12 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from shader_samples import PASSES, scenes
 
 import raymarch
 from raymarch import glsl
 from raymarch.plan import plan
 from raymarch.shader import assemble
+from tests.support.shader_samples import PASSES, scenes
 
 PACKAGE = Path(raymarch.__file__).parent
 
@@ -25,7 +25,7 @@ from pathlib import Path
 from raymarch import glsl
 from raymarch.plan import plan
 from raymarch.shader import assemble
-from shader_samples import PASSES, scenes
+from tests.support.shader_samples import PASSES, scenes
 
 folder = Path(glsl.__file__).parent
 stored = {str(f.relative_to(folder)): f.read_text(encoding="utf-8") for f in folder.rglob("*.glsl")}
@@ -58,7 +58,7 @@ def test_deleted_modules_that_a_scene_does_not_call_for_change_no_byte(tmp_path:
     kept = {name: named(scene) for name, scene in made.items()}
     every = {str(f.relative_to(PACKAGE / "glsl"))[:-5] for f in (PACKAGE / "glsl").rglob("*.glsl")}
     assert all(len(names) < len(every) for names in kept.values()) and len(kept["plain"]) < len(every) / 2
-    path = os.pathsep.join([str(tmp_path), str(Path(__file__).parent)])
+    path = os.pathsep.join([str(tmp_path), str(PACKAGE.parent)])
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT],
         input=json.dumps(kept),

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from window_driver import Session
 
 import raymarch as rm
+from tests.support.window_driver import Session
 
 View = Callable[..., Session]
 

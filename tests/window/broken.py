@@ -14,10 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from breakage import GOOD, PARTS, Break, breaks
-from window_driver import Session, serve_display
+from tests.support.breakage import GOOD, PARTS, Break, breaks
+from tests.support.window_driver import Session, serve_display
 
 
 @dataclass

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from window_driver import Session, serve_display
+
+from tests.support.window_driver import Session, serve_display
 
 
 @pytest.fixture(scope="session")

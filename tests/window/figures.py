@@ -24,9 +24,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from window_driver import ROOT, Session, serve_display
+from tests.support.window_driver import ROOT, Session, serve_display
 
 BUDGET = 33.0
 KEPT = 0.95

@@ -6,10 +6,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from PIL import Image
-from window_driver import ROOT, Session, serve_display
+
+from tests.support.window_driver import ROOT, Session, serve_display
 
 SIZE = (900, 560)
 SCENE = """import raymarch as rm

@@ -17,10 +17,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from breakage import GOOD, PARTS, breaks
-from window_driver import Session, serve_display
+from tests.support.breakage import GOOD, PARTS, breaks
+from tests.support.window_driver import Session, serve_display
 
 KINDS = ("Texture", "Buffer", "Program", "Framebuffer", "VertexArray", "Query", "Shader")
 NAMES = 50_000

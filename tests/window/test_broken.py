@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from breakage import INSERTED, PARTS_BROKEN, REPLACED, WHOLE, breaks
-from broken import run
+from tests.support.breakage import INSERTED, PARTS_BROKEN, REPLACED, WHOLE, breaks
+from tests.window.broken import run
 
 
 def test_broken_edits_keep_the_picture_and_name_the_line(display: str, tmp_path: Path) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from window_driver import Session, alike
 
 import raymarch as rm
 from raymarch.window.theme import ACCENT
+from tests.support.window_driver import Session, alike
 
 View = Callable[..., Session]
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from ball import MIDDLE, SCENE, drawn, save, scene_of
-from window_driver import PATIENCE, Session, alike
 
 from raymarch.window.reload import Fault
+from tests.support.window_driver import PATIENCE, Session, alike
+from tests.window.ball import MIDDLE, SCENE, drawn, save, scene_of
 
 View = Callable[..., Session]
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ball import MIDDLE, SCENE, SIZE, drawn, save, scene_of
 from PIL import Image
-from window_driver import Session, alike
 
 import raymarch as rm
+from tests.support.window_driver import Session, alike
+from tests.window.ball import MIDDLE, SCENE, SIZE, drawn, save, scene_of
 
 View = Callable[..., Session]
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window_driver import ROOT, Hand, Session, alike
 
 import raymarch as rm
 from raymarch.cli import main
 from raymarch.window.overlay import BACKGROUNDS
+from tests.support.window_driver import ROOT, Hand, Session, alike
 
 View = Callable[..., Session]
 Capture = pytest.CaptureFixture[str]

@@ -6,9 +6,10 @@ They know values and gradients alone, so that they can be held against what a no
 from __future__ import annotations
 
 import numpy as np
-from node_samples import Field
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+
+from tests.support.node_samples import Field
 
 
 def smooth_differences(
