@@ -23,6 +23,7 @@ from raymarch.gpu.doctor import Report
 from raymarch.plan import plan
 from raymarch.scene import load
 from raymarch.shader import assemble
+from tests.support.commands import run
 
 ROOT = Path(rm.__file__).parents[1]
 HELLO = "import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2)) | rm.box(1.5)\n"
@@ -34,12 +35,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hello.py").write_text(HELLO)
     return tmp_path
-
-
-def run(*args: str) -> int:
-    with pytest.raises(SystemExit) as stop:
-        commands.main(list(args))
-    return int(stop.value.code or 0)
 
 
 def names(folder: Path) -> set[str]:

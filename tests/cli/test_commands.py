@@ -18,6 +18,7 @@ from raymarch.cli.commands import main
 from raymarch.cli.views import CHOICES, Shown
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan.passes import DRAWN
+from tests.support.commands import files, run
 
 HELLO = "import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2)) | rm.box(1.5)\n"
 
@@ -27,16 +28,6 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hello.py").write_text(HELLO)
     return tmp_path
-
-
-def run(*args: str) -> int:
-    with pytest.raises(SystemExit) as stop:
-        main(list(args))
-    return int(stop.value.code or 0)
-
-
-def files(folder: Path) -> set[str]:
-    return {p.name for p in folder.iterdir() if p.name != "__pycache__"}
 
 
 # What works

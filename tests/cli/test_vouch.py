@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from raymarch.cli.commands import main
+from tests.support.commands import run
 
 HEAD = "import raymarch as rm\n"
 DOUBTFUL = {
@@ -52,12 +52,6 @@ DOUBTFUL = {
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def run(*args: str) -> int:
-    with pytest.raises(SystemExit) as stop:
-        main(list(args))
-    return int(stop.value.code or 0)
 
 
 @pytest.mark.parametrize("name", DOUBTFUL)

@@ -6,14 +6,14 @@ import csv
 import json
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from raymarch.cli import main
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality
+from tests.support import commands
+from tests.support.commands import files
 
 HELLO = """import raymarch as rm
 scene = rm.Scene(rm.sphere(rm.Param("size", 1.0, 0.5, 2.0)) | rm.plane(offset=-1))
@@ -29,13 +29,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(*args: str) -> int:
-    with pytest.raises(SystemExit) as stop:
-        main(["cost", *args])
-    return int(stop.value.code or 0)
-
-
-def files(folder: Path) -> set[str]:
-    return {p.name for p in folder.iterdir() if p.name != "__pycache__"}
+    return commands.run("cost", *args)
 
 
 def test_table_json_and_csv(folder, capsys):
@@ -115,9 +109,7 @@ def test_flip_is_refused_where_light_goes_random_ways(folder, capsys):
 
 
 def draw(*args: str) -> int:
-    with pytest.raises(SystemExit) as stop:
-        main(["render", "hello.py", "--size", "32x18", "-o", "a.png", *args])
-    return int(stop.value.code or 0)
+    return commands.run("render", "hello.py", "--size", "32x18", "-o", "a.png", *args)
 
 
 @pytest.mark.parametrize("name", ["draft", "normal", "fine", "exact"])

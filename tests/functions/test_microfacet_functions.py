@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.gpu.context import Context
 from raymarch.truth.light import albedo_f90, microfacets
+from tests.functions.directions import slanted
 from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
@@ -26,13 +27,6 @@ PHYSICAL = (
     "light/physical",
 )
 Z = np.array([0.0, 0.0, 1.0])
-
-
-def slanted(cosines: ArrayLike, turn: float = 0.0) -> NDArray[np.float64]:
-    """Unit vectors of the given cosines to z, on one side of it."""
-    c = np.asarray(cosines, np.float64)
-    s = np.sqrt(1 - c * c)
-    return np.stack([s * np.cos(turn), s * np.sin(turn), c], axis=-1)
 
 
 def test_no_more_is_mirrored_than_comes(egl: Context) -> None:

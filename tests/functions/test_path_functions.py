@@ -10,6 +10,7 @@ from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
 from raymarch.gpu.context import Context
 from raymarch.truth.light import microfacets
 from raymarch.truth.whitted import THROUGHPUT_CUTOFF, reflectance
+from tests.functions.directions import slanted
 from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
@@ -17,12 +18,6 @@ LAST = 1 - ULP
 """The largest of the random numbers of a pixel."""
 
 AXES = np.concatenate([np.eye(3), -np.eye(3), [[0.48, 0.64, -0.6], [-0.36, 0.48, 0.8]]])
-
-
-def slanted(cosines: ArrayLike, turn: float = 0.0) -> NDArray[np.float64]:
-    c = np.asarray(cosines, np.float64)
-    s = np.sqrt(1 - c * c)
-    return np.stack([s * np.cos(turn), s * np.sin(turn), c], axis=-1)
 
 
 def test_a_way_is_faint_by_its_brightest_colour(egl: Context) -> None:

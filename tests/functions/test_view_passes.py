@@ -10,6 +10,7 @@ import pytest
 from raymarch.expr.types import VEC2
 from raymarch.gpu.context import Context
 from tests.support.glsl_harness import draw, modules, run
+from tests.support.required import needs_extension
 
 ULP = 2.0**-24
 CLOCK = "GL_ARB_shader_clock"
@@ -58,7 +59,7 @@ vec2 surface_faults(vec3 p) { return vec2(u_broken ? 35.0 : 0.0, p.z); }
 def test_a_pixel_has_the_colour_of_what_it_meets_or_of_the_sky(egl: Context, name: str) -> None:
     others, count, at, start, extra = ("temporal/finite",), 1, 0, "", ""
     if name == "cycles":
-        needs_clock(egl)
+        needs_extension(egl, CLOCK)
         start = f"#extension {CLOCK} : require\n"
     if name == "lipschitz":
         others, count, at = (*others, "probe/watch"), 3, 2
@@ -73,14 +74,9 @@ def test_a_pixel_has_the_colour_of_what_it_meets_or_of_the_sky(egl: Context, nam
     assert np.array_equal(color, known)
 
 
-def needs_clock(context: Context) -> None:
-    if CLOCK not in context.gl.extensions:
-        pytest.skip(f"{context} has no {CLOCK}")  # as in test_cycles.py; CI's driver has it, and a skip there is red
-
-
 def test_cycles_are_counted_for_each_pixel(egl: Context) -> None:
     """The second reading is not before the colour is known."""
-    needs_clock(egl)
+    needs_extension(egl, CLOCK)
     assert np.all(passed(egl, "view/cycles", start=f"#extension {CLOCK} : require\n")[0][..., 0] > 0)
 
 

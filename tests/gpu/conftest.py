@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,25 +11,11 @@ from pathlib import Path
 import pytest
 
 import raymarch.errors
-from raymarch.errors import DeviceError
-from raymarch.gpu.context import Context, open_context
+from raymarch.gpu.context import Context
+from tests.support.required import opened, skip_or_fail
+from tests.support.window_driver import serve_display
 
 ROOT = Path(raymarch.errors.__file__).parents[1]
-
-
-def skip_or_fail(reason: str) -> None:
-    """CI installs all that is needed, so there a missing piece is a fault; a user's machine may lack it."""
-    if os.environ.get("CI"):
-        pytest.fail(reason)
-    pytest.skip(reason)
-
-
-def opened(backend: str) -> Context:
-    try:
-        return open_context(backend)
-    except DeviceError as error:
-        skip_or_fail(str(error))
-        raise
 
 
 @pytest.fixture(autouse=True)
@@ -43,12 +27,6 @@ def no_gl_errors(request: pytest.FixtureRequest) -> Iterator[None]:
     for context in contexts:
         with context.bound():
             assert context.gl.error == "GL_NO_ERROR"
-
-
-@pytest.fixture(scope="session")
-def egl() -> Iterator[Context]:
-    with opened("egl") as context:
-        yield context
 
 
 @pytest.fixture(scope="session")
@@ -67,22 +45,11 @@ def context(request: pytest.FixtureRequest) -> Context:
 @pytest.fixture(scope="session")
 def display() -> Iterator[str]:
     """The name of a real X display, served by Xvfb for as long as the tests run."""
-    if shutil.which("Xvfb") is None:
-        skip_or_fail("Xvfb is not installed: install the package xvfb")
-    read_end, write_end = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write_end), "-screen", "0", "64x64x24", "-nolisten", "tcp"]
-    server = subprocess.Popen(command, pass_fds=(write_end,), stderr=subprocess.DEVNULL)
-    os.close(write_end)
     try:
-        ready, _, _ = select.select([read_end], [], [], 20)
-        number = os.read(read_end, 16).decode().strip() if ready else ""
-        if not number:
-            skip_or_fail("Xvfb did not start")
-        yield f":{number}"
-    finally:
-        os.close(read_end)
-        server.terminate()
-        server.wait()
+        with serve_display("64x64x24") as name:
+            yield name
+    except OSError as fault:
+        skip_or_fail(str(fault))
 
 
 @pytest.fixture

@@ -12,19 +12,15 @@ from raymarch.errors import DeviceError
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
 from raymarch.shader import assemble
+from tests.support.required import needs_extension
 
 CAMERA = rm.Camera(position=(0, 0, 5), target=(0, 0, 0), fov=50)
 EXTENSION = "GL_ARB_shader_clock"
 
 
-def needs_clock(context: Context) -> None:
-    if EXTENSION not in context.gl.extensions:
-        pytest.skip(f"{context} has no {EXTENSION}")
-
-
 def test_costly_pixels_take_more_cycles(egl: Context) -> None:
     """Half of the picture sees a field of a loop, the other half the sky beside its box."""
-    needs_clock(egl)
+    needs_extension(egl, EXTENSION)
     scene = rm.Scene(rm.mandelbulb(iterations=12).translate((2, 0, 0)), CAMERA)
     with rm.Renderer((64, 32), context=egl) as renderer:
         frame = renderer.render(scene, outputs=("cycles", "evaluations"))
@@ -36,7 +32,7 @@ def test_costly_pixels_take_more_cycles(egl: Context) -> None:
 
 
 def test_alone_and_beside_other_passes(egl: Context) -> None:
-    needs_clock(egl)
+    needs_extension(egl, EXTENSION)
     scene = rm.Scene(rm.sphere(), CAMERA, lights=[rm.Sun(shadow=True)], quality=rm.Quality(samples=4))
     with rm.Renderer((16, 16), context=egl) as renderer:
         alone = renderer.render(scene, outputs=("cycles",))

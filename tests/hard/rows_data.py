@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.expr.vocabulary import mod, where
 from raymarch.plan import plan
-from tests.hard.world import Figure, World, camera_of, case, refusals, view_of
+from tests.hard.world import Figure, World, case, refusals, view_of
 from tests.support.analytic import View, edges, hit_plane, points, unit
+from tests.support.cameras import camera_of
 
 Array = NDArray[Any]
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)

@@ -11,8 +11,9 @@ import raymarch as rm
 from raymarch.expr.vocabulary import sin
 from raymarch.plan import plan
 from raymarch.scene import load
-from tests.hard.world import ULP, Figure, World, bytes_off, camera_of, case, view_of
+from tests.hard.world import ULP, Figure, World, bytes_off, case, view_of
 from tests.support.analytic import angles, around, hit_sphere, points
+from tests.support.cameras import camera_of
 
 HELLO = Path(__file__).parents[2] / "examples" / "hello.py"
 

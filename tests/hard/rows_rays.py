@@ -16,8 +16,9 @@ from raymarch.sdf.definition import REGISTRY, cube
 from raymarch.sdf.domain import Positive
 from tests.hard.fuzz import scene_of
 from tests.hard.referee import Referee
-from tests.hard.world import EPSILON, ULP, Figure, World, bytes_off, camera_of, case, off, steepest, view_of
+from tests.hard.world import EPSILON, ULP, Figure, World, bytes_off, case, off, steepest, view_of
 from tests.support.analytic import angles, around, hit_plane, hit_sphere, points
+from tests.support.cameras import camera_of
 
 RED, BLUE = rm.Material((0.9, 0.1, 0.1)), rm.Material((0.1, 0.1, 0.9))
 REAL = [name for name in TRACERS if name != "auto"]

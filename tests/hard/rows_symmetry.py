@@ -11,8 +11,9 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.sdf.booleans import BLENDS
 from raymarch.sdf.lower import lower
-from tests.hard.world import Figure, World, camera_of, case, view_of
+from tests.hard.world import Figure, World, case, view_of
 from tests.support.analytic import angles, points
+from tests.support.cameras import camera_of
 from tests.support.one_sided import limits, mirrored_fields, on_the_plane
 
 PART = ((0.1, -0.5, 0.2), (0.7, 0.3, 0.5), 0.3)

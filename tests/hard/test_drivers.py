@@ -10,10 +10,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from raymarch.errors import DeviceError
-from raymarch.gpu.context import open_context
 from tests.hard.table import cases
 from tests.hard.world import Case, World
+from tests.support.required import opened
 
 DRAW = """
 import sys
@@ -46,13 +45,7 @@ def test_threads_change_no_byte() -> None:
 
 @pytest.fixture(scope="module")
 def other_world() -> Iterator[World]:
-    try:
-        context = open_context("osmesa")
-    except DeviceError as error:
-        if os.environ.get("CI"):
-            pytest.fail(str(error))
-        pytest.skip(str(error))
-    with context, World(context) as made:
+    with opened("osmesa") as context, World(context) as made:
         yield made
 
 

@@ -124,10 +124,6 @@ def view_of(
     return View(position, target, fov, size, up)
 
 
-def camera_of(view: View) -> rm.Camera:
-    return rm.Camera(view.position, view.target, view.up, view.fov)
-
-
 def off(depth: NDArray[Any], view: View, t: NDArray[Any], cosine: NDArray[Any], where: NDArray[Any]) -> float:
     """The largest error of a depth over what an epsilon allows there: epsilon / cosine, and rounding."""
     allowed = EPSILON * view.pixel * t[where] / np.abs(cosine[where]) + 8 * ULP * (t[where] + np.abs(view.origin).max())

@@ -15,13 +15,6 @@ from tests.bench.ztest import verdict
 WIDTH = 32
 
 
-@pytest.fixture(scope="module")
-def mitsuba() -> Any:
-    module = pytest.importorskip("mitsuba")
-    module.set_variant("scalar_rgb")
-    return module
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_our_light_is_mitsubas(name: str, mitsuba: Any, egl: Context) -> None:
     """The mean light within a percent; single pixels, where a shadow's border does not cross them, as well."""

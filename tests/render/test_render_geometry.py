@@ -10,6 +10,7 @@ import pytest
 import raymarch as rm
 from raymarch.scene.quality import TRACERS
 from tests.support.analytic import EPSILON, ULP, View, angles, edges, hit_plane, hit_sphere, points, unit
+from tests.support.cameras import camera_of
 
 # Nothing about it is symmetric: mirrored or upside down it is another picture.
 BALLS = [((1.5, 1.0, 0.0), 0.6), ((-1.0, 0.3, -1.0), 0.9), ((-0.4, -0.6, 1.5), 0.25)]
@@ -27,8 +28,7 @@ def solid() -> rm.Node:
 
 
 def scene_of(view: View, node: rm.Node | None = None, **parts: Any) -> rm.Scene:
-    camera = rm.Camera(view.position, view.target, view.up, view.fov)
-    return rm.Scene(solid() if node is None else node, camera, **parts)
+    return rm.Scene(solid() if node is None else node, camera_of(view), **parts)
 
 
 def exact(view: View) -> tuple[Any, Any, Any, Any]:
@@ -215,10 +215,6 @@ def lit_of(renderer: rm.Renderer, light: rm.Sun | rm.PointLight) -> Any:
     matt = rm.Material((1, 1, 1), specular=0.0, ambient=0.0)
     frame = renderer.render(rm.Scene(ball_over_ground().material(matt), camera_of(ABOVE), [light]))
     return frame.color[..., 0]
-
-
-def camera_of(view: View) -> rm.Camera:
-    return rm.Camera(view.position, view.target, view.up, view.fov)
 
 
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0.8, 1, -0.3), (-3, 1, 1)])

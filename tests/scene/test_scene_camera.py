@@ -12,7 +12,7 @@ import pytest
 import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.scene.parameter import Values, set_values
-from tests.support.scene_refusals import refused
+from tests.support.refusals import refused
 
 NAN, INF = math.nan, math.inf
 EPS = float(np.finfo(np.float64).eps)

@@ -11,7 +11,7 @@ import pytest
 import raymarch as rm
 from raymarch.errors import Location, PlanError, SceneError
 from raymarch.scene.parameter import Values, set_values
-from tests.support.scene_refusals import refused
+from tests.support.refusals import refused
 
 NAN, INF = math.nan, math.inf
 FLAT = rm.shape(exactness="exact", bounds=lambda: ((-1.0, -1.0), (1.0, 1.0)), dimension=2)(lambda p: p.x * 0.5)

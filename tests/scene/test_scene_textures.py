@@ -15,7 +15,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import find
 from raymarch.scene.srgb import srgb_to_linear
 from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
-from tests.support.scene_refusals import refused
+from tests.support.refusals import refused
 
 RNG = np.random.default_rng(4)
 FOUR = np.array([[0.1, 0.2], [0.3, 0.4]])  # top left, top right; bottom left, bottom right

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.vocabulary import cos, floor, sin, sqrt
 from raymarch.sdf import box, plane, sphere
 from raymarch.sdf.noise import value_noise
+from tests.support.refusals import refused
 
 POINTS = np.random.default_rng(6).uniform(-2, 2, (20_000, 3))
 
@@ -55,7 +55,7 @@ def test_noise_is_as_steep_as_it_says() -> None:
     ("make", "says"),
     [
         (lambda: sphere().displace_by(lambda p: floor(p.x)), "lipschitz = "),
-        (lambda: plane().displace_by(lambda p: 0.1 * p.x), r"node & box\(\.\.\.\)"),
+        (lambda: plane().displace_by(lambda p: 0.1 * p.x), "node & box(...)"),
         (lambda: sphere().displace_by(lambda p: 50.0 * p.x * p.x), "amplitude and lipschitz as numbers"),
         (lambda: sphere().displace_by(lambda p: sqrt(p.x), 0.1), "amplitude and lipschitz as numbers"),
         (lambda: sphere().displace_by(lambda p: p), "a number"),
@@ -67,5 +67,4 @@ def test_noise_is_as_steep_as_it_says() -> None:
     ],
 )
 def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
-    with pytest.raises(SceneError, match=says):
-        make()
+    refused(make, says)

@@ -13,6 +13,7 @@ from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
 from raymarch.sdf import glsl_node, sphere
 from tests.support.glsl_harness import run
+from tests.support.refusals import refused
 
 BALL = """
 const float R = 1.0;
@@ -23,9 +24,12 @@ float ball(vec3 p) {
 POINTS = np.random.default_rng(8).uniform(-2, 2, (2000, 3))
 
 
-def ball(**facts: Any) -> rm.Node:
-    given: dict[str, Any] = {"exactness": "exact", "bounds": ((-1, -1, -1), (1, 1, 1)), **facts}
-    return glsl_node(BALL, "ball", **given)
+def facts(**other: Any) -> dict[str, Any]:
+    return {"exactness": "exact", "bounds": ((-1, -1, -1), (1, 1, 1)), **other}
+
+
+def ball(**other: Any) -> rm.Node:
+    return glsl_node(BALL, "ball", **facts(**other))
 
 
 def twin(points: Any) -> Any:
@@ -69,19 +73,18 @@ def test_a_fault_in_the_code_leads_to_its_line(egl: Context) -> None:
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: glsl_node("float f(vec2 p) { return 1.0; }", "f"), r"float f\(vec3 p\)"),
-        (lambda: glsl_node("// float f(vec3 p) {}", "f"), r"float f\(vec3 p\)"),
+        (lambda: glsl_node("float f(vec2 p) { return 1.0; }", "f"), "float f(vec3 p)"),
+        (lambda: glsl_node("// float f(vec3 p) {}", "f"), "float f(vec3 p)"),
         (lambda: glsl_node(BALL + "void main() {}", "ball"), "functions only"),
         (lambda: glsl_node(BALL + "}", "ball"), "functions only"),
         (lambda: glsl_node(BALL, "float"), "a name that is free"),
-        (lambda: ball(exactness="good"), "'exact', 'bound' or 'estimate'"),
-        (lambda: ball(lipschitz=0.0), "a number > 0"),
-        (lambda: ball(bounds=((1, 1, 1), (0, 0, 0))), "lower < upper"),
-        (lambda: ball(twin=3), "a function"),
-        (lambda: ball(twin=lambda p: p).distance(POINTS), r"gives shape \(2000, 3\)"),
+        (lambda: glsl_node(BALL, "ball", **facts(exactness="good")), "'exact', 'bound' or 'estimate'"),
+        (lambda: glsl_node(BALL, "ball", **facts(lipschitz=0.0)), "a number > 0"),
+        (lambda: glsl_node(BALL, "ball", **facts(bounds=((1, 1, 1), (0, 0, 0)))), "lower < upper"),
+        (lambda: glsl_node(BALL, "ball", **facts(twin=3)), "a function"),
+        (lambda: ball(twin=lambda p: p).distance(POINTS), "gives shape (2000, 3)"),
         (lambda: (ball() | glsl_node("float ball(vec3 p) { return p.x; }", "ball")).glsl(), "another name"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
-    with pytest.raises(SceneError, match=says):
-        make()
+    refused(make, says)

@@ -16,6 +16,7 @@ import raymarch as rm
 from raymarch.plan import plan
 from raymarch.scene import load
 from raymarch.shader import Shader, assemble
+from tests.support.required import glslang
 from tests.support.shader_samples import PASSES, scenes
 
 ROOT = Path(rm.__file__).parents[1]
@@ -183,16 +184,6 @@ def test_the_text_is_the_same_in_every_process_and_beside_unused_modules(tmp_pat
 # It is valid.
 
 
-def compiler() -> str:
-    found = shutil.which("glslangValidator")
-    if found is None:
-        reason = "glslangValidator is not installed: install the package glslang-tools"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
-    return found
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_one_text_is_valid_on_the_desktop_and_on_the_web(name: str, tmp_path: Path) -> None:
     files = []
@@ -202,7 +193,7 @@ def test_one_text_is_valid_on_the_desktop_and_on_the_web(name: str, tmp_path: Pa
             for version in ("330 core", "300 es"):
                 files.append(tmp_path / f"{'_'.join(passes)}.{chosen}.{version[:3]}.frag")
                 files[-1].write_text(made.text(chosen, version))
-    done = subprocess.run([compiler(), *map(str, files)], capture_output=True, text=True, check=False)
+    done = subprocess.run([glslang(), *map(str, files)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert len(files) == 8 and "WARNING" not in done.stdout, done.stdout
 
@@ -272,7 +263,7 @@ def test_a_shape_may_have_any_name(renderer: rm.Renderer, tmp_path: Path) -> Non
         pictures.append((frame.color, frame.depth))
         file = tmp_path / "web.frag"
         file.write_text(shader(scene, PASSES[2]).text(version="300 es"))
-        done = subprocess.run([compiler(), str(file)], capture_output=True, text=True, check=False)
+        done = subprocess.run([glslang(), str(file)], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout
     assert (pictures[0][0] == pictures[1][0]).all() and (pictures[0][1] == pictures[1][1]).all()
     assert pictures[0][1].min() < float("inf")
@@ -295,7 +286,7 @@ def test_a_parameter_may_have_any_name(renderer: rm.Renderer, tmp_path: Path) ->
         pictures.append((frame.color, frame.depth))
         file = tmp_path / "web.frag"
         file.write_text(shader(scene, PASSES[2]).text(version="300 es"))
-        done = subprocess.run([compiler(), str(file)], capture_output=True, text=True, check=False)
+        done = subprocess.run([glslang(), str(file)], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout
     assert (pictures[0][0] == pictures[1][0]).all() and (pictures[0][1] == pictures[1][1]).all()
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 ULP = float(np.finfo(np.float32).eps)
 EPSILON = 0.1
@@ -48,8 +48,8 @@ class View:
         return unit(ahead + x[None, :, None] * right + y[:, None, None] * above)
 
 
-def unit(v: NDArray[Any]) -> NDArray[Any]:
-    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
+def unit(v: ArrayLike) -> NDArray[Any]:
+    return np.asarray(v, np.float64) / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
 def hit_sphere(origin: Any, directions: NDArray[Any], centre: Any, radius: float) -> NDArray[Any]:

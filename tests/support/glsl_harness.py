@@ -6,8 +6,6 @@ is run by the same compiler and the same float32 units that draw pictures.
 
 from __future__ import annotations
 
-import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -15,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch import glsl
@@ -27,6 +24,7 @@ from raymarch.expr.types import Type
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target, upload, upload_pyramid
+from tests.support.required import glslang
 
 DESKTOP = "#version 330 core\n"
 ES = "#version 300 es\n" + "".join(f"precision highp {t};\n" for t in ("float", "int", "sampler2D", "sampler3D"))
@@ -160,14 +158,9 @@ def evaluate(
 
 def assert_es(text: str, call: str, types: Sequence[Type], size: int = 1) -> None:
     """The same text must be valid in `#version 300 es`, by the reference compiler."""
-    compiler = shutil.which("glslangValidator")
-    if compiler is None:
-        if os.environ.get("CI"):
-            pytest.fail("glslangValidator is not installed: install the package glslang-tools")
-        pytest.skip("glslangValidator is not installed: install the package glslang-tools")
     source = shader(text, call, types, size, ES)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "shader.frag")
         file.write_text(source, encoding="utf-8")
-        done = subprocess.run([compiler, str(file)], capture_output=True, text=True, check=False)
+        done = subprocess.run([glslang(), str(file)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{source}"

@@ -27,10 +27,10 @@ Events = list[dict[str, Any]]
 
 
 @contextmanager
-def serve_display() -> Iterator[str]:
+def serve_display(screen: str = "1000x700x24") -> Iterator[str]:
     """The name of an X display of our own; OSError where there is no Xvfb."""
     read_end, write_end = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write_end), "-screen", "0", "1000x700x24", "-nolisten", "tcp", "-noreset"]
+    command = ["Xvfb", "-displayfd", str(write_end), "-screen", "0", screen, "-nolisten", "tcp", "-noreset"]
     try:
         server = subprocess.Popen(command, pass_fds=(write_end,), stderr=subprocess.DEVNULL)
     except OSError:

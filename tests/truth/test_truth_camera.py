@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from raymarch.scene import Camera, Scene
 from raymarch.sdf import box, sphere
@@ -25,13 +24,6 @@ def test_rays_by_hand() -> None:
     ahead = made.direction / -made.direction[..., 2:]
     np.testing.assert_allclose(ahead[0, :, 0], [-1.5, -0.5, 0.5, 1.5], atol=1e-14)
     np.testing.assert_allclose(ahead[:, 0, 1], [0.5, -0.5], atol=1e-14)
-
-
-@pytest.fixture(scope="module")
-def mitsuba() -> Any:
-    module = pytest.importorskip("mitsuba")
-    module.set_variant("scalar_rgb")
-    return module
 
 
 def their_scene(mi: Any) -> Any:

@@ -10,6 +10,7 @@ import pytest
 from raymarch.scene import Camera, Fog, Material, PointLight, Scene, Sun
 from raymarch.sdf import box, plane, sphere
 from raymarch.truth import truth
+from tests.support.analytic import unit
 
 WHITE = Material((1, 1, 1), specular=0.0, ambient=0.0)
 ABOVE = Camera((0.3, 6, 5), (0, 0, 0), fov=25.0)
@@ -17,10 +18,6 @@ ABOVE = Camera((0.3, 6, 5), (0, 0, 0), fov=25.0)
 
 def points(made: Any) -> Any:
     return made.position + made.depth[made.hit][:, None] * made.direction[made.hit]
-
-
-def unit(v: Any) -> Any:
-    return np.asarray(v, np.float64) / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
 @pytest.mark.parametrize("direction", [(1, 2, 1), (1, 0.3, -0.5)])
