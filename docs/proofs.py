@@ -113,8 +113,8 @@ KINDS = {
 FAULTS = """
 ## Seeded faults
 
-`python tests/sdf/faults.py` breaks every definition on purpose, at most three times for each kind of fault, and runs
-the tests that every node has to pass.
+`python -m tests.lab.node_faults` breaks every definition on purpose, at most three times for each kind of fault, and
+runs the tests that every node has to pass.
 
 **{caught} of {seeded} were detected, {share:.1f} %**; {promise} of them, {promised:.1f} % of all, because a fact was
 violated. The others make a different field whose facts hold: a union without one child, a blend with another curve.
@@ -158,7 +158,7 @@ def page() -> str:
         "",
         "After this page you can judge how well the facts of a node (exactness, Lipschitz bound, box) hold and how",
         "tight they are. `python docs/proofs.py` generates it from `docs/figures/nodes.json`, which",
-        "`python tests/sdf/measure.py` writes, and from `docs/figures/faults.json`.",
+        "`python -m tests.lab.measure` writes, and from `docs/figures/faults.json`.",
         "",
         *summary(rows),
         *GUIDE.splitlines(),

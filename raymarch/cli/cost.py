@@ -11,8 +11,7 @@ import typer
 
 from raymarch.cli.choice import watched
 from raymarch.cli.commands import app
-from raymarch.cli.common import CommandError, Output, parse_settings, parse_size, written
-from raymarch.cost.accuracy import claims, page
+from raymarch.cli.common import CommandError, Output, SceneFile, parse_settings, parse_size, written
 from raymarch.cost.checks import check
 from raymarch.cost.effects import ablate, evaluations_of
 from raymarch.cost.effects import table as effects_table
@@ -23,8 +22,6 @@ from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting, axes, grid, parse_values
-from raymarch.cost.suite import FULL, QUICK, find_scenes, measure_suite
-from raymarch.cost.suite_plots import figure_3, figure_5, fronts
 from raymarch.cost.sweep import METRICS, Point, Sweep, sweep
 from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
 from raymarch.cost.variants import ideal_of
@@ -40,16 +37,13 @@ ENDINGS = {
     "--csv": (".csv",),
     "--plot": (".png", ".svg", ".pdf"),
     "--html": (".html", ".htm"),
-    "--output": (".md",),
 }
 """Suffixes that each option accepts."""
 
 
 @app.command(name="cost")
 def cost_command(
-    scene: Annotated[
-        Path | None, typer.Argument(metavar="[SCENE.py]", help="Python file that defines a module-level `scene`.")
-    ] = None,
+    scene: SceneFile,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "320x180",
     time: Annotated[float, typer.Option(help="Value of `time` in seconds.")] = 0.0,
     set_: Annotated[
@@ -74,27 +68,10 @@ def cost_command(
         Path | None, typer.Option(help="Write an HTML report with pictures and error maps in one file.")
     ] = None,
     effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
-    suite: Annotated[bool, typer.Option("--suite", help="Compare tracers over three scenes and write a page.")] = False,
-    quick: Annotated[bool, typer.Option("--quick", help="With --suite: small pictures and few frames.")] = False,
-    scenes: Annotated[Path | None, typer.Option(help="With --suite: folder of the scenes. [examples]")] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="With --suite: page to write; figures go to pictures/ beside it. [docs/accuracy.md]",
-        ),
-    ] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
     """Measure error and time of quality settings, and show which are Pareto-optimal."""
-    if suite or scene is None:
-        _suite(scene, suite, scenes or Path("examples"), output or Path("docs/accuracy.md"), quick, seed, backend)
-        return
-    for option, given in (("--quick", quick), ("--scenes", scenes), ("--output", output)):
-        if given:
-            raise CommandError(f"{option} without --suite", legal="--size, --repeats, --json, --csv, --plot, --html")
     _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html})
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
@@ -172,30 +149,6 @@ def _effects(
         data |= {"environment": measured_on, "effects": [e.as_dict() for e in found]}
         with written(json) as partial:
             partial.write_text(json_format.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _suite(scene: Path | None, asked: bool, scenes: Path, output: Path, quick: bool, seed: int, backend: str) -> None:
-    """Compare tracers over the scenes of P1; write a page and its figures."""
-    if scene is not None:
-        raise CommandError(f"--suite together with {scene}", legal="one of them; --scenes FOLDER chooses the scenes")
-    if not asked:
-        raise CommandError("nothing to measure", legal="SCENE.py or --suite")
-    _check_files({"--output": output})
-    plotting()
-    files = find_scenes(scenes)
-    with watched() as tell:
-        made = measure_suite(files, QUICK if quick else FULL, seed, backend, tell)
-    names = {"tracers": figure_3, "oversteps": figure_5, "fronts": fronts}
-    (output.parent / "pictures").mkdir(exist_ok=True)
-    pictures = {name: f"pictures/{output.stem}-{name}.png" for name in names}
-    for name, draw in names.items():
-        with written(output.parent / pictures[name]) as partial:
-            partial.write_bytes(save(draw(made)))
-    with written(output) as partial:
-        partial.write_text(page(made, pictures), encoding="utf-8")
-    out = Output(soft_wrap=False)
-    out.print(claims(made), markup=False, soft_wrap=True)
-    out.print(f"wrote {output} and {len(pictures)} figures", markup=False, soft_wrap=True)
 
 
 def show(made: Sweep, metric: str, everything: bool) -> None:

@@ -10,14 +10,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from raymarch.cli import main
-from raymarch.cost import accuracy, suite_plots
-from raymarch.cost import suite as room
-from raymarch.cost.accuracy import claims, page
 from raymarch.cost.checks import Check
 from raymarch.cost.plots import save
 from raymarch.cost.reference import Reference, reference
-from raymarch.cost.suite import (
+from raymarch.cost.sweep import sweep
+from raymarch.errors import CostError
+from tests.cost.cost_samples import SIZE, FakeRenderer
+from tests.lab import accuracy, suite_plots
+from tests.lab import suite as room
+from tests.lab.accuracy import claims, page
+from tests.lab.suite import (
     SCENES,
     TRACERS,
     Measured,
@@ -28,10 +30,7 @@ from raymarch.cost.suite import (
     march_settings,
     product_settings,
 )
-from raymarch.cost.suite_plots import figure_3, figure_5, fronts
-from raymarch.cost.sweep import sweep
-from raymarch.errors import CostError
-from tests.cost.cost_samples import SIZE, FakeRenderer
+from tests.lab.suite_plots import figure_3, figure_5, fronts
 
 SCALE = Scale((64, 36), 6, (8, 64, 128), ("plain", "enhanced"), (64, 128))
 ERRORS = {"plain": 4.0, "relaxed_again": 3.0, "relaxed": 3.0, "enhanced": 2.0, "auto_relaxed": 1.5, "bracketing": 1.0}
@@ -137,15 +136,13 @@ def test_in_earnest(tmp_path, monkeypatch, capsys):
     for name in SCENES:
         (tmp_path / "examples" / f"{name}.py").write_text("import raymarch as rm\nscene = rm.sphere() | rm.plane()\n")
     small = Scale((24, 14), 1, (8, 16), ("enhanced",), (16,))
-    monkeypatch.setattr("raymarch.cli.cost.QUICK", small)
+    monkeypatch.setattr(accuracy, "QUICK", small)
     few = ("plain", "relaxed_again", "enhanced")
     for place in (room, accuracy, suite_plots):
         monkeypatch.setattr(place, "TRACERS", few)
     for name, values in (("EPSILONS", (0.1,)), ("PAIRED", ("plain",)), ("PRESETS", {"normal": {}})):
         monkeypatch.setattr(room, name, values)
-    with pytest.raises(SystemExit) as stop:
-        main(["cost", "--suite", "--quick", "-o", "page.md"])
-    assert stop.value.code == 0
+    accuracy.main(["--quick", "--scenes", "examples", "-o", "page.md"])
     assert "claim" in capsys.readouterr().out
     text = (tmp_path / "page.md").read_text()
     shown = re.findall(r"\((pictures/[^)]*)\)", text)
@@ -153,22 +150,17 @@ def test_in_earnest(tmp_path, monkeypatch, capsys):
     assert len(shown) == 3
 
 
-@pytest.mark.parametrize(
-    ("args", "says"),
-    [
-        (("--suite",), "--scenes FOLDER"),
-        ((), "SCENE.py or --suite"),
-        (("a.py", "--suite"), "one of them"),
-        (("--suite", "-o", "a.txt"), ".md"),
-        (("--suite", "-o", "nowhere/a.md"), "nowhere"),
-    ],
-)
-def test_wrong_use(tmp_path, monkeypatch, capsys, args, says):
-    monkeypatch.chdir(tmp_path)
+def test_a_page_in_no_folder_is_refused_before_measuring(tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
-        main(["cost", *(args if "-o" in args else (*args, "-o", "a.md"))])
+        accuracy.main(["-o", str(tmp_path / "nowhere" / "a.md")])
     assert stop.value.code == 2
-    assert says in " ".join(capsys.readouterr().err.split())
+    assert "nowhere" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_scenes_nothing_is_written(tmp_path):
+    with pytest.raises(CostError, match="--scenes FOLDER"):
+        accuracy.main(["--scenes", str(tmp_path), "-o", str(tmp_path / "a.md")])
     assert not list(tmp_path.iterdir())
 
 

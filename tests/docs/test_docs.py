@@ -112,7 +112,7 @@ PROOFS = runpy.run_path(str(ROOT / "docs" / "proofs.py"))
 
 def test_every_node_was_measured():
     missing = PROOFS["missing"]()
-    assert not missing, f"no figures for {missing}: run `python tests/sdf/measure.py --missing; python docs/proofs.py`"
+    assert not missing, f"no figures for {missing}: run `python -m tests.lab.measure --missing; python docs/proofs.py`"
 
 
 def test_the_page_of_figures_is_that_of_the_ledger():

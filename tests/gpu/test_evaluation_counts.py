@@ -6,7 +6,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-from raymarch.gpu.evaluation_counts import count_evaluations
+from tests.lab.evaluation_counts import count_evaluations
 
 WHITE = rm.Material((1, 1, 1), specular=0, ambient=1)
 

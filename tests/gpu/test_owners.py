@@ -300,7 +300,7 @@ START = """
 import os, sys
 import numpy as np
 import raymarch as rm
-from tests.hard.owners import forked
+from tests.lab.owners import forked
 SCENE, SIZE = rm.Scene(rm.sphere()), (32, 24)
 def draw(renderer): return renderer.render(SCENE).color.tobytes()
 def refused(work):
@@ -417,9 +417,9 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("shown", [True, False], ids=["windows", "osmesa"])
 def test_random_turns(shown: bool, egl: Context, display: str) -> None:
-    """A short run of `python -m tests.hard.owners`."""
+    """A short run of `python -m tests.lab.owners`."""
     code = f"""
-from tests.hard.owners import run
+from tests.lab.owners import run
 if __name__ == "__main__":
     count = run(40, seed=3, display={display if shown else None!r}, processes=0.1)
     assert not count.faults, count.faults

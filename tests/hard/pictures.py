@@ -21,7 +21,7 @@ from raymarch import glsl
 from raymarch.gpu import Renderer
 from raymarch.scene import load
 from tests.hard.rows_far import HELLO, displaced
-from tests.hard.seeded import spoil
+from tests.lab.seeded import spoil
 
 SIZE = (180, 120)
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"

@@ -14,8 +14,8 @@ import moderngl
 import numpy as np
 
 from raymarch.gpu import Renderer, current
-from tests.hard.owners import SIZE, Foreign, scene
 from tests.hard.world import Figure, World, case
+from tests.lab.owners import SIZE, Foreign, scene
 
 ROOT = Path(__file__).parents[2]
 
@@ -75,7 +75,7 @@ def forks(world: World) -> Iterator[Figure]:
     cure. A process that is forked before any use of OpenGL can draw."""
     late = """
 import raymarch
-from tests.hard.owners import SIZE, forked, scene
+from tests.lab.owners import SIZE, forked, scene
 def work(): return raymarch.render(scene(0), SIZE, backend="egl").tobytes()
 """
     told = "print(sum(w == 'refused' and b'spawn' in m and b'forkserver' in m for w, m in answers))"

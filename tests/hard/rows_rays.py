@@ -14,9 +14,9 @@ from raymarch.plan import plan
 from raymarch.scene.quality import CONTACT, TRACERS
 from raymarch.sdf.definition import REGISTRY, cube
 from raymarch.sdf.domain import Positive
-from tests.hard.fuzz import scene_of
 from tests.hard.referee import Referee
 from tests.hard.world import EPSILON, ULP, Figure, World, bytes_off, case, off, steepest, view_of
+from tests.lab.fuzz import scene_of
 from tests.support.analytic import angles, around, hit_plane, hit_sphere, points
 from tests.support.cameras import camera_of
 

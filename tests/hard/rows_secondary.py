@@ -11,8 +11,8 @@ import raymarch as rm
 from raymarch.expr.vocabulary import length, max, min
 from raymarch.scene.quality import TRACERS
 from raymarch.sdf.definition import cube
-from tests.hard.shadows import SIZE, Pair, pairs, wrong
 from tests.hard.world import Figure, World, case
+from tests.lab.shadows import SIZE, Pair, pairs, wrong
 
 WHITE = rm.Material((1.0, 1.0, 1.0), ambient=0.0, specular=0.0)
 

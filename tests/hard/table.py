@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.hard import pictures
-from tests.hard.long_runs import section
 from tests.hard.world import CASES, Case, Figure, World
+from tests.lab.long_runs import section
 
 ROOT = Path(__file__).parents[2]
 LEDGER = ROOT / "docs" / "figures" / "stability.json"
@@ -82,7 +82,7 @@ def page(rows: Iterable[Case], figures: Mapping[str, Any]) -> str:
 PROBED = """## The probe on every node
 
 The probe renders a scene again and checks every value and every slope of every node along all rays: see
-[views](views.md#the-probe). `python -m tests.hard.probe` does so for all examples, for all kinds of nodes with the
+[views](views.md#the-probe). `python -m tests.lab.probe` does so for all examples, for all kinds of nodes with the
 samples of their tests, and for the scenes of the cases above. It reports the node of a value that is not finite, of
 an argument outside of its operation's domain, and of a slope beyond the Lipschitz bound."""
 

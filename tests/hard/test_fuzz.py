@@ -1,4 +1,4 @@
-"""A short search among random scenes; a longer one: python -m tests.hard.fuzz --minutes 10."""
+"""A short search among random scenes; a longer one: python -m tests.lab.fuzz --minutes 10."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 
 import raymarch as rm
 from raymarch import glsl
-from tests.hard.fuzz import Search, faults
 from tests.hard.python import as_python, make
 from tests.hard.relations import RELATIONS
 from tests.hard.world import World
+from tests.lab.fuzz import Search, faults
 
 NODE = rm.union(
     rm.box((1.0, 0.6, 0.8)).rotate(0.4, "y"), rm.torus(0.7, 0.15).translate((0.2, 0.3, 0)), k=0.1

@@ -1,4 +1,4 @@
-"""The judge by closed forms, and a short run of random lit scenes; a longer one: python -m tests.hard.lit."""
+"""The judge by closed forms, and a short run of random lit scenes; a longer one: python -m tests.lab.lit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.gpu.context import Context
 from tests.hard.brute import FAMILIES, Brute, Part, Rays, Spec, Tree, blended, distance, meet, normal_of, parts_of
-from tests.hard.lit import SIZE, Court, blocked, drawn, look, program, shrunk
+from tests.lab.lit import SIZE, Court, blocked, drawn, look, program, shrunk
 
 SCENES = 40
 
@@ -152,7 +152,7 @@ def test_a_fault_is_found_and_made_small(court: Court) -> None:
             {**light, "attenuation": (0.0, 1.0, 0.0)} if light["kind"] == "point" else light for light in other.lights
         ]
         frame = court.draw(other)
-        from tests.hard.lit import differences
+        from tests.lab.lit import differences
 
         return differences(other, Brute(other.changed(lights=spoiled), SIZE).picture(), frame) is not None
 

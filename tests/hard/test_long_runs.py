@@ -1,10 +1,11 @@
-"""Samples of what runs for long as a command: watertight solids, and a soak."""
+"""Samples of what runs for long as a command: watertight solids, a soak, and the tests on seeded faults."""
 
 from __future__ import annotations
 
-from tests.hard.soak import soak
-from tests.hard.watertight import Count, shoot
 from tests.hard.world import World
+from tests.lab.seeded import FUNCTIONS, ROOT, TESTS, files_on_functions
+from tests.lab.soak import soak
+from tests.lab.watertight import Count, shoot
 
 
 def test_no_ray_goes_through_a_closed_solid(world: World) -> None:
@@ -19,3 +20,9 @@ def test_nothing_grows(world: World) -> None:
     before, after = soak(world, 16)
     assert after.objects <= before.objects + 30  # programs: caches are full after 32 of them
     assert after.files <= before.files
+
+
+def test_the_tests_on_seeded_faults_exist() -> None:
+    for folder in FUNCTIONS:
+        for file in (*TESTS[folder], *files_on_functions(folder)):
+            assert (ROOT / "tests" / file).is_file(), file

@@ -1,4 +1,4 @@
-"""No value of any node is at fault, and none is steeper than promised: a short part of `python -m tests.hard.probe`."""
+"""No value of any node is at fault, and none is steeper than promised: a short part of `python -m tests.lab.probe`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import raymarch as rm
 from raymarch.gpu.context import Context
 from raymarch.gpu.probe import probe_with
 from raymarch.scene.file import load
-from tests.hard.probe import ROOT, SETS, faults_in_numpy, sheet
 from tests.hard.table import PROBE
+from tests.lab.probe import ROOT, SETS, faults_in_numpy, sheet
 from tests.support.node_samples import NodeSample, definitions, samples
 
 

@@ -1,4 +1,4 @@
-"""Light and materials against Mitsuba 3; `python -m tests.bench.reference` prints the figures."""
+"""Light and materials against Mitsuba 3; `python -m tests.lab.reference` prints the figures."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-from tests.bench.reference import SCENES, compare, judged, ours, theirs
-from tests.bench.ztest import verdict
+from tests.lab.reference import SCENES, compare, judged, ours, theirs
+from tests.lab.ztest import verdict
 
 WIDTH = 32
 

@@ -52,7 +52,7 @@ def test_the_field_is_the_one_that_was_measured(s: Seen) -> None:
     """docs/proofs.md tells of these very fields; one that is another than it was has to be looked at again."""
     name, sample = s.sample.definition.name, s.sample.name
     found = MEASURED.get(name, {}).get("means", {}).get(sample)
-    again = f"run `python tests/sdf/measure.py {name}; python docs/proofs.py`, and look at its picture"
+    again = f"run `python -m tests.lab.measure {name}; python docs/proofs.py`, and look at its picture"
     assert found is not None, f"{name} ({sample}) has not been measured: {again}"
     loose = 1e-5 if s.node.exactness == "estimate" else 1e-8  # where an iteration magnifies rounding
     np.testing.assert_allclose(s.means, found, rtol=loose, atol=loose * s.field.size, err_msg=again)

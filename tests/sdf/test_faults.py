@@ -1,4 +1,4 @@
-"""Some of the seeded faults: the tests of every node must notice them. All of them: python tests/sdf/faults.py."""
+"""Some of the seeded faults: the tests of every node must notice them. All of them: python -m tests.lab.node_faults."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, sqrt
-from tests.sdf.faults import faults_of, run, shares, subject, verdict
-from tests.sdf.mutation import replaced
+from tests.lab.mutation import replaced
+from tests.lab.node_faults import faults_of, run, shares, subject, verdict
 from tests.support.node_samples import definitions
 
 SOME = (

@@ -14,7 +14,7 @@ from raymarch.expr.hashing import PCG_GLSL
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
-from raymarch.truth.lobes import pdf_visible_normal, random_of_pixel, sample_cosine, sample_visible_normal
+from tests.truth.lobes import pdf_visible_normal, random_of_pixel, sample_cosine, sample_visible_normal
 
 N = 1_000_000
 ACROSS, AROUND = 16, 12

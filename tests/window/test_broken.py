@@ -1,11 +1,11 @@
-"""A sample of broken edits; all of them: `python -m tests.window.broken`."""
+"""A sample of broken edits; all of them: `python -m tests.lab.window_broken`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from tests.lab.window_broken import run
 from tests.support.breakage import INSERTED, PARTS_BROKEN, REPLACED, WHOLE, breaks
-from tests.window.broken import run
 
 
 def test_broken_edits_keep_the_picture_and_name_the_line(display: str, tmp_path: Path) -> None:

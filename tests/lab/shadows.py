@@ -1,6 +1,6 @@
 """Hard and soft shadows of bodies that are known, judged by closed forms: which points of a receiver are dark.
 
-python -m tests.hard.shadows --pairs 200      # some million pixels; prints what is wrong, and where
+python -m tests.lab.shadows --pairs 200      # some million pixels; prints what is wrong, and where
 
 A receiver (a floor, a ball or a wall) stands near the camera. An occluder (a ball or a slab) stands between it and the
 light, at a distance of 10^-2 to 10^5. The reference intersects rays with both in closed form, in float64. A pixel

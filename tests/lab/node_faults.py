@@ -1,7 +1,7 @@
 """Seeds faults into every definition of the package and counts how many of them the generic tests notice.
 
-python tests/sdf/faults.py                  # all: some minutes; writes docs/figures/faults.json
-python tests/sdf/faults.py torus gyroid     # of some nodes, in words
+python -m tests.lab.node_faults                  # all: some minutes; writes docs/figures/faults.json
+python -m tests.lab.node_faults torus gyroid     # of some nodes, in words
 
 Of each node and each kind of fault a few are drawn, always the same ones. Told apart and not counted is what is no
 fault: a formula that gives the same value at each of the 100,000 points of every sample, facts that do not differ, a
@@ -24,8 +24,8 @@ import numpy as np
 
 from raymarch.sdf import Node
 from raymarch.sdf.definition import Definition
+from tests.lab.mutation import Fault, fact_faults, formula_faults, rebuilt
 from tests.sdf import test_every_node as promises
-from tests.sdf.mutation import Fault, fact_faults, formula_faults, rebuilt
 from tests.support.node_samples import POINTS, Field, NodeSample, Seen, definitions, samples
 
 LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "faults.json"

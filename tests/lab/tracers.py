@@ -1,6 +1,6 @@
 """Evaluations a pixel of every tracer and schedule on the examples, beside the floor N*; misses against the truth.
 
-python -m tests.bench.tracers [NAME ...]     examples by name; all that are there without one
+python -m tests.lab.tracers [NAME ...]     examples by name; all that are there without one
 """
 
 from __future__ import annotations

@@ -42,12 +42,12 @@ TESTS = {
 
 
 FUNCTIONS = {
-    "march": ("settle", "step", "range", "state", "tracer"),
-    "light": ("lamp", "facet", "map", "shadow"),
+    "march": ("refine", "step", "range", "state", "tracer"),
+    "light": ("light", "microfacet", "map", "shadow"),
     "normal": ("normal",),
     "view": ("view_passes",),
     "path": ("path",),
-    "sky": ("facet",),
+    "sky": ("microfacet",),
     "temporal": ("temporal",),
     "probe": ("probe",),
 }
@@ -88,15 +88,20 @@ def by_tests(module: str, line: int, text: str) -> str:
 
 def by_functions(module: str, line: int, text: str) -> str:
     """The first test of single functions that notices a fault; nothing if none does."""
-    names = FUNCTIONS[module.partition("/")[0]]
-    files = [path.name for name in names for path in (ROOT / "tests" / "functions").glob(f"test_{name}*.py")]
-    return _first_red(module, line, text, tuple(f"functions/{name}" for name in files))
+    return _first_red(module, line, text, files_on_functions(module.partition("/")[0]))
+
+
+def files_on_functions(folder: str) -> tuple[str, ...]:
+    """The files of tests/functions on a folder of modules; each name in FUNCTIONS stands for one file or more."""
+    found = {name: sorted((ROOT / "tests" / "functions").glob(f"test_{name}*.py")) for name in FUNCTIONS[folder]}
+    assert all(found.values()), f"no tests of functions for {[name for name in found if not found[name]]}"
+    return tuple(f"functions/{path.name}" for paths in found.values() for path in paths)
 
 
 def _first_red(module: str, line: int, text: str, tests: tuple[str, ...] = ()) -> str:
     tests = tests or TESTS[module.partition("/")[0]]
-    paths = [str(ROOT / "tests" / path) for path in tests if (ROOT / "tests" / path).exists()]
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "tests.hard.seeded", "--no-header", *paths]
+    paths = [str(ROOT / "tests" / path) for path in tests]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "tests.lab.seeded", "--no-header", *paths]
     known = {**os.environ, "FAULT": f"{module}:{line}:{text}"}
     try:
         done = subprocess.run(command, cwd=ROOT, env=known, capture_output=True, text=True, timeout=LONGEST)

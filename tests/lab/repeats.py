@@ -1,6 +1,6 @@
 """Whether the suite says the same again: the order of the tracers and the intervals, over several runs.
 
-python -m tests.bench.repeats 5        # runs
+python -m tests.lab.repeats 5        # runs
 
 Each run measures the suite's three scenes anew, in its own random order: P1's tracers at 32 and 128 steps. Two tracers
 are in order where the 95 % interval of their ratio, frame by frame of the same turn, leaves out 1; where it does not,
@@ -17,9 +17,9 @@ from pathlib import Path
 import raymarch as rm
 from raymarch.cost.reference import reference
 from raymarch.cost.statistics import Median
-from raymarch.cost.suite import SCENES, TRACERS, Measured, Scale, Suite, find_scenes, march_settings
 from raymarch.cost.sweep import sweep
 from raymarch.scene import load
+from tests.lab.suite import SCENES, TRACERS, Measured, Scale, Suite, find_scenes, march_settings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STEPS = (32, 128)

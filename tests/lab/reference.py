@@ -1,10 +1,10 @@
 """Light and materials against Mitsuba 3, an independent renderer: the relative error of the mean, and of each pixel.
 
-python -m tests.bench.reference [WIDTH [BATCHES [SAMPLES]]]
+python -m tests.lab.reference [WIDTH [BATCHES [SAMPLES]]]
 
 Needs `pip install 'raymarch[reference]'` and scipy. Geometry is a floor and balls. The first picture of ours is of the
 pixels' middles, Mitsuba's are means over them, so single pixels differ at edges. Then both are drawn in independent
-batches, as means over the pixel, and each pixel's difference is tested against its noise (`tests.bench.ztest`).
+batches, as means over the pixel, and each pixel's difference is tested against its noise (`tests.lab.ztest`).
 Brightness: our intensities are times pi in physical units.
 """
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.truth.light import microfacets
-from tests.bench.ztest import Verdict, our_batches, verdict
+from tests.lab.ztest import Verdict, our_batches, verdict
 
 PI = math.pi
 CAMERA = {"position": (0.4, 2.2, 4.5), "target": (0.1, 0.4, 0.0), "fov": 40.0}

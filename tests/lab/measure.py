@@ -1,8 +1,8 @@
 """Measures what every node promises, on its samples, and keeps the figures in docs/figures/nodes.json.
 
-python tests/sdf/measure.py                 # all nodes: some minutes
-python tests/sdf/measure.py --missing       # those without a row
-python tests/sdf/measure.py torus gyroid    # some
+python -m tests.lab.measure                 # all nodes: some minutes
+python -m tests.lab.measure --missing       # those without a row
+python -m tests.lab.measure torus gyroid    # some
 
 The tests ask whether a promise holds; here is how well. docs/proofs.py makes a page of it.
 """

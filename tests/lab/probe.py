@@ -1,7 +1,7 @@
 """Every node of every example, every kind of node and every scene of the hard cases, looked at while it is drawn.
 
-python -m tests.hard.probe               # all, some minutes; writes docs/figures/probe.json and docs/stability.md
-python -m tests.hard.probe examples      # or nodes, or cases: one of the three, written too
+python -m tests.lab.probe               # all, some minutes; writes docs/figures/probe.json and docs/stability.md
+python -m tests.lab.probe examples      # or nodes, or cases: one of the three, written too
 
 A value that is not finite or out of its domain, or a slope beyond its promise, is printed with its node; exit code 1.
 """

@@ -1,8 +1,8 @@
 """Whether --error and --within keep what they are asked for: 8 scenes; 3 distances, 2 pictures' errors, 3 times each.
 
-python -m tests.bench.targets                      # all of it, which takes long
-python -m tests.bench.targets --error --within     # distances, which need no quiet machine, and times, which do
-python -m tests.bench.targets --flip               # pictures; their truths take the longest
+python -m tests.lab.targets                      # all of it, which takes long
+python -m tests.lab.targets --error --within     # distances, which need no quiet machine, and times, which do
+python -m tests.lab.targets --flip               # pictures; their truths take the longest
 
 Each quality that was found is drawn once more, by another renderer, and held against the truth or the clock; pictures
 against a truth of four times as many rays, or more, than the search had. A line for each, a verdict for each part, and

@@ -1,8 +1,8 @@
 """Seeds faults into the hand-written GLSL, one at a time, and counts how many the suite notices.
 
-python -m tests.hard.faults               # all that docs/figures/glsl_faults.json does not hold yet, some hours in all
-python -m tests.hard.faults march/refine  # of some modules, anew
-python -m tests.hard.faults --functions   # by the functions alone, some minutes; leaves the ledger as it is
+python -m tests.lab.glsl_faults               # all that docs/figures/glsl_faults.json does not hold yet, hours in all
+python -m tests.lab.glsl_faults march/refine  # of some modules, anew
+python -m tests.lab.glsl_faults --functions   # by the functions alone, some minutes; leaves the ledger as it is
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks
 or goes on), a choice (one branch of `? :` for both), an absolute value, an offset (a factor of epsilon), or a reset.
@@ -26,12 +26,12 @@ import numpy as np
 import raymarch as rm
 from raymarch import glsl
 from raymarch.truth import silhouettes
-from tests.hard.fuzz import faults as unexplained
-from tests.hard.long_runs import keep
-from tests.hard.seeded import by_functions, by_tests, spoil
 from tests.hard.table import cases
-from tests.hard.watertight import solid
 from tests.hard.world import World
+from tests.lab.fuzz import faults as unexplained
+from tests.lab.long_runs import keep
+from tests.lab.seeded import by_functions, by_tests, spoil
+from tests.lab.watertight import solid
 from tests.render.test_render_shading import EXACT, SOFT
 from tests.support.shader_samples import scenes
 
@@ -237,7 +237,7 @@ def main(arguments: list[str]) -> int:
     noticed, none, missed = counts(known)
     if "--functions" not in arguments:
         figures = {"of the faults that can be seeded": len(every([])), "tried": len(known), "noticed": noticed}
-        keep("faults", **figures, **{"change no bit of any frame": none, "missed": missed})
+        keep("glsl_faults", **figures, **{"change no bit of any frame": none, "missed": missed})
     print(f"{noticed} of {noticed + missed} noticed; {none} more change no bit of any frame")
     return 0 if noticed >= 0.95 * (noticed + missed) else 1
 

@@ -1,16 +1,28 @@
-"""The page docs/accuracy.md: the measurements of the suite, and which of P1's claims hold here."""
+"""The page docs/accuracy.md: the measurements of the suite, and which of P1's claims hold here.
+
+python -m tests.lab.accuracy            # measures and writes the page and its figures
+python -m tests.lab.accuracy --quick    # small pictures and few frames
+"""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from raymarch.cli.choice import watched
+from raymarch.cost.maps import plotting
+from raymarch.cost.plots import save
 from raymarch.cost.statistics import Median
-from raymarch.cost.suite import TRACERS, Measured, Suite
 from raymarch.cost.sweep import Point
 from raymarch.cost.text import labelled, standing, worth
 from raymarch.scene.quality import PRESETS, PROMISED
+from tests.lab.suite import FULL, QUICK, TRACERS, Measured, Suite, find_scenes, measure_suite
+from tests.lab.suite_plots import figure_3, figure_5, fronts
+
+ROOT = Path(__file__).parents[2]
 
 Curve = tuple[tuple[str, str], tuple[str, str]]
 
@@ -53,7 +65,7 @@ def _head(made: Suite) -> str:
     clock = env["clock"]["kind"]
     return (
         "# Accuracy against time\n\n"
-        "`raymarch cost --suite` writes this page. It repeats the comparison of Bálint and Valasek, "
+        "`python -m tests.lab.accuracy` writes this page. It repeats the comparison of Bálint and Valasek, "
         '"Accelerating Sphere Tracing" (2018), here P1, over scenes like its three, and adds later tracers. '
         "[cost.md](cost.md) describes how errors and times are measured.\n\n"
         f"Measured on {env['date'][:10]}: {env['driver']['renderer']}, {env['driver']['version']}, by the {clock}; "
@@ -203,3 +215,42 @@ def _checks(made: Suite) -> str:
             f"- {scene.name}, {c.name}: {'holds' if c.holds else 'FAILED'}. {c.words}" for c in scene.product.checks
         ]
     return "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--quick", action="store_true", help="small pictures and few frames")
+    options.add_argument("--scenes", type=Path, default=ROOT / "examples", help="folder of the scenes [examples]")
+    options.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=ROOT / "docs" / "accuracy.md",
+        help="page to write; its figures go to pictures/ beside it [docs/accuracy.md]",
+    )
+    options.add_argument("--seed", type=int, default=1, help="seed of the random order of frames [1]")
+    options.add_argument("--backend", default="auto", help="auto, egl, osmesa or window [auto]")
+    given = options.parse_args(arguments)
+    if not given.output.absolute().parent.is_dir():
+        options.error(f"no folder '{given.output.parent}'")
+    plotting()
+    files = find_scenes(given.scenes)
+    with watched() as tell:
+        made = measure_suite(files, QUICK if given.quick else FULL, given.seed, given.backend, tell)
+    print(claims(made))
+    write(made, given.output)
+    print(f"wrote {given.output} and its figures")
+
+
+def write(made: Suite, output: Path) -> None:
+    """Write the page and its figures."""
+    names = {"tracers": figure_3, "oversteps": figure_5, "fronts": fronts}
+    (output.parent / "pictures").mkdir(exist_ok=True)
+    pictures = {name: f"pictures/{output.stem}-{name}.png" for name in names}
+    for name, draw in names.items():
+        (output.parent / pictures[name]).write_bytes(save(draw(made)))
+    output.write_text(page(made, pictures), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

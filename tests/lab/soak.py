@@ -1,6 +1,6 @@
 """Many renders of changing scenes and sizes in one process: nothing may grow.
 
-python -m tests.hard.soak --renders 2000 [--keep]
+python -m tests.lab.soak --renders 2000 [--keep]
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pathlib import Path
 import raymarch as rm
 from raymarch.gpu import Renderer
 from tests.hard.failing import scenes
-from tests.hard.long_runs import keep
 from tests.hard.world import World
+from tests.lab.long_runs import keep
 from tests.support.gl_objects import alive
 
 SIZES = ((32, 24), (17, 31), (64, 48), (1, 5), (40, 40))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from raymarch.cost.plots import COLORS, blank, draw_front
-from raymarch.cost.suite import SCHEDULES, TRACERS, Suite
+from tests.lab.suite import SCHEDULES, TRACERS, Suite
 
 STYLES = {"time": ":", "error": "--", "product": "-"}
 WORDS = {"time": "time", "error": "error", "product": "error x time"}

@@ -1,4 +1,4 @@
-"""Broken edits in a window that stays: `python -m tests.window.broken [--edits 200] [--seed 1]`.
+"""Broken edits in a window that stays: `python -m tests.lab.window_broken [--edits 200] [--seed 1]`.
 
 Each edit breaks the scene; the window must keep its picture, go on moving it, and name the right file and line.
 """

@@ -1,6 +1,6 @@
 """How much faster the default is than the enhanced tracer of 2018 at one resolution, at equal rms error of depth.
 
-python -m tests.bench.equal_error [NAME ...] [WIDTHxHEIGHT]      examples by name; primitives and village without one
+python -m tests.lab.equal_error [NAME ...] [WIDTHxHEIGHT]      examples by name; primitives and village without one
 
 The enhanced tracer ends where its ray came within epsilon, as published; its epsilon is made smaller until its error
 is that of the default. Beside it stands the enhanced tracer with our last steps. Times are of the passes that march

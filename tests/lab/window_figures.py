@@ -1,4 +1,4 @@
-"""What the window costs in time: `python -m tests.window.figures`, on a quiet machine; some five minutes.
+"""What the window costs in time: `python -m tests.lab.window_figures`, on a quiet machine; some five minutes.
 
 For each example, in a window of 640 x 360:
 

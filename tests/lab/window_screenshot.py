@@ -1,4 +1,4 @@
-"""The picture of docs/window.md: `python -m tests.window.screenshot [FILE.png]`."""
+"""The picture of docs/window.md: `python -m tests.lab.window_screenshot [FILE.png]`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Rays at closed random solids against float64: how many go through a surface.
 
-python -m tests.hard.watertight --rays 1e7 [--seed 1] [--keep]
+python -m tests.lab.watertight --rays 1e7 [--seed 1] [--keep]
 
 A ray is transverse if it enters the solid by more than an epsilon, a tenth of a pixel; such a ray must not be lost.
 Rays that only dip into it, by less, may be drawn farther on; those that are by more than a contact are counted. Rays
@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.truth.rays import camera_rays
-from tests.hard.fuzz import scene_of
-from tests.hard.long_runs import keep
 from tests.hard.referee import Referee
 from tests.hard.world import EPSILON, World
+from tests.lab.fuzz import scene_of
+from tests.lab.long_runs import keep
 from tests.support import random_trees
 
 ANGLES = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 90.0)

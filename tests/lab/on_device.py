@@ -1,7 +1,7 @@
 """What only a device can tell: its contexts, timer, compiler, float32, shader clock, and the accuracy of the examples.
 
-    python -m tests.gpu.on_device              # a table
-    python -m tests.gpu.on_device --json FILE  # and all of it as JSON
+    python -m tests.lab.on_device              # a table
+    python -m tests.lab.on_device --json FILE  # and all of it as JSON
 
 Ends with code 1 if a hit is missed or made up away from silhouettes. Nothing in the tests depends on its numbers.
 """

@@ -1,6 +1,6 @@
 """How long a scene takes from Python to shader text.
 
-    python -m tests.bench.compile
+    python -m tests.lab.compile
 
 Prints medians with their quartiles over 30 runs. Nothing in the tests depends on it.
 """

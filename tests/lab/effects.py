@@ -1,6 +1,6 @@
 """What each effect costs in its example: evaluations of the field a pixel and milliseconds, with it and without.
 
-python -m tests.bench.effects [WIDTH]
+python -m tests.lab.effects [WIDTH]
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.cost.effects import ablations
-from raymarch.gpu.evaluation_counts import count_evaluations
 from raymarch.plan import lights
 from raymarch.scene import load
 from raymarch.scene.light import hard
 from raymarch.scene.parameter import set_values
+from tests.lab.evaluation_counts import count_evaluations
 
 ROUNDS = 15
 FOLDER = Path(__file__).parents[2] / "examples" / "papers"

@@ -1,6 +1,6 @@
 """Renderers among threads, processes and contexts of other code, in random turns: each frame is right or refused.
 
-python -m tests.hard.owners --frames 1000 [--seed 1] [--keep]
+python -m tests.lab.owners --frames 1000 [--seed 1] [--keep]
 
 Each turn takes a renderer, a thread, a context of other code that is current meanwhile, and a scene. The frame is
 compared bit for bit with the one that a process of its own drew before anything else was opened, and what was current
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.errors import DeviceError
 from raymarch.gpu import current
-from tests.hard.long_runs import keep
+from tests.lab.long_runs import keep
 
 Picture = NDArray[np.float32]
 

@@ -1,6 +1,6 @@
 """Random scenes from the whole catalogue, held against the truth and against each other.
 
-python -m tests.hard.fuzz --minutes 10 [--seed 1] [--keep]   (or --scenes 5000)
+python -m tests.lab.fuzz --minutes 10 [--seed 1] [--keep]   (or --scenes 5000)
 
 A failure is shrunk by Hypothesis to the smallest scene that shows it, and printed as Python.
 """
@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
-from tests.hard.long_runs import keep
 from tests.hard.python import as_python
 from tests.hard.referee import Referee
 from tests.hard.relations import RELATIONS, Seen
 from tests.hard.world import World
+from tests.lab.long_runs import keep
 from tests.support import random_trees
 
 SIZE = (64, 64)

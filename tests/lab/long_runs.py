@@ -56,7 +56,7 @@ def section() -> list[str]:
         for i, (quantity, value) in enumerate(figures.items()):
             if not isinstance(value, list):
                 shown = f"{value:,}" if isinstance(value, int) else value
-                lines.append(f"| {f'`python -m tests.hard.{name}`' if i == 0 else ''} | {quantity} | {shown} |")
+                lines.append(f"| {f'`python -m tests.lab.{name}`' if i == 0 else ''} | {quantity} | {shown} |")
     for name, figures in known.items():
         for quantity, value in figures.items():
             if isinstance(value, list) and value:

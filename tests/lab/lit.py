@@ -1,6 +1,6 @@
 """Random lit scenes, each pixel held against a renderer by brute force (tests/hard/brute.py).
 
-python -m tests.hard.lit --scenes 2000 [--seed 1] [--keep]
+python -m tests.lab.lit --scenes 2000 [--seed 1] [--keep]
 
 A scene is drawn as plain numbers, from which both the package's scene, as Python text, and the judge are made. One that
 differs is made smaller, and printed as Python that shows it.
@@ -23,7 +23,7 @@ import raymarch as rm
 from raymarch.errors import RaymarchError
 from raymarch.gpu import Frame, Renderer
 from tests.hard.brute import FAMILIES, Brute, Picture, Spec, Tree, around, distance, parts_of
-from tests.hard.long_runs import keep
+from tests.lab.long_runs import keep
 
 SIZE = (33, 25)
 OUTPUTS = ("color", "depth", "normal")

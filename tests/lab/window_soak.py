@@ -1,4 +1,4 @@
-"""Random events and edits for minutes: `python -m tests.window.soak --minutes N [--seed 1]`.
+"""Random events and edits for minutes: `python -m tests.lab.window_soak --minutes N [--seed 1]`.
 
 Prints the memory of the window's process and the OpenGL objects that are alive in its context, minute by minute, and
 fails if either grows after the first part of the run, or if anything was printed as an error. Objects are counted by
@@ -108,7 +108,7 @@ def run(display: str, folder: Path, minutes: float, seed: int) -> list[dict[str,
     (folder / "parts.py").write_text(PARTS)
     scene = folder / "scene.py"
     scene.write_text(GOOD)
-    command = [sys.executable, "-m", "tests.window.soak", "--inside", str(scene), str(folder / "log.jsonl")]
+    command = [sys.executable, "-m", "tests.lab.window_soak", "--inside", str(scene), str(folder / "log.jsonl")]
     session = Session(display, folder, scene, command=command)
     draw, end = random.Random(seed), time.monotonic() + 60 * minutes
     acts = 0
