@@ -2,13 +2,14 @@
 
 python docs/build.py            # everything
 python docs/build.py --text     # the text only, without rendering
+python docs/build.py torus      # the text, the sheet of all pictures, and the pictures of some nodes
 """
 
 from __future__ import annotations
 
 import runpy
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
@@ -170,8 +171,8 @@ def page() -> str:
     return "\n".join(text) + "\n"
 
 
-def pictures() -> None:
-    """Render a picture of each node, and a sheet of all of them."""
+def pictures(names: Collection[str] = ()) -> None:
+    """Render a picture of each node, or of some, and a sheet of all of them."""
     folder = HERE / "pictures" / "nodes"
     folder.mkdir(parents=True, exist_ok=True)
     drawn: list[tuple[str, Image.Image]] = []
@@ -181,7 +182,8 @@ def pictures() -> None:
             if node is None:
                 continue
             image = draw(node, renderer)
-            image.quantize(64).save(folder / f"{definition.name}.png", optimize=True)
+            if not names or definition.name in names:
+                image.quantize(64).save(folder / f"{definition.name}.png", optimize=True)
             drawn.append((definition.name, image))
     rows = -(-len(drawn) // COLUMNS)
     width, height = SIZE[0], SIZE[1] + 16
@@ -198,7 +200,7 @@ def main() -> None:
     (HERE / "nodes.md").write_text(page(), encoding="utf-8")
     runpy.run_path(str(HERE / "proofs.py"))["main"]()
     if "--text" not in sys.argv:
-        pictures()
+        pictures(sys.argv[1:])
 
 
 if __name__ == "__main__":

@@ -29,6 +29,14 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     return report
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name the nodes whose figures are not recorded; this is no failure."""
+    from tests.support.records import unmeasured
+
+    if names := unmeasured():
+        terminalreporter.write_line(f"no figures of {', '.join(names)}: run python -m tests.lab.renew")
+
+
 @pytest.fixture(scope="session")
 def egl() -> Iterator[Context]:
     """A context without a screen."""

@@ -9,7 +9,7 @@ import pytest
 import raymarch as rm
 from raymarch.scene import load
 from raymarch.scene.quality import PRESETS, PROMISED
-from tests.cost.ledger import EXAMPLES, FILE, SIZE, grown, row
+from tests.lab.ledger import EXAMPLES, FILE, SIZE, grown, row, wanted
 
 LEDGER = json.loads(FILE.read_text())
 CASES = [(file, preset) for file in EXAMPLES for preset in PRESETS]
@@ -22,8 +22,7 @@ def renderer():
 
 
 def test_the_ledger_has_every_example_and_preset():
-    wanted = {f"{file.stem} {preset}" for file, preset in CASES}
-    assert set(LEDGER["rows"]) == wanted, "python -m tests.cost.ledger writes it anew"
+    assert set(LEDGER["rows"]) == set(wanted()), "run python -m tests.lab.renew"
     assert LEDGER["size"] == list(SIZE)
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,9 +26,9 @@ from raymarch.sdf.lower import lower
 from tests.sdf.test_every_node import TWIN_ULPS, ULP, few_wrong
 from tests.support.glsl_harness import run
 from tests.support.node_samples import NodeSample, Seen, definitions, look_at, samples
+from tests.support.records import NODES, measured, unmeasured
 from tests.support.surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance
 
-LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "nodes.json"
 PAIRS = 1_000_000
 """Pairs of points for the slopes of a definition, over all of its samples."""
 CHUNK = 50_000
@@ -254,27 +253,23 @@ def worst_of(rows: list[Figures]) -> Figures:
     return Figures(**made)
 
 
-def read() -> dict[str, dict[str, Any]]:
-    return json.loads(LEDGER.read_text(encoding="utf-8")) if LEDGER.exists() else {}
-
-
 def write(rows: dict[str, dict[str, Any]]) -> None:
     """A line for each node, so that two that are added at the same time do not meet."""
     known = {d.name for d in definitions()}
     lines = [f'"{name}": {json.dumps(row)}' for name, row in sorted(rows.items()) if name in known]
-    LEDGER.parent.mkdir(exist_ok=True)
-    LEDGER.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+    NODES.parent.mkdir(exist_ok=True)
+    NODES.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 def main(arguments: list[str]) -> int:
-    rows = read()
+    rows = measured()
     names = [d.name for d in definitions()]
     unknown = [a for a in arguments if a != "--missing" and a not in names]
     if unknown:
         print(f"no nodes: {', '.join(unknown)}")
         return 2
     if "--missing" in arguments:
-        names = [name for name in names if name not in rows]
+        names = unmeasured()
     elif arguments:
         names = arguments
     broken = 0
@@ -285,7 +280,7 @@ def main(arguments: list[str]) -> int:
             broken += figures.violations
             print(f"{i + 1}/{len(names)} {name}: {json.dumps(rows[name])}", flush=True)
             write(rows)
-    print(f"{len(names)} nodes, {broken} violations. Now run: python docs/proofs.py")
+    print(f"{len(names)} nodes, {broken} violations. python docs/build.py --text writes the pages")
     return 1 if broken else 0
 
 

@@ -1,6 +1,8 @@
 """The accuracy ledger: errors and evaluations a pixel of every example at every preset.
 
-python -m tests.cost.ledger        # writes tests/ledger.json anew
+python -m tests.lab.ledger                # all examples: some minutes; writes tests/ledger.json
+python -m tests.lab.ledger --missing      # those without a row
+python -m tests.lab.ledger hello village  # some
 
 Only figures that do not depend on time are in it. A test measures them again and names the row that grew.
 """
@@ -8,6 +10,8 @@ Only figures that do not depend on time are in it. A test measures them again an
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,15 +59,41 @@ def grown(name: str, known: dict[str, Any], now: dict[str, Any]) -> list[str]:
     return faults
 
 
-def main() -> None:
-    rows = {}
+def read() -> dict[str, dict[str, Any]]:
+    """The rows of the ledger; none if it was measured at another size."""
+    known = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+    return dict(known["rows"]) if known.get("size") == list(SIZE) else {}
+
+
+def wanted() -> dict[str, tuple[Path, str]]:
+    """The example and the preset of each row, by its name."""
+    return {f"{file.stem} {preset}": (file, preset) for file in EXAMPLES for preset in PRESETS}
+
+
+def missing() -> list[str]:
+    """The examples that have not been measured at every preset."""
+    known, rows = read(), wanted()
+    return list(dict.fromkeys(file.stem for name, (file, _) in rows.items() if name not in known))
+
+
+def main(arguments: Sequence[str]) -> int:
+    rows, names = wanted(), [file.stem for file in EXAMPLES]
+    unknown = [a for a in arguments if a != "--missing" and a not in names]
+    if unknown:
+        print(f"no examples: {', '.join(unknown)}")
+        return 2
+    if arguments:
+        names = [a for a in arguments if a != "--missing"] + (missing() if "--missing" in arguments else [])
+    known = {name: found for name, found in read().items() if name in rows}
     with rm.Renderer(SIZE) as renderer:
-        for file in EXAMPLES:
-            for preset in PRESETS:
-                rows[f"{file.stem} {preset}"] = row(file, preset, renderer)
-                print(f"{file.stem} {preset}", rows[f"{file.stem} {preset}"])
-    FILE.write_text(json.dumps({"size": list(SIZE), "rows": rows}, indent=1) + "\n")
+        for name, (file, preset) in rows.items():
+            if file.stem in names:
+                known[name] = row(file, preset, renderer)
+                print(f"{name}: {known[name]}", flush=True)
+    ordered = {name: known[name] for name in rows if name in known}
+    FILE.write_text(json.dumps({"size": list(SIZE), "rows": ordered}, indent=1) + "\n", encoding="utf-8")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main(sys.argv[1:]))
