@@ -5,154 +5,162 @@ import raymarch as rm
 rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 """
 
-import raymarch.interrupt  # noqa: F401 - first, because the imports below take some tenths of a second
+from __future__ import annotations
+
+import raymarch.interrupt  # noqa: F401 - first, because further imports take some tenths of a second
 
 # isort: split
-from raymarch import cost
-from raymarch.errors import (
-    CostError,
-    DeviceError,
-    PlanError,
-    RaymarchError,
-    RenderError,
-    RenderWarning,
-    SceneError,
-    ShaderError,
-)
-from raymarch.gpu import Frame, Renderer, render
-from raymarch.gpu.probe import Probe, probe
-from raymarch.scene import (
-    AmbientOcclusion,
-    Camera,
-    Fog,
-    GradientSky,
-    ImageSky,
-    Material,
-    Param,
-    PointLight,
-    Quality,
-    Scene,
-    Sky,
-    SphereLight,
-    SpotLight,
-    Sun,
-    SunSky,
-    Texture,
-    ToneMapping,
-    checker,
-    noise,
-    planar,
-    stripes,
-    time,
-    triplanar,
-)
-from raymarch.sdf import (
-    Node,
-    apollonian,
-    arc,
-    ball_fold,
-    bezier,
-    bezier_tube,
-    blob,
-    box,
-    box_fold,
-    box_frame,
-    capped_torus,
-    capsule,
-    circle,
-    cone,
-    cross,
-    cuboctahedron,
-    cut_hollow_sphere,
-    cut_sphere,
-    cylinder,
-    death_star,
-    difference,
-    disc,
-    dodecahedron,
-    egg,
-    ellipse,
-    ellipsoid,
-    engrave,
-    flat_triangle,
-    flat_vesica,
-    fold_fractal,
-    glsl_node,
-    grid,
-    groove,
-    gyroid,
-    hash,
-    heart,
-    heightmap,
-    helix,
-    hexagonal_prism,
-    icosahedron,
-    icosidodecahedron,
-    image,
-    infinite_cone,
-    infinite_cylinder,
-    intersection,
-    julia,
-    lidinoid,
-    line,
-    link,
-    mandelbox,
-    mandelbulb,
-    menger,
-    mesh,
-    moon,
-    morph,
-    neovius,
-    octahedron,
-    operator,
-    pie,
-    pipe,
-    plane,
-    plane_fold,
-    polygon,
-    polyline,
-    polyline_tube,
-    pyramid,
-    quad,
-    rectangle,
-    regular_polygon,
-    repeat_varied,
-    rhombicuboctahedron,
-    rhombus,
-    ring,
-    round_cone,
-    rounded_box,
-    rounded_cylinder,
-    rounded_rectangle,
-    schwarz_d,
-    schwarz_p,
-    shape,
-    sierpinski,
-    slab,
-    solid_angle,
-    sphere,
-    star,
-    stroke,
-    superquadric,
-    tetrahedron,
-    text,
-    tongue,
-    torus,
-    transition,
-    trapezoid,
-    triangle,
-    triangular_prism,
-    truncated_cube,
-    truncated_dodecahedron,
-    truncated_icosahedron,
-    truncated_octahedron,
-    truncated_tetrahedron,
-    union,
-    value_noise,
-    vesica,
-    xor,
-)
-from raymarch.truth import Truth, truth
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from raymarch import cost
+    from raymarch.errors import (
+        CostError,
+        DeviceError,
+        PlanError,
+        RaymarchError,
+        RenderError,
+        RenderWarning,
+        SceneError,
+        ShaderError,
+    )
+    from raymarch.gpu import Frame, Renderer, render
+    from raymarch.gpu.probe import Probe, probe
+    from raymarch.scene import (
+        AmbientOcclusion,
+        Camera,
+        Fog,
+        GradientSky,
+        ImageSky,
+        Material,
+        Param,
+        PointLight,
+        Quality,
+        Scene,
+        Sky,
+        SphereLight,
+        SpotLight,
+        Sun,
+        SunSky,
+        Texture,
+        ToneMapping,
+        checker,
+        noise,
+        planar,
+        stripes,
+        time,
+        triplanar,
+    )
+    from raymarch.sdf import (
+        Node,
+        apollonian,
+        arc,
+        ball_fold,
+        bezier,
+        bezier_tube,
+        blob,
+        box,
+        box_fold,
+        box_frame,
+        capped_torus,
+        capsule,
+        circle,
+        cone,
+        cross,
+        cuboctahedron,
+        cut_hollow_sphere,
+        cut_sphere,
+        cylinder,
+        death_star,
+        difference,
+        disc,
+        dodecahedron,
+        egg,
+        ellipse,
+        ellipsoid,
+        engrave,
+        flat_triangle,
+        flat_vesica,
+        fold_fractal,
+        glsl_node,
+        grid,
+        groove,
+        gyroid,
+        hash,
+        heart,
+        heightmap,
+        helix,
+        hexagonal_prism,
+        icosahedron,
+        icosidodecahedron,
+        image,
+        infinite_cone,
+        infinite_cylinder,
+        intersection,
+        julia,
+        lidinoid,
+        line,
+        link,
+        mandelbox,
+        mandelbulb,
+        menger,
+        mesh,
+        moon,
+        morph,
+        neovius,
+        octahedron,
+        operator,
+        pie,
+        pipe,
+        plane,
+        plane_fold,
+        polygon,
+        polyline,
+        polyline_tube,
+        pyramid,
+        quad,
+        rectangle,
+        regular_polygon,
+        repeat_varied,
+        rhombicuboctahedron,
+        rhombus,
+        ring,
+        round_cone,
+        rounded_box,
+        rounded_cylinder,
+        rounded_rectangle,
+        schwarz_d,
+        schwarz_p,
+        shape,
+        sierpinski,
+        slab,
+        solid_angle,
+        sphere,
+        star,
+        stroke,
+        superquadric,
+        tetrahedron,
+        text,
+        tongue,
+        torus,
+        trapezoid,
+        triangle,
+        triangular_prism,
+        truncated_cube,
+        truncated_dodecahedron,
+        truncated_icosahedron,
+        truncated_octahedron,
+        truncated_tetrahedron,
+        union,
+        value_noise,
+        vesica,
+        xor,
+    )
+    from raymarch.sdf.transition import transition
+    from raymarch.truth import Truth, truth
 
 __version__ = "0.1.0"
 
@@ -302,3 +310,48 @@ __all__ = [
     "vesica",
     "xor",
 ]
+
+_PACKAGES = frozenset("cost errors expr glsl gpu plan scene sdf shader".split())
+"""The packages that are attributes of this one without an import of their own."""
+
+_MODULES = {
+    "raymarch.errors": (
+        "CostError DeviceError PlanError RaymarchError RenderError RenderWarning SceneError ShaderError"
+    ),
+    "raymarch.gpu": "Frame Renderer render",
+    "raymarch.gpu.probe": "Probe probe",
+    "raymarch.scene": (
+        "AmbientOcclusion Camera Fog GradientSky ImageSky Material Param PointLight Quality Scene Sky SphereLight "
+        "SpotLight Sun SunSky Texture ToneMapping checker noise planar stripes time triplanar"
+    ),
+    "raymarch.truth": "Truth truth",
+}
+_SOURCES = {name: "raymarch.sdf" for name in __all__ if name != "__version__" and name not in _PACKAGES}
+_SOURCES |= {name: module for module, names in _MODULES.items() for name in names.split()}
+"""The module of each public name. It is imported when the name is first used."""
+
+
+if not TYPE_CHECKING:  # a type checker would accept any name
+
+    def __getattr__(name: str) -> Any:
+        if name in _PACKAGES:
+            return import_module(f"raymarch.{name}")
+        if name not in _SOURCES:
+            raise AttributeError(f"module 'raymarch' has no attribute '{name}'", name=name, obj=sys.modules[__name__])
+        value = globals()[name] = getattr(import_module(_SOURCES[name]), name)
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, *_PACKAGES, *(name for name in globals() if name.startswith("__"))})
+
+
+class _Package(ModuleType):
+    """This package. A public name is not replaced by a submodule of that name (`truth`), whenever that is imported."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in _SOURCES or not isinstance(value, ModuleType):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
