@@ -1,6 +1,5 @@
 """The command line: render, view, explain, cost, doctor."""
 
-from raymarch.cli import cost, view  # noqa: F401 - their commands register themselves
-from raymarch.cli.commands import main
+from raymarch.cli.app import app, main
 
-__all__ = ["main"]
+__all__ = ["app", "main"]

@@ -10,7 +10,6 @@ from typing import Annotated, Any
 import typer
 
 from raymarch.cli.choice import watched
-from raymarch.cli.commands import app
 from raymarch.cli.common import CommandError, Output, SceneFile, parse_settings, parse_size, written
 from raymarch.cost.checks import check
 from raymarch.cost.effects import ablate, evaluations_of
@@ -41,8 +40,7 @@ ENDINGS = {
 """Suffixes that each option accepts."""
 
 
-@app.command(name="cost")
-def cost_command(
+def run(
     scene: SceneFile,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "320x180",
     time: Annotated[float, typer.Option(help="Value of `time` in seconds.")] = 0.0,
@@ -71,7 +69,6 @@ def cost_command(
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
-    """Measure error and time of quality settings, and show which are Pareto-optimal."""
     _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html})
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))

@@ -8,12 +8,10 @@ from typing import Annotated
 
 import typer
 
-from raymarch.cli.commands import app
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size
 
 
-@app.command()
-def view(
+def run(
     scene: SceneFile,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height of the window.")] = "960x540",
     set_: Annotated[
@@ -35,7 +33,6 @@ def view(
         Path | None, typer.Option(metavar="FILE", help="Write events as lines of JSON, for scripts.")
     ] = None,
 ) -> None:
-    """Show a scene in a window and reload it when its file is saved. Press H for the keys."""
     if not 1.0 <= budget <= 10_000.0:
         raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
     if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:

@@ -23,9 +23,9 @@ from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, make, var
 from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
 from raymarch.expr.walk import find
+from raymarch.sdf.builder import Builder
 from raymarch.sdf.domain import Domain, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
-from raymarch.sdf.helptext import help_text
 from raymarch.sdf.node import Node
 
 P = ParamSpec("P")
@@ -422,8 +422,7 @@ def shape(
         def build(*args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make((), args, kwargs)
 
-        _show_signature(build, definition, skip=1, first=None)
-        return build
+        return cast(Callable[P, Node], Builder(definition, build, None))
 
     return decorate
 
@@ -482,8 +481,7 @@ def operator(
         def build(node: Node, *args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make((node,), args, kwargs)
 
-        _show_signature(build, definition, skip=2, first="node")
-        return cast(Callable[Concatenate[Node, P], Node], build)
+        return cast(Callable[Concatenate[Node, P], Node], Builder(definition, build, "node"))
 
     return decorate
 
@@ -532,22 +530,9 @@ def combination(
         def build(nodes: Sequence[Node], *args: P.args, **kwargs: P.kwargs) -> Node:
             return definition.make(nodes, args, kwargs)
 
-        _show_signature(build, definition, skip=2, first="nodes")
-        return cast(Callable[Concatenate[Sequence[Node], P], Node], build)
+        return cast(Callable[Concatenate[Sequence[Node], P], Node], Builder(definition, build, "nodes"))
 
     return decorate
-
-
-def _show_signature(build: Any, definition: Definition, skip: int, first: str | None) -> None:
-    """Give the builder the signature and the help that a user sees."""
-    del build.__wrapped__
-    build.definition = definition
-    build.__doc__ = help_text(definition)
-    signature = inspect.signature(definition.source)
-    shown = list(signature.parameters.values())[skip:]
-    if first is not None:
-        shown.insert(0, inspect.Parameter(first, inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Node"))
-    build.__signature__ = signature.replace(parameters=shown, return_annotation="Node")
 
 
 def cube(half: Any) -> tuple[Expr, Expr]:

@@ -1,44 +1,26 @@
-"""The commands.
-
-Exit codes: 0 done, also if the reader of a pipe closes it early; 1 an internal error; 2 bad input, with one message
-that names file and line; 130 Ctrl+C.
-"""
+"""`raymarch render`: renders a scene to picture files."""
 
 from __future__ import annotations
 
-import json as json_format
-import sys
 import time as clock_time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.progress import Progress, TextColumn
 
-import raymarch
-from raymarch import interrupt
 from raymarch.cli.choice import choose_quality
-from raymarch.cli.common import CommandError, Output, SceneFile, errors, parse_settings, parse_size, piped, written
+from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
 from raymarch.cli.views import CHOICES, check_view, shown
-from raymarch.errors import RaymarchError, RenderError, RenderWarning
-from raymarch.gpu.doctor import examine
+from raymarch.errors import RenderError, RenderWarning
 from raymarch.gpu.renderer import Renderer
-from raymarch.plan import explain, plan
 from raymarch.scene.file import load
 from raymarch.scene.images import exr_package, write_exr
 from raymarch.scene.quality import PRESETS
-from raymarch.shader import assemble
 
-app = typer.Typer(
-    help="Signed-distance scenes in Python, compiled to one GLSL fragment shader.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
 FORMATS = {
     ".png": "PNG",
     ".jpg": "JPEG",
@@ -50,36 +32,7 @@ FORMATS = {
 }
 
 
-def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line and exit. Typer reports wrong usage, also with code 2."""
-    interrupt.watch_no_more()
-    with piped():
-        try:
-            app(args=args, prog_name="raymarch")
-        except RaymarchError as fault:
-            errors.print(f"raymarch: {fault}", markup=False)
-            sys.exit(2)
-        except KeyboardInterrupt:
-            sys.exit(interrupt.INTERRUPTED)
-
-
-def _version(asked: bool) -> None:
-    if asked:
-        typer.echo(raymarch.__version__)
-        raise typer.Exit
-
-
-@app.callback()
-def _root(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
-    ] = False,
-) -> None:
-    pass
-
-
-@app.command()
-def render(
+def run(
     scene: SceneFile,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Picture to write; the suffix selects the format. [SCENE.png]")
@@ -117,7 +70,6 @@ def render(
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
 ) -> None:
-    """Render a scene to a picture file, without a screen."""
     cut = check_view(view, slice_)
     width, height = parse_size(size)
     chooser = choose_quality(quality, error, within)
@@ -195,78 +147,25 @@ def _instants(target: Path, time: float | None, frames: str | None, fps: float) 
 @contextmanager
 def _progress(frames: int) -> Iterator[Callable[[float], None]]:
     """A progress bar on the error stream; it appears after one second of drawing."""
-    bar = Progress(
-        *Progress.get_default_columns()[:-1], TextColumn("{task.elapsed:.0f} s"), console=errors, transient=True
-    )
-    task = bar.add_task("drawing", total=frames)
     start = clock_time.perf_counter()
-    shown = False
+    with ExitStack() as stack:
+        update: Callable[[float], None] | None = None
 
-    def report(done: float) -> None:
-        nonlocal shown
-        bar.update(task, completed=done)
-        if not shown and clock_time.perf_counter() - start > 1.0 and done < frames:
-            bar.start()
-            shown = True
+        def report(done: float) -> None:
+            nonlocal update
+            if update is None and clock_time.perf_counter() - start > 1.0 and done < frames:
+                update = stack.enter_context(_bar(frames))
+            if update is not None:
+                update(done)
 
-    try:
         yield report
-    finally:
-        if shown:
-            bar.stop()
 
 
-@app.command(name="explain")
-def explain_command(
-    scene: SceneFile,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    glsl: Annotated[bool, typer.Option("--glsl", help="Print the GLSL of the fragment shader.")] = False,
-) -> None:
-    """Show the plan of a scene: facts, passes, modules and effects, each used or left out for a stated reason."""
-    if json and glsl:
-        raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
-    made = plan(load(scene))
-    shader = assemble(made)
-    if glsl:
-        sys.stdout.write(shader.text())
-    elif json:
-        typer.echo(json_format.dumps({**explain.as_dict(made), "glsl": shader.text()}, indent=2))
-    else:
-        explain.show(made, len(shader.text().encode()), Output())
+@contextmanager
+def _bar(frames: int) -> Iterator[Callable[[float], None]]:
+    from rich.progress import Progress, TextColumn  # takes time, and most pictures are drawn before it is needed
 
-
-@app.command()
-def doctor(json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """Show which OpenGL backends work here, with driver, limits and clock, and the packages to install for the
-    others."""
-    reports = examine()
-    if json:
-        typer.echo(json_format.dumps([report.to_dict() for report in reports], indent=2))
-    else:
-        for report in reports:
-            _show_report(report)
-    if not any(report.works for report in reports):
-        raise CommandError("no OpenGL context works here", legal="install one of the packages above")
-
-
-def _show_report(report: Any) -> None:
-    out = Output()
-    out.print(f"[bold]{report.backend}[/bold]  {'works' if report.works else 'does not work'}")
-    rows: list[tuple[str, Any]] = []
-    if report.works:
-        limits = report.limits
-        rows = [
-            ("driver", f"{report.driver.renderer}, {report.driver.vendor}"),
-            ("version", report.driver.version),
-            ("runs on", "the CPU" if report.driver.is_software else "the GPU"),
-            ("largest picture", "{}x{}".format(*limits.picture)),
-            ("texture size", limits.texture_size),
-            ("uniform components", limits.fragment_uniform_components),
-            ("loops", report.loops.words),
-            ("clock", report.clock.verdict),
-        ]
-    else:
-        rows = [("fault", report.error), ("cure", report.cure)]
-    for name, value in rows:
-        out.print(f"  {name:<20}{value}", markup=False)
-    out.print()
+    columns = (*Progress.get_default_columns()[:-1], TextColumn("{task.elapsed:.0f} s"))
+    with Progress(*columns, console=errors, transient=True) as bar:
+        task = bar.add_task("drawing", total=frames)
+        yield lambda done: bar.update(task, completed=done)

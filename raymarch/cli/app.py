@@ -1,0 +1,93 @@
+"""The program `raymarch`: its commands, each in a module that is imported when the command is called.
+
+Exit codes: 0 done, also if the reader of a pipe closes it early; 1 an internal error; 2 bad input, with one message
+that names file and line; 130 Ctrl+C.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+import typer.main
+from typer.core import TyperCommand
+
+import raymarch
+from raymarch import interrupt
+from raymarch.cli.common import errors, piped
+from raymarch.errors import RaymarchError
+
+COMMANDS = {
+    "render": "Render a scene to a picture file, without a screen.",
+    "explain": (
+        "Show the plan of a scene: facts, passes, modules and effects, each used or left out for a stated reason."
+    ),
+    "doctor": (
+        "Show which OpenGL backends work here, with driver, limits and clock, and the packages to install for the "
+        "others."
+    ),
+    "cost": "Measure error and time of quality settings, and show which are Pareto-optimal.",
+    "view": "Show a scene in a window and reload it when its file is saved. Press H for the keys.",
+}
+"""The help text of each command. The module of the same name in this package has its options, as those of `run`."""
+
+OPTIONS: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False}
+
+app = typer.Typer(
+    help="Signed-distance scenes in Python, compiled to one GLSL fragment shader.", no_args_is_help=True, **OPTIONS
+)
+
+
+class Deferred(TyperCommand):
+    """A command whose module is imported when it is called. Until then it has its name and its help text only."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> Any:
+        """The context of the command itself: it parses the options, and is invoked."""
+        return load(str(self.name)).make_context(*args, **kwargs)
+
+
+def load(name: str) -> Any:
+    """The command with its options."""
+    run = import_module(f"raymarch.cli.{name}").run
+    interrupt.watch_no_more()
+    alone = typer.Typer(**OPTIONS)
+    alone.command(name, help=COMMANDS[name])(run)
+    return typer.main.get_command(alone)
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command line and exit. Typer reports wrong usage, also with code 2."""
+    with piped():
+        try:
+            app(args=args, prog_name="raymarch")
+        except RaymarchError as fault:
+            errors.print(f"raymarch: {fault}", markup=False)
+            sys.exit(2)
+        except KeyboardInterrupt:
+            sys.exit(interrupt.INTERRUPTED)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(raymarch.__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _deferred() -> None:
+    """The function of a deferred command. It is not called."""
+
+
+for _name, _help in COMMANDS.items():
+    app.command(_name, help=_help, cls=Deferred)(_deferred)

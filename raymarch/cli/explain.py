@@ -1,0 +1,31 @@
+"""`raymarch explain`: shows the plan of a scene."""
+
+from __future__ import annotations
+
+import json as json_format
+import sys
+from typing import Annotated
+
+import typer
+
+from raymarch.cli.common import CommandError, Output, SceneFile
+from raymarch.plan import explain, plan
+from raymarch.scene.file import load
+from raymarch.shader import assemble
+
+
+def run(
+    scene: SceneFile,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    glsl: Annotated[bool, typer.Option("--glsl", help="Print the GLSL of the fragment shader.")] = False,
+) -> None:
+    if json and glsl:
+        raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
+    made = plan(load(scene))
+    shader = assemble(made)
+    if glsl:
+        sys.stdout.write(shader.text())
+    elif json:
+        typer.echo(json_format.dumps({**explain.as_dict(made), "glsl": shader.text()}, indent=2))
+    else:
+        explain.show(made, len(shader.text().encode()), Output())
