@@ -6,11 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from raymarch.cli.common import CommandError, errors
-from raymarch.cost import for_error, for_time
-from raymarch.cost.search import parse_error, parse_time
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
@@ -28,13 +24,15 @@ def choose_quality(preset: str | None, error: str | None, within: str | None) ->
         if preset not in PRESETS:
             raise CommandError(f"--quality {preset}", legal=", ".join(PRESETS))
         return lambda scene, *_: scene.quality.to_preset(preset)
+    if error is None and within is None:
+        return lambda scene, *_: scene.quality
+    from raymarch.cost import search  # only a search uses the reference
+
     if error is not None:
-        parse_error(error)
-        return lambda *where: _found(for_error, error, *where)
-    if within is not None:
-        parse_time(within)
-        return lambda *where: _found(for_time, within, *where)
-    return lambda scene, *_: scene.quality
+        search.parse_error(error)
+        return lambda *where: _found(search.for_error, error, *where)
+    search.parse_time(str(within))
+    return lambda *where: _found(search.for_time, str(within), *where)
 
 
 def _found(
@@ -49,6 +47,8 @@ def _found(
 @contextmanager
 def watched() -> Iterator[Callable[[str, float], None]]:
     """A transient progress bar with a description of the current step, on the error stream."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     percent, step = TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.fields[what]}")
     with Progress(BarColumn(), percent, TimeElapsedColumn(), step, console=errors, transient=True) as bar:
         task = bar.add_task("", total=1.0, what="")

@@ -12,12 +12,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.cli.common import CommandError
-from raymarch.cost.error_view import error_picture, error_scale, errors_of
 from raymarch.gpu.frame import Frame
-from raymarch.gpu.probe import find_faults, find_slopes
-from raymarch.gpu.probe_pictures import fault_numbers, fault_picture, slope_numbers, slope_picture
 from raymarch.gpu.renderer import Renderer
-from raymarch.gpu.reports import summary
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
 from raymarch.gpu.views import VIEWS, light, picture, scale_of
@@ -51,13 +47,43 @@ def shown(
 ) -> Shown:
     """A view of a frame that a renderer has just drawn. `progress` is called with the fraction of a probe that is
     done."""
+    if view in ("nonfinite", "lipschitz"):
+        return _probed(renderer, view, scene, frame.time, params, progress)
+    if view == "error":
+        return _compared(frame, scene, params)
+    return Shown(partial(drawn, frame, view, scene), partial(light, frame, view, scene))
+
+
+def _probed(
+    renderer: Renderer,
+    view: str,
+    scene: Scene,
+    time: float,
+    params: Mapping[str, Any],
+    progress: Callable[[float], None] | None,
+) -> Shown:
+    from raymarch.gpu import probe, probe_pictures, reports  # only these views use them
+
     if view == "nonfinite":
-        faults = find_faults(renderer, scene, frame.time, params, progress)
-        return Shown(partial(fault_picture, faults), partial(fault_numbers, faults), summary(faults.reports))
-    if view == "lipschitz":
-        slopes = find_slopes(renderer, scene, frame.time, params, progress)
-        return Shown(partial(slope_picture, slopes), partial(slope_numbers, slopes), summary(slopes.reports))
-    return Shown(partial(drawn, frame, view, scene, params), partial(numbers, frame, view, scene, params))
+        faults = probe.find_faults(renderer, scene, time, params, progress)
+        picture, numbers = partial(probe_pictures.fault_picture, faults), partial(probe_pictures.fault_numbers, faults)
+        return Shown(picture, numbers, reports.summary(faults.reports))
+    slopes = probe.find_slopes(renderer, scene, time, params, progress)
+    picture, numbers = partial(probe_pictures.slope_picture, slopes), partial(probe_pictures.slope_numbers, slopes)
+    return Shown(picture, numbers, reports.summary(slopes.reports))
+
+
+def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:
+    from raymarch.cost import error_view  # only this view uses the reference
+
+    def image() -> Image.Image:
+        return with_bar(error_view.error_picture(error_view.errors_of(frame, scene, params)), error_view.error_scale())
+
+    def numbers() -> NDArray[np.float32]:
+        errors = error_view.errors_of(frame, scene, params)
+        return np.repeat(errors[..., None], 3, axis=-1).astype(np.float32)
+
+    return Shown(image, numbers)
 
 
 def check_view(view: str, slice_: str | None) -> Slice | None:
@@ -87,17 +113,8 @@ def parse_slice(text: str) -> Slice:
         ) from None
 
 
-def drawn(frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> Image.Image:
+def drawn(frame: Frame, view: str, scene: Scene) -> Image.Image:
     """A view as an image, with a colour bar below it if the view has a scale."""
-    if view == "error":
-        return with_bar(error_picture(errors_of(frame, scene, params)), error_scale())
     scale = scale_of(frame, view)
     shown = picture(frame, view, scene)
     return shown if scale is None else with_bar(shown, scale)
-
-
-def numbers(frame: Frame, view: str, scene: Scene, params: Mapping[str, Any]) -> NDArray[np.float32]:
-    """A view as numbers, (H, W, 3) in float32; see `raymarch.gpu.views.light`."""
-    if view == "error":
-        return np.repeat(errors_of(frame, scene, params)[..., None], 3, axis=-1).astype(np.float32)
-    return light(frame, view, scene)

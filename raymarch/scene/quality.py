@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any, Self
 
 from raymarch.errors import SceneError
@@ -58,9 +59,16 @@ _searches: dict[str, Search] = {}
 def provide_searches(for_error: Search, for_time: Search) -> None:
     """Register the functions that `Quality.for_error` and `Quality.for_time` call.
 
-    Measuring belongs to `raymarch.cost`, a layer above this package. It registers itself when it is imported.
+    Measuring belongs to `raymarch.cost`, a layer above this package. It registers itself when it is imported, at the
+    first search at the latest.
     """
     _searches.update(error=for_error, time=for_time)
+
+
+def _search(by: str) -> Search:
+    if by not in _searches:
+        import_module("raymarch.cost")
+    return _searches[by]
 
 
 @value
@@ -218,7 +226,7 @@ class Quality(Value):
         -----
         A setting that misses hits is never chosen. Raises CostError if no setting stays within the limit.
         """
-        return _searches["error"](scene, error, **where)
+        return _search("error")(scene, error, **where)
 
     @staticmethod
     def for_time(scene: Any, time: str, **where: Any) -> Quality:
@@ -234,7 +242,7 @@ class Quality(Value):
         -----
         Raises CostError if no setting that finds every hit is fast enough.
         """
-        return _searches["time"](scene, time, **where)
+        return _search("time")(scene, time, **where)
 
     @property
     def footprint(self) -> float:
