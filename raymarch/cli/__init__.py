@@ -1,5 +1,5 @@
 """The command line: render, view, explain, cost, doctor."""
 
-from raymarch.cli.app import app, main
+from raymarch.cli.commands import app, main
 
 __all__ = ["app", "main"]

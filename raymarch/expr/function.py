@@ -7,13 +7,14 @@ iteration. Both are plain data of a `call` or `loop` expression.
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import CodeType, MappingProxyType
 from typing import Any
 from weakref import WeakValueDictionary
 
-from raymarch.errors import Location, SceneError
+from raymarch.errors import Location, SceneError, is_users
 from raymarch.expr.convert import short
 from raymarch.expr.node import Expr, Operand, const, elementwise, expr, make, var
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
@@ -72,6 +73,8 @@ def _function(name: str, params: Any, body: Any, names: Any, where: Location | N
     """Unpickle a function; returns the existing one if it is equal."""
     if not isinstance(name, str) or not isinstance(body, Expr) or not all(isinstance(p, Expr) for p in params):
         raise SceneError(f"unpickling a function: {short(name)}", legal="the pickle of a function")
+    for deferred in list(_deferred.get(name, ())):
+        deferred.trace()
     found = _functions.get((name, tuple(params), body))
     return found if found is not None else Function(name, tuple(params), body, dict(names), where)
 
@@ -86,6 +89,13 @@ def trace(
 
     The local variables of `code` (by default the definition's own) name temporaries in the generated GLSL.
     """
+    return Function(name, *_trace(name, definition, params, code or definition.__code__))
+
+
+def _trace(
+    name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], code: CodeType
+) -> tuple[tuple[Expr, ...], Expr, dict[Expr, str], Location]:
+    """The parameters, the body, the names and the line of a function."""
     symbols = tuple(var(param, type) for param, type in params)
     names: dict[Expr, str] = {}
 
@@ -95,14 +105,15 @@ def trace(
                 if isinstance(value, Expr):
                     names.setdefault(value, local)
 
-    code = code or definition.__code__
     family = _code_family(code)
-    previous = sys.getprofile()
+    previous, around = sys.getprofile(), _loops.open
+    _loops.open = []
     sys.setprofile(keep_locals)
     try:
         body = definition(*symbols)
     finally:
         _resume(previous)
+        _loops.open = around
     where = Location(code.co_filename, code.co_firstlineno)
     try:
         body = expr(body)
@@ -111,7 +122,7 @@ def trace(
     stray = [v.data for v in free_variables([body]) if v not in symbols]
     if stray:
         raise SceneError(f"{name} uses {stray} from outside its own parameters", where=where)
-    return Function(name, symbols, body, names, where)
+    return symbols, body, names, where
 
 
 def _resume(profiler: Any) -> None:
@@ -129,15 +140,49 @@ def _code_family(code: CodeType) -> set[CodeType]:
 def function(**types: Type) -> Callable[[Callable[..., Any]], Function]:
     """Decorator: define a helper as a GLSL function; the types of its parameters are given by name.
 
-    The definition runs once, at import, on symbolic parameters.
+    The definition runs once on symbolic parameters: a user's at once, so that its errors are raised there, and one of
+    this package when the function is first used, because together they would take most of the time of the import.
     """
 
     def decorate(definition: Callable[..., Any]) -> Function:
-        traced = trace(definition.__name__, definition, list(types.items()))
-        traced.where = Location(definition.__code__.co_filename, definition.__code__.co_firstlineno)
-        return traced
+        name, code = definition.__name__, definition.__code__
+        if is_users(code.co_filename):
+            return trace(name, definition, list(types.items()))
+        return _Deferred(name, lambda: _trace(name, definition, list(types.items()), code))
 
     return decorate
+
+
+_deferred: dict[str, list[_Deferred]] = {}
+"""The functions that are not traced yet, by name."""
+
+_filling = threading.RLock()
+"""Held while a deferred function is traced, which may use further ones."""
+
+
+class _Deferred(Function):
+    """A function that is traced when one of its attributes is first read. Until then it has its name only."""
+
+    __slots__ = ("_parts",)
+
+    def __init__(self, name: str, parts: Callable[[], tuple[Any, ...]]) -> None:
+        self.name = name
+        self._parts = parts
+        _deferred.setdefault(name, []).append(self)
+
+    def trace(self) -> None:
+        """Fill in the other attributes, unless another thread has done so."""
+        with _filling:
+            if self in _deferred.get(self.name, ()):
+                super().__init__(self.name, *self._parts())
+                _deferred[self.name].remove(self)
+
+    def __getattr__(self, name: str) -> Any:
+        """Called for an attribute that has no value yet."""
+        if name not in Function.__slots__:
+            raise AttributeError(name)
+        self.trace()
+        return object.__getattribute__(self, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,15 +223,15 @@ def loop(
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 65535:
         raise SceneError(f"loop count {short(count)}", legal="an integer from 1 to 65535")
     first = tuple(map(expr, state))
-    depth = len(_open_loops)
+    depth = len(_loops.open)
     index = var(f"loop {depth} index", FLOAT)
     carried = tuple(var(f"loop {depth} state {k}", value.type) for k, value in enumerate(first))
-    _open_loops.append(index)
+    _loops.open.append(index)
     try:
         after = tuple(map(expr, step(index, *carried)))
         leave = until(index, *carried) if until is not None else None
     finally:
-        _open_loops.pop()
+        _loops.open.pop()
     if [a.type for a in after] != [f.type for f in first]:
         raise SceneError(
             f"a loop's step gives {[a.type.name for a in after]} for a state of {[f.type.name for f in first]}",
@@ -197,7 +242,14 @@ def loop(
     return close_loop(count, index, carried, after, leave, first)
 
 
-_open_loops: list[Expr] = []
+class _Loops(threading.local):
+    """The indices of the loops around the present one, in the definition that this thread traces."""
+
+    def __init__(self) -> None:
+        self.open: list[Expr] = []
+
+
+_loops = _Loops()
 
 
 def close_loop(

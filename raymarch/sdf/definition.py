@@ -6,9 +6,11 @@ where the fluent methods, the generic tests and the documentation find it by nam
 
 from __future__ import annotations
 
+import builtins
 import functools
 import inspect
 import typing
+from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, cast
@@ -330,10 +332,7 @@ def _define_one(
     code = source.__code__
     where = Location(code.co_filename, code.co_firstlineno)
     skip = 1 if arity == "none" else 2
-    try:
-        hints = typing.get_type_hints(source, include_extras=True)
-    except (NameError, TypeError):
-        hints = {}
+    hints = _hints(source)
     signature = list(inspect.signature(source).parameters.values())
     if len(signature) < skip:
         needs = "a point p" if skip == 1 else "a point p and a child"
@@ -354,6 +353,21 @@ def _define_one(
         doc=inspect.getdoc(source) or "",
         **declared,
     )
+
+
+def _hints(source: Callable[..., Any]) -> Mapping[str, Any]:
+    """The annotations of a definition; none if one of them cannot be evaluated.
+
+    Almost all are names of the module, which are looked up here: `typing` takes some ten times as long for each.
+    """
+    known = ChainMap(source.__globals__, vars(builtins))
+    hints = {n: known.get(hint) if isinstance(hint, str) else None for n, hint in source.__annotations__.items()}
+    if None not in hints.values():
+        return hints
+    try:
+        return typing.get_type_hints(source, include_extras=True)
+    except (NameError, TypeError):
+        return {}
 
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:

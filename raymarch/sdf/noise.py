@@ -99,12 +99,10 @@ def displace_by_noise(node: Node, amplitude: Scalar = 0.1, frequency: Scalar = 3
     return noisy(node, amplitude, frequency, octaves)
 
 
-def _ripples(p: Expr) -> Expr:
+@function(p=VEC3)
+def ripples(p: Expr) -> Expr:
     """The example: up to 0.05, with the Lipschitz constant 0.3 sqrt(2)."""
     return 0.025 * (sin(12.0 * p.x) + sin(12.0 * p.z))
-
-
-RIPPLES = trace("ripples", _ripples, [("p", VEC3)])
 
 
 @operator(
@@ -116,7 +114,7 @@ RIPPLES = trace("ripples", _ripples, [("p", VEC3)])
 def displaced(
     p: Expr,
     child: Child,
-    function: OfPoint = RIPPLES,
+    function: OfPoint = ripples,
     amplitude: NonNegative = 0.05,
     slope: Annotated[Any, Domain(FLOAT, low=0.0)] = 0.425,
 ) -> Expr:
