@@ -7,7 +7,7 @@ rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
 
 from __future__ import annotations
 
-import raymarch.interrupt  # noqa: F401 - first, because further imports take some tenths of a second
+import raymarch.startup  # noqa: F401 - first, because further imports take some tenths of a second
 
 # isort: split
 import sys

@@ -16,7 +16,7 @@ import typer.main
 from typer.core import TyperCommand
 
 import raymarch
-from raymarch import interrupt
+from raymarch import startup
 from raymarch.cli.common import errors, piped
 from raymarch.errors import RaymarchError
 
@@ -52,7 +52,7 @@ class Deferred(TyperCommand):
 def load(name: str) -> Any:
     """The command with its options."""
     run = import_module(f"raymarch.cli.{name}").run
-    interrupt.watch_no_more()
+    startup.end()
     alone = typer.Typer(**OPTIONS)
     alone.command(name, help=COMMANDS[name])(run)
     return typer.main.get_command(alone)
@@ -67,7 +67,7 @@ def main(args: Sequence[str] | None = None) -> None:
             errors.print(f"raymarch: {fault}", markup=False)
             sys.exit(2)
         except KeyboardInterrupt:
-            sys.exit(interrupt.INTERRUPTED)
+            sys.exit(startup.INTERRUPTED)
 
 
 def _version(asked: bool) -> None:

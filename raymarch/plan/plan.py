@@ -190,7 +190,7 @@ def plan(
     made.conditions = conditions_of(given)
     if not all(value.is_constant for value in given.camera.expressions):
         made.conditions.append(InReach(given))
-    made.warnings += [*_warnings(given), *range_warning(given, origin)]
+    made.warnings += [*_warnings(given), *range_warning(given, origin, definition)]
     return made
 
 

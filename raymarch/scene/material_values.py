@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
@@ -28,8 +30,10 @@ FloatOrTexture: TypeAlias = Scalar | Texture | Callable[[Expr], Operand]
 ColorOrTexture: TypeAlias = ColorLike | Scalar | Texture | Callable[[Expr], Operand]
 """Linear RGB or one number for all three channels, a texture, or a function of the point."""
 
-_PROBES = np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
-"""Points at which patterns are checked. A pattern that is legal at none of them is refused, others are clamped."""
+@cache
+def _probes() -> NDArray[np.float64]:
+    """Points at which patterns are checked. A pattern that is legal at none of them is refused, others are clamped."""
+    return np.random.default_rng(5).uniform(-10.0, 10.0, (256, 3))
 
 
 _pictures: WeakKeyDictionary[Expr, tuple[int, float, float]] = WeakKeyDictionary()
@@ -83,7 +87,8 @@ def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, 
     if made.type is not vector(size):
         raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
     if not find([made], "time", "param", "cell") and not depends_on_interaction([made]):
-        values = np.broadcast_to(evaluator([made], [POSITION])(_PROBES)[0], (len(_PROBES), *made.type.shape))
+        points = _probes()
+        values = np.broadcast_to(evaluator([made], [POSITION])(points)[0], (len(points), *made.type.shape))
         legal_there = (values >= low) & (values <= high)  # false for NaN
         if not np.any(legal_there) or np.any(np.isnan(values)):
             raise SceneError(f"{what}: the function gives {values[~legal_there].flat[0]:.6g}", legal=legal)

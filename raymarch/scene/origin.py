@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.function import Function
 from raymarch.expr.node import const
 from raymarch.expr.raw import without_twin
 from raymarch.scene.light import Light, PointLight
@@ -50,15 +51,14 @@ def _view(scene: Scene, values: Values) -> tuple[NDArray[np.float64] | None, flo
     if subject is not None:
         middle = 0.5 * (subject.lower + subject.upper)
         return position, float(np.linalg.norm(position - middle) + np.linalg.norm(subject.size)) or 1.0
-    return position, _nearest(scene, position, values) or 1.0
+    return position, _nearest(lower(scene.node), position, values) or 1.0
 
 
-def _nearest(scene: Scene, position: NDArray[np.float64], values: Values) -> float | None:
+def _nearest(field: Function, position: NDArray[np.float64], values: Values) -> float | None:
     """Lower bound of the distance from the camera to the nearest surface.
 
     None if only the GPU can evaluate the field, or if the surface touches the camera.
     """
-    field = lower(scene.node)
     if without_twin(field.body):
         return None
     with bound(values.params, values.time):
@@ -81,8 +81,10 @@ def _light_from(light: Light, origin: NDArray[np.float64]) -> Light:
     return light.replace(position=light.position - const(origin))
 
 
-def range_warning(scene: Scene, origin: NDArray[np.float64]) -> list[str]:
+def range_warning(scene: Scene, origin: NDArray[np.float64], field: Function) -> list[str]:
     """A warning if float32 cannot hold the epsilon of the quality, at default parameters and 1080 rows.
+
+    field : the distance, as a function of the point relative to `origin`.
 
     Each of several sums rounds a point by half a unit in the last place of its largest coordinate, 2 ulp in total.
     If that exceeds epsilon, the error of hits is that of the rounding, not that of the quality.
@@ -92,7 +94,7 @@ def range_warning(scene: Scene, origin: NDArray[np.float64]) -> list[str]:
         pose = scene.pose(values)
     except SceneError:
         return []  # degenerate as long as parameters have their defaults
-    away = _nearest(scene, pose.position, values)
+    away = _nearest(field, pose.position - origin, values)
     if away is None:
         return []
     largest = float(np.max(np.abs(pose.position - origin))) + away
