@@ -146,14 +146,15 @@ def _instants(target: Path, time: float | None, frames: str | None, fps: float) 
 
 @contextmanager
 def _progress(frames: int) -> Iterator[Callable[[float], None]]:
-    """A progress bar on the error stream; it appears after one second of drawing."""
+    """A progress bar on the error stream, if that is a terminal; it appears after one second of drawing."""
     start = clock_time.perf_counter()
     with ExitStack() as stack:
         update: Callable[[float], None] | None = None
 
         def report(done: float) -> None:
             nonlocal update
-            if update is None and clock_time.perf_counter() - start > 1.0 and done < frames:
+            slow = clock_time.perf_counter() - start > 1.0 and done < frames
+            if update is None and slow and errors.is_interactive:
                 update = stack.enter_context(_bar(frames))
             if update is not None:
                 update(done)

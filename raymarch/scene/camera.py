@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyrr
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
@@ -43,9 +44,7 @@ def look_at(
     position: NDArray[np.float64], target: NDArray[np.float64], up: NDArray[np.float64], tan_half_fov: float
 ) -> Pose:
     """The pose of a camera at `position` that looks at `target`, each of shape (3,); not checked."""
-    import pyrr  # takes time, and most of the package does without
-
-    # Its view matrix is for row vectors: its first three columns are the camera's axes.
+    # pyrr's view matrix is for row vectors: its first three columns are the camera's axes.
     view = pyrr.matrix44.create_look_at(position, target, up, dtype=np.float64)
     return Pose(position, np.array(view[:3, :3]), tan_half_fov)
 

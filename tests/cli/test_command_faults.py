@@ -19,6 +19,7 @@ from PIL import Image
 
 import raymarch as rm
 from raymarch.cli import commands
+from raymarch.cli.render import FORMATS
 from raymarch.gpu.doctor import Report
 from raymarch.plan import plan
 from raymarch.scene import load
@@ -152,13 +153,13 @@ def test_a_format_with_a_limit_of_its_own(folder: Path, capsys: Any) -> None:
     assert "cannot write 'long.webp'" in capsys.readouterr().err and names(folder) == {"hello.py"}
 
 
-@pytest.mark.parametrize("ending", sorted(commands.FORMATS))
+@pytest.mark.parametrize("ending", sorted(FORMATS))
 @pytest.mark.parametrize("view", ["final", "depth"])
 def test_every_format_takes_pictures_and_heat_maps(folder: Path, ending: str, view: str) -> None:
     for name in (f"a{ending}", "exact.png"):
         assert run("render", "hello.py", "-o", name, "--view", view, "--set", "radius=2", *SMALL) == 0
     with Image.open(f"a{ending}") as picture, Image.open("exact.png") as exact:
-        assert picture.size == exact.size and picture.width == 16 and picture.format == commands.FORMATS[ending]
+        assert picture.size == exact.size and picture.width == 16 and picture.format == FORMATS[ending]
         wrong = np.abs(np.asarray(picture.convert("L"), int) - np.asarray(exact.convert("L"), int))
         assert np.ptp(np.asarray(exact.convert("L"), int)) > 60
     # JPEG and WebP are lossy; a picture of 16 pixels, which are all edges, shows it.
@@ -266,7 +267,7 @@ BROKEN = [Report(name, works=False, error=f"{name} is broken", cure=f"mend {name
 
 
 def test_doctor_without_any_context_fails_and_names_the_cures(folder: Path, monkeypatch: Any, capsys: Any) -> None:
-    monkeypatch.setattr(commands, "examine", lambda: BROKEN)
+    monkeypatch.setattr("raymarch.cli.doctor.examine", lambda: BROKEN)
     assert run("doctor") == 2
     out, err = capsys.readouterr()
     for name in ("egl", "osmesa"):
@@ -425,7 +426,10 @@ def test_ctrl_c_in_a_scene_file_ends_with_130(folder: Path) -> None:
 
 
 def test_a_fault_of_ours_shows_its_traceback_and_leaves_nothing(folder: Path) -> None:
-    code = "import raymarch.cli.commands as c\ndef f(*a, **k): raise AssertionError('planted')\nc.{} = f\nc.main()"
+    code = (
+        "import raymarch.cli.explain as c\ndef f(*a, **k): raise AssertionError('planted')\nc.{} = f\n"
+        "from raymarch.cli import main\nmain()"
+    )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     for name in ("plan", "assemble"):
         done = subprocess.run(

@@ -274,7 +274,7 @@ def test_wrong_usage_is_code_2(folder, capsys, call):
 
 def test_without_the_package_of_exr_nothing_is_drawn_and_the_file_is_named(folder, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
-    monkeypatch.setattr("raymarch.cli.commands.Renderer", lambda *_: pytest.fail("it was drawn"))
+    monkeypatch.setattr("raymarch.cli.render.Renderer", lambda *_: pytest.fail("it was drawn"))
     assert run("render", "hello.py", "-o", "a.exr", "--size", "16x9") == 2
     assert "'a.exr' needs the package OpenEXR (pip install 'raymarch[exr]')" in capsys.readouterr().err
     assert files(folder) == {"hello.py"}
@@ -291,14 +291,17 @@ def test_a_failure_on_the_way_leaves_no_file(folder, monkeypatch):
     def fails(*_: object) -> None:
         raise RuntimeError("planted")
 
-    monkeypatch.setattr("raymarch.cli.commands.shown", lambda *_: Shown(fails, fails))  # with the file open
+    monkeypatch.setattr("raymarch.cli.render.shown", lambda *_: Shown(fails, fails))  # with the file open
     with pytest.raises(RuntimeError, match="planted"):
         main(["render", "hello.py", "--size", "16x9"])
     assert files(folder) == {"hello.py"}
 
 
 def test_a_fault_of_ours_is_code_1(folder):
-    code = "import raymarch.cli.commands as m\ndef f(*a): raise RuntimeError('planted')\nm.shown = f\nm.main()"
+    code = (
+        "import raymarch.cli.render as m\ndef f(*a): raise RuntimeError('planted')\nm.shown = f\n"
+        "from raymarch.cli import main\nmain()"
+    )
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
         [sys.executable, "-c", code, "render", "hello.py", "--size", "16x9"],

@@ -73,7 +73,7 @@ def test_the_readme_commands_exist(tmp_path, monkeypatch):
     lines = [line for block in blocks(ROOT / "README.md", "sh") for line in block.splitlines()]
     commands = [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("raymarch ")]
     assert len(commands) >= 5
-    assert {c[0] for c in commands} == {c.callback.__name__.removesuffix("_command") for c in app.registered_commands}
+    assert {c[0] for c in commands} == {c.name for c in app.registered_commands}
     for command in commands:
         small = ["16x9" if part == "1280x720" else "0:2" if part == "0:90" else part for part in command]
         with pytest.raises(SystemExit) as stop:

@@ -56,7 +56,8 @@ def failing(world: World) -> Iterator[Figure]:
 def half_written(world: World, folder: Path) -> int:
     from typer.testing import CliRunner
 
-    import raymarch.cli.commands as commands
+    import raymarch.cli.render as command
+    from raymarch.cli import app
     from raymarch.errors import DeviceError
 
     scene = folder / "scene.py"
@@ -66,13 +67,11 @@ def half_written(world: World, folder: Path) -> int:
         def render(self, *args: object, **how: object) -> rm.Frame:
             raise DeviceError("pass color: the device is out of memory")
 
-    original = commands.Renderer
-    commands.Renderer = Failing
+    original = command.Renderer
+    command.Renderer = Failing
     try:
-        done = CliRunner().invoke(
-            commands.app, ["render", str(scene), "-o", str(folder / "out.png"), "--backend", "egl"]
-        )
+        done = CliRunner().invoke(app, ["render", str(scene), "-o", str(folder / "out.png"), "--backend", "egl"])
     finally:
-        commands.Renderer = original
+        command.Renderer = original
     assert done.exit_code != 0 and isinstance(done.exception, DeviceError)
     return len([f for f in folder.iterdir() if f.name not in ("scene.py", "__pycache__")])
