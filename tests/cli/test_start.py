@@ -1,0 +1,229 @@
+"""What starts the package: it imports and traces only what is used, and its names are those of an eager import."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import time
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import raymarch as rm
+from raymarch.cli.commands import COMMANDS, load
+from raymarch.expr.function import _Deferred, _trace, function, loop, trace
+from raymarch.expr.node import Expr
+from raymarch.expr.types import FLOAT
+
+ROOT = Path(rm.__file__).parents[1]
+HEAVY = {"numpy", "moderngl", "glcontext", "glfw", "PIL", "pyrr", "scipy", "matplotlib", "trimesh", "imgui_bundle"}
+"""Packages that take long to import. `raymarch --help` needs typer and rich besides."""
+
+SHOWN = "import json, sys; sys.stderr.write('\\n' + json.dumps(sorted(sys.modules)))"
+
+
+def modules_after(*command: str, folder: Path) -> set[str]:
+    """The modules that a new process has imported at its end."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", *command],
+        env=environment,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(json.loads(done.stderr.splitlines()[-1]))
+
+
+def tops(modules: set[str]) -> set[str]:
+    return {name.partition(".")[0] for name in modules}
+
+
+def parts(modules: set[str]) -> set[str]:
+    return {".".join(name.split(".")[:2]) for name in modules if name.startswith("raymarch.")}
+
+
+def in_command(*words: str) -> tuple[str, str]:
+    return (
+        "-c",
+        f"import atexit\natexit.register(lambda: exec({SHOWN!r}))\nfrom raymarch.cli import main\nmain({words!r})",
+    )
+
+
+def test_the_package_imports_none_of_its_parts(tmp_path: Path) -> None:
+    found = modules_after("-c", f"import raymarch\n{SHOWN}", folder=tmp_path)
+    assert parts(found) == {"raymarch.startup"}
+    assert not tops(found) & (HEAVY | {"typer", "rich"})
+
+
+def test_the_help_imports_no_command(tmp_path: Path) -> None:
+    found = modules_after(*in_command("--help"), folder=tmp_path)
+    assert parts(found) == {"raymarch.startup", "raymarch.cli", "raymarch.errors"}
+    assert not tops(found) & HEAVY
+
+
+def test_a_picture_takes_neither_the_reference_nor_the_window(tmp_path: Path) -> None:
+    (tmp_path / "hello.py").write_text("import raymarch as rm\nscene = rm.sphere()\n")
+    found = modules_after(*in_command("render", "hello.py", "--size", "16x9"), folder=tmp_path)
+    assert (tmp_path / "hello.png").exists() and "raymarch.gpu" in parts(found)
+    assert not parts(found) & {"raymarch.truth", "raymarch.cost", "raymarch.window"}
+    assert not tops(found) & {"glfw", "scipy", "matplotlib", "trimesh", "imgui_bundle", "watchfiles"}
+    assert "rich.progress" not in found and "raymarch.gpu.probe" not in found
+
+
+def test_no_definition_is_traced_at_import(tmp_path: Path) -> None:
+    code = """
+import pkgutil, sys
+from importlib import import_module
+import raymarch.sdf
+for module in pkgutil.iter_modules(raymarch.sdf.__path__):
+    import_module(f"raymarch.sdf.{module.name}")
+import raymarch.scene, raymarch.gpu
+from raymarch.sdf.definition import REGISTRY
+functions = sys.modules["raymarch.expr.function"]
+assert len(REGISTRY) > 120 and len(functions._deferred) > 15
+used = [d.name for d in REGISTRY.values() if d._templates or d._facts]
+assert not used, used
+assert all(functions._deferred.values()), [name for name, left in functions._deferred.items() if not left]
+raymarch.sdf.sphere()
+assert [d.name for d in REGISTRY.values() if d._facts] == ["sphere"]
+assert "bounds : (-1, -1, -1) to (1, 1, 1)" in raymarch.sdf.sphere.__doc__
+"""
+    modules_after("-c", code + SHOWN, folder=tmp_path)
+
+
+# The names
+
+
+def declared() -> dict[str, str]:
+    """The public names and their modules, as a type checker reads them."""
+    tree = ast.parse(Path(rm.__file__).read_text(encoding="utf-8"))
+    block = next(part for part in tree.body if isinstance(part, ast.If))
+    imports = [part for part in block.body if isinstance(part, ast.ImportFrom)]
+    return {alias.name: str(part.module) for part in imports for alias in part.names}
+
+
+def test_each_name_is_what_a_type_checker_takes_it_for() -> None:
+    found = declared()
+    assert {*found, "__version__"} == set(rm.__all__)
+    for name, module in found.items():
+        owner = import_module(module)
+        assert getattr(rm, name) is getattr(owner, name, sys.modules.get(f"raymarch.{name}")), name
+    assert set(rm.__all__) <= set(dir(rm))
+    with pytest.raises(AttributeError, match="no attribute 'spher'"):
+        rm.spher  # type: ignore[attr-defined]  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "first", ["import raymarch.truth.march", "import raymarch.cost", "import raymarch.cli.cost", ""]
+)
+def test_the_names_do_not_depend_on_what_is_imported_first(first: str, tmp_path: Path) -> None:
+    code = f"""
+{first}
+import raymarch as rm
+import raymarch.truth.march
+from raymarch import *
+assert callable(rm.truth) and truth is rm.truth and rm.cost.for_error and rm.plan.plan and rm.sdf.round
+assert rm.errors.SceneError is rm.SceneError and rm.scene.quality.PRESETS
+assert set(rm.__all__) <= set(globals())
+"""
+    modules_after("-c", code + SHOWN, folder=tmp_path)
+
+
+def test_a_search_finds_the_package_that_measures(tmp_path: Path) -> None:
+    code = """
+import sys, raymarch as rm
+scene = rm.Scene(rm.sphere())
+assert "raymarch.cost" not in sys.modules
+for search in (rm.Quality.for_error, rm.Quality.for_time):
+    try:
+        search(scene, "nothing")
+    except rm.CostError:
+        continue
+    raise AssertionError(search)
+"""
+    modules_after("-c", code + SHOWN, folder=tmp_path)
+
+
+def test_the_help_text_of_each_command_is_in_its_own_help() -> None:
+    for name, text in COMMANDS.items():
+        command = load(name)
+        assert command.name == name and command.help == text and command.params
+
+
+def test_builders_are_functions_to_the_user() -> None:
+    assert pickle.loads(pickle.dumps(rm.sphere)) is rm.sphere
+    assert repr(rm.sphere) == "<function raymarch.sdf.solids.sphere>"
+
+    class Toy:
+        turned = rm.sdf.round
+
+    assert Toy.turned is rm.sdf.round
+    with pytest.raises(rm.SceneError, match=r"round of <.*Toy object"):
+        Toy().turned(0.1)
+
+
+# Deferred tracing
+
+
+def test_a_function_is_traced_once_however_many_threads_use_it() -> None:
+    calls = []
+
+    def double(x: Expr) -> Expr:
+        calls.append(threading.get_ident())
+        time.sleep(0.05)
+        return 2.0 * x
+
+    made = _Deferred("double", lambda: _trace("double", double, [("x", FLOAT)], double.__code__))
+    assert made.name == "double" and not calls
+    bodies: list[Expr] = []
+    threads = [threading.Thread(target=lambda: bodies.append(made.body)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(calls) == 1 and len({id(body) for body in bodies}) == 1 and len(bodies) == 4
+    assert pickle.loads(pickle.dumps(made)) is made
+    with pytest.raises(AttributeError):
+        made.nothing  # noqa: B018
+
+
+def test_a_function_that_is_traced_within_a_loop_is_that_traced_alone() -> None:
+    def halved(x: Expr) -> Expr:
+        return loop(3, [x], lambda i, y: [0.5 * y + i])[0]
+
+    alone = trace("halved", halved, [("x", FLOAT)])
+    inner = _Deferred("halved", lambda: _trace("halved", halved, [("x", FLOAT)], halved.__code__))
+    outer = trace("outer", lambda x: loop(2, [x], lambda i, y: [inner(y)])[0], [("x", FLOAT)])
+    assert inner.body is alone.body and outer.body is not alone.body
+
+
+def test_a_users_function_is_traced_at_its_definition() -> None:
+    with pytest.raises(rm.SceneError, match="must return an expression") as caught:
+
+        @function(x=FLOAT)
+        def wrong(x: Expr) -> str:
+            return "nothing"
+
+    assert caught.value.where is not None and caught.value.where.file == __file__
+
+
+# The process
+
+
+def test_garbage_is_collected_again_when_a_command_runs(tmp_path: Path) -> None:
+    text = "import gc\nimport raymarch as rm\nassert gc.isenabled() and gc.get_freeze_count()\nscene = rm.sphere()\n"
+    (tmp_path / "hello.py").write_text(text)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "raymarch", "explain", "hello.py"]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    code = "import gc, raymarch\nraymarch.sphere()\nassert gc.isenabled() and not gc.get_freeze_count()\n"
+    modules_after("-c", code + SHOWN, folder=tmp_path)
