@@ -48,7 +48,7 @@ class Builder:
         return self.__qualname__
 
     def __repr__(self) -> str:
-        return f"<function {self.__module__}.{self.__qualname__}>"
+        return f"<function {self.__qualname__}>"
 
     @property
     def __doc__(self) -> str:  # type: ignore[override]

@@ -160,7 +160,7 @@ def test_the_help_text_of_each_command_is_in_its_own_help() -> None:
 
 def test_builders_are_functions_to_the_user() -> None:
     assert pickle.loads(pickle.dumps(rm.sphere)) is rm.sphere
-    assert repr(rm.sphere) == "<function raymarch.sdf.solids.sphere>"
+    assert repr(rm.sphere) == "<function sphere>"
 
     class Toy:
         turned = rm.sdf.round
