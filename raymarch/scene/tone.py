@@ -102,7 +102,7 @@ class ToneMapping(Value):
 
     def apply(self, color: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light (..., 3) as linear values for the screen, from 0 to 1, in float64; NaN becomes 0."""
-        light = np.clip(np.nan_to_num(np.asarray(color, np.float64), nan=0.0), 0.0, 1e30)
+        light = np.fmin(np.fmax(np.asarray(color, np.float64), 0.0), 1e30)  # of NaN and 0 it takes 0
         made = evaluator([self._function.body], [COLOR])(light)[0]
         return np.clip(np.broadcast_to(made, light.shape), 0.0, 1.0)
 
@@ -127,8 +127,29 @@ def _toned(curve: str, exposure: float) -> Function:
 def encode(linear: NDArray[Any], dither: bool = False) -> NDArray[np.uint8]:
     """Linear values from 0 to 1 as 8-bit sRGB, (H, W, 3), rounded to nearest or dithered by a hash of the pixel."""
     x = np.asarray(linear, np.float64)
-    encoded = 255.0 * linear_to_srgb(x)
     if not dither:
-        return np.asarray(np.rint(encoded), np.uint8)
+        codes, edges = _steps()
+        interval = (x * INTERVALS).astype(np.intp)
+        return np.asarray(codes[interval] + (x >= edges[interval]), np.uint8)
     bits = pcg(np.arange(x.size, dtype=np.uint32)).reshape(x.shape)
-    return np.asarray(np.minimum(np.floor(encoded + bits * 2.0**-32), 255.0), np.uint8)
+    return np.asarray(np.minimum(np.floor(255.0 * linear_to_srgb(x) + bits * 2.0**-32), 255.0), np.uint8)
+
+
+INTERVALS = 4096
+"""Intervals of [0, 1] in which the 8-bit code changes once at most: the transfer function is at most 3295 steep."""
+
+
+@cache
+def _steps() -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """For each interval: the code at its lower end, and the value from which on the code is larger by one.
+
+    Two look-ups for each pixel take a third of the time of the power.
+    """
+    codes = np.arange(1, 256)
+    low, high = np.zeros(255), np.ones(255)
+    for _ in range(80):  # until they are neighbours in float64
+        middle = 0.5 * (low + high)
+        reached = np.rint(255.0 * linear_to_srgb(middle)) >= codes
+        low, high = np.where(reached, low, middle), np.where(reached, middle, high)
+    first = np.searchsorted(high, np.arange(INTERVALS + 1) / INTERVALS, side="right")
+    return first.astype(np.uint8), np.append(high, np.inf)[first]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from glsl_harness import run
+from tests.support.glsl_harness import run
 from typer.testing import CliRunner
 
 import raymarch as rm
@@ -19,7 +19,7 @@ from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 from raymarch.scene.images import read_image
 from raymarch.scene.srgb import linear_to_srgb, srgb_glsl, srgb_to_linear
-from raymarch.scene.tone import COLOR, CURVES, ToneMapping, encode
+from raymarch.scene.tone import COLOR, CURVES, ToneMapping, _steps, encode
 from tests.support.refusals import refused
 
 LIGHT = np.concatenate([np.linspace(0, 2, 50), np.geomspace(2, 1e4, 50)])[:, None] * np.ones(3)
@@ -84,6 +84,18 @@ def test_srgb_is_that_of_the_standard_in_numpy_and_in_glsl(egl: Context) -> None
     np.testing.assert_allclose(srgb_to_linear(known), x, atol=1e-7)  # the limits of the standard are rounded
     found = run(egl, srgb_glsl(), "linear_to_srgb({0})", [(FLOAT, x)])
     np.testing.assert_allclose(found, known, atol=1e-6)
+
+
+def test_the_code_of_each_value_is_the_rounded_transfer_function() -> None:
+    """Just below and just above each value at which the code changes, and at even steps."""
+    _, edges = _steps()
+    changes = np.unique(edges[np.isfinite(edges)])
+    assert len(changes) == 255
+    values = np.concatenate([changes, np.nextafter(changes, 0.0), np.linspace(0.0, 1.0, 1_000_001)])
+    linear, power = 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055
+    assert np.array_equal(encode(values), np.rint(255.0 * np.where(values <= 0.0031308, linear, power)))
+    odd = ToneMapping().image(np.array([[[np.nan, -np.inf, np.inf], [-1.0, -0.0, 2.0]]]))
+    assert odd.tolist() == [[[0, 0, 255], [0, 0, 255]]]
 
 
 def test_dithering_keeps_the_mean_and_repeats() -> None:
