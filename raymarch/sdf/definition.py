@@ -1,7 +1,7 @@
 """Definitions: the objects that `@shape` and `@operator` make from a short Python function.
 
-A definition is traced once, on symbols; every node made from it shares the result. It enters a registry,
-where the fluent methods, the generic tests and the documentation find it by name.
+A definition is traced once, on symbols, when it is first used; every node made from it shares the result. It enters a
+registry, where the fluent methods, the generic tests and the documentation find it by name.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Definition:
                     where=self.where,
                 )
             self._refuse_infinite(traced)
-            self._templates[key] = traced
+            self._templates.setdefault(key, traced)  # another thread may have been faster
         return self._templates[key]
 
     def _refuse_infinite(self, traced: Function) -> None:
@@ -195,7 +195,7 @@ class Definition:
             self.check(*[c.facts for c in children], **params)
         key = (len(children), tuple((n, params[n]) for n, d in self.domains.items() if d.type is None))
         if key not in self._facts:
-            self._facts[key] = self._trace_facts(len(children), params)
+            self._facts.setdefault(key, self._trace_facts(len(children), params))
         program, declared = self._facts[key]
         inputs: list[Interval] = [interval_of_value(params[n]) for n, d in self.domains.items() if d.type is not None]
         for child in children:
