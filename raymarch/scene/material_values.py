@@ -30,6 +30,7 @@ FloatOrTexture: TypeAlias = Scalar | Texture | Callable[[Expr], Operand]
 ColorOrTexture: TypeAlias = ColorLike | Scalar | Texture | Callable[[Expr], Operand]
 """Linear RGB or one number for all three channels, a texture, or a function of the point."""
 
+
 @cache
 def _probes() -> NDArray[np.float64]:
     """Points at which patterns are checked. A pattern that is legal at none of them is refused, others are clamped."""

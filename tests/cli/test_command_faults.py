@@ -18,7 +18,6 @@ import pytest
 from PIL import Image
 
 import raymarch as rm
-from raymarch.cli import commands
 from raymarch.cli.render import FORMATS
 from raymarch.gpu.doctor import Report
 from raymarch.plan import plan

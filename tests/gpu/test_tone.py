@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.support.glsl_harness import run
 from typer.testing import CliRunner
 
 import raymarch as rm
@@ -20,6 +19,7 @@ from raymarch.gpu.targets import Target
 from raymarch.scene.images import read_image
 from raymarch.scene.srgb import linear_to_srgb, srgb_glsl, srgb_to_linear
 from raymarch.scene.tone import COLOR, CURVES, ToneMapping, _steps, encode
+from tests.support.glsl_harness import run
 from tests.support.refusals import refused
 
 LIGHT = np.concatenate([np.linspace(0, 2, 50), np.geomspace(2, 1e4, 50)])[:, None] * np.ones(3)
