@@ -166,7 +166,7 @@ def test_builders_are_functions_to_the_user() -> None:
         turned = rm.sdf.round
 
     assert Toy.turned is rm.sdf.round
-    with pytest.raises(rm.SceneError, match=r"round of <.*Toy object"):
+    with pytest.raises(rm.SceneError, match=r"round of <.*Toy"):
         Toy().turned(0.1)
 
 
