@@ -57,8 +57,8 @@ class Frame:
     def doubts(self, steps: bool = False) -> list[str]:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
 
-        The checks are: values outside their range, colours that are not finite, and a picture without a hit (which
-        renders the depth to confirm).
+        The checks are: values outside their range, samples that contradict the facts of the user's own definitions,
+        colours that are not finite, and a picture without a hit (which renders the depth to confirm).
 
         steps : also check whether too many rays ran out of steps. This marches a sparse subset of the rays again.
         """

@@ -210,7 +210,7 @@ class Renderer:
         """See `Frame.doubts`."""
         pose = frame.pose
         assert pose is not None
-        found = [*frame.warnings, vouch.not_finite(frame.color)]
+        found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(frame.color)]
         if steps:
             sparse = self._sparse(scene, values, pose)
             found.append(vouch.out_of_steps(sparse["done"], scene))

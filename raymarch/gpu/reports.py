@@ -46,6 +46,7 @@ class Report:
     slope : the largest measured slope; None if not measured, 0 if the node was evaluated less than twice on each ray.
     steepest : position and pixel of that slope; None without a slope.
     inherits : True if a descendant exceeds its bound, which may be the cause.
+    refuted : sentences about bounds, spread and exactness that samples of the field contradict.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Report:
     slope: float | None = None
     steepest: tuple[Vector, Pixel] | None = None
     inherits: bool = False
+    refuted: tuple[str, ...] = ()
 
     @property
     def broken(self) -> bool:
@@ -113,6 +115,8 @@ def sentences(reports: Sequence[Report]) -> Iterator[str]:
                 f"{report.place}: slope {report.slope:.5g} exceeds the Lipschitz bound {report.promise:.5g} at "
                 f"{_shown(position)}, pixel {pixel}"
             )
+    for report in reports:
+        yield from (f"{report.place}: {sentence}" for sentence in report.refuted)
 
 
 def _shown(position: Vector) -> str:

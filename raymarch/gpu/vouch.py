@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import RenderWarning, user_location
+from raymarch.expr.arrays import bound
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, all_nodes
+from raymarch.sdf.sampled_facts import quick_contradictions, stated_by_user
 
 OUT_OF_STEPS = 0.005
 """Fraction of rays that may run out of steps without a doubt: some do at silhouettes and horizons."""
@@ -22,6 +24,9 @@ SPARSE = 8
 
 FEW = 16384
 """Pictures with at most this number of pixels are marched again in full."""
+
+STATED = 32
+"""Number of nodes with facts of the user that are sampled."""
 
 _said: dict[Any, Any] = {}
 
@@ -51,6 +56,17 @@ def nothing_visible(scene: Scene) -> str:
         return ""
     ends = ["({})".format(", ".join(f"{v:.4g}" for v in end)) for end in (scene.subject.lower, scene.subject.upper)]
     return f"nothing is visible: no ray hits the solid, which lies between {ends[0]} and {ends[1]}"
+
+
+def contradicted(scene: Scene, values: Values) -> list[str]:
+    """Doubts about facts that the user stated and that samples of the field contradict: bounds, spread, exactness."""
+    nodes = [node for node in all_nodes(scene.node) if stated_by_user(node)][:STATED]
+    with bound(values.params, values.time):
+        found = [(node, sentence) for node in nodes for sentence in quick_contradictions(node)]
+    return [
+        f"{node.where}: {node.name}: {sentence}" if node.where else f"{node.name}: {sentence}"
+        for node, sentence in found
+    ]
 
 
 def not_finite(color: NDArray[Any]) -> str:

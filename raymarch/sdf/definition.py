@@ -95,10 +95,12 @@ class Definition:
                     f"{self.called} of {short(child)} ({type(child).__name__})", legal="a node such as sphere()"
                 )
             if child.dimension != self.child_dimension:
-                raise SceneError(
-                    f"{self.called} of a {child.dimension}D field ({child.name})",
-                    legal="fields of one dimension" if self.flat is not None else f"a {self.child_dimension}D field",
-                )
+                what = f"{self.called} of a {child.dimension}D field ({child.name})"
+                other = next((c for c in children if isinstance(c, Node) and c.dimension != child.dimension), None)
+                if other is not None and self.flat is not None:
+                    what += f" and a {other.dimension}D field ({other.name})"
+                    raise SceneError(what, legal="all 2D or all 3D")
+                raise SceneError(what, legal=f"a {self.child_dimension}D field")
         params = self._bind(args, kwargs)
         facts = self.derive(children, params)
         return Node(self, tuple(children), params, facts)
@@ -340,6 +342,11 @@ def _define_one(
     own = signature[skip:]
     domains = {q.name: domain_of(hints.get(q.name), q.default) for q in own}
     defaults = {q.name: q.default for q in own if q.default is not q.empty}
+    for fact, rule in declared.items():
+        if callable(rule):
+            _check_rule(
+                f"{source.__name__}: {fact}", rule, arity, fact in OF_ALL_CHILDREN, [q.name for q in own], where
+            )
     return Definition(
         name=source.__name__,
         called=declared.pop("called") or source.__name__,
@@ -368,6 +375,24 @@ def _hints(source: Callable[..., Any]) -> Mapping[str, Any]:
         return typing.get_type_hints(source, include_extras=True)
     except (NameError, TypeError):
         return {}
+
+
+OF_ALL_CHILDREN = ("exactness", "symmetry", "convex", "check")
+"""Facts whose functions receive each child's facts as an argument; the others receive one list of many children."""
+
+
+def _check_rule(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str], where: Location) -> None:
+    """SceneError if a function of facts cannot be called with the children and the parameters of its definition."""
+    children = {"none": 0, "one": 1, "many": 2 if of_all else 1}[arity]
+    try:
+        inspect.signature(rule).bind(*range(children), **dict.fromkeys(names))
+    except TypeError:
+        shown = {"none": [], "one": ["child"], "many": ["*children" if of_all else "children"]}[arity]
+        raise SceneError(
+            f"{what} takes {inspect.signature(rule)}", legal=f"it receives {', '.join([*shown, *names])}", where=where
+        ) from None
+    except ValueError:  # a function without a signature
+        return
 
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:
@@ -402,8 +427,10 @@ def shape(
     lipschitz : Lipschitz constant of the function; a number or a function of the parameters. A field with a constant
         above 1 is divided by it, so that marching is safe.
     symmetry : axes along which the field is mirror-symmetric about the origin, such as "xz".
-    spread : see `Facts`; of the function before it is divided by its Lipschitz constant. None if it is not known. That
-        is safe, but solids grown or blended from the shape then have no bounds. Not needed for exact shapes.
+    spread : how far the box grows with the field: a point with value m > 0 lies in the box grown by spread * m on each
+        side. The value is that of the function, before it is divided by its Lipschitz constant. An exact shape has
+        spread 1 and need not state it. None if it is not known. That is safe, but solids grown or blended from the
+        shape then have no bounds.
     convex : True if the solid is convex for all parameters, or a function of the parameters.
     check : function of the parameters that raises SceneError for combinations that are not legal.
     dimension : 3, or 2 for a shape to extrude or revolve.
@@ -458,8 +485,10 @@ def operator(
 
     Parameters
     ----------
-    bounds : function of the child's facts (`box`, `lower`, `upper`, `lipschitz`) and the parameters. It gives
-        either (lower, upper) or an expression of `child.box`, whose range is the new box.
+    bounds : function of the child's facts (`box`, `lower`, `upper`, `lipschitz`, `spread`) and the parameters. It
+        gives either (lower, upper) or an expression of `child.box`, whose range is the new box. `child.grown(h)` is
+        the box around all points where the child's field is at most h. Use it wherever the surface moves by a value of
+        the field: `child.lower - h` is correct only if the field is a distance.
     exactness : exactness of the result for an exact child; the result is never better than the child. May be a function
         of the child's facts and the parameters.
     lipschitz : Lipschitz constant of the result; None for that of the child.

@@ -123,7 +123,17 @@ class Domain:
         below = smallest <= self.low if self.open else smallest < self.low
         if np.any(below) or np.any(largest > self.high):
             shown = short(value) if given.is_constant else f"an expression between {low} and {high}"
-            raise SceneError(f"{node}: {name} = {shown}", legal=self.legal)
+            raise SceneError(f"{node}: {name} = {shown}", legal=f"{self.legal}{self._cure(given)}")
+
+    def _cure(self, given: Expr) -> str:
+        """How to state the range of a parameter that has none; empty if all have one."""
+        for spec in (leaf.data for leaf in find([given], "param")):
+            plain = given.op == "param"
+            missing = ["min"] if spec.min is None and (not plain or self.low > -np.inf) else []
+            missing += ["max"] if spec.max is None and (not plain or self.high < np.inf) else []
+            if missing:
+                return f"; Param '{spec.name}' needs {' and '.join(f'{side}=' for side in missing)}"
+        return ""
 
 
 Scalar: TypeAlias = float | Expr

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import raymarch as rm
 import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import Expr, loop
@@ -347,3 +348,25 @@ def test_redefining_keeps_the_nodes_made_before() -> None:
     both = (first | second).glsl()
     assert "float again(" in both
     assert "float again2(" in both
+
+
+@pytest.mark.parametrize("fact", ["bounds", "lipschitz", "spread", "convex", "exactness", "symmetry", "check"])
+def test_a_function_of_facts_with_other_parameters_is_refused_with_its_line(fact: str) -> None:
+    given: dict[str, Any] = {"exactness": "exact", "bounds": lambda radius: cube(radius), fact: lambda r: cube(r)}
+    with pytest.raises(SceneError, match=rf"test_own_nodes.py:\d+: ball: {fact} takes \(r\) \(it receives radius\)"):
+
+        @rm.shape(**given)
+        def ball(p: Any, radius: float = 1.0) -> Any:
+            return v.length(p) - radius
+
+
+def test_a_parameter_without_a_range_is_told_to_state_it() -> None:
+    with pytest.raises(SceneError, match=r"a number > 0; Param 'r' needs min=\)"):
+        rm.sphere(rm.Param("r", 1))
+    with pytest.raises(SceneError, match=r"Param 'r' needs min= and max=\)"):
+        rm.sphere(rm.Param("r", 1) * 2)
+
+
+def test_a_union_of_flat_and_solid_names_both() -> None:
+    with pytest.raises(SceneError, match=r"union of a 2D field \(circle\) and a 3D field \(box\) \(all 2D or all 3D\)"):
+        rm.union(rm.circle(), rm.box())

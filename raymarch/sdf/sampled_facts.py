@@ -1,0 +1,119 @@
+"""Samples of a field that contradict the facts of its node.
+
+A sample can refute a fact, it cannot prove one. The tests check the definitions of this package more thoroughly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError, is_users
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.node import Node
+
+SAMPLES = 2048
+"""Points in the box; as many lie in and around it, and as many close to its faces."""
+
+FEW = 0.001
+"""Fraction of the points at which an exact field may miss the surface: points on its edges and medial axes. No exact
+node of this package misses it at any point."""
+
+Points = NDArray[np.float64]
+
+
+STATED = ("raw_field",)
+"""Definitions of this package whose facts are arguments of the user's call."""
+
+
+def stated_by_user(node: Node) -> bool:
+    """True for a node with facts that the user wrote: its definition is not in this package, or takes them."""
+    return is_users(node.definition.where.file) or node.definition.name in STATED
+
+
+def contradictions(node: Node, samples: int = SAMPLES) -> Iterator[str]:
+    """A sentence for each fact (bounds, spread, exactness) that samples of the field refute.
+
+    The field is evaluated in float64, for the bound values of parameters and time (`raymarch.expr.arrays.bound`).
+    Positions are in the space of the node. A node without a float64 field gives no sentence.
+    """
+    facts = node.facts
+    if facts.empty:
+        return
+    points = _points(facts, node.dimension, samples)
+    try:
+        field = node.distance(points)
+    except SceneError:  # a GLSL node without a NumPy function
+        return
+    size = _size(facts)
+    yield from _outside(facts, points, field, size)
+    if facts.exactness == "exact":
+        yield from _inexact(node, points, field, size)
+
+
+@lru_cache(maxsize=256)
+def quick_contradictions(node: Node) -> tuple[str, ...]:
+    """`contradictions` on fewer points, remembered for each node: the values bound at the first call count."""
+    return tuple(contradictions(node, SAMPLES // 4))
+
+
+def _outside(facts: Facts, points: Points, field: Points, size: float) -> Iterator[str]:
+    """Solid points outside of the box, and fields that rise more slowly than the spread states."""
+    beyond = np.maximum(np.maximum(facts.lower - points, points - facts.upper), 0.0)
+    away = np.max(np.where(np.isfinite(beyond), beyond, 0.0), axis=-1)
+    solid = (away > 1e-6 * size) & (field < 0.0)
+    if np.any(solid):
+        k = int(np.argmax(np.where(solid, away, 0.0)))
+        yield f"the solid reaches {away[k]:.3g} outside its bounds, at {_shown(points[k])}"
+    elif np.isfinite(facts.spread):
+        excess = np.where(away > 0.0, away - facts.spread * np.maximum(field, 0.0), -np.inf)
+        k = int(np.argmax(excess))
+        if excess[k] > 1e-6 * size:
+            yield (
+                f"the field is {field[k]:.4g} at {_shown(points[k])}, {away[k]:.4g} outside the bounds: more than its "
+                f"spread, {facts.spread:.4g}, times the field"
+            )
+
+
+def _inexact(node: Node, points: Points, field: Points, size: float) -> Iterator[str]:
+    """A field is the distance if the point at that distance along the gradient is on the surface."""
+    gradient = node.gradient(points)
+    with np.errstate(all="ignore"):
+        left = np.abs(node.distance(points - field[..., None] * gradient))
+    wrong = np.nan_to_num(left, nan=np.inf) > 1e-5 * (size + np.abs(field))
+    if np.count_nonzero(wrong) > FEW * len(points):
+        k = int(np.argmax(np.where(wrong, left, -1.0)))
+        yield (
+            f"the field is {field[k]:.4g} at {_shown(points[k])}, but the surface is not at that distance along the "
+            f"gradient: not exact"
+        )
+
+
+def _size(facts: Facts) -> float:
+    edges = facts.size[np.isfinite(facts.size)]
+    return float(np.max(edges, initial=0.0)) or 2.0
+
+
+def _points(facts: Facts, dimension: int, samples: int) -> Points:
+    """Points in the box, points around it, and points close to its faces, where a solid leaves it first."""
+    random = np.random.default_rng(7)
+    size = _size(facts)
+    anchor = np.where(np.isfinite(facts.lower), facts.lower, np.where(np.isfinite(facts.upper), facts.upper, 0.0))
+    lower = np.where(np.isfinite(facts.lower), facts.lower, np.minimum(anchor, 0.0) - size)
+    upper = np.where(np.isfinite(facts.upper), facts.upper, np.maximum(anchor, 0.0) + size)
+    inside = random.uniform(lower, upper, (samples, dimension))
+    around = random.uniform(lower - 0.5 * size, upper + 0.5 * size, (samples, dimension))
+    near = random.uniform(lower, upper, (samples, dimension))
+    axis = random.integers(0, dimension, samples)
+    side = random.integers(0, 2, samples).astype(bool)
+    row = np.arange(samples)
+    gap = size * 10.0 ** random.uniform(-3.0, -0.5, samples)
+    near[row, axis] = np.where(side, upper[axis] + gap, lower[axis] - gap)
+    return np.concatenate([inside, around, near])
+
+
+def _shown(point: Points) -> str:
+    return "({})".format(", ".join(f"{v:.4g}" for v in point))
