@@ -7,6 +7,7 @@ python docs/build.py torus      # the text, the sheet of all pictures, and the p
 
 from __future__ import annotations
 
+import inspect
 import runpy
 import sys
 from collections.abc import Callable, Collection
@@ -130,6 +131,26 @@ def draw(node: Node, renderer: rm.Renderer) -> Image.Image:
     return renderer.render(rm.Scene(shown, lights=lights, sky=SKY)).image()
 
 
+PUBLIC = {"sampled_outline": ("image", "text"), "sampled_grid": ("grid", "mesh"), "raw_field": ("glsl_node",)}
+"""The public functions that make a node, where no function has the name by which the definition is called."""
+
+
+def calls(definition: Definition) -> list[str]:
+    """How a user calls a definition: the signatures of public functions, or of a method of nodes."""
+    if definition.name in PUBLIC:
+        return [_call(f"rm.{name}", getattr(rm, name)) for name in PUBLIC[definition.name]]
+    if not hasattr(rm, definition.called):
+        return [_call(f".{definition.called}", getattr(Node, definition.called), skip=1)]
+    return [_call(f"rm.{definition.called}", getattr(rm, definition.called))]
+
+
+def _call(name: str, function: Callable[..., object], skip: int = 0) -> str:
+    """The signature of a function without annotations, and without its first parameters."""
+    signature = inspect.signature(function)
+    shown = [p.replace(annotation=p.empty) for p in list(signature.parameters.values())[skip:]]
+    return f"{name}{signature.replace(parameters=shown, return_annotation=signature.empty)}"
+
+
 def row(definition: Definition) -> str:
     """One row of the table."""
     node = specimen(definition)
@@ -142,7 +163,8 @@ def row(definition: Definition) -> str:
     else:
         facts = "— | — | —"
     picture = f"![{definition.name}](pictures/nodes/{definition.name}.png)" if node is not None else ""
-    return f"| {picture} | `{definition.usage}` | {first} | {facts} |"
+    call = ", ".join(f"`{text}`" for text in calls(definition))
+    return f"| {picture} | {call} | {first} | {facts} |"
 
 
 def page() -> str:
@@ -150,11 +172,14 @@ def page() -> str:
     text = [
         "# All nodes",
         "",
-        "After this page you can choose a shape or an operator by its picture, call and facts. `help(raymarch.NAME)`",
-        "documents one. To find one by its name in other tools, see [names](names.md).",
+        "After this page you can choose a shape or an operator by its picture, call and facts. `help(rm.NAME)`",
+        "documents one. To find one by its name in other tools, see [names](names.md). A call that starts with a",
+        "point is a method of any node: `rm.box().twist(rate=1.0)`.",
         "",
-        "The facts are those of the specimen in the picture: its exactness, the divisor that makes its field",
-        "1-Lipschitz, and the extents of its bounding box. `python docs/build.py` generates this page from the code.",
+        "The facts are those of the node in the picture: its exactness, its divisor, and the extents of its bounding",
+        "box, with ∞ where it is unbounded. A field that is steeper than 1 is divided by its Lipschitz constant, the",
+        "divisor. [Facts](how-it-is-built.md#facts) defines them. `python docs/build.py` generates this page from",
+        "the code.",
         "",
         "![all nodes](pictures/nodes.png)",
     ]

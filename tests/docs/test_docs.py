@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
+import inspect
 import json
 import os
 import re
@@ -15,6 +17,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import raymarch as rm
 from raymarch import glsl
 from raymarch.cli.commands import app, main
 from raymarch.expr import arrays, derivative, intervals
@@ -105,6 +108,29 @@ def test_the_page_of_all_nodes_is_that_of_the_code():
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, check=True)
     assert done.stdout.decode() == (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
+
+
+ROWS = [line for line in (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8").splitlines() if line[:4] == "| !["]
+CALLS = [call for line in ROWS for call in re.findall(r"`((?:rm)?\.\w+\([^`]*\))`", line.split(" | ")[1])]
+
+
+def test_every_node_has_a_call():
+    assert len(CALLS) >= len(ROWS) > 100
+    assert "rm.sphere(radius=1.0)" in CALLS
+    assert ".rotate(angle, axis=None)" in CALLS
+
+
+@pytest.mark.parametrize("text", sorted(set(CALLS)))
+def test_the_printed_calls_of_nodes_bind_to_the_public_functions(text):
+    call = ast.parse(text.removeprefix(".").replace(", *,", ","), mode="eval").body
+    method = text.startswith(".")
+    name = call.func.id if method else call.func.attr
+    function = getattr(rm.Node if method else rm, name)
+    arguments = ["node"] * method + ["given"] * len(call.args)
+    keywords = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords}
+    bound = inspect.signature(function).bind(*arguments, **keywords)
+    optional = [q for q in inspect.signature(function).parameters.values() if q.default is not q.empty]
+    assert {q.name for q in optional} <= set(bound.arguments), "each default is printed"
 
 
 PROOFS = runpy.run_path(str(ROOT / "docs" / "proofs.py"))
