@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.errors import SceneError
 from raymarch.scene.light import Light, PointLight, SpotLight, Sun
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
@@ -39,13 +40,23 @@ def traits_of(light: Light) -> set[str]:
         found.add("attenuated" if own else "point")
         if light.range is not None:
             found.add("fade" if own else "window")
-    else:
+    elif isinstance(light, Sun):
         found.add("sun")
+    else:
+        raise no_code(light, "raymarch/plan/lights.py")
     if isinstance(light, SpotLight):
         found.add("spot")
     if light.shadow:
         found.add(light.penumbra if light.soft else "hard")
     return found
+
+
+def no_code(light: Light, file: str) -> SceneError:
+    """The error for a kind of light that a file has no code for."""
+    name = type(light).__name__
+    return SceneError(
+        f"{name} has no code in {file}", legal="see docs/extending.md, a kind of light", where=light.where
+    )
 
 
 def columns(has: frozenset[str]) -> list[str]:

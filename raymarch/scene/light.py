@@ -256,6 +256,10 @@ class SphereLight(PointLight):
         self._set(radius=given)
 
 
+KINDS = (Sun, PointLight, SpotLight, SphereLight)
+"""The kinds of lights that the shader and the reference have code for; docs/extending.md lists where."""
+
+
 def hard(light: Light) -> Light:
     """The same light with hard shadows. A SphereLight becomes a PointLight at its centre."""
     if isinstance(light, SphereLight):

@@ -13,7 +13,7 @@ from raymarch.expr.convert import integer, optional, short
 from raymarch.expr.node import Expr
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose
-from raymarch.scene.light import Light, Sun
+from raymarch.scene.light import KINDS, Light, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Spec, Values, specs_in
 from raymarch.scene.quality import Quality
@@ -93,15 +93,20 @@ class Scene(Value):
         solid = _instance("node", node, Node, "a node such as sphere()")
         if solid.dimension != 3:
             raise SceneError(f"Scene: {solid.name} is flat", legal="a solid; extrude or revolve it first")
-        kinds = "Sun(...) or PointLight(...), SpotLight(...), SphereLight(...)"
+        *names, last = (f"{kind.__name__}(...)" for kind in KINDS)
+        kinds = f"{', '.join(names)} or {last}"
         several: Any = [Sun()] if lights is None else lights
         if not isinstance(several, Iterable) or isinstance(several, Expr | np.generic | np.ndarray):
             one = f"{type(several).__name__}(...)" if isinstance(several, Light) else short(several)
             raise SceneError(f"Scene: lights = {one}", legal="a list of them, such as [Sun()]")
         given = tuple(_instance("lights", light, Light, kinds) for light in several)
-        for light in given:
-            if type(light) is Light:
-                raise SceneError("Scene: lights = Light(...)", legal=kinds)
+        for i, light in enumerate(given):
+            if type(light) not in KINDS:
+                raise SceneError(
+                    f"Scene: lights[{i}] is a {type(light).__name__}, a kind that raymarch cannot render",
+                    legal=f"{kinds}; a kind of your own needs code in the package, see docs/extending.md",
+                    where=light.where,
+                )
         for part in all_nodes(solid):
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)

@@ -69,8 +69,9 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
     radiance = value("radiance", light.radiance)
     if isinstance(light, Sun):
         add(f"{declared}light = sun_light({value('direction', light.direction)}, {radiance});", "Light", "sun_light")
+    elif not isinstance(light, PointLight):
+        raise lights.no_code(light, "raymarch/shader/lights.py")
     else:
-        assert isinstance(light, PointLight)
         place = f"surface.p, {value('position', light.position)}, {radiance}"
         if light.attenuation is None:
             add(f"{declared}light = point_light({place});", "Light", "point_light")

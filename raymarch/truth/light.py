@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
+from raymarch.errors import SceneError
 from raymarch.scene.light import Light, PointLight, SpotLight, Sun
 from raymarch.scene.parameter import Values
 from raymarch.sdf.facts import Facts
@@ -39,7 +40,8 @@ def incoming(light: Light, values: Values, points: Array, far: float) -> Incomin
     if isinstance(light, Sun):
         direction = np.broadcast_to(values.of(light.direction), points.shape)
         return Incoming(direction, np.full(len(points), 2.0 * far), np.broadcast_to(radiance, points.shape))
-    assert isinstance(light, PointLight)
+    if not isinstance(light, PointLight):
+        raise SceneError(f"{type(light).__name__} has no code in raymarch/truth/light.py", where=light.where)
     offset = values.of(light.position) - points
     distance = np.linalg.norm(offset, axis=1)
     direction = unit(offset)

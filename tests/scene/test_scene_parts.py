@@ -10,7 +10,11 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import Location, PlanError, SceneError
+from raymarch.plan import plan
+from raymarch.scene.light import KINDS, Light, hard
 from raymarch.scene.parameter import Values, set_values
+from raymarch.shader import assemble
+from raymarch.window.edits import editable_lights
 from tests.support.refusals import refused
 
 NAN, INF = math.nan, math.inf
@@ -65,8 +69,8 @@ BAD = [
     (lambda: rm.Scene(rm.sphere(), camera=(0, 0, 5)), "Scene: camera = (0, 0, 5)", "Camera(...)"),  # type: ignore[arg-type]
     (lambda: rm.Scene(rm.sphere(), lights=rm.Sun()), "Scene: lights = Sun(...)", "a list of"),  # type: ignore[arg-type]
     (lambda: rm.Scene(rm.sphere(), lights=7), "Scene: lights = 7", "a list of"),  # type: ignore[arg-type]
-    (lambda: rm.Scene(rm.sphere(), lights=[rm.Sun(), 7]), "lights = 7 (int)", "Sun(...) or"),  # type: ignore[list-item]
-    (lambda: rm.Scene(rm.sphere(), lights="sun"), "lights = 's' (str)", "Sun(...) or"),  # type: ignore[arg-type]
+    (lambda: rm.Scene(rm.sphere(), lights=[rm.Sun(), 7]), "lights = 7 (int)", "Sun(...), PointLight(...)"),  # type: ignore[list-item]
+    (lambda: rm.Scene(rm.sphere(), lights="sun"), "lights = 's' (str)", "Sun(...), PointLight(...)"),  # type: ignore[arg-type]
     (lambda: rm.Scene(rm.sphere(), sky="blue"), "Sky: color = 'blue'", "3 finite numbers"),
     (lambda: rm.Scene(rm.sphere(), sky=(0, 0, NAN)), "Sky: color = (0, 0, nan)", "3 finite numbers"),
     (lambda: rm.Scene(rm.sphere(), fog=0.1), "Scene: fog = 0.1 (float)", "Fog(...)"),  # type: ignore[arg-type]
@@ -100,6 +104,37 @@ def test_a_scene_fills_in_what_is_not_given() -> None:
 
 def test_no_light_is_no_light() -> None:
     assert rm.Scene(rm.sphere(), lights=[]).lights == ()
+
+
+def unknown_lights() -> list[Light]:
+    """Kinds of lights that the package has no code for: with a position, and without."""
+
+    class Strip(rm.PointLight):
+        pass
+
+    class Dome(Light):
+        def __init__(self) -> None:
+            Light.__init__(self, (1, 1, 1), 1.0, False, 0.0, "two-sided")
+
+    return [Strip((0, 1, 0)), Dome()]
+
+
+@pytest.mark.parametrize("count", [1, 9])
+@pytest.mark.parametrize("light", unknown_lights(), ids=["Strip", "Dome"])
+def test_an_unknown_kind_of_light_is_refused(light: Light, count: int) -> None:
+    with pytest.raises(SceneError, match=rf"lights\[{count - 1}\] is a {type(light).__name__}, .*or SphereLight"):
+        rm.Scene(rm.sphere(), lights=[*[rm.Sun()] * (count - 1), light])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_of_light_is_in_every_table(kind: type[Light]) -> None:
+    light = kind() if kind is rm.Sun else kind((0, 3, 0))  # type: ignore[call-arg, arg-type]
+    scene = rm.Scene(rm.sphere(), lights=[light])
+    assert [edit.kind for edit in editable_lights(scene)] == [kind.__name__]
+    assert hard(light).softness.data == 0.0
+    for count in (1, 9):
+        assert "light" in assemble(plan(scene.replace(lights=[light] * count))).text()
+    assert np.all(np.isfinite(rm.truth(scene, size=(4, 4)).color))
 
 
 def test_any_sequence_of_lights_keeps_its_order() -> None:

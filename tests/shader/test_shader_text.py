@@ -102,7 +102,7 @@ def test_what_other_scenes_use_changes_nothing() -> None:
         return rm.sphere(1).definition.template(0, {}).inline(p, radius)
 
     crowd = rm.union(*[ball(0.1 * i).translate((i, rm.time, 0)) for i in range(1, 40)], k=0.1)
-    text(rm.Scene(crowd, lights=[Spot((0, 1, 0), shadow=True)], fog=rm.Fog()), ("color", "geometry"))
+    text(rm.Scene(crowd, lights=[rm.SpotLight((0, 1, 0), shadow=True)], fog=rm.Fog()), ("color", "geometry"))
     assert unchanged() == before
 
 
@@ -148,7 +148,8 @@ class Spot(rm.PointLight):
 def sphere_field(p):
     return p.x * 0.5
 
-assemble(plan(rm.Scene(sphere_field() | rm.box(), lights=[Spot((0, 1, 0), shadow=True)], fog=rm.Fog())))
+Spot((0, 1, 0), shadow=True)
+assemble(plan(rm.Scene(sphere_field() | rm.box(), lights=[rm.SpotLight((0, 1, 0), shadow=True)], fog=rm.Fog())))
 """
 
 
