@@ -59,15 +59,32 @@ def load(name: str) -> Any:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line and exit. Typer reports wrong usage, also with code 2."""
+    """Run the command line and exit. Wrong usage is one line, with code 2."""
     with piped():
         try:
-            app(args=args, prog_name="raymarch")
+            code = app(args=args, prog_name="raymarch", standalone_mode=False)
         except RaymarchError as fault:
             errors.print(f"raymarch: {fault}", markup=False)
             sys.exit(2)
         except KeyboardInterrupt:
             sys.exit(startup.INTERRUPTED)
+        except Exception as fault:
+            if not hasattr(fault, "format_message"):  # the exceptions of wrong usage have it; typer moves their classes
+                raise
+            _show_usage(fault)
+            sys.exit(2)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _show_usage(fault: Any) -> None:
+    """Print wrong usage as one line; the help, if a command was called without arguments."""
+    context = getattr(fault, "ctx", None)
+    command = context.command_path if context is not None else "raymarch"
+    if not str(fault.format_message()).strip() or type(fault).__name__.startswith("NoArgs"):
+        fault.show()
+        return
+    text = " ".join(str(fault.format_message()).split()).removesuffix(".")
+    errors.print(f"raymarch: {text} ({command} --help)", markup=False)
 
 
 def _version(asked: bool) -> None:

@@ -21,6 +21,9 @@ from raymarch.errors import RaymarchError
 # Without emoji=False rich turns the line number in "scene.py:100:" into an emoji.
 errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
+SIZE = "640x360"
+"""Default size of a picture, of `render` and `explain`."""
+
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.py", help="Python file that defines a module-level `scene`.")]
 
 

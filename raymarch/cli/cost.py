@@ -67,7 +67,9 @@ def run(
     ] = None,
     effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
-    device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
+    device: Annotated[
+        int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
+    ] = None,
 ) -> None:
     _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html})
     if by not in METRICS:

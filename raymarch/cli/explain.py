@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from raymarch.cli.common import CommandError, Output, SceneFile
+from raymarch.cli.common import SIZE, CommandError, Output, SceneFile, parse_size
 from raymarch.plan import explain, plan
 from raymarch.scene.file import load
 from raymarch.shader import assemble
@@ -16,12 +16,16 @@ from raymarch.shader import assemble
 
 def run(
     scene: SceneFile,
+    size: Annotated[
+        str, typer.Option(metavar="WxH", help="Width and height of the picture, which the plan depends on.")
+    ] = SIZE,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     glsl: Annotated[bool, typer.Option("--glsl", help="Print the GLSL of the fragment shader.")] = False,
 ) -> None:
+    pixels = parse_size(size)
     if json and glsl:
         raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
-    made = plan(load(scene))
+    made = plan(load(scene), size=pixels)
     shader = assemble(made)
     if glsl:
         sys.stdout.write(shader.text())

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from raymarch.cli.choice import choose_quality
-from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size, written
+from raymarch.cli.common import SIZE, CommandError, SceneFile, errors, parse_settings, parse_size, written
 from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.errors import RenderError, RenderWarning
 from raymarch.gpu.renderer import Renderer
@@ -35,10 +35,13 @@ FORMATS = {
 def run(
     scene: SceneFile,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Picture to write; the suffix selects the format. [SCENE.png]")
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Picture to write; the suffix selects the format.", show_default="SCENE.png"
+        ),
     ] = None,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "640x360",
-    time: Annotated[float | None, typer.Option(help="Value of `time` in seconds. [0]")] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = SIZE,
+    time: Annotated[float | None, typer.Option(help="Value of `time` in seconds.", show_default="0")] = None,
     frames: Annotated[
         str | None,
         typer.Option(metavar="A:B", help="Render frames A to B-1; the output name needs a field such as {:04d}."),
@@ -49,7 +52,10 @@ def run(
     ] = None,
     view: Annotated[str, typer.Option(help=f"What to show: {', '.join(CHOICES)}.")] = "final",
     slice_: Annotated[
-        str | None, typer.Option("--slice", metavar="y=0", help="Plane of --view slice. [axis plane facing the camera]")
+        str | None,
+        typer.Option(
+            "--slice", metavar="y=0", help="Plane of --view slice.", show_default="axis plane facing the camera"
+        ),
     ] = None,
     quality: Annotated[
         str | None, typer.Option(metavar="NAME", help=f"Quality preset for marching: {', '.join(PRESETS)}.")
@@ -68,7 +74,9 @@ def run(
         typer.Option("--strict", help="If a picture may be wrong, write no file and exit with code 2 and the reason."),
     ] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
-    device: Annotated[int | None, typer.Option(help="Index of the EGL device; no other backend is tried. [0]")] = None,
+    device: Annotated[
+        int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
+    ] = None,
 ) -> None:
     cut = check_view(view, slice_)
     width, height = parse_size(size)

@@ -80,11 +80,11 @@ class Found:
         )
 
 
-def parse_error(text: str) -> tuple[str, float]:
-    """ "0.5px" -> ("pixels_p99", 0.5); "flip:0.05" -> ("flip_p99", 0.05). CostError for anything else."""
+def parse_error(text: str | float) -> tuple[str, float]:
+    """ "0.5px" or 0.5 -> ("pixels_p99", 0.5); "flip:0.05" -> ("flip_p99", 0.05). CostError for anything else."""
     number = r"(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+(?:e[-+]?\d+)?)"
     match = re.fullmatch(
-        rf"\s*(?:{number}\s*px|flip\s*:\s*{number})\s*", text if isinstance(text, str) else short(text)
+        rf"\s*(?:{number}\s*(?:px)?|flip\s*:\s*{number})\s*", text if isinstance(text, str) else short(text)
     )
     value = float(match[1] or match[2]) if match else 0.0
     if match is None or value <= 0 or (match[2] and value > 1):

@@ -9,6 +9,9 @@ import numpy as np
 from raymarch.plan.plan import Plan
 from raymarch.plan.presets import meanings
 
+WIDTH = 30
+"""Width of the column of names; the longest is that of a module."""
+
 
 def as_dict(plan: Plan) -> dict[str, Any]:
     """The plan as plain data for JSON. Infinite values are None."""
@@ -58,7 +61,7 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
         console.print(f"\n[bold]{text}[/bold]")
 
     def row(name: str, text: str) -> None:
-        console.print(f"  {name:<20}{text}", markup=False)
+        console.print(f"  {name:<{WIDTH}}  {text}", markup=False)
 
     heading("Field")
     lower, upper = (", ".join(f"{v:.4g}" for v in corner) for corner in node.bounds)
@@ -73,7 +76,7 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
     heading(f"Modules ({shader_bytes} bytes of shader)")
     for name, reason in plan.modules:
         row(name, reason)
-    for used, title in ((True, "Called for"), (False, "Left out")):
+    for used, title in ((True, "Used"), (False, "Left out")):
         heading(title)
         for feature in plan.features:
             if feature.used == used:

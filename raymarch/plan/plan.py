@@ -254,7 +254,12 @@ def _describe_effects(made: Plan) -> None:
     )
     animated = bool(find(scene.expressions(), "time"))
     feature("time", animated, "the scene reads time", "nothing reads time")
-    feature("parameters", bool(made.parameters), f"{len(made.parameters)} uniforms", "no Param is used")
+    feature(
+        "parameters",
+        bool(made.parameters),
+        f"{len(made.parameters)} uniform{'s' * (len(made.parameters) != 1)}",
+        "no Param is used",
+    )
     geometry = any(p.name == "geometry" for p in made.passes)
     feature("geometry pass", geometry, "arrays besides colour were requested", "only the picture was requested")
     moved = bool(np.any(made.origin))

@@ -305,7 +305,7 @@ def test_explain_is_strict_json(folder: Path, scene: str, capsys: Any) -> None:
 
 def test_explain_shows_the_text_that_is_drawn(folder: Path, capsys: Any) -> None:
     assert run("explain", "hello.py", "--glsl") == 0
-    assert capsys.readouterr().out == assemble(plan(load(folder / "hello.py"))).text()
+    assert capsys.readouterr().out == assemble(plan(load(folder / "hello.py"), size=(640, 360))).text()
 
 
 def test_explain_needs_no_driver(folder: Path) -> None:

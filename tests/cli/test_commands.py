@@ -141,7 +141,9 @@ def test_explain_says_what_is_used_and_what_is_not(folder, capsys):
     assert run("explain", "hello.py") == 0
     text = capsys.readouterr().out
     assert "sun light" in text.partition("Left out")[0]
-    assert "hard shadows        no light has shadow=True" in text.partition("Left out")[2]
+    assert re.search(r"^  hard shadows +no light has shadow=True$", text.partition("Left out")[2], re.MULTILINE)
+    names = [line[2:].split("  ")[0] for line in text.splitlines() if line.startswith("  ")]
+    assert "light/light" in names and "view/camera" in names, "two spaces part a name and its text"
     assert "radius" in text
     assert run("explain", "hello.py", "--glsl") == 0
     glsl = capsys.readouterr().out
@@ -266,10 +268,35 @@ def test_a_bad_call_says_what_is_wrong(folder, capsys, name):
     assert files(folder) == {"hello.py"}
 
 
-@pytest.mark.parametrize("call", ["nosuch", "render", "render hello.py --nosuch", "render hello.py --time x"])
-def test_wrong_usage_is_code_2(folder, capsys, call):
+WRONG_USAGE = {
+    "nosuch": "No such command 'nosuch' (raymarch --help)",
+    "render": "Missing argument 'SCENE.py' (raymarch render --help)",
+    "render hello.py --nosuch": "No such option: --nosuch (raymarch render --help)",
+    "render hello.py --time x": "Invalid value for '--time': ",
+    "cost hello.py --repeats 0": "Invalid value for '--repeats': ",
+}
+
+
+@pytest.mark.parametrize("call", WRONG_USAGE)
+def test_wrong_usage_is_one_line_and_code_2(folder, capsys, call):
     assert run(*call.split()) == 2
-    assert "Error" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert out == ""
+    (line,) = err.strip().splitlines()
+    assert line.startswith(f"raymarch: {WRONG_USAGE[call]}")
+
+
+def test_explain_plans_for_the_size_of_the_picture(folder, capsys):
+    """By default that of `render`."""
+    found = {}
+    for size in ("640x360", "16x9", None):
+        assert run("explain", "hello.py", "--json", *(["--size", size] if size else [])) == 0
+        found[size] = capsys.readouterr().out
+    assert found[None] == found["640x360"]
+    assert "operations for one evaluation per pixel" in found["16x9"]
+    assert "size of the picture is not known" not in found[None]
+    assert run("explain", "hello.py", "--size", "5") == 2
+    assert "--size 5" in capsys.readouterr().err
 
 
 def test_without_the_package_of_exr_nothing_is_drawn_and_the_file_is_named(folder, capsys, monkeypatch):

@@ -264,7 +264,7 @@ def test_explain_in_words_says_all_that_the_data_says() -> None:
         assert any(line.startswith(name) and reason in line for line in lines), name
     for feature in made.features:
         assert any(line.startswith(feature.name) and feature.reason in line for line in lines), feature.name
-    called, left_out = said.index("Called for"), said.index("Left out")
+    called, left_out = said.index("\nUsed\n"), said.index("Left out")
     assert called < said.index("hard shadows") < left_out < said.index("point lights")
     assert "4321" in said and "inf" in said and "a number >= 0.5 and <= 2" in said
     for warning in made.warnings:
