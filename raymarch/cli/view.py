@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer
 from typing import Annotated
 
 import typer
 
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size
+
+SLOW = 2.0
+"""Seconds after which the start is reported: a scene file may take long, or never end."""
+
+
+@contextmanager
+def _said_if_slow(text: str) -> Iterator[None]:
+    """Print a line on the error stream if the block takes longer than `SLOW`."""
+    timer = Timer(SLOW, lambda: errors.print(f"raymarch: {text}", markup=False))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def run(
@@ -39,7 +57,8 @@ def run(
         raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
 
-    viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples, panel)
+    with _said_if_slow(f"loading {scene} (Ctrl+C to stop)"):
+        viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples, panel)
     code = viewer.run(demo_seconds)
     if code == 2 and viewer.fault is not None:  # the message in the window is gone
         errors.print(f"raymarch: {viewer.fault.text()}", markup=False)

@@ -14,6 +14,7 @@ from typing import Any, NoReturn, Self, TypeVar, dataclass_transform
 import numpy as np
 
 from raymarch.errors import Location, RaymarchError, SceneError, user_location
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
 from raymarch.expr.node import Expr
 
@@ -106,6 +107,7 @@ def value(cls: type[T]) -> type[T]:
             fields[name].name = name
     for name, field in fields.items():
         field.init = name in names
+    made.__init__ = checked(made.__init__, made.__name__)  # type: ignore[method-assign]
     made.__dataclass_fields__ = fields  # type: ignore[attr-defined]
     return made
 

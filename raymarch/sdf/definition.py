@@ -18,6 +18,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, cast
 import numpy as np
 
 from raymarch.errors import Location, SceneError
+from raymarch.expr.calls import meant
 from raymarch.expr.convert import short
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
@@ -108,11 +109,13 @@ class Definition:
     def _bind(self, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> dict[str, Any]:
         names = list(self.domains)
         if len(args) > len(names):
-            raise SceneError(f"{self.called} takes {len(names)} parameters, {len(args)} were given", legal=self.usage)
+            most = f"{len(names)} parameter{'s' * (len(names) != 1)}"
+            raise SceneError(f"{self.called} takes {most}, {len(args)} were given", legal=self.usage)
         given = dict(zip(names, args, strict=False))
         for name, value in kwargs.items():
             if name not in self.domains:
-                raise SceneError(f"{self.called} has no parameter '{name}'", legal=self.usage)
+                legal = f"{meant(name, self.domains)}{self.usage}"
+                raise SceneError(f"{self.called} has no parameter '{name}'", legal=legal)
             if name in given:
                 raise SceneError(f"{self.called} was given '{name}' twice", legal=self.usage)
             given[name] = value

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import Location, SceneError, user_location
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import numbers, short
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.pickling import Same, pickled, remake, same
@@ -300,3 +301,8 @@ class Node:
     def material(self, material: object) -> Node:
         """Assign a material. Parts that have their own material keep it."""
         return self._call("material", material)
+
+
+for _name, _method in list(vars(Node).items()):
+    if callable(_method) and not _name.startswith("_"):
+        setattr(Node, _name, checked(_method, _name))

@@ -7,8 +7,10 @@ import os
 import re
 import subprocess
 import sys
+import time as clock
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -383,3 +385,15 @@ def test_samples_take_the_jags_from_edges(folder):
             colours.append(len(np.unique(np.asarray(picture).reshape(-1, 3), axis=0)))
     assert colours[1] > colours[0], "there are colours between"
     assert run("render", "hello.py", "--samples", "0") == 2
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.0, False), (0.5, True)])
+def test_a_slow_start_of_the_window_is_reported(folder, capsys, monkeypatch, seconds, said):
+    def opens(*_: object) -> SimpleNamespace:
+        clock.sleep(seconds)
+        return SimpleNamespace(run=lambda _: 0)
+
+    monkeypatch.setattr("raymarch.cli.view.SLOW", 0.2)
+    monkeypatch.setattr("raymarch.window.viewer.Viewer", opens)
+    assert run("view", "hello.py") == 0
+    assert ("raymarch: loading hello.py (Ctrl+C to stop)" in capsys.readouterr().err) == said

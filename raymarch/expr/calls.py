@@ -1,0 +1,73 @@
+"""Calls with wrong arguments: one message with the legal names, in place of Python's TypeError."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any, TypeVar
+
+from raymarch.errors import SceneError
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def meant(name: str, names: Iterable[str]) -> str:
+    """ "did you mean 'lights'? " for a name that is close to a known one, or an empty string."""
+    close = get_close_matches(name, list(names), 1)
+    return f"did you mean '{close[0]}'? " if close else ""
+
+
+def checked(function: F, what: str) -> F:
+    """A method whose calls with wrong arguments raise SceneError with the user's line. Other calls cost nothing.
+
+    what : the name for messages: that of the method, or of the class for a constructor.
+    """
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        try:
+            return function(*args, **kwargs)
+        except TypeError:
+            fault = _fault(signature, what, args, kwargs)
+            if fault is None:
+                raise
+        raise fault
+
+    return call  # type: ignore[return-value]
+
+
+def _fault(
+    signature: inspect.Signature, what: str, args: Sequence[Any], kwargs: Mapping[str, Any]
+) -> SceneError | None:
+    """The error for arguments that do not fit a method; None if they fit, so that the TypeError has another cause."""
+    try:
+        signature.bind(*args, **kwargs)
+    except TypeError:
+        pass
+    else:
+        return None
+    own = list(signature.parameters.values())[1:]
+    names = [q.name for q in own]
+    legal = ", ".join(names) or "no arguments"
+    for name in kwargs:
+        if name not in names:
+            return SceneError(f"{what} has no parameter '{name}'", legal=f"{meant(name, names)}legal: {legal}")
+    given = args[1:]
+    if len(given) > len(own):
+        if _takes_vector(own) and len(given) in (2, 3) and all(isinstance(v, int | float) for v in given):
+            shown = ", ".join(map(repr, given))
+            return SceneError(f"{what} takes one vector (x, y, z)", legal=f"{what}(({shown}))")
+        most = f"{len(own)} argument{'s' * (len(own) != 1)}"
+        return SceneError(f"{what} takes up to {most}, {len(given)} were given", legal=legal)
+    for name in names[: len(given)]:
+        if name in kwargs:
+            return SceneError(f"{what} was given '{name}' twice", legal=legal)
+    missing = [q.name for q in own[len(given) :] if q.default is q.empty and q.name not in kwargs]
+    return SceneError(f"{what} needs '{missing[0]}'", legal=legal) if missing else None
+
+
+def _takes_vector(parameters: Sequence[inspect.Parameter]) -> bool:
+    return len(parameters) > 0 and "Vec" in str(parameters[0].annotation)

@@ -1,0 +1,66 @@
+"""A call with wrong arguments is one SceneError, with the legal names and the user's line."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+
+import pytest
+
+import raymarch as rm
+from raymarch.expr.calls import checked
+
+WRONG = {
+    "a name that is nearly right": (
+        lambda: rm.Scene(rm.sphere(), light=[rm.Sun()]),  # type: ignore[call-arg]
+        r"Scene has no parameter 'light' \(did you mean 'lights'\? legal: node, camera, lights,",
+    ),
+    "a name that is not": (
+        lambda: rm.Quality(trust=True),  # type: ignore[call-arg]
+        r"Quality has no parameter 'trust' \(legal: tracer, max_steps,",
+    ),
+    "a name of a node": (
+        lambda: rm.sphere(radus=1),  # type: ignore[call-arg]
+        r"sphere has no parameter 'radus' \(did you mean 'radius'\? sphere\(radius=1.0\)\)",
+    ),
+    "numbers in place of a vector": (
+        lambda: rm.sphere().translate(1, 0, 0),  # type: ignore[call-arg]
+        r"translate takes one vector \(x, y, z\) \(translate\(\(1, 0, 0\)\)\)",
+    ),
+    "too many": (
+        lambda: rm.box().twist(1, 2),  # type: ignore[call-arg]
+        r"twist takes up to 1 argument, 2 were given \(rate\)",
+    ),
+    "too few": (
+        lambda: rm.PointLight(),  # type: ignore[call-arg]
+        r"PointLight needs 'position' \(position, color,",
+    ),
+    "twice": (
+        lambda: rm.Camera((0, 0, 1), position=(1, 2, 3)),  # type: ignore[misc]
+        r"Camera was given 'position' twice",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_call_names_the_legal_arguments_and_the_line(name: str) -> None:
+    call, words = WRONG[name]
+    with pytest.raises(rm.SceneError, match=words) as fault:
+        call()
+    assert fault.value.where is not None
+    assert (fault.value.where.file, fault.value.where.line) == (__file__, call.__code__.co_firstlineno)
+
+
+def test_a_type_error_with_another_cause_stays() -> None:
+    class Own:
+        def run(self, number: int) -> int:
+            return number + "a"  # type: ignore[operator]
+
+    run: Callable[..., int] = checked(Own.run, "run")
+    with pytest.raises(TypeError, match="unsupported operand"):
+        run(Own(), 1)
+
+
+def test_signatures_stay() -> None:
+    assert list(inspect.signature(rm.Node.translate).parameters) == ["self", "offset"]
+    assert list(inspect.signature(rm.Camera).parameters) == ["position", "target", "up", "fov"]
