@@ -1,4 +1,4 @@
-"""Build the pages generated from the code: docs/nodes.md, docs/proofs.md and the pictures of all nodes.
+"""Build the pages generated from the code: docs/nodes.md, parts.md, proofs.md and the pictures of all nodes.
 
 python docs/build.py            # everything
 python docs/build.py --text     # the text only, without rendering
@@ -8,6 +8,7 @@ python docs/build.py torus      # the text, the sheet of all pictures, and the p
 from __future__ import annotations
 
 import inspect
+import re
 import runpy
 import sys
 from collections.abc import Callable, Collection
@@ -21,6 +22,7 @@ import raymarch.sdf
 from raymarch.errors import RaymarchError
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import sin, vec3
+from raymarch.scene.light import Light
 from raymarch.sdf.definition import REGISTRY, Definition
 from raymarch.sdf.node import Node
 
@@ -196,6 +198,62 @@ def page() -> str:
     return "\n".join(text) + "\n"
 
 
+PARTS = {
+    "Camera and quality": (rm.Camera, rm.Quality),
+    "Scene": (rm.Scene, rm.Fog, rm.AmbientOcclusion, rm.ToneMapping),
+    "Lights": (Light, rm.Sun, rm.PointLight, rm.SpotLight, rm.SphereLight),
+    "Materials": (rm.Material, rm.Texture),
+    "Skies": (rm.Sky, rm.GradientSky, rm.SunSky, rm.ImageSky),
+    "Parameters": (rm.Param,),
+}
+"""The sections of docs/parts.md, and the classes and functions whose parameters they list."""
+
+
+def parts_page() -> str:
+    """The text of docs/parts.md."""
+    text = [
+        "# Camera, quality and the other parts of a scene",
+        "",
+        "After this page you know every parameter of the camera, the quality and the other parts of a scene, with its",
+        "default. `help(rm.Camera)` prints the same. [marching](marching.md) and [light](light.md) show examples.",
+        "",
+        "Lengths are in scene units, colours in linear RGB. Angles are in radians, except `Camera(fov=...)`, which",
+        "is in degrees. Numbers and vectors of the camera, lights and materials may be expressions of `rm.Param` and",
+        "`rm.time`. Those of `Quality` are constants. `python docs/build.py` generates this page from the code.",
+    ]
+    for title, parts in PARTS.items():
+        text += ["", f"## {title}"]
+        for part in parts:
+            summary, rows = _parameters(part)
+            text += ["", f"### {part.__name__}", "", summary, ""]
+            text += ["| parameter | default | meaning |", "|---|---|---|"]
+            text += [f"| `{name}` | {default} | {meaning} |" for name, default, meaning in rows]
+    return "\n".join(text) + "\n"
+
+
+def _parameters(part: Callable[..., object]) -> tuple[str, list[tuple[str, str, str]]]:
+    """The summary of a docstring, and name, default and meaning of each of its parameters."""
+    summary, _, rest = (inspect.getdoc(part) or "").partition("\n\n")
+    section = rest.partition("Parameters\n----------\n")[2]
+    lines = re.split(r"\n\n?(?=\w+\n-+\n)", section)[0].splitlines()
+    entries: list[tuple[str, list[str]]] = []
+    for line in lines:
+        if line and not line.startswith(" "):
+            names, _, first = line.partition(" : ")
+            entries.append((names, [first]))
+        elif line.strip():
+            entries[-1][1].append(line.strip())
+    defaults = inspect.signature(part).parameters
+    rows = []
+    for names, texts in entries:
+        meaning = " ".join(f"<br>{line[2:]}" if line.startswith("- ") else line for line in texts).replace("|", "\\|")
+        for name in names.split(", "):
+            given = defaults[name].default
+            shown = "" if given is inspect.Parameter.empty else f"`{given!r}`"
+            rows.append((name, shown, meaning[:1].upper() + meaning[1:] if not meaning.startswith("(") else meaning))
+    return " ".join(summary.split()), rows
+
+
 def pictures(names: Collection[str] = ()) -> None:
     """Render a picture of each node, or of some, and a sheet of all of them."""
     folder = HERE / "pictures" / "nodes"
@@ -223,6 +281,7 @@ def pictures(names: Collection[str] = ()) -> None:
 
 def main() -> None:
     (HERE / "nodes.md").write_text(page(), encoding="utf-8")
+    (HERE / "parts.md").write_text(parts_page(), encoding="utf-8")
     runpy.run_path(str(HERE / "proofs.py"))["main"]()
     if "--text" not in sys.argv:
         pictures(sys.argv[1:])

@@ -58,7 +58,7 @@ class Camera(Value):
     position : (x, y, z) in scene units. None places the camera so that it sees the whole scene.
     target : the point (x, y, z) that the camera looks at. None is the centre of the scene.
     up : the direction (x, y, z) that is up in the picture. It must not be parallel to the viewing direction.
-    fov : vertical field of view in degrees, between 0 and 180.
+    fov : vertical field of view in degrees, between 0 and 180. All other angles of raymarch are in radians.
 
     Notes
     -----

@@ -60,6 +60,12 @@ def test_the_readme_shows_the_example_as_it_is():
     assert example in shown
 
 
+def test_the_first_snippet_of_the_readme_makes_its_first_picture():
+    example = (ROOT / "examples" / "hello.py").read_text()
+    assert blocks(ROOT / "README.md", "python")[0].startswith(example)
+    assert "docs/pictures/hello.png" in (ROOT / "README.md").read_text().split("```")[2]
+
+
 def test_the_new_shape_takes_fifteen_lines_at_most():
     block = blocks(ROOT / "docs" / "extending.md", "python")[0]
     definition = block[block.index("@rm.shape") : block.index("\n\n\nprint")]
@@ -102,12 +108,21 @@ def test_the_tables_and_files_that_the_page_names_exist():
         assert (ROOT / file).exists(), file
 
 
-def test_the_page_of_all_nodes_is_that_of_the_code():
+@pytest.mark.parametrize(("name", "function"), [("nodes", "page"), ("parts", "parts_page")])
+def test_a_generated_page_is_that_of_the_code(name, function):
     """`python docs/build.py` generates it; this test does not compare the pictures."""
-    code = "import runpy, sys; sys.stdout.write(runpy.run_path('docs/build.py')['page']())"
+    code = f"import runpy, sys; sys.stdout.write(runpy.run_path('docs/build.py')['{function}']())"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, check=True)
-    assert done.stdout.decode() == (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
+    assert done.stdout.decode() == (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+
+
+def test_the_page_of_parts_lists_every_parameter():
+    text = (ROOT / "docs" / "parts.md").read_text(encoding="utf-8")
+    for part in (rm.Camera, rm.Quality, rm.Scene, rm.SpotLight, rm.Material, rm.Texture, rm.SunSky):
+        section = text.partition(f"### {part.__name__}\n")[2].partition("\n### ")[0]
+        listed = re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
+        assert listed == list(inspect.signature(part).parameters), part
 
 
 ROWS = [line for line in (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8").splitlines() if line[:4] == "| !["]
