@@ -213,12 +213,16 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
             "pixels of a ray"
         )
     if made.floor > 0:
-        lines.append(f"lower bound for rays on their own: N* = {made.floor:.2f} evaluations per pixel")
-    if front:
         lines.append(
-            "* no other setting is both faster and more accurate; each error listed is a tenth below the previous:"
+            f"N* = {made.floor:.2f} evaluations per pixel: the least by which any tracer can decide each ray without "
+            "knowledge of other rays; cones can need fewer"
         )
-        lines.append(f"worth having, by {metric}: " + "; ".join(labelled(p) for p in worth(front, metric)))
+    if front:
+        lines.append(f"* Pareto front by {metric}: no other setting is both faster and more accurate")
+        lines.append(
+            "of these, each with an error at least 10 % below the one before, fastest first: "
+            + "; ".join(labelled(p) for p in worth(front, metric))
+        )
     else:
         lines.append("no setting finds every hit: the front is empty")
     if made.base.errors.sound:
@@ -247,5 +251,5 @@ def standing(made: Sweep, metric: str) -> str:
     times = base.time.value / best.time.value
     if times <= 1.0:
         return "lies on the front"
-    noise = ", within the intervals" if base.time.overlaps(best.time) else ""
-    return f"takes {times:.2f} times what {best.name} takes, the fastest one that is as accurate{noise}"
+    noise = " (their 95 % intervals overlap)" if base.time.overlaps(best.time) else ""
+    return f"takes {times:.2f} times as long as the fastest setting that is as accurate: {best.name}{noise}"

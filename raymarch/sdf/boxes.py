@@ -259,7 +259,7 @@ _ROOT_3 = math.sqrt(3.0)
     convex=True,
 )
 def hexagonal_prism(p: Expr, width: Positive = 1.5, height: Positive = 1.0) -> Expr:
-    """Upright prism over a regular hexagon, about the y axis, with two sides square to z.
+    """Upright prism over a regular hexagon, about the y axis, with two sides perpendicular to z.
 
     width : across the flats, > 0. height : full height, > 0.
 
