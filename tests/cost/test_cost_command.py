@@ -156,7 +156,7 @@ def test_what_was_reached_is_stated(folder, capsys):
     ("args", "says"),
     [
         (("--quality", "best"), "draft, normal, fine, exact"),
-        (("--error", "0.5"), "0.5px"),
+        (("--error", "0.5em"), "0.5px"),
         (("--error", "1e-9px"), "no setting is within this error"),
         (("--within", "soon"), "16ms"),
         (("--within", "0.0001ms"), "no setting that finds every hit"),
