@@ -19,7 +19,7 @@ from raymarch.sdf.definition import REGISTRY
 HERE = Path(__file__).parent
 SDF = Path(raymarch.sdf.__file__).parent
 COLUMNS = (
-    "node", "samples", "exactness", "divisor", "twin", "gradient", "slope", "looseness", "usual", "box", "outside",
+    "node", "samples", "exactness", "divisor", "float32", "gradient", "slope", "looseness", "usual", "box", "outside",
     "inside", "over", "broken",
 )  # fmt: skip
 
@@ -34,6 +34,12 @@ def names() -> list[str]:
 
 def ledger(name: str) -> dict[str, Any]:
     return json.loads((HERE / "figures" / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def missing() -> list[str]:
+    """The names of nodes without measurements."""
+    rows = ledger("nodes")
+    return [name for name in names() if name not in rows]
 
 
 def short(value: float | None, digits: int = 3) -> str:
@@ -65,7 +71,7 @@ def summary(rows: dict[str, dict[str, Any]]) -> list[str]:
         f"- Looseness: median {np.median(list(loose.values())):.3f}, largest {loose[worst]:.3f} (`{worst}`).",
         f"- Usual looseness at the surface: median {np.median(list(usual.values())):.3f}, "
         f"largest {usual[rough]:.3f} (`{rough}`).",
-        f"- Twin: largest difference {rows[off]['twin']:.2f} ulp of {rows[off]['twin_limit']:g} (`{off}`).",
+        f"- Difference of GLSL in float32 from float64: at most {rows[off]['twin']:.2f} ulp of {rows[off]['twin_limit']:g} (`{off}`).",
     ]
 
 
@@ -74,17 +80,21 @@ Each node is tested in several samples: with random parameters, and operators on
 asymmetric, and inexact. A row shows the worst of them. Estimates have no bound on slope or distance. In addition,
 `tests/sdf/test_node_pictures.py` compares a picture of each node with the float64 reference.
 
+The facts (exactness, divisor, Lipschitz constant, box, spread) are defined in
+[how it is built](how-it-is-built.md#facts).
+
 - **samples**: the number of samples.
 - **exactness**: the best and the weakest of the samples.
 - **divisor**: the largest divisor of the field, see `Facts.divisor`.
-- **twin**: difference of the GLSL in float32 on the driver from float64, at 100,000 points per sample, in ulp of
+- **float32**: difference of the GLSL in float32 on the driver from float64, at 100,000 points per sample, in ulp of
   max(abs(p), size). At most 16 unless stated; for an estimate, the 98th percentile.
 - **gradient**: largest difference of the symbolic gradient from float64 central differences, where the field is
   smooth.
 - **slope**: the steepest of a million pairs of points and of the gradients, relative to the Lipschitz bound: at most
   1.
-- **looseness**: Lipschitz bound / steepest slope found.
-- **usual**: Lipschitz bound / median slope at the surface; above 1 for fields whose slope varies.
+- **looseness**: Lipschitz constant / steepest slope found. At 1 the constant is the smallest possible; at 2 steps are
+  half as long as they could be.
+- **usual**: Lipschitz constant / median slope at the surface; above 1 for fields whose slope varies.
 - **box**: distance of a side of the box from an exact shape, in % of its size: at most 1.
 - **outside, inside**: deficit of an exact field relative to the distance to the surface, in % of the size. The
   distance comes from an independent search on the surface, accurate to 0.02 %. At most 0.05.
@@ -100,26 +110,26 @@ KINDS = {
     "sign": "a plus replaces a minus, or a minus is missing",
     "clamp": "one side of a min or max, a clamp or an abs is missing",
     "factor": "a factor or a divisor is missing",
-    "claim": "a false claim: exact, convex, symmetric or of no spread",
+    "claim": "declared: exact, convex, symmetric, or spread 1",
 }
 
 
 FAULTS = """
 ## Seeded faults
 
-`python -m tests.lab.node_faults` breaks every definition on purpose, at most three times for each kind of fault, and
-runs the tests that every node has to pass.
+This table measures the tests. `python tests/sdf/faults.py` changes each definition by one fault at a time, at most three
+times for each kind of fault, and runs the tests that every node has to pass.
 
 **{caught} of {seeded} were detected, {share:.1f} %**; {promise} of them, {promised:.1f} % of all, because a fact was
-violated. The others make a different field whose facts hold: a union without one child, a blend with another curve.
-They are detected because the field differs from the recorded one. A change that alters no value and no fact is no
-fault and not counted, and neither is a smaller box that provably contains the solid.
+violated ("by a fact"). The others make a different field whose facts hold, such as a union without one child or a blend
+with another curve. They are detected because the field differs from a recorded one ("by the record"). A change that
+alters no value and no fact is not counted ("no fault"), and neither is a smaller box that provably contains the solid.
 
 """
 
 
-MISSED = """Not detected. Most of these claims hold for the samples by chance, and the boxes of the fractals are larger
-than necessary:"""
+MISSED = """The faults below were not detected. Most of the declared facts happen to be true for the samples, and the
+boxes of the fractals are larger than necessary, so that a smaller one still contains the solid:"""
 
 
 def faults() -> list[str]:
@@ -139,7 +149,7 @@ def faults() -> list[str]:
     text += ["| kind | fault | by a fact | by the record | not detected | no fault |", "|---|---|---|---|---|---|"]
     for kind, what in KINDS.items():
         c = kinds.get(kind, dict.fromkeys(total, 0))
-        text.append(f"| {kind} | {what} | {c['promise']} | {c['record']} | {c['missed']} | {c['none']} |")
+        text.append(f"| {'false fact' if kind == 'claim' else kind} | {what} | {c['promise']} | {c['record']} | {c['missed']} | {c['none']} |")
     return [*text, "", MISSED, "", *[f"- {line}" for line in found["missed"]]]
 
 
@@ -152,7 +162,7 @@ def page() -> str:
         "",
         "After this page you can judge how well the facts of a node (exactness, Lipschitz bound, box) hold and how",
         "tight they are. `python docs/proofs.py` generates it from `docs/figures/nodes.json`, which",
-        "`python -m tests.lab.measure` writes, and from `docs/figures/faults.json`.",
+        "`python tests/sdf/measure.py` writes, and from `docs/figures/faults.json`.",
         "",
         *summary(rows),
         *GUIDE.splitlines(),
