@@ -71,7 +71,8 @@ def summary(rows: dict[str, dict[str, Any]]) -> list[str]:
         f"- Looseness: median {np.median(list(loose.values())):.3f}, largest {loose[worst]:.3f} (`{worst}`).",
         f"- Usual looseness at the surface: median {np.median(list(usual.values())):.3f}, "
         f"largest {usual[rough]:.3f} (`{rough}`).",
-        f"- Difference of GLSL in float32 from float64: at most {rows[off]['twin']:.2f} ulp of {rows[off]['twin_limit']:g} (`{off}`).",
+        f"- Difference of GLSL in float32 from float64: at most {rows[off]['twin']:.2f} ulp of "
+        f"{rows[off]['twin_limit']:g} (`{off}`).",
     ]
 
 
@@ -117,8 +118,8 @@ KINDS = {
 FAULTS = """
 ## Seeded faults
 
-This table measures the tests. `python tests/sdf/faults.py` changes each definition by one fault at a time, at most three
-times for each kind of fault, and runs the tests that every node has to pass.
+This table measures the tests. `python tests/sdf/faults.py` changes each definition by one fault at a time, at most
+three times for each kind of fault, and runs the tests that every node has to pass.
 
 **{caught} of {seeded} were detected, {share:.1f} %**; {promise} of them, {promised:.1f} % of all, because a fact was
 violated ("by a fact"). The others make a different field whose facts hold, such as a union without one child or a blend
@@ -149,7 +150,8 @@ def faults() -> list[str]:
     text += ["| kind | fault | by a fact | by the record | not detected | no fault |", "|---|---|---|---|---|---|"]
     for kind, what in KINDS.items():
         c = kinds.get(kind, dict.fromkeys(total, 0))
-        text.append(f"| {'false fact' if kind == 'claim' else kind} | {what} | {c['promise']} | {c['record']} | {c['missed']} | {c['none']} |")
+        name = "false fact" if kind == "claim" else kind
+        text.append(f"| {name} | {what} | {c['promise']} | {c['record']} | {c['missed']} | {c['none']} |")
     return [*text, "", MISSED, "", *[f"- {line}" for line in found["missed"]]]
 
 
