@@ -78,7 +78,7 @@ def glsl_node(
     bounds: tuple[Sequence[float], Sequence[float]] | None = None,
     twin: Twin | None = None,
 ) -> Node:
-    """A solid whose field is a GLSL function. Its facts are not checked.
+    """A solid whose field is a GLSL function. You state its facts; with `twin`, samples check bounds and exactness.
 
     Parameters
     ----------
