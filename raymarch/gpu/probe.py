@@ -109,8 +109,8 @@ def probe(
 
     Finds values that are not finite or outside their domain, and the largest slope of each node. Also samples the
     fields in float64, in and around their boxes: finds solid points outside the bounds, fields that rise more slowly
-    than their spread states, and fields of exact nodes that are not the distance. Of a scene with more than 256 nodes,
-    nodes with facts of your own are sampled first.
+    than their spread states, fields of exact nodes that are not the distance, and fields without the stated symmetry.
+    Of a scene with more than 256 nodes, those with facts of your own are sampled first.
 
     size : (width, height) in pixels, as for `render`. Errors are those of `Renderer.render`.
     """

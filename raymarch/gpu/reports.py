@@ -46,7 +46,7 @@ class Report:
     slope : the largest measured slope; None if not measured, 0 if the node was evaluated less than twice on each ray.
     steepest : position and pixel of that slope; None without a slope.
     inherits : True if a descendant exceeds its bound, which may be the cause.
-    refuted : sentences about bounds, spread and exactness that samples of the field contradict.
+    refuted : sentences about bounds, spread, exactness and symmetry that samples of the field contradict.
     """
 
     name: str

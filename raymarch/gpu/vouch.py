@@ -59,7 +59,7 @@ def nothing_visible(scene: Scene) -> str:
 
 
 def contradicted(scene: Scene, values: Values) -> list[str]:
-    """Doubts about facts that the user stated and that samples of the field contradict: bounds, spread, exactness."""
+    """Doubts about facts that the user stated and that samples of the field contradict: bounds, spread and others."""
     nodes = [node for node in all_nodes(scene.node) if stated_by_user(node)][:STATED]
     with bound(values.params, values.time):
         found = [(node, sentence) for node in nodes for sentence in quick_contradictions(node)]

@@ -35,7 +35,7 @@ def stated_by_user(node: Node) -> bool:
 
 
 def contradictions(node: Node, samples: int = SAMPLES) -> Iterator[str]:
-    """A sentence for each fact (bounds, spread, exactness) that samples of the field refute.
+    """A sentence for each fact (bounds, spread, exactness, symmetry) that samples of the field refute.
 
     The field is evaluated in float64, for the bound values of parameters and time (`raymarch.expr.arrays.bound`).
     Positions are in the space of the node. A node without a float64 field gives no sentence.
@@ -52,6 +52,8 @@ def contradictions(node: Node, samples: int = SAMPLES) -> Iterator[str]:
     yield from _outside(facts, points, field, size)
     if facts.exactness == "exact":
         yield from _inexact(node, points, field, size)
+    for axis in facts.symmetry:
+        yield from _asymmetric(node, points, field, size, axis)
 
 
 @lru_cache(maxsize=256)
@@ -89,6 +91,19 @@ def _inexact(node: Node, points: Points, field: Points, size: float) -> Iterator
         yield (
             f"the field is {field[k]:.4g} at {_shown(points[k])}, but the surface is not at that distance along the "
             f"gradient: not exact"
+        )
+
+
+def _asymmetric(node: Node, points: Points, field: Points, size: float, axis: str) -> Iterator[str]:
+    """Fields that differ at mirrored points."""
+    mirrored = points * np.where(np.arange(node.dimension) == "xyz".index(axis), -1.0, 1.0)
+    with np.errstate(all="ignore"):
+        gap = np.abs(node.distance(mirrored) - field)
+    wrong = gap > 1e-6 * (size + np.abs(field))
+    if np.count_nonzero(wrong) > FEW * len(points):
+        k = int(np.argmax(np.where(wrong, gap, -1.0)))
+        yield (
+            f"the field is {field[k]:.4g} at {_shown(points[k])}, and differs by {gap[k]:.3g} if {axis} changes sign"
         )
 
 

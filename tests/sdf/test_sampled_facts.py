@@ -59,7 +59,12 @@ def exact_pair(p: Any, a: float = 1.0) -> Any:
     return min(length(p - vec3(a, 0, 0)) - 1.5, length(p + vec3(a, 0, 0)) - 1.5)
 
 
-for _own in ("short_box", "grown_box", "crate", "slow", "exact_crate", "exact_disc", "exact_pair"):
+@rm.shape(exactness="bound", bounds=lambda radius: cube(2 * radius), spread=1.0, symmetry="xyz")
+def off_centre(p: Any, radius: float = 1.0) -> Any:
+    return length(p - vec3(0, 0.5 * radius, 0)) - radius
+
+
+for _own in ("off_centre", "short_box", "grown_box", "crate", "slow", "exact_crate", "exact_disc", "exact_pair"):
     REGISTRY.pop(_own)
 
 STRETCHED = rm.sphere().scale((1, 3, 1))
@@ -72,6 +77,7 @@ STRETCHED = rm.sphere().scale((1, 3, 1))
         (slow(), "more than its spread, 1, times the field"),
         (exact_crate(), "not exact"),
         (exact_pair(), "not exact"),
+        (off_centre(), "differs by 1 if y changes sign"),
         (
             rm.glsl_node(
                 "float ball(vec3 p) { return length(p) - 1.0; }",
