@@ -118,7 +118,7 @@ KINDS = {
 FAULTS = """
 ## Seeded faults
 
-This table measures the tests. `python tests/sdf/faults.py` changes each definition by one fault at a time, at most
+This table measures the tests. `python -m tests.lab.node_faults` changes each definition by one fault at a time, at most
 three times for each kind of fault, and runs the tests that every node has to pass.
 
 **{caught} of {seeded} were detected, {share:.1f} %**; {promise} of them, {promised:.1f} % of all, because a fact was
@@ -164,7 +164,7 @@ def page() -> str:
         "",
         "After this page you can judge how well the facts of a node (exactness, Lipschitz bound, box) hold and how",
         "tight they are. `python docs/proofs.py` generates it from `docs/figures/nodes.json`, which",
-        "`python tests/sdf/measure.py` writes, and from `docs/figures/faults.json`.",
+        "`python -m tests.lab.measure` writes, and from `docs/figures/faults.json`.",
         "",
         *summary(rows),
         *GUIDE.splitlines(),
