@@ -36,12 +36,6 @@ def ledger(name: str) -> dict[str, Any]:
     return json.loads((HERE / "figures" / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def missing() -> list[str]:
-    """The names of nodes without measurements."""
-    rows = ledger("nodes")
-    return [name for name in names() if name not in rows]
-
-
 def short(value: float | None, digits: int = 3) -> str:
     if value is None:
         return "—"
