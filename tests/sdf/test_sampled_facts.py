@@ -106,7 +106,7 @@ def test_a_wrong_fact_is_refuted(node: rm.Node, words: str) -> None:
         exact_crate((1, 2, 3)).round(0.1) & rm.plane(),
         rm.box().repeat(2.0),
         rm.mandelbulb(),
-        rm.sphere(rm.Param("radius", 1.0, 0.5, 2.0)),
+        rm.sphere(rm.Param("thickness", 1.0, 0.5, 2.0)),
         rm.glsl_node("float ball(vec3 p) { return length(p) - 1.0; }", "ball"),
     ],
     ids=lambda node: node.name,
