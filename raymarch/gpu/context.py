@@ -97,6 +97,7 @@ class Context:
         self._opened = f"thread {threading.current_thread().name}, {user_location() or 'no file'}"
         self._lock = threading.RLock()
         self._callers: list[tuple[Any, current.Current]] = []
+        self._held = False  # known to be current: inside `bound`, but not inside `lent`
         self._released = False
         _CONTEXTS.add(self)
 
@@ -126,30 +127,48 @@ class Context:
         """
         self.check()  # before the lock, which stays locked for ever if another thread held it at the fork
         with self._lock:
+            if self._held:  # by a block of this thread around this one; other code runs inside `lent` only
+                yield self
+                return
             self.check()
             if current.is_current(self._binding):
-                yield self
+                with self._holding(True):
+                    yield self
                 return
             self._callers.append(self._caller())
             try:
                 self._bind()
-                yield self
+                with self._holding(True):
+                    yield self
             finally:
                 self._give_back(self._callers.pop())
 
     @contextmanager
     def lent(self) -> Iterator[None]:
         """Inside `bound`, restore the previous context for the block, to call other code."""
-        if not self._callers:
+        if not self._held:
             yield
             return
-        self._give_back(self._callers[-1])
+        own = not self._callers  # the context was current before `bound`
+        if not own:
+            self._give_back(self._callers[-1])
+        try:
+            with self._holding(False):
+                yield
+        finally:
+            if not self.released:
+                if not own:
+                    self._callers[-1] = self._caller()
+                if not current.is_current(self._binding):
+                    self._bind()
+
+    @contextmanager
+    def _holding(self, held: bool) -> Iterator[None]:
+        before, self._held = self._held, held
         try:
             yield
         finally:
-            if not self.released:
-                self._callers[-1] = self._caller()
-                self._bind()
+            self._held = before
 
     def finish(self) -> None:
         """Wait until the device is idle."""
