@@ -227,8 +227,8 @@ def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]
         raise SceneError(f"mesh: '{file}': {broken} of {len(solid.vertices)} vertices are not finite", legal="numbers")
     middle, largest = solid.bounds.mean(axis=0), float(solid.extents.max())
     unit = float(2.0 ** np.rint(np.log2(largest))) if largest > 0.0 else 1.0
-    solid.apply_translation(-middle)
-    solid.apply_scale(1.0 / unit)  # the tolerances of trimesh are lengths
+    solid.apply_scale(1.0 / unit)  # first: the tolerances of trimesh are lengths, and it ignores small translations
+    solid.apply_translation(-middle / unit)
     solid.merge_vertices(merge_tex=True, merge_norm=True)
     solid.update_faces(solid.nondegenerate_faces() & solid.unique_faces())
     repairs = [f"mesh: '{file}': {repair}" for repair in _closed(solid, file)]

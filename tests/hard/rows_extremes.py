@@ -80,6 +80,13 @@ def extreme_sizes(world: World) -> Iterator[Figure]:
         for edge in (2.0**-20, 2.0**-40, 2.0**40):
             other = rm.Scene(_cube(at, edge))
             yield Figure(f"pixels of a mesh of {edge:.2g} that differ", _differ(world, one, other, edge), 0, "the same")
+            apart = max(
+                np.abs(np.subtract(getattr(other.node.facts, end) / edge, getattr(one.node.facts, end))).max()
+                for end in ("lower", "upper")
+            )
+            yield Figure(
+                f"edges by which the box of a mesh of {edge:.2g} is displaced", apart, 0, "powers of 2 are exact"
+            )
 
     def refused(node: rm.Node, camera: rm.Camera | None = None) -> Callable[[], Any]:
         return lambda: plan(rm.Scene(node, camera))
