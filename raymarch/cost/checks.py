@@ -14,6 +14,7 @@ from raymarch.cost.sweep import Point, Sweep
 from raymarch.gpu.clock import Trial, try_timer
 from raymarch.plan.marching import trusted
 from raymarch.scene.parameter import set_values
+from raymarch.scene.quality import LAST_STEP
 from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
 
@@ -79,9 +80,10 @@ def _claim(point: Point) -> float:
 def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: NDArray[Any]) -> Check:
     """Check the distance of the hits of one setting from the surface, by the field in float64.
 
-    A setting promises |field| <= `Quality.contact` pixel widths at the hit, within rounding. With refinement="slope"
-    the promise holds at the last sample of the ray; after it one more step follows without an evaluation. The field
-    must then be as small somewhere before the hit. Rays that ran out of steps have no promise.
+    A setting promises |field| <= `Quality.contact` pixel widths at the last sample of the ray, within rounding. One
+    more step may follow without an evaluation: with refinement="proven" by at most half an epsilon, with "slope"
+    forwards. The field must be as small at the hit, or somewhere on the ray within such a step. Rays that ran out of
+    steps have no promise.
     """
     quality = point.setting.quality
     certified = trusted(with_quality(scene, quality))
@@ -100,6 +102,9 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: ND
     beyond = rays.values(depth, ...) > allowed(depth, ...)
     if quality.refinement == "slope":
         beyond[beyond] = ~rays.came_near(depth[beyond], np.flatnonzero(beyond), allowed)
+    elif quality.refinement == "proven":
+        reach = LAST_STEP * quality.near(certified) * known.pixel * depth[beyond]
+        beyond[beyond] = ~rays.comes_near(depth[beyond], np.flatnonzero(beyond), allowed, reach)
     fraction = float(beyond.mean())
     lie = (
         "come no nearer to the surface before them than"
@@ -124,6 +129,14 @@ class _Rays:
     def values(self, t: NDArray[Any], rows: Any) -> NDArray[Any]:
         """abs(field) at the distances t."""
         return np.abs(self.field.distance(self.points(t, rows)))
+
+    def comes_near(self, t: NDArray[Any], rows: NDArray[Any], allowed: Any, reach: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether the field is within the allowed value at some of 65 points up to `reach` before and behind t."""
+        near = np.zeros(len(t), np.bool_)
+        for fraction in np.linspace(-1.0, 1.0, 65):
+            at = t + fraction * reach
+            near |= self.values(at, rows) <= allowed(at, rows)
+        return near
 
     def came_near(self, t: NDArray[Any], rows: NDArray[Any], allowed: Any) -> NDArray[np.bool_]:
         """Whether the field is within the allowed value anywhere before t on each ray.

@@ -212,13 +212,17 @@ def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mappi
     return float(counted.mean())
 
 
+COUNTED = ("float field(vec3", "vec4 field_gradient(vec3", "Part part_at(vec3")
+"""The first words of the functions whose calls are counted."""
+
+
 def counting_text(text: str) -> str:
     """A shader of the colour pass that writes its number of evaluations of field and gradient in place of the
     colour."""
     found = 0
     lines = []
     for line in text.splitlines():
-        if line.startswith(("float field(vec3", "vec4 field_gradient(vec3")) and line.endswith("{"):
+        if line.startswith(COUNTED) and line.endswith("{"):
             lines += [f"float {COUNTER} = 0.0;"] if not found else []
             lines += [line, f"    {COUNTER} += 1.0;"]
             found += 1

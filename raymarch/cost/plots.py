@@ -37,7 +37,7 @@ def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
     """The figure of a sweep: error against time, and evaluations with the lower bound N*.
 
     If tracers were measured at several numbers of steps, it also shows error and time relative to the plain tracer, as
-    in P1's figure 3.
+    in figure 3 of Bálint and Valasek (2018).
     """
     steps = by_steps(made)
     columns = 3 if len(steps) > 1 and "plain" in steps else 2
@@ -187,6 +187,6 @@ def draw_relative(axes: Any, curves: Mapping[str, Sequence[Point]], baseline: st
     ticks = sorted(against)
     axes.set_xticks(ticks, [str(t) for t in ticks])
     axes.minorticks_off()
-    axes.set_title("P1's measure: squared depth error, time, and their product", fontsize=9)
+    axes.set_title("squared depth error, time, and their product (Bálint and Valasek 2018)", fontsize=9)
     axes.grid(alpha=0.25, which="both", lw=0.4)
     axes.legend(fontsize=6)

@@ -104,6 +104,9 @@ def _matmul(node: Expr, a: Array, b: Array) -> Array:
 
 
 def _where(node: Expr, condition: Array, a: Array, b: Array) -> Array:
+    if node.type.fields:
+        pairs = zip(node.type.fields, a, b, strict=True)
+        return tuple(np.where(lift(condition, BOOL, type), one, other) for (_, type), one, other in pairs)
     return np.where(lift(condition, BOOL, node.type), a, b)
 
 
@@ -161,6 +164,8 @@ RULES: Mapping[str, Rule] = {
     "sample_slope": samples.evaluate_slope,
     "texture": textures.evaluate,
     "hash": hashing.evaluate,
+    "record": lambda _node, *values: values,
+    "field": lambda node, value: value[[name for name, _ in node.args[0].type.fields].index(node.data)],
     "finite": lambda node, x: np.isfinite(x).all(axis=-1) if node.args[0].type.shape else np.isfinite(x),
     "probe": lambda _node, value, *_: value,
     "within": lambda _node, value: value,

@@ -22,6 +22,7 @@ import numpy as np
 import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.choices import merge_calls, operations_of
 from raymarch.expr.function import Function, close_loop, sum_of
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.raw import slope as raw_slope
@@ -160,9 +161,16 @@ def _unit(e: Expr, tangent: Expr) -> Expr:
     return (tangent - e * v.dot(e, tangent)) * _safe_inverse(v.length(e.args[0]))
 
 
-def _slope_of_call(e: Expr) -> Expr:
-    """Gradient part of the result of a companion function (see `companion`)."""
-    return swizzle(e, "xyzw"[: e.type.size - 1])
+def slope_of_call(e: Expr, i: int) -> Expr:
+    """The gradient of a call by its argument i, from the companion function (see `companion`)."""
+    both = companion(e.data, i)(*e.args)
+    return swizzle(both, "xyz"[: both.type.size - 1])
+
+
+def _slope_along(e: Expr, tangents: Sequence[Expr]) -> Expr:
+    """Directional derivative of a call of which one argument moves."""
+    (i,) = [k for k, tangent in enumerate(tangents) if tangent is not zero(tangent.type)]
+    return v.dot(slope_of_call(e, i), tangents[i])
 
 
 def _across(adjoint: Expr, e: Expr) -> Expr:
@@ -182,9 +190,13 @@ BACKWARD: Mapping[str, Back] = {
     "construct": lambda adj, e, i: _gather(adj, e, i),
     "matmul": lambda adj, e, i: v.transpose(e.args[0]) @ adj if i == 1 else _outer(adj, e.args[1]),
     "where": lambda adj, e, i: (
-        None if i == 0 else v.where(e.args[0], adj, 0.0 * adj) if i == 1 else v.where(e.args[0], 0.0 * adj, adj)
+        None
+        if i == 0
+        else v.where(e.args[0], adj, zero(adj.type))
+        if i == 1
+        else v.where(e.args[0], zero(adj.type), adj)
     ),
-    "call": lambda adj, e, i: adj[e.type.size - 1] * _slope_of_call(e) if i == e.data.derived["along"] else None,
+    "call": lambda adj, e, i: adj * slope_of_call(e, i),
     "columns": lambda adj, e, i: adj @ const([1.0 if k == i else 0.0 for k in range(adj.type.size)]),
     "transpose": lambda adj, e, i: v.transpose(adj),
     "raw": lambda adj, e, i: adj * raw_slope(e),
@@ -206,7 +218,7 @@ FORWARD: Mapping[str, Forward] = {
     "construct": lambda e, t: construct(*t),
     "matmul": lambda e, t: t[0] @ e.args[1] + e.args[0] @ t[1],
     "where": lambda e, t: v.where(e.args[0], t[1], t[2]),
-    "call": lambda e, t: construct(*[0.0] * (e.type.size - 1), v.dot(_slope_of_call(e), t[e.data.derived["along"]])),
+    "call": lambda e, t: _slope_along(e, t),
     "columns": lambda e, t: v.columns(*t),
     "transpose": lambda e, t: v.transpose(t[0]),
     "raw": lambda e, t: v.dot(raw_slope(e), t[0]),
@@ -237,10 +249,53 @@ def gradient(root: Expr, variable: Expr) -> Expr:
 def value_and_gradient(root: Expr, variable: Expr) -> tuple[Expr, Expr]:
     """The expression, rewritten to share subexpressions with its gradient, and the gradient."""
     opened = _open([root], {variable})[0]
-    slope = backpropagate(opened, variable).get(variable, zero(variable.type))
-    while loops := _lifted_loops([opened, slope]):  # a loop with tangents also computes the values
-        opened, slope = substitute([opened, slope], loops)
+    (slope,) = merge_calls([raw_gradient(root, variable)], saving)
+    opened, slope = share_values([opened, slope])
     return opened, slope
+
+
+def raw_gradient(root: Expr, variable: Expr) -> Expr:
+    """The gradient of a scalar expression before calls are merged or shared."""
+    opened = _open([root], {variable})[0]
+    return backpropagate(opened, variable).get(variable, zero(variable.type))
+
+
+def opened(root: Expr, variable: Expr) -> Expr:
+    """The expression with the calls inlined that its gradient inlines, so that both share their parts."""
+    return _open([root], {variable})[0]
+
+
+def share_values(roots: Sequence[Expr]) -> list[Expr]:
+    """The roots, with values taken from the calls and loops that also compute gradients, where there are any."""
+    roots = share_calls(roots)
+    while loops := _lifted_loops(roots):  # a loop with tangents also computes the values
+        roots = substitute(roots, loops)
+    return roots
+
+
+def saving(definition: Function) -> int:
+    """Operations that a gradient takes beyond those of the value; 0 for other functions."""
+    plain: Function | None = definition.derived.get("gradient of")
+    return operations_of(definition) - operations_of(plain) if plain is not None else 0
+
+
+def share_calls(roots: Sequence[Expr]) -> list[Expr]:
+    """The roots, with the value of a function taken from the call that also returns its gradient, if there is one."""
+    known = {
+        (plain, node.args): node.data
+        for node in topological(roots)
+        if node.op == "call" and (plain := node.data.derived.get("gradient of")) is not None
+    }
+
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        both = known.get((node.data, node.args)) if node.op == "call" else None
+        if both is None:
+            return rebuild(node, args)
+        value = both(*args)
+        return value[value.type.size - 1]
+
+    new = rewrite(roots, rule)
+    return [new[root] for root in roots]
 
 
 def _lifted_loops(roots: Sequence[Expr]) -> dict[Expr, Expr]:
@@ -270,72 +325,105 @@ def partial_derivatives(root: Expr, marked: Sequence[Expr]) -> list[Expr]:
 
 
 def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
-    """Adjoints of all expressions between the variables and an opened scalar root."""
+    """Adjoints of all expressions between the variables and an opened scalar root.
+
+    Where the root is a choice, such as the smaller of two numbers, so are its adjoints: nested `where` over the
+    conditions of the kinks, the outermost first. Products are taken inside of the choices.
+    """
     dependent = depends_on([root], variables)
     adjoints: dict[Expr, Expr] = {root: ONE}
     order = topological([root])
-    choices = {node.args[0] for node in order if node.op == "where"}
     partials = _one_sided(order, dependent)
     for node in reversed(order):
         adjoint = adjoints.get(node)
         if adjoint is None or node not in dependent or node in variables:
             continue
-        inner, sides = _taken(adjoint, choices)
+        inner = _taken(adjoint)
         if node.op == "item":
             for variable in variables:
-                _accumulate(adjoints, variable, _back_through_loop(node, variable, inner), sides)
+                _accumulate(adjoints, variable, _back_through_loop(node, variable, inner), adjoint)
             continue
         for i, arg in enumerate(node.args):
             if arg in dependent:
-                _accumulate(adjoints, arg, _backward(inner, node, i, partials), sides)
+                _accumulate(adjoints, arg, _backward(inner, node, i, partials), adjoint)
     return adjoints
 
 
-Sides: TypeAlias = Sequence[tuple[Expr, bool]]
-"""Conditions, outermost first, and whether each must hold."""
-
-NESTED = 8
-"""Maximum depth of nested choices that are examined."""
+LEAVES = 256
+"""Maximum number of nested choices that are examined."""
 
 
-def _taken(adjoint: Expr, choices: set[Expr]) -> tuple[Expr, Sides]:
-    """The adjoint inside the taken side of some choices, and those choices.
+def _choices(tree: Expr) -> list[Expr]:
+    """The nested choices of a value and their leaves, arguments first; the value alone if there are too many."""
+    order = topological([tree], lambda node: node.args[1:] if node.op == "where" else ())
+    return order if len(order) <= 2 * LEAVES else [tree]
+
+
+def _taken(adjoint: Expr) -> Expr:
+    """The choice between those leaves of an adjoint that are not 0.
 
     The side that is not taken has the adjoint 0, but derivatives there may be infinite, and the product is NaN.
-    Derivatives are therefore multiplied by the inner adjoint, and the choice is applied to the products.
+    Derivatives are therefore multiplied by the other sides, and the choice is applied to the products (see `_masked`).
     """
-    sides: list[tuple[Expr, bool]] = []
-    while len(sides) < NESTED and (side := _side(adjoint)) is not None and side[0] in choices:
-        sides.append(side)
-        adjoint = adjoint.args[1 if side[1] else 2]
-    return adjoint, sides
+    nothing, order = zero(adjoint.type), _choices(adjoint)
+    taken: dict[Expr, Expr | None] = {}
+    for node in order:
+        if node.op != "where" or len(order) == 1:
+            taken[node] = None if node is nothing else node
+            continue
+        yes, no = taken[node.args[1]], taken[node.args[2]]
+        taken[node] = no if yes is None else yes if no is None else v.where(node.args[0], yes, no)
+    inner = taken[adjoint]
+    return nothing if inner is None else inner
 
 
-def _side(adjoint: Expr) -> tuple[Expr, bool] | None:
-    """Condition of a choice between a value and 0, and whether the value is taken where it holds."""
-    if adjoint.op != "where" or adjoint.args[1] is adjoint.args[2]:
-        return None
-    nothing = zero(adjoint.type)
-    condition, yes, no = adjoint.args
-    return (condition, True) if no is nothing else (condition, False) if yes is nothing else None
+def _masked(term: Expr, adjoint: Expr) -> Expr:
+    """The term where an adjoint is not 0, else 0."""
+    order = _choices(adjoint)
+    if len(order) == 1:
+        return term
+    nothing, nowhere = zero(term.type), zero(adjoint.type)
+    new: dict[Expr, Expr] = {}
+    for node in order:
+        if node.op == "where":
+            new[node] = v.where(node.args[0], new[node.args[1]], new[node.args[2]])
+        else:
+            new[node] = nothing if node is nowhere else term
+    return new[adjoint]
 
 
-def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, sides: Sides) -> None:
+def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoint: Expr) -> None:
     if term is None:
         return
-    for condition, holds in reversed(sides):
-        term = v.where(condition, term, zero(term.type)) if holds else v.where(condition, zero(term.type), term)
-    adjoints[node] = _sum(adjoints[node], term) if node in adjoints else term
+    term = _masked(term, adjoint)
+    adjoints[node] = add_choices(adjoints[node], term) if node in adjoints else term
 
 
-def _sum(a: Expr, b: Expr) -> Expr:
-    """a + b, as one choice if both have the same condition."""
-    side = _side(a)
-    if side is None or side != _side(b):
-        return a + b
-    k = 1 if side[1] else 2
-    total = _sum(a.args[k], b.args[k])
-    return v.where(side[0], total, zero(total.type)) if side[1] else v.where(side[0], zero(total.type), total)
+def map_choices(change: Callable[[Expr], Expr], tree: Expr) -> Expr:
+    """A function of a value; of a choice, the choice between the function's values."""
+    new: dict[Expr, Expr] = {}
+    for node in _choices(tree):
+        sides = [new[side] for side in node.args[1:] if side in new] if node.op == "where" else []
+        new[node] = v.where(node.args[0], *sides) if sides else change(node)
+    return new[tree]
+
+
+def add_choices(a: Expr, b: Expr) -> Expr:
+    """a + b, as one choice where both are choices by the same condition."""
+    outer: list[tuple[Expr, Expr | None, Expr | None]] = []
+    while a.op == b.op == "where" and a.args[0] is b.args[0]:
+        condition, nothing = a.args[0], zero(a.type)
+        (yes, no), (yes_too, no_too) = a.args[1:], b.args[1:]
+        if no is nothing or no_too is nothing:
+            outer.append((condition, None, no_too if no is nothing else no))
+            a, b = yes, yes_too
+        else:
+            outer.append((condition, add_choices(yes, yes_too), None))
+            a, b = no, no_too
+    total = a + b
+    for condition, yes_sum, no_sum in reversed(outer):
+        total = v.where(condition, total if yes_sum is None else yes_sum, total if no_sum is None else no_sum)
+    return total
 
 
 def _backward(adjoint: Expr, node: Expr, i: int, partials: Mapping[Expr, Partials]) -> Expr | None:
@@ -356,12 +444,17 @@ def _scaled(adjoint: Expr, slope: Expr) -> Expr:
     """adjoint * slope, as a choice if the slope is 1 on one side and 0 on the other."""
     if slope.op == "where" and slope.args[1].op == slope.args[2].op == "const":
         condition, yes, no = slope.args
-        return v.where(condition, adjoint * yes, adjoint * no)
+        return v.where(condition, _times(adjoint, yes), _times(adjoint, no))
     if slope.op == "sub" and slope.args[0] is ONE and slope.args[1].op == "where":
         condition, yes, no = slope.args[1].args
         if yes.op == no.op == "const":
-            return v.where(condition, adjoint * (1.0 - yes), adjoint * (1.0 - no))
-    return adjoint * slope
+            return v.where(condition, _times(adjoint, 1.0 - yes), _times(adjoint, 1.0 - no))
+    return _times(adjoint, slope)
+
+
+def _times(adjoint: Expr, factor: Expr) -> Expr:
+    """The product; for a constant factor 0 it is 0 and not -0."""
+    return zero(adjoint.type) if factor is ZERO else adjoint * factor
 
 
 # Ties: kinks of the same difference take the same side.
@@ -447,7 +540,7 @@ def _term(e: Expr, sign: int) -> Sequence[tuple[int, Expr]]:
     return () if e.op == "const" and not np.any(e.data) else ((sign, e),)
 
 
-# Opening: calls become companion calls or are inlined, so the tables above need no other calls.
+# Opening: calls without a companion are inlined, so the tables above need no other calls.
 
 
 def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
@@ -459,9 +552,10 @@ def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
         moving = tuple(arg in dependent for arg in node.args)
         definition: Function = node.data
         along = moving.index(True)
-        if definition.type is FLOAT and sum(moving) == 1 and node.args[along].type in (VEC2, VEC3):
-            both = companion(definition, along)(*args)
-            return both[both.type.size - 1]
+        if definition.type.fields or (
+            definition.type is FLOAT and sum(moving) == 1 and node.args[along].type in (VEC2, VEC3)
+        ):
+            return rebuild(node, args)
         return substitute([_opened_body(definition, moving)], dict(zip(definition.params, args, strict=True)))[0]
 
     new = rewrite(roots, rule)
@@ -490,7 +584,7 @@ def companion(definition: Function, along: int = 0) -> Function:
         value, slope = value_and_gradient(definition.body, definition.params[along])
         body = construct(slope, value)
         made = Function(f"{definition.name}_gradient", definition.params, body, definition.names, definition.where)
-        made.derived["along"] = along
+        made.derived["gradient of"] = definition
         definition.derived[key] = made
     result: Function = definition.derived[key]
     return result

@@ -69,14 +69,21 @@ class Function:
         return substitute([self.body], dict(zip(self.params, args, strict=True)))[0]
 
 
+def unique_function(
+    name: str, params: tuple[Expr, ...], body: Expr, names: dict[Expr, str], where: Location | None
+) -> Function:
+    """The existing function of this content if there is one, else a new one."""
+    found = _functions.get((name, params, body))
+    return found if found is not None else Function(name, params, body, names, where)
+
+
 def _function(name: str, params: Any, body: Any, names: Any, where: Location | None) -> Function:
     """Unpickle a function; returns the existing one if it is equal."""
     if not isinstance(name, str) or not isinstance(body, Expr) or not all(isinstance(p, Expr) for p in params):
         raise SceneError(f"unpickling a function: {short(name)}", legal="the pickle of a function")
     for deferred in list(_deferred.get(name, ())):
         deferred.trace()
-    found = _functions.get((name, tuple(params), body))
-    return found if found is not None else Function(name, tuple(params), body, dict(names), where)
+    return unique_function(name, tuple(params), body, dict(names), where)
 
 
 def trace(

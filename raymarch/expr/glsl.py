@@ -24,7 +24,7 @@ from raymarch.expr.textures import glsl_helper, helper_of
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import depends_on, find, substitute, topological
 
-WIDTH = 100
+WIDTH = 118
 DEPTH = 16
 
 UNIFORM_PREFIX = "u_"
@@ -40,13 +40,22 @@ class Line(NamedTuple):
     source: Expr | None
 
 
+class Form(NamedTuple):
+    """How a text may be broken over lines: a "call", "infix", "choice", "prefix" or "suffix", and its symbol."""
+
+    kind: str
+    head: str
+    parts: tuple[Piece, ...]
+    sources: tuple[Expr | None, ...]
+
+
 class Piece(NamedTuple):
     """Text of a subexpression, its precedence, and its parts if it may be broken over lines."""
 
     text: str
     binding: int
     depth: int
-    call: tuple[str, tuple[tuple[Piece, Expr], ...]] | None = None
+    form: Form | None = None
 
 
 ATOM, POSTFIX, UNARY, TIMES, PLUS, ORDER, AND, OR, CHOICE = range(9)
@@ -79,8 +88,11 @@ def constant(node: Expr) -> str:
 # Templates
 
 
-def _wrap(piece: Piece, binding: int) -> str:
-    return f"({piece.text})" if piece.binding > binding else piece.text
+def _wrap(piece: Piece, binding: int) -> Piece:
+    """The piece, in parentheses if it binds more loosely."""
+    if piece.binding <= binding:
+        return piece
+    return Piece(f"({piece.text})", ATOM, piece.depth, Form("call", "", (piece,), (None,)))
 
 
 def _depth(pieces: Sequence[Piece]) -> int:
@@ -89,7 +101,7 @@ def _depth(pieces: Sequence[Piece]) -> int:
 
 def call_text(name: str, pieces: Sequence[Piece], sources: Sequence[Expr]) -> Piece:
     text = f"{name}({', '.join(p.text for p in pieces)})"
-    return Piece(text, ATOM, _depth(pieces), (name, tuple(zip(pieces, sources, strict=True))))
+    return Piece(text, ATOM, _depth(pieces), Form("call", name, tuple(pieces), tuple(sources)))
 
 
 def _call(name: str, *stretch: int) -> Template:
@@ -121,12 +133,17 @@ def _commutative(name: str) -> Template:
     return template
 
 
+def _joined(symbol: str, binding: int, parts: tuple[Piece, Piece], depth: int, sources: tuple[Expr, ...]) -> Piece:
+    text = f"{parts[0].text} {symbol} {parts[1].text}"
+    return Piece(text, binding, depth, Form("infix", symbol, parts, sources))
+
+
 def _infix(symbol: str, binding: int) -> Template:
     """A binary operator, left-associative: an equally loose right operand needs parentheses."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        left, right = _wrap(pieces[0], binding), _wrap(pieces[1], binding - 1)
-        return Piece(f"{left} {symbol} {right}", binding, _depth(pieces))
+        parts = (_wrap(pieces[0], binding), _wrap(pieces[1], binding - 1))
+        return _joined(symbol, binding, parts, _depth(pieces), node.args)
 
     return template
 
@@ -136,8 +153,9 @@ def _order(symbol: str, mirrored: str) -> Template:
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         left, right = (_wrap(p, PLUS) for p in pieces)
-        text = f"{right} {mirrored} {left}" if node.args[0].is_constant else f"{left} {symbol} {right}"
-        return Piece(text, ORDER, _depth(pieces))
+        if node.args[0].is_constant:
+            return _joined(mirrored, ORDER, (right, left), _depth(pieces), node.args[::-1])
+        return _joined(symbol, ORDER, (left, right), _depth(pieces), node.args)
 
     return template
 
@@ -148,8 +166,8 @@ def _linear(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pi
 
 def _prefix(symbol: str) -> Template:
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        inner = _wrap(pieces[0], POSTFIX)
-        return Piece(f"{symbol}({inner})" if inner.startswith(symbol) else symbol + inner, UNARY, _depth(pieces))
+        inner = _wrap(pieces[0], ATOM if pieces[0].text.startswith(symbol) else POSTFIX)
+        return Piece(symbol + inner.text, UNARY, _depth(pieces), Form("prefix", symbol, (inner,), node.args))
 
     return template
 
@@ -267,18 +285,47 @@ def _atan(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piec
 
 
 def _swizzle(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return Piece(f"{_wrap(pieces[0], POSTFIX)}.{node.data}", POSTFIX, pieces[0].depth)
+    inner = _wrap(pieces[0], POSTFIX)
+    form = Form("suffix", f".{node.data}", (inner,), node.args)
+    return Piece(f"{inner.text}.{node.data}", POSTFIX, pieces[0].depth, form)
+
+
+def _neighbours_joined(node: Expr, pieces: Sequence[Piece]) -> tuple[list[Piece], list[Expr]]:
+    """The arguments of a constructor, with components of one vector that stand side by side as one: `v.xy`."""
+    joined: list[Piece] = []
+    sources: list[Expr] = []
+    for arg, piece in zip(node.args, pieces, strict=True):
+        last = sources[-1] if sources else None
+        if (
+            last is not None
+            and arg.op == last.op == "swizzle"
+            and arg.args[0] is last.args[0]
+            and piece.text.endswith(f".{arg.data}")
+        ):
+            vector = last.args[0]
+            picked = joined[-1].text.rpartition(".")[2] + arg.data
+            base = joined[-1].text.rpartition(".")[0]
+            whole = picked == "xyzw"[: vector.type.size]
+            joined[-1] = Piece(base if whole else f"{base}.{picked}", POSTFIX, piece.depth)
+        else:
+            joined.append(piece)
+            sources.append(arg)
+    return joined, sources
 
 
 def _construct(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     if all(a is node.args[0] for a in node.args) and node.args[0].type is FLOAT:
         return call_text(node.type.name, pieces[:1], node.args[:1])
-    return call_text(node.type.name, pieces, node.args)
+    joined, sources = _neighbours_joined(node, pieces)
+    if len(joined) == 1 and sources[0].op == "swizzle":
+        return joined[0]
+    return call_text(node.type.name, joined, sources)
 
 
 def _where(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    condition, yes, no = (_wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
-    return Piece(f"{condition} ? {yes} : {no}", CHOICE, _depth(pieces))
+    condition, yes, no = parts = tuple(_wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
+    text = f"{condition.text} ? {yes.text} : {no.text}"
+    return Piece(text, CHOICE, _depth(pieces), Form("choice", "", parts, node.args))
 
 
 def _mod(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
@@ -304,7 +351,7 @@ def _smoothstep(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -
 
 
 def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return Piece(f"floor({_wrap(pieces[0], PLUS)} + 0.5)", ATOM, _depth(pieces))
+    return Piece(f"floor({_wrap(pieces[0], PLUS).text} + 0.5)", ATOM, _depth(pieces))
 
 
 def _sample(component: str) -> Template:
@@ -416,6 +463,8 @@ TEMPLATES: Mapping[str, Template] = {
     "swizzle": _swizzle,
     "construct": _construct,
     "columns": _construct,
+    "record": lambda _printer, node, pieces: call_text(node.type.name, pieces, node.args),
+    "field": _swizzle,
     "matmul": _linear,
     "transpose": _call("transpose"),
     "sample": _sample("value"),
@@ -472,29 +521,11 @@ def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None =
     return result
 
 
-@dataclass(eq=False, slots=True)
-class Record:
-    """A function that fills a GLSL struct: one expression for each of its fields."""
-
-    name: str
-    type_name: str
-    params: tuple[Expr, ...]
-    fields: tuple[tuple[str, Expr], ...]
-    names: dict[Expr, str] = field(default_factory=dict)
-
-    @property
-    def inner(self) -> tuple[Expr, ...]:
-        return tuple(value for _, value in self.fields)
-
-
-Printable: TypeAlias = Function | Record
-
-
 @dataclass(slots=True)
 class Text:
     """The functions of a field in order of definition, and their requirements."""
 
-    names: dict[Printable, str]
+    names: dict[Function, str]
     functions: list[list[Line]]
     helpers: dict[tuple[str, str], str]
     uniforms: dict[str, Expr]
@@ -514,10 +545,10 @@ class Text:
         return result[:-1]
 
 
-def print_functions(roots: Sequence[Printable], taken: Iterable[str] = ()) -> Text:
+def print_functions(roots: Sequence[Function], taken: Iterable[str] = ()) -> Text:
     """GLSL of some functions and of all their callees, each once."""
     order = _callees_first(roots)
-    names: dict[Printable, str] = {}
+    names: dict[Function, str] = {}
     expressions = [e for f in roots for e in f.inner]
     uniforms = _uniforms(expressions, frozenset(taken))
     occupied = {*taken, *uniforms, TIME, *_names_in_raw(expressions, {*taken, *uniforms, TIME})}
@@ -567,10 +598,10 @@ def uniform_name(leaf: Expr, taken: frozenset[str] = frozenset()) -> str:
     return TIME if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, taken | {TIME})
 
 
-def _callees_first(roots: Sequence[Printable]) -> list[Printable]:
-    order: dict[Printable, None] = {}
-    stack: list[tuple[Printable, bool]] = [(root, False) for root in reversed(roots)]
-    open_: set[Printable] = set()
+def _callees_first(roots: Sequence[Function]) -> list[Function]:
+    order: dict[Function, None] = {}
+    stack: list[tuple[Function, bool]] = [(root, False) for root in reversed(roots)]
+    open_: set[Function] = set()
     while stack:
         definition, done = stack.pop()
         if done:
@@ -600,7 +631,7 @@ def _direct_calls(roots: Iterable[Expr]) -> list[Expr]:
 class FunctionPrinter:
     """Prints one function: statements for shared values, one expression for the rest."""
 
-    definition: Printable
+    definition: Function
     text: Text
     taken_outside: set[str]
     lines: list[Line] = field(default_factory=list)
@@ -621,23 +652,10 @@ class FunctionPrinter:
             self.names[param] = self._name(param.data)
         params = ", ".join(f"{p.type} {self.names[p]}" for p in self.definition.params)
         name = self.text.names[self.definition]
-        if isinstance(self.definition, Record):
-            return self._run_record(self.definition, name, params)
         head = f"{self.definition.type} {name}({params}) {{"
         body = self.definition.body
         self.emit([body], lambda _i, piece: self._statement("return ", piece, ";", body))
         return [Line(head, body), *self.lines, Line("}", None)]
-
-    def _run_record(self, record: Record, name: str, params: str) -> list[Line]:
-        result = self._name("result")
-        self.lines.append(Line(f"    {record.type_name} {result};", None))
-
-        def finish(i: int, piece: Piece) -> None:
-            self._statement(f"{result}.{record.fields[i][0]} = ", piece, ";", record.inner[i])
-
-        self.emit(record.inner, finish)
-        self.lines.append(Line(f"    return {result};", None))
-        return [Line(f"{record.type_name} {name}({params}) {{", None), *self.lines, Line("}", None)]
 
     def _name(self, wanted: str) -> str:
         name = identifier(wanted, self.taken, self.numbers)
@@ -685,7 +703,7 @@ class FunctionPrinter:
                 finish(i, pieces[root])
 
     def _is_cheap(self, node: Expr) -> bool:
-        while node.op in ("swizzle", "neg", "within") and node not in self.names:
+        while node.op in ("swizzle", "field", "neg", "within") and node not in self.names:
             node = node.args[0]
         return node.op in ("const", "var", "param", "time", "item") or node in self.names
 
@@ -703,7 +721,7 @@ class FunctionPrinter:
         return TEMPLATES[node.op](self, node, args)
 
     def _temporary(self, node: Expr, piece: Piece) -> Piece:
-        name = self._name(self.wanted.get(node) or _default_name(node))
+        name = self._name(self.wanted.get(_value_of(node)) or _default_name(node))
         self._statement(f"{node.type} {name} = ", piece, ";", node)
         self.names[node] = name
         return Piece(name, ATOM, 0)
@@ -813,7 +831,15 @@ def _mentions(text: str, name: str) -> bool:
     return re.search(rf"\b{re.escape(name)}\b", text) is not None
 
 
+def _value_of(node: Expr) -> Expr:
+    """The call of the function itself, for a call that returns its gradient too; any other expression as it is."""
+    plain = node.data.derived.get("gradient of") if node.op == "call" else None
+    return node if plain is None else make("call", plain.type, node.args, plain)
+
+
 def _default_name(node: Expr) -> str:
+    if node.type.fields:
+        return node.type.name.lower()
     if node.type.is_matrix:
         return "m"
     if node.type.is_vector:
@@ -822,16 +848,40 @@ def _default_name(node: Expr) -> str:
 
 
 def _layout(indent: str, before: str, piece: Piece, after: str, source: Expr | None) -> list[Line]:
-    """One line if it fits; otherwise a call with one argument per line."""
+    """One line if it fits; otherwise one part per line where the text can be broken."""
     flat = f"{indent}{before}{piece.text}{after}"
-    if len(flat) <= WIDTH or piece.call is None or len(piece.call[1]) < 2:
+    form = piece.form
+    if len(flat) <= WIDTH or form is None:
         return [Line(flat, source)]
-    name, parts = piece.call
-    lines = [Line(f"{indent}{before}{name}(", source)]
-    for i, (part, part_source) in enumerate(parts):
-        end = f"){after}" if i == len(parts) - 1 else ","
-        lines += _layout(indent + "    ", "", part, end, part_source)
-    return lines
+    inner, lines = indent + "    ", []
+    if form.kind == "prefix" or (form.kind == "call" and len(form.parts) == 1):
+        opened, closed = (f"{form.head}(", ")") if form.kind == "call" else (form.head, "")
+        return _layout(indent, before + opened, form.parts[0], closed + after, source)
+    if form.kind == "suffix":
+        return _layout(indent, before, form.parts[0], form.head + after, source)
+    if form.kind == "call":
+        lines.append(Line(f"{indent}{before}{form.head}(", source))
+        for i, (part, part_source) in enumerate(zip(form.parts, form.sources, strict=True)):
+            lines += _layout(inner, "", part, f"){after}" if i == len(form.parts) - 1 else ",", part_source)
+        return lines
+    return [Line(text, source) for text in _filled(flat, indent)]
+
+
+def _filled(text: str, indent: str) -> list[str]:
+    """A line broken before operators and after commas, each part as long as it may be."""
+    lines = []
+    while len(text) > WIDTH:
+        breaks = [m.start() for m in _BREAKS.finditer(text, len(indent) + 8, WIDTH)]
+        if not breaks:
+            break
+        end = max((b for b in breaks if text[b + 1] in "?:" and b > WIDTH // 2), default=breaks[-1])
+        lines.append(text[:end])
+        text = f"{indent}    {text[end + 1 :]}"
+    return [*lines, text]
+
+
+_BREAKS = re.compile(r"(?<=,) | (?=[?:*/+-] |&& |\|\| |[<>]=? )")
+"""The spaces at which a line may be broken."""
 
 
 def print_expression(node: Expr) -> str:

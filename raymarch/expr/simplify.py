@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from raymarch.expr.arrays import FLOAT64
-from raymarch.expr.node import Expr, const, construct, elementwise, make, simplifier, swizzle
+from raymarch.expr.node import Expr, const, construct, elementwise, make, product, simplifier, simplify, swizzle
 from raymarch.expr.types import BOOL, FLOAT, Type
 
 _RULES = FLOAT64.rules
@@ -19,7 +19,7 @@ _RULES = FLOAT64.rules
 
 @simplifier
 def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
-    if not args or any(arg.op != "const" for arg in args):
+    if not args or op == "record" or any(arg.op != "const" for arg in args):
         return None
     node = make(op, type, args, data)
     with np.errstate(all="ignore"):
@@ -75,6 +75,13 @@ def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
                     return elementwise("neg", _widen(other, type))
         case "dot", (a, b) if _is(a, 0) or _is(b, 0):
             return const(0.0)
+        case "dot", (a, b):
+            for one, other in ((a, b), (b, a)):
+                if (axis := _axis_of(one)) is not None:
+                    k, sign = axis
+                    return other[k] if sign > 0 else elementwise("neg", other[k])
+        case "round", (a,) if a.op == "sub" and _is(a.args[1], 0.5):
+            return elementwise("floor", a.args[0])
         case "div", (a, b):
             if _is(b, 1):
                 return _widen(a, type)
@@ -88,6 +95,35 @@ def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
             return a if a.op == "abs" else elementwise("abs", a.args[0])
         case "not", (a,) if a.op == "not":
             return a.args[0]
+    return None
+
+
+def _axis_of(node: Expr) -> tuple[int, float] | None:
+    """Index and sign of the axis that a constant unit vector lies along; None for other expressions."""
+    if node.op != "const" or not node.type.is_vector or np.count_nonzero(node.data) != 1:
+        return None
+    k = int(np.flatnonzero(node.data)[0])
+    return (k, float(node.data[k])) if abs(node.data[k]) == 1.0 else None
+
+
+@simplifier
+def folds(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
+    """A vector plus a multiple of an axis changes one component; x - 2 min(x, 0) is |x|."""
+    if op not in ("add", "sub"):
+        return None
+    a, b = args
+    if type.is_vector and a.type is type and b.op == "mul":
+        for along, factor in (b.args, b.args[::-1]):
+            if factor.type is FLOAT and (axis := _axis_of(along)) is not None:
+                k, sign = axis
+                changed = elementwise("add" if (sign > 0) == (op == "add") else "sub", a[k], factor)
+                return construct(*[changed if i == k else a[i] for i in range(type.size)])
+    if type is FLOAT and b.op == "mul" and _is(b.args[0], 2) and b.args[1].op == "min" and _is(b.args[1].args[1], 0):
+        x = b.args[1].args[0]
+        if op == "sub" and x is a:
+            return elementwise("abs", a)
+        if op == "add" and x is elementwise("neg", a):
+            return elementwise("neg", elementwise("abs", a))
     return None
 
 
@@ -116,6 +152,19 @@ def choices(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | No
     return None
 
 
+@simplifier
+def fields(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
+    if op == "field":
+        (value,) = args
+        if value.op == "record":
+            return value.args[[name for name, _ in value.type.fields].index(data)]
+        if value.op == "where":
+            condition, a, b = value.args
+            sides = (simplify("field", type, (side,), data) for side in (a, b))
+            return simplify("where", type, (condition, *sides))
+    return None
+
+
 def _scalars(v: Expr) -> list[Expr]:
     """The components of a constructed vector, one expression each."""
     return [part for p in v.args for part in ([p] if p.type is FLOAT else [p[i] for i in range(p.type.size)])]
@@ -131,6 +180,13 @@ def _placed(m: Expr, v: Expr) -> Expr | None:
     data = np.where(size < 2.0**-50 * size.max(axis=1, keepdims=True), 0.0, m.data)
     if np.all(np.sort(np.abs(data), axis=1) == np.eye(m.type.size)[-1]):
         return construct(*(v[int(np.argmax(np.abs(row)))] * float(row.sum()) for row in data))
+    if m.type.size == 3:
+        for k in range(3):
+            i, j = (i for i in range(3) if i != k)
+            if data[k, k] == 1.0 and not any(data[[k, k, i, j], [i, j, k, k]]):  # a rotation about an axis
+                turned = product(const(data[np.ix_([i, j], [i, j])]), swizzle(v, "xyz"[i] + "xyz"[j]))
+                parts = {i: turned[0], j: turned[1], k: v[k]}
+                return construct(*[parts[n] for n in range(3)])
     return None if np.array_equal(data, m.data) else make("matmul", v.type, (const(data, m.type), v))
 
 
@@ -149,6 +205,9 @@ def components(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
     if op == "construct":
         if len(args) == 1:
             return args[0]
+        if any(arg.op == "construct" and len(set(arg.args)) > 1 for arg in args):
+            parts = [p for arg in args for p in (arg.args if arg.op == "construct" else (arg,))]
+            return construct(*parts)
         source = args[0].args[0] if args[0].op == "swizzle" else None
         if source is not None and all(p.op == "swizzle" and p.args[0] is source for p in args):
             return swizzle(source, "".join(p.data for p in args))

@@ -159,7 +159,8 @@ _HELPER = f"""vec4 NAME(sampler2D image, vec2 at, vec2 duvdx, vec2 duvdy, float 
     int taps = int(clamp(ceil(longest / wide - {SLACK}), 1.0, {TAPS}.0));
     float level = log2(wide);
     vec4 total = vec4(0.0);
-    for (int i = 0; i < taps; i++) {{
+    for (int i = 0; i < {TAPS}; i++) {{
+        if (i >= taps) break;
         total += textureLod(image, POINT, level);
     }}
     return total * (weight / float(taps));

@@ -7,10 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """One GLSL type. `shape` is the shape of one value in NumPy: () for a scalar, (3,) for vec3, (3, 3) for mat3."""
+    """One GLSL type. `shape` is the shape of one value in NumPy: () for a scalar, (3,) for vec3, (3, 3) for mat3.
+
+    A struct has `fields`: their names and types, in order. In NumPy it is a tuple of their values.
+    """
 
     name: str
     shape: tuple[int, ...]
+    fields: tuple[tuple[str, Type], ...] = ()
 
     def __repr__(self) -> str:
         return self.name
@@ -39,6 +43,14 @@ STATE = Type("state", ())
 TYPES = (BOOL, FLOAT, VEC2, VEC3, VEC4, MAT2, MAT3, MAT4, STATE)
 VECTORS = {2: VEC2, 3: VEC3, 4: VEC4}
 MATRICES = {2: MAT2, 3: MAT3, 4: MAT4}
+
+
+_structs: dict[tuple[str, tuple[tuple[str, Type], ...]], Type] = {}
+
+
+def struct(name: str, fields: tuple[tuple[str, Type], ...]) -> Type:
+    """The one type of a struct with these fields."""
+    return _structs.setdefault((name, fields), Type(name, (), fields))
 
 
 def vector(size: int) -> Type:

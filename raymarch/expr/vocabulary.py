@@ -11,7 +11,7 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.node import Expr, Operand, construct, elementwise, expr, simplify
-from raymarch.expr.types import BOOL, FLOAT, MATRICES, VEC3
+from raymarch.expr.types import BOOL, FLOAT, MATRICES, VEC3, Type
 
 Vec = Operand
 
@@ -178,6 +178,26 @@ def where(condition: Expr, a: Operand, b: Operand) -> Expr:
     if yes.type is not no.type:
         raise SceneError(f"where(condition, {yes.type}, {no.type})", legal="two values of one type")
     return simplify("where", yes.type, (condition, yes, no))
+
+
+def record(type: Type, *values: Operand) -> Expr:
+    """A value of a struct type, from its fields in order."""
+    args = tuple(map(expr, values))
+    if tuple(a.type for a in args) != tuple(t for _, t in type.fields):
+        raise SceneError(
+            f"{type}({', '.join(a.type.name for a in args)})", legal=", ".join(t.name for _, t in type.fields)
+        )
+    return simplify("record", type, args)
+
+
+def get(value: Expr, name: str) -> Expr:
+    """A field of a struct, by name."""
+    return simplify("field", dict(value.type.fields)[name], (value,), name)
+
+
+def parts_of(value: Expr) -> list[Expr]:
+    """The fields of a struct in order; any other value as it is."""
+    return [part for name, _ in value.type.fields for part in parts_of(get(value, name))] or [value]
 
 
 def finite(x: Operand) -> Expr:

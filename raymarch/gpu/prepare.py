@@ -34,6 +34,7 @@ class Prepared:
     plan, shader : of the scene.
     texts : the fragment shader of each pass. vertex : the vertex shader of all passes.
     distance : the field in float64, a function of points relative to the plan's origin; returns a tuple of one array.
+        None for a field without a CPU evaluation (raw GLSL).
     constants : for each pass, the uniforms that replace numbers of its text, and their values.
     """
 
@@ -41,7 +42,7 @@ class Prepared:
     shader: Shader
     texts: Mapping[str, str]
     vertex: str
-    distance: Callable[..., tuple[Any, ...]]
+    distance: Callable[..., tuple[Any, ...]] | None
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
@@ -60,7 +61,7 @@ def assembled(made: Plan) -> Prepared:
     texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
     vertex = RAYS if made.scene.quality.rays == "interpolated" else FULL_SCREEN
     known = not without_twin(made.field.body)
-    distance = evaluator([made.field.body], made.field.params) if known else _always_outside
+    distance = evaluator([made.field.body], made.field.params) if known else None
     return Prepared(made, shader, texts, vertex, distance)
 
 
@@ -74,11 +75,6 @@ def passes_for(outputs: Sequence[str]) -> list[str]:
             raise SceneError(f"outputs: {short(name)}", legal=", ".join(OUTPUTS))
     wanted = {name if name in DRAWN else "geometry" for name in names}
     return [name for name in DRAWN if name in wanted] or ["color"]
-
-
-def _always_outside(position: Any) -> tuple[float]:
-    """Replaces a field without a CPU evaluation (raw GLSL): the camera is assumed to be outside."""
-    return (1.0,)
 
 
 def frame_uniforms(
@@ -100,8 +96,8 @@ def frame_uniforms(
         "u_pixel": pose.pixel(size[1]),
         "u_far": scene.far(pose),
         "u_time": values.time,
-        "u_side": side_of(ready, values, pose.position),
     }
+    uniforms |= _start(ready, values, pose.position, 1e-9 * uniforms["u_far"])
     if ready.plan.sky_light:
         uniforms["u_sky_light"] = Elements(scene.sky.harmonics(values))
     if any(chosen.name == "slice" for chosen in ready.plan.passes):
@@ -118,8 +114,22 @@ def _leaf_value(leaf: Expr, values: Values) -> Value:
     return values.time if leaf.op == "time" else values.params[leaf.data.name]
 
 
-def side_of(ready: Prepared, values: Values, position: NDArray[Any]) -> float:
-    """-1 if a position is inside the solid, else 1. Evaluated in float64, once per frame."""
+def _start(ready: Prepared, values: Values, position: NDArray[Any], step: float) -> dict[str, Any]:
+    """The field at the camera, from which all rays start, evaluated in float64, once per frame.
+
+    step : length of the differences that give the gradient.
+
+    u_side is -1 inside the solid, else 1. u_start is the gradient and the value of the field, both times u_side. The
+    value is rounded down, so that float32 certifies no more than float64.
+    """
+    if ready.distance is None:
+        return {"u_side": 1.0, "u_start": (0.0, 0.0, 0.0, 0.0)}
     with bound(values.params, values.time):
-        distance = ready.distance(position)[0]
-    return -1.0 if distance < 0.0 else 1.0
+        found = np.broadcast_to(ready.distance(np.vstack([position, position + step * np.eye(3)]))[0], 4)
+    side = -1.0 if found[0] < 0.0 else 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):  # an empty solid is infinitely far away
+        gradient = side * (found[1:] - found[0]) / step
+    if not np.all(np.isfinite([*gradient, found[0]])):
+        return {"u_side": side, "u_start": (0.0, 0.0, 0.0, 0.0)}
+    value = side * found[0] * (1.0 - 1e-6) - 1e-6 * np.abs(position).max()
+    return {"u_side": side, "u_start": (*gradient, max(value, 0.0))}

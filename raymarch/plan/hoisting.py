@@ -1,4 +1,4 @@
-"""Hoisting: subexpressions that depend on time alone are computed on the CPU in float64, once per frame.
+"""Hoisting: subexpressions that read time but not the point are computed on the CPU in float64, once per frame.
 
 After a day, an ulp of `time` in float32 is .0078 s, so an angle that grows with time would turn in jerks. Sines, angles
 and offsets of time are passed as uniforms instead, which also saves work in each evaluation of the field. A wave such
@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from raymarch.errors import Location
-from raymarch.expr.function import Function
+from raymarch.expr.function import Function, unique_function
 from raymarch.expr.node import Expr, make
 from raymarch.expr.types import FLOAT, Type
 from raymarch.expr.walk import find, rebuild, rewrite, topological
@@ -56,7 +56,7 @@ def hoist(
                 hoisted[name] = node
                 leaves[node] = _leaf(name, node, origins)
         body = _replaced(body, leaves, origins)
-        made[old] = old if body is old.body else Function(old.name, old.params, body, old.names, old.where)
+        made[old] = old if body is old.body else unique_function(old.name, old.params, body, old.names, old.where)
     return made[field], hoisted
 
 

@@ -94,7 +94,7 @@ def _choose_tracer(quality: Quality, certified: bool) -> tuple[str, str]:
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
     if asked == "auto":
-        return "auto_relaxed", "the field is certified, so the unbounding spheres prove relaxed steps"
+        return "bracketing", "the field is certified, so a step longer than the distance can be checked"
     return asked, f"Quality(tracer={asked!r})"
 
 
@@ -132,11 +132,16 @@ def safe_step(quality: Quality) -> list[tuple[str, str]]:
 
 
 def secondary(quality: Quality, names: Iterable[str]) -> list[tuple[str, str]]:
-    """The modules that secondary rays need, if any of the modules `names` marches them."""
-    if not any(name in SECONDARY for name in names):
-        return []
-    found = safe_step(quality)
-    if any(name in SECONDARY and name != "light/two_sided" for name in names):
+    """The modules that points on surfaces and secondary rays need, if any of the modules `names` uses them."""
+    names = set(names)
+    found = []
+    if names & {*SECONDARY, "light/inner", "light/inner_depth"}:
+        found.append(("march/nearness", "the precision of a point on a surface"))
+    if not names & set(SECONDARY):
+        return found
+    found += [*safe_step(quality), ("march/epsilon", "secondary rays start two epsilons from a surface")]
+    if names & set(SECONDARY) - {"light/two_sided"}:
+        found.append(("march/contact", "secondary rays hit a surface within a fraction of an epsilon"))
         found.append(("march/extrapolate", "secondary rays that run out of steps are extrapolated"))
     return found
 
@@ -150,11 +155,17 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
     found = [(f"view/camera{'_interpolated' * (quality.rays == 'interpolated')}", "every scene has a camera")]
     add = found.append
     cone = "_cone" * marching.cones
-    add((f"march/epsilon{cone}", f"a ray refines its hit within {epsilon:g} pixel widths of a surface"))
+    add((f"march/widths{cone}", f"a ray refines its hit within {epsilon:g} pixel widths of a surface"))
     add(("march/hit", "the state of a ray and its hit"))
+    if marching.tracer in ("plain", "bracketing"):
+        add(("march/start", "the field at the camera is known when the frame begins"))
+    else:
+        add(("march/start_published", f"{marching.tracer} starts as published"))
     add((f"march/distance{cone}", "the field is evaluated along rays" + " and cones" * marching.cones))
-    if quality.refinement == "proven":
+    if quality.refinement == "proven" and trusted(scene):
         add(("march/refine", "the last steps follow the measured derivative, and each is verified"))
+    elif quality.refinement == "proven":
+        add(("march/refine_none", "the field is an estimate, whose hits are not refined"))
     else:
         add(
             (
@@ -162,16 +173,17 @@ def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str,
                 f"Quality(refinement={quality.refinement!r})",
             )
         )
-    if marching.tracer != "bracketing":
-        add(("march/loop", "a ray steps until it is near a surface"))
-        aims = marching.tracer == "auto_relaxed" and quality.refinement == "proven"
-        add(
-            (
-                f"march/aim{cone if aims else '_never'}",
-                "whether a step may aim at the surface" if aims else "no step aims at the surface",
-            )
+    add(("march/loop", "a ray steps until it is near a surface, and then refines its hit"))
+    aims = marching.tracer in ("auto_relaxed", "bracketing") and quality.refinement == "proven"
+    add(
+        (
+            f"march/aim{cone if aims else '_never'}",
+            "whether a step may aim at the surface" if aims else "no step aims at the surface",
         )
-    add(("march/on_exhausted", f"a ray that runs out of its {quality.max_steps} steps keeps its closest sample"))
+    )
+    if marching.tracer != "bracketing":
+        add(("march/advance", "a step that may have passed a surface is undone"))
+    add(("march/on_exhausted", f"a ray that runs out of its {quality.max_steps} steps ends at its last sample"))
     tracer = MODULES.get(marching.tracer, marching.tracer)
     add((f"march/{tracer}", marching.tracer_reason))
     if tracer == "plain":

@@ -1,23 +1,28 @@
-"""Materials at a hit, blended by weights: the partial derivatives of the field by each part."""
+"""Materials at a hit: that of the part which decides the field, or a mean of several parts under a smooth blend."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import TypeAlias
 
+from raymarch.expr.choices import merge_calls, operations_of
+from raymarch.expr.derivative import add_choices, map_choices, opened, raw_gradient, saving, share_values
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Record
-from raymarch.expr.node import Expr, const
-from raymarch.expr.vocabulary import where
-from raymarch.expr.walk import find, rebuild, rewrite
-from raymarch.plan.shading import mapped, needs_surface
+from raymarch.expr.node import Expr, const, construct, swizzle, var
+from raymarch.expr.types import FLOAT, VEC3, struct
+from raymarch.expr.vocabulary import get, normalize, record, where
+from raymarch.expr.walk import find, rebuild, rewrite, substitute
+from raymarch.plan.hoisting import hoist
+from raymarch.plan.shading import mapped, needs_surface, patterned
 from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, RELIEF, Material
 from raymarch.scene.scene import Scene
-from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
+from raymarch.sdf.lower import SCENE_INTERACTION, Group, Lowering, material_expressions
 from raymarch.sdf.weights import weights_of
 
-Key = TypeVar("Key")
+Hoisted: TypeAlias = dict[str, Expr]
+"""Time-only expressions by the name of the parameter that replaces each."""
 
 
 @dataclass(slots=True)
@@ -25,91 +30,246 @@ class Evaluation:
     """The generated functions that evaluate materials. Each is None if it is not needed.
 
     model : how materials are shaded: "phong", "physical", or "mixed" if there are both.
-    record : fills the struct Material. emission : emitted radiance. glass : fills the struct Glass.
-    relief : fills the struct Relief. index : index of the material with the largest weight.
+    record : returns the struct Material, or Part with the gradient of the field. emission : emitted radiance.
+    glass : returns the struct Glass. relief : returns the struct Relief.
+    index : index of the material with the largest weight.
     """
 
     model: str = "phong"
-    record: Record | None = None
+    record: Function | None = None
     emission: Function | None = None
-    glass: Record | None = None
-    relief: Record | None = None
+    glass: Function | None = None
+    relief: Function | None = None
     index: Function | None = None
 
 
-def materials_of(scene: Scene, lowering: Lowering, shaded: bool, index: bool) -> Evaluation:
-    """The functions that evaluate materials at a hit, blended with the same weights as normals.
+def materials_of(
+    scene: Scene, lowering: Lowering, shaded: bool, index: bool, field: Function | None, hoisted: Hoisted
+) -> Evaluation:
+    """The functions that evaluate materials at a hit. Smooth blends mix materials with the weights of normals.
 
     shaded : True if the functions that shade are needed. index : True if the index of the material is needed.
+    field : where given, the function of the material also returns the gradient of this field.
+    hoisted : time-only expressions of the field, by the name of their parameter; others are added.
     """
-    default = scene.materials[0]
-    marked = lowering.again().field(scene.node, label=default)
-    marks, parts = weights_of(marked)
-    values = [tuple(material_expressions(mark)) for mark in marks] or [tuple(default.expressions)]
-    weights = parts if len(set(values)) > 1 else [const(1.0)]
-    chosen = [mark.data for mark in marks] or [default]
+    parts = _Parts(scene, lowering, hoisted)
+    chosen = parts.materials
     kinds = {m.physical for m in chosen}
     made = Evaluation("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
     if shaded:
-        fields = _mixed(values, weights)
-        params = (*marked.params, *SCENE_INTERACTION) if mapped(scene) and needs_surface(scene) else marked.params
-
-        def record(name: str, kind: str, names: Sequence[str]) -> Record:
-            return Record(name, kind, params, tuple((n, fields[n]) for n in names))
-
+        extra = SCENE_INTERACTION if mapped(scene) and needs_surface(scene) else ()
         if needs_surface(scene):
             names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
-            made.record = record("material_at", "Material", names)
+            wanted = _fields("Material", names)
+            if field is not None:
+                made.record = parts.with_gradient("part_at", wanted, field, patterned(scene))
+            else:
+                made.record = parts.function("material_at", wanted, extra)
         if needs_surface(scene) and mapped(scene):
-            made.relief = record("relief_at", "Relief", RELIEF)
+            made.relief = parts.function("relief_at", _fields("Relief", RELIEF), extra)
         if (scene.path_traced or scene.whitted) and any(m.transmits for m in chosen):
-            made.glass = record("glass_at", "Glass", GLASS)
+            made.glass = parts.function("glass_at", _fields("Glass", GLASS), extra)
         if any(m.emits for m in chosen):
-            made.emission = Function("emission_at", params, fields["emission"])
+            made.emission = parts.function("emission_at", lambda values: values["emission"], extra)
     if index:
-        made.index = Function("material_index", marked.params, _largest(scene.materials, chosen, weights))
+        made.index = parts.function("material_index", None)
     return made
 
 
-def _mixed(values: Sequence[tuple[Expr, ...]], weights: Sequence[Expr]) -> dict[str, Expr]:
-    """Each field of a material: the weighted mean over all materials."""
-    weight_of = {_read_where(fields_of, weight): weight for fields_of, weight in _summed(values, weights).items()}
-    total = sum(weight_of.values(), const(0.0))
-    total = where(total <= 0.0, 1.0, total)
-    fields = {}
-    for k, name in enumerate(FIELDS):
-        each = [fields_of[k] for fields_of in weight_of]
-        same = all(v is each[0] for v in each)
-        mixed = sum((weight * v for weight, v in zip(weight_of.values(), each, strict=True)), const(0.0)) / total
-        fields[name] = each[0] if same else mixed
-    return fields
+Wanted: TypeAlias = Callable[[dict[str, Expr]], Expr]
+"""What a function returns of a part's material values."""
+
+OfGroup: TypeAlias = Callable[[Group, Expr], Expr]
+"""What is wanted of a group at a point."""
+
+Term: TypeAlias = tuple[Expr, Expr]
+"""The weight of a part and its value."""
 
 
-def _read_where(values: tuple[Expr, ...], weight: Expr) -> tuple[Expr, ...]:
-    """The fields of a part's material; its textures are read only where its weight is above 0."""
+def _fields(name: str, names: Sequence[str]) -> Wanted:
+    """Some values as a struct."""
+
+    def wanted(values: dict[str, Expr]) -> Expr:
+        chosen = [values[n] for n in names]
+        type = struct(name, tuple((n, value.type) for n, value in zip(names, chosen, strict=True)))
+        return record(type, *chosen)
+
+    return wanted
+
+
+@dataclass(slots=True)
+class _Parts:
+    """The parts of a scene with a material, and the functions that evaluate these.
+
+    A subtree that stands at several places is a part of its own, whose value comes from a function.
+    """
+
+    scene: Scene
+    lowering: Lowering
+    hoisted: Hoisted
+    marked: Function = field(init=False)
+
+    def __post_init__(self) -> None:
+        marked = self.lowering.again().field(self.scene.node, label=self.scene.materials[0], groups=True)
+        self.marked, hoisted = hoist(marked, self.lowering.origins, self.hoisted)
+        self.hoisted.update(hoisted)
+
+    @property
+    def materials(self) -> list[Material]:
+        """The materials of all parts."""
+        found: dict[Material, None] = {}
+        pending, seen = [self.marked], {self.marked}
+        while pending:
+            for mark in find([pending.pop().body], "mark"):
+                if not isinstance(mark.data, Group):
+                    found[mark.data] = None
+                elif mark.data.marked not in seen:
+                    seen.add(mark.data.marked)
+                    pending.append(mark.data.marked)
+        return list(found) or [self.scene.materials[0]]
+
+    def function(self, name: str, wanted: Wanted | None, extra: tuple[Expr, ...] = ()) -> Function:
+        """A function of the point that returns what is wanted; with None the index of the material."""
+        made: dict[Group, Function] = {}
+
+        def of_group(group: Group, at: Expr) -> Expr:
+            if group not in made:
+                (body,) = shared([self._body(group.marked, wanted, of_group)])
+                made[group] = Function(f"{group.name}_{name.removesuffix('_at')}", group.marked.params, body)
+            return made[group](at)
+
+        def shared(roots: Sequence[Expr]) -> list[Expr]:
+            return share_values(merge_calls(roots, lambda f: operations_of(f) if f in made.values() else 0))
+
+        (body,) = shared([self._body(self.marked, wanted, of_group)])
+        return Function(name, (*self.marked.params, *extra), body)
+
+    def with_gradient(self, name: str, wanted: Wanted, field: Function, inner: bool) -> Function:
+        """A function of the point that returns the struct Part: the gradient of the field and what is wanted.
+
+        inner : if True, materials are evaluated at a given depth below the point, along the gradient.
+        """
+        made: dict[Function, Function] = {}
+        fields: dict[Function, Function] = {}
+        slopes: dict[Function, Function] = {}
+
+        def stand_in(group: Function) -> Function:
+            """A function in place of a group's field, whose gradient is not derived: the group's part has it."""
+            found = next((each for each, field in fields.items() if field is group), None)
+            if found is None:
+                found = Function(group.name, group.params, group.body)
+                slope = Function(group.name, group.params, construct(group.params[0], 0.0))
+                found.derived["companion", 0] = slope
+                fields[found], slopes[slope] = group, group
+            return found
+
+        def of_group(group: Group, at: Expr) -> Expr:
+            if group.field not in made:
+                made[group.field] = part(f"{group.name}_part", group.field, group.marked, None)
+            return get(made[group.field](at), "material")
+
+        def with_stand_in(node: Expr, args: tuple[Expr, ...]) -> Expr:
+            known = node.op == "call" and node.data in made
+            return stand_in(node.data)(*args) if known else rebuild(node, args)
+
+        def with_part(node: Expr, args: tuple[Expr, ...]) -> Expr:
+            if node.op == "swizzle" and args[0].op == "call" and args[0].data in slopes:
+                return swizzle(get(made[slopes[args[0].data]](*args[0].args), "gradient"), node.data)
+            if node.op == "call" and node.data in fields:
+                return fields[node.data](*args)
+            return rebuild(node, args)
+
+        def part(name: str, field: Function, marked: Function, depth: Expr | None) -> Function:
+            (p,) = field.params
+            material = self._body(marked, wanted, of_group, p if depth is None else var("inner", VEC3))
+            material = opened(material, p)
+            replaced = rewrite([field.body], with_stand_in)[field.body]
+            slope = raw_gradient(replaced, p)
+            slope = rewrite([slope], with_part)[slope]
+            roots = merge_calls([slope, material], lambda f: operations_of(f) if f in made.values() else saving(f))
+            slope, material = share_values(roots)
+            if depth is not None:
+                below = p - depth * normalize(slope)
+                (material,) = substitute([material], {var("inner", VEC3): below})
+            type = struct("Part", (("gradient", VEC3), ("material", material.type)))
+            params = (p,) if depth is None else (p, depth)
+            return Function(name, params, record(type, slope, material), field.names, field.where)
+
+        return part(name, field, self.marked, var("depth", FLOAT) if inner else None)
+
+    def _body(self, marked: Function, wanted: Wanted | None, of_group: OfGroup, inner: Expr | None = None) -> Expr:
+        """What is wanted of the parts of a field, as a choice. inner : the point where materials are evaluated."""
+        marks, weights = weights_of(marked)
+        terms = []
+        for mark, weight in zip(marks, weights, strict=True):
+            if isinstance(mark.data, Group):
+                value = of_group(mark.data, mark.args[1])
+            else:
+                value = self._wanted(mark.data, _read_where(material_expressions(mark), weight), wanted)
+                if inner is not None:
+                    (value,) = substitute([value], {marked.params[0]: inner})
+            terms.append((weight, value))
+        default = self._wanted(self.scene.materials[0], self.scene.materials[0].expressions, wanted)
+        if all(value is terms[0][1] for _, value in terms):
+            return terms[0][1] if terms else default
+        return _chosen(terms, _largest if wanted is None else _mean, default)
+
+    def _wanted(self, material: Material, values: Sequence[Expr], wanted: Wanted | None) -> Expr:
+        if wanted is None:
+            return const(float(self.scene.materials.index(material)))
+        return wanted(dict(zip(FIELDS, values, strict=True)))
+
+
+def _chosen(terms: Sequence[Term], leaf: Callable[[Sequence[Term]], Expr], default: Expr) -> Expr:
+    """The value of the part that decides, as a choice where the weights are; `leaf` joins the values of several."""
+    terms = [(weight, value) for weight, value in terms if not (weight.is_constant and float(weight.data) == 0.0)]
+    if not terms:
+        return default
+    first = terms[0][0]
+    if first.op == "where" and all(w.op == "where" and w.args[0] is first.args[0] for w, _ in terms):
+        yes, no = ([(weight.args[k], value) for weight, value in terms] for k in (1, 2))
+        return where(first.args[0], _chosen(yes, leaf, default), _chosen(no, leaf, default))
+    return leaf(terms)
+
+
+def _mean(terms: Sequence[Term]) -> Expr:
+    """The weighted mean of some values; of structs, that of each field."""
+    first = terms[0][1]
+    if all(value is first for _, value in terms):
+        return first
+    if first.type.fields:
+        names = [name for name, _ in first.type.fields]
+        return record(first.type, *[_mean([(w, get(value, name)) for w, value in terms]) for name in names])
+    total = reduce(add_choices, [weight for weight, _ in terms])
+    products = [map_choices(lambda w, v=value: w * v, weight) for weight, value in _summed(terms)]  # type: ignore[misc]
+    return reduce(add_choices, products) / (total if total.is_constant else where(total <= 0.0, 1.0, total))
+
+
+def _largest(terms: Sequence[Term]) -> Expr:
+    """The value with the largest weight."""
+    best, result = const(-1.0), const(0.0)
+    for weight, value in _summed(terms):
+        result = where(best < weight, value, result)
+        best = where(best < weight, weight, best)
+    return result
+
+
+def _summed(terms: Sequence[Term]) -> list[Term]:
+    """The terms with the weights of equal values added."""
+    sums: dict[Expr, Expr] = {}
+    for weight, value in terms:
+        sums[value] = add_choices(sums[value], weight) if value in sums else weight
+    return [(weight, value) for value, weight in sums.items()]
+
+
+def _read_where(values: Sequence[Expr], weight: Expr) -> Sequence[Expr]:
+    """The values of a part's material; its textures are read only where its weight is above 0."""
     if weight.is_constant or not find(values, "texture"):
         return values
-    visible = where(weight <= 0.0, 0.0, 1.0)
+    visible = map_choices(lambda w: where(w <= 0.0, 0.0, 1.0), weight)
 
     def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
         return rebuild(node, (*args[:3], visible * args[3]) if node.op == "texture" else args)
 
     new = rewrite(values, rule)
-    return tuple(new[value] for value in values)
-
-
-def _largest(materials: Sequence[Material], found: Sequence[Material], weights: Sequence[Expr]) -> Expr:
-    """The index of the material with the largest weight."""
-    best, index = const(-1.0), const(0.0)
-    for material, weight in _summed(found, weights).items():
-        index = where(best < weight, float(materials.index(material)), index)
-        best = where(best < weight, weight, best)
-    return index
-
-
-def _summed(keys: Sequence[Key], weights: Sequence[Expr]) -> dict[Key, Expr]:
-    """The sum of the weights of each key."""
-    sums = {key: const(0.0) for key in keys}
-    for key, weight in zip(keys, weights, strict=False):  # a single weight stands for all, whose values are equal
-        sums[key] = sums[key] + weight
-    return sums
+    return [new[value] for value in values]

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from raymarch.errors import Location, PlanError
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr
+from raymarch.expr.operations import operations as count_operations
 from raymarch.expr.samples import Samples
 from raymarch.expr.texels import Texels
-from raymarch.expr.walk import find, topological
+from raymarch.expr.walk import find
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.marching import Marching
@@ -54,11 +54,11 @@ class Plan:
     scene: Scene
     field: Function
     gradient: Function | None
-    material: Record | None
+    material: Function | None
     material_index: Function | None
     emission: Function | None
-    glass: Record | None
-    relief: Record | None
+    glass: Function | None
+    relief: Function | None
     model: str
     origins: dict[Expr, Location]
     passes: list[Pass]
@@ -105,7 +105,7 @@ class Plan:
         Measured on llvmpipe: chains of 100, 200 and 1,000 smooth unions take 4.5, 16 and 346 s, polygons of 50 and 100
         corners 7 and 22 s. The time grows with the square of the operations in the text.
         """
-        return 1.5e-6 * _operations(self.field, turns=False) ** 2
+        return 1.5e-6 * count_operations([self.field.body], turns=False) ** 2
 
     @property
     def sky_light(self) -> bool:
@@ -145,7 +145,7 @@ def plan(
             where=scene.node.where,
         )
     lit = shading.lit(scene)
-    operations = _operations(definition)
+    operations = count_operations([definition.body])
     chosen = marching.choose(scene, operations, size)
     drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene))
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
@@ -175,16 +175,18 @@ def plan(
     shaded = lit and any(p.shades for p in drawn)
     needs_normal = (shaded and shading.needs_surface(scene)) or geometry
     sliced = any(p.name == "slice" for p in drawn)
+    joint = shading.with_gradient(scene) and shaded and lowering.sites is None
+    needs_normal = (needs_normal and not joint) or geometry or BEFORE in drawn
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
     if shaded or geometry:
-        found = materials_of(scene, lowering, shaded, geometry)
+        found = materials_of(scene, lowering, shaded, geometry, definition if joint else None, hoisted)
         made.model, made.material, made.emission = found.model, found.record, found.emission
         made.material_index, made.glass, made.relief = found.index, found.glass, found.relief
     if BEFORE in drawn:
         place, made.hoisted, made.twins = motion_of(scene, lowering, hoisted, lowering.origins)
         made.further.append(place)
-    _choose_modules(made, shaded, needs_normal)
+    _choose_modules(made, shaded, needs_normal, joint)
     made.textures = _textures_of(made)
     _describe_effects(made)
     made.conditions = conditions_of(given)
@@ -192,29 +194,6 @@ def plan(
         made.conditions.append(InReach(given))
     made.warnings += [*_warnings(given), *range_warning(given, origin, definition)]
     return made
-
-
-def _operations(definition: Function, turns: bool = True) -> int:
-    """Arithmetic operations of one evaluation; functions count at each call.
-
-    turns : if True, a loop's body counts once per iteration; else once, as in the text.
-    """
-    costs: dict[object, int] = {}
-
-    def cost(roots: Sequence[Expr]) -> int:
-        total = 0
-        for node in topological(roots):
-            if node.op == "call":
-                if node.data not in costs:
-                    costs[node.data] = cost(node.data.inner)
-                total += costs[node.data]
-            elif node.op == "loop":
-                total += (node.data.count if turns else 1) * cost(node.data.inner)
-            elif node.op not in ("const", "var", "param", "time", "swizzle", "item", "construct", "columns", "within"):
-                total += max(a.type.size for a in node.args) if node.args else 1
-        return total
-
-    return cost([definition.body])
 
 
 def _textures_of(made: Plan) -> list[Samples | Texels]:
@@ -226,13 +205,15 @@ def _textures_of(made: Plan) -> list[Samples | Texels]:
     return list(dict.fromkeys(node.data for node in find(roots, "texture", "sample", "sample_slope")))
 
 
-def _choose_modules(made: Plan, shaded: bool, needs_normal: bool) -> None:
+def _choose_modules(made: Plan, shaded: bool, needs_normal: bool, joint: bool) -> None:
     scene, add = made.scene, made.modules.append
     quality = scene.quality
     made.modules += marching.modules(scene, made.marching, made.epsilon)
+    if joint or (needs_normal and quality.normals == "analytic"):
+        add(("normal/facing", f"Quality(normals={quality.normals!r})"))
     if needs_normal:
         add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
-    shaders = shading.modules(scene, made.model if shaded else None, any(p.shades for p in made.passes))
+    shaders = shading.modules(scene, made.model if shaded else None, any(p.shades for p in made.passes), joint)
     shaders += marching.secondary(quality, [name for name, _ in shaders])
     for module in shaders:
         if module[0] not in {name for name, _ in made.modules}:

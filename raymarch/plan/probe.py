@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from raymarch.expr.faults import first_fault, plain, without_probes
+from raymarch.expr.faults import first_fault, plain
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Record
 from raymarch.expr.node import Expr, const
+from raymarch.expr.vocabulary import parts_of
 from raymarch.plan.passes import Pass
 from raymarch.plan.plan import Plan, plan
 from raymarch.scene.scene import Scene
@@ -39,7 +39,7 @@ def single_sample(scene: Scene) -> Scene:
 def plan_faults(scene: Scene) -> Probing:
     """A plan that finds the first value of each pixel that is not finite or outside its domain."""
     made, nodes = _planned(scene, FAULTS)
-    inspected = [e for f in _surface(made) for e in f.inner]
+    inspected = [part for f in _surface(made) for part in parts_of(f.body)]
     field, surface = first_fault([made.field.body]), first_fault(inspected)
     further = [_function("field_faults", made.field, field), _function("surface_faults", made.field, surface)]
     _strip(made, plain(made.field))
@@ -67,7 +67,7 @@ def _planned(scene: Scene, chosen: Pass) -> tuple[Plan, tuple[Node, ...]]:
     return made, tuple(nodes)
 
 
-def _surface(made: Plan) -> list[Function | Record]:
+def _surface(made: Plan) -> list[Function]:
     """The functions evaluated at the hit. Faults of textured materials (more arguments) show in the colour."""
     functions = (made.gradient, made.material, made.emission, made.glass)
     return [f for f in functions if f is not None and f.params == made.field.params]
@@ -80,13 +80,6 @@ def _function(name: str, like: Function, fault: Expr | None) -> Function:
 def _strip(made: Plan, field: Function) -> None:
     """Rename `field`, because a module defines `field` with probes, and remove the probes from all other functions."""
     made.field = Function("field_value", field.params, field.body, field.names, field.where)
-    made.gradient, made.emission = (None if f is None else plain(f) for f in (made.gradient, made.emission))
-    made.material, made.relief, made.glass = (
-        None if record is None else _plain_record(record) for record in (made.material, made.relief, made.glass)
+    made.gradient, made.emission, made.material, made.relief, made.glass = (
+        None if f is None else plain(f) for f in (made.gradient, made.emission, made.material, made.relief, made.glass)
     )
-
-
-def _plain_record(record: Record) -> Record:
-    names = [name for name, _ in record.fields]
-    fields = tuple(zip(names, without_probes(record.inner), strict=True))
-    return Record(record.name, record.type_name, record.params, fields)

@@ -48,6 +48,11 @@ def needs_surface(scene: Scene) -> bool:
     return bool(scene.lights) or scene.sky.light or scene.path_traced or scene.whitted or _emits_pattern(scene)
 
 
+def with_gradient(scene: Scene) -> bool:
+    """True if one function finds both gradient and material of a hit. Maps need the normal before the material."""
+    return needs_surface(scene) and scene.quality.normals == "analytic" and not mapped(scene)
+
+
 def mapped(scene: Scene) -> bool:
     """True if a material has a texture or a relief, so that it depends on the normal and the footprint."""
     return any(m.textured or m.relief for m in scene.materials)
@@ -89,15 +94,16 @@ def ambient(scene: Scene, model: str) -> bool:
     return ambient_sky(scene) or (bool(scene.lights) and model != "physical")
 
 
-def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, str]]:
+def modules(scene: Scene, model: str | None, colored: bool, joint: bool) -> list[tuple[str, str]]:
     """The modules that shade, each with its reason.
 
     model : "phong", "physical" or "mixed"; None if surfaces are not shaded. colored : True if a pass writes colour.
+    joint : True if one function finds both gradient and material.
     """
     found: list[tuple[str, str]] = []
     if model is not None and needs_surface(scene):
         found.append((f"material/{model}", "surfaces are shaded"))
-        found += _surfaces(scene)
+        found += _surfaces(scene, joint)
         if scene.lights:
             found += _bsdfs(scene, model)
         for trait in sorted(lights.traits(scene), key=list(MODULES).index):
@@ -130,14 +136,18 @@ def modules(scene: Scene, model: str | None, colored: bool) -> list[tuple[str, s
     return list(reasons.items())
 
 
-def _surfaces(scene: Scene) -> list[tuple[str, str]]:
+def _surfaces(scene: Scene, joint: bool) -> list[tuple[str, str]]:
     """The modules that evaluate the material of a hit."""
+    if joint:
+        reason = "one function finds normal and material"
+        inner = [("light/inner_depth", "a material is a function of the point")] if patterned(scene) else []
+        return [("material/part", reason), *inner, (f"light/part{'_patterned' if inner else ''}", reason)]
     if mapped(scene):
         why = "a material has a texture or relief"
-        return [("material/relief", why), ("light/inner", why), ("light/mapped", why)]
+        return [("material/relief", why), ("light/inner_depth", why), ("light/inner", why), ("light/mapped", why)]
     if patterned(scene):
         why = "a material is a function of the point"
-        return [("light/inner", why), ("light/patterned", why)]
+        return [("light/inner_depth", why), ("light/inner", why), ("light/patterned", why)]
     return [("light/light", "surfaces are shaded")]
 
 

@@ -40,6 +40,9 @@ def load(path: str | os.PathLike[str]) -> Scene:
         with _module_beside(namespace, str(file.resolve().parent)):
             exec(_compiled(source, name), namespace.__dict__)
             scene = _find(namespace, name)
+            for variable, value in vars(namespace).items():
+                if isinstance(value, Node):
+                    value.variable = variable
             scene.expressions()  # evaluates the file's own definitions, so that their errors name lines of the file
             return scene
     except RaymarchError:

@@ -71,6 +71,11 @@ class Light(Value):
         return self.color * self.intensity
 
     @property
+    def has_position(self) -> bool:
+        """True if the light has a `position`: its softness is a radius, else the tangent of an angular radius."""
+        return any(field.name == "position" for field in fields(self))
+
+    @property
     def soft(self) -> bool:
         """True if the shadow has a penumbra."""
         return self.shadow and not _is_zero(self.softness)

@@ -14,7 +14,7 @@ from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.function import Function
 from raymarch.expr.node import const
 from raymarch.expr.raw import without_twin
-from raymarch.scene.light import Light, PointLight
+from raymarch.scene.light import Light
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import lower
@@ -76,9 +76,9 @@ def seen_from(scene: Scene, origin: NDArray[np.float64]) -> Scene:
 
 
 def _light_from(light: Light, origin: NDArray[np.float64]) -> Light:
-    if not isinstance(light, PointLight):
+    if not light.has_position:
         return light
-    return light.replace(position=light.position - const(origin))
+    return light.replace(position=light.arguments()["position"] - const(origin))
 
 
 def range_warning(scene: Scene, origin: NDArray[np.float64], field: Function) -> list[str]:

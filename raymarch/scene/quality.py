@@ -25,6 +25,9 @@ RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 CONTACT = 0.0625
 """A hit on a certified field is refined until the field is below this fraction of epsilon."""
 
+LAST_STEP = 0.5
+"""The last step of a refined hit is not evaluated. It is at most this fraction of epsilon; see march/refine.glsl."""
+
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "draft": {"epsilon": 0.5},
     "normal": {},
@@ -85,7 +88,7 @@ class Quality(Value):
         - "relaxed_again": as "relaxed", and relaxation resumes after a step that was too long.
         - "enhanced": step length from the slope of the last two samples (Bálint and Valasek 2018).
         - "auto_relaxed": step length from an averaged slope (Bán and Valasek 2023).
-        - "bracketing": step length from the averaged slope; samples that overstepped are kept as brackets.
+        - "bracketing": as "auto_relaxed", and the empty sphere of a step that was too long is kept.
 
         A field that is only an estimate is marched with "plain", unless `assume_certified` is set.
     max_steps : maximum number of steps of a camera ray, 1 to 60,000 (software renderers end loops at 65,535). Rays that
@@ -108,7 +111,8 @@ class Quality(Value):
         - "two", "four", "six": the resolutions of Bálint and Valasek 2018, each with a fraction of `max_steps`.
         - "cone": cones of 4 by 4 pixels, marched until they cannot advance.
         - "cones": cones of 16 by 16, then 4 by 4, then 2 by 2 pixels.
-        - "auto": the plan weighs the steps that cones save against their own cost.
+        - "auto": "cones" if the field is certified, `step_scale` and `step_variation` do not shorten its steps, and one
+          evaluation for each pixel takes at least 3e7 operations in all; else "single".
     refinement : end of a ray that came within `epsilon`. "proven": step along the slope, and evaluate the field to
         prove that the point is closer; a ray that only passes the surface marches on. "slope": one such step, without
         the proof. "none": the hit is the last sample.
@@ -146,7 +150,7 @@ class Quality(Value):
     epsilon: float | None = None
     normals: str = "analytic"
     omega: float | None = None
-    beta: float = 0.3
+    beta: float = 0.4
     step_scale: float = 1.0
     step_variation: float = 0.0
     schedule: str = "auto"

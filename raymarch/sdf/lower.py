@@ -28,6 +28,7 @@ from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
+from raymarch.sdf.variables import assignment_of
 from raymarch.sdf.weights import distance_scale
 
 Request: TypeAlias = tuple[Node, Expr, Any]
@@ -39,6 +40,14 @@ _PRIMES = (1.0, 127.0, 16381.0)
 
 UNMARKED = object()
 """Replaces a label if no materials are needed."""
+
+
+class _Unlabelled:
+    expressions: Sequence[Expr] = ()
+
+
+UNLABELLED = _Unlabelled()
+"""In place of a label: to find the parts that have none."""
 
 PARTS = object()
 """Replaces a label: each shape is marked, with the point in its object space. Materials are ignored."""
@@ -99,6 +108,18 @@ def _interaction_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
     return {NORMAL: normal, DPDN: dpdn, DPDX: dpdx, DPDY: dpdy}
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Group:
+    """The label of a subtree that stands at several places: its own parts have the labels.
+
+    field : the field of the subtree. marked : the same with its labels, as `Lowering.field` returns it.
+    """
+
+    name: str
+    field: Function
+    marked: Function
+
+
 @dataclass(slots=True)
 class Lowering:
     """One pass over a tree of nodes.
@@ -115,19 +136,29 @@ class Lowering:
     shapes: set[Expr] = field(default_factory=set)
     sites: list[Node] | None = None
     _numbers: dict[int, int] = field(default_factory=dict)
-    _sites: dict[int, int] = field(default_factory=dict)
+    names: dict[Expr, str] = field(default_factory=dict)
+    _sites: dict[Any, int] = field(default_factory=dict)
+    _inner: set[int] = field(default_factory=set)
     _done: dict[tuple[int, Expr, Any], Expr] = field(default_factory=dict)
-    _functions: dict[int, tuple[Function, list[Expr]]] = field(default_factory=dict)
+    _functions: dict[Any, tuple[Function, list[Expr]]] = field(default_factory=dict)
+    _grouping: bool = False
+    _groups: dict[Any, Group | None] = field(default_factory=dict)
     _roots: list[Node] = field(default_factory=list)
     """Kept alive, because nodes are identified by their ids: two equal nodes of a tree are distinct."""
 
     def again(self) -> Lowering:
         """Another pass over the same nodes, which shares the origins, shapes and functions of this one."""
         return Lowering(
-            self.origins, self.shapes, self.sites, self._numbers, _functions=self._functions, _roots=self._roots
+            self.origins,
+            self.shapes,
+            self.sites,
+            self._numbers,
+            self.names,
+            _functions=self._functions,
+            _roots=self._roots,
         )
 
-    def field(self, root: Node, name: str = "field", label: Any = UNMARKED) -> Function:
+    def field(self, root: Node, name: str = "field", label: Any = UNMARKED, groups: bool = False) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
 
         With the label `PARTS`, the distance of each shape is wrapped in a `mark` with the point in the shape's object
@@ -140,6 +171,7 @@ class Lowering:
         """
         self._roots.append(root)
         self._count_sites(root)
+        self._grouping = groups
         p = var("p", vector(root.dimension))
         q = self._handed(p, None, root)
         body = self._run((root, q, label if label is UNMARKED or label is PARTS else (label, q)))
@@ -150,19 +182,33 @@ class Lowering:
                 legal="the index only inside the function that repeat_varied calls",
                 where=root.where,
             )
-        return Function(name, (p,), body, where=root.where)
+        return Function(name, (p,), body, self.names, root.where)
 
     def _count_sites(self, root: Node) -> None:
         """The number of places at which each node is evaluated, over all its parents."""
-        pending, seen = [root], {id(root)}
+        pending, seen = [root], {self._key(root)}
         while pending:
             node = pending.pop()
             evaluations = [1] * len(node.children) if node.definition.arity == "many" else _evaluations(node)
-            for child, times in zip(node.children, evaluations, strict=True):
-                self._sites[id(child)] = self._sites.get(id(child), 0) + times
-                if id(child) not in seen:
-                    seen.add(id(child))
+            for child, times in zip(map(_unlabelled, node.children), evaluations, strict=True):
+                key = self._key(child)
+                self._sites[key] = self._sites.get(key, 0) + times
+                if (inside := assignment_of(child)) is not None and inside == assignment_of(node):
+                    self._inner.add(id(child))
+                if key not in seen:
+                    seen.add(key)
                     pending.append(child)
+
+    def _key(self, node: Node) -> Any:
+        """Equal nodes are one function, except where each node has its own probe."""
+        return node if self.sites is None else id(node)
+
+    def variable_of(self, node: Node) -> str | None:
+        """The user's variable that a node is assigned to."""
+        if node.variable is not None:
+            return node.variable
+        assigned = assignment_of(node)
+        return assigned.name if assigned is not None and id(node) not in self._inner else None
 
     def _run(self, root: Request) -> Expr:
         """Run the generators of `_lower` with an explicit stack, so that the depth of a tree is unlimited."""
@@ -174,6 +220,8 @@ class Lowering:
             except StopIteration as stop:
                 key, _ = stack.pop()
                 value = self._done[(id(key[0]), *key[1:])] = stop.value
+                if key[2] is UNMARKED and (name := self.variable_of(key[0])) is not None:
+                    self.names.setdefault(stop.value, name)
                 if key[0].where is not None:
                     self.origins.setdefault(stop.value, key[0].where)
                 continue
@@ -234,6 +282,11 @@ class Lowering:
                     new[part] = rebuild(part, args)
                 if new[part].args and node.where is not None:
                     self.origins.setdefault(new[part], node.where)
+                    if new[part].op != part.op:  # simplified to other operations, which belong to the node as well
+                        known = set(new.values()) - {new[part]}
+                        for inner in topological([new[part]], lambda e: () if e in known else e.args):  # noqa: B023
+                            if inner.args and inner not in known:
+                                self.origins.setdefault(inner, node.where)
             value = new[template.body]
         if marking and label is not PARTS and node.definition.arity == "one":
             scale = distance_scale(value, answers)
@@ -245,18 +298,44 @@ class Lowering:
 
     def _ask(self, child: Node, point: Expr, label: Any) -> Work:
         """The child at a point: its expression, or a call if it is evaluated at several places."""
-        if label is not UNMARKED or self._sites.get(id(child), 0) < 2 or not child.children:
+        solid = _unlabelled(child)
+        repeated = self._sites.get(self._key(solid), 0) > 1 and _is_large(solid)
+        if label is not UNMARKED and label is not PARTS and repeated and self._grouping and child.labelled:
+            key = self._key(child)
+            if key not in self._groups:
+                self._groups[key] = yield from self._group(child)
+            group = self._groups[key]
+            if group is not None:
+                distance = yield from self._ask(solid, point, UNMARKED)
+                return make("mark", FLOAT, (distance, point), group)
+        if label is not UNMARKED or not repeated:
             return (yield (child, point, label))
-        if id(child) not in self._functions:
-            p = var("p", vector(child.dimension))
-            body = yield (child, p, UNMARKED)
+        key = self._key(solid)
+        if key not in self._functions:
+            p = var("p", vector(solid.dimension))
+            body = yield (solid, p, UNMARKED)
             cells = find([body], "cell")
             formal = [var(f"cell {i}", cell.type) for i, cell in enumerate(cells)]
             closed = substitute([body], dict(zip(cells, formal, strict=True)))[0] if cells else body
-            made = Function(f"{child.name}_field", (p, *formal), closed, where=child.where)
-            self._functions[id(child)] = (made, cells)
-        function, cells = self._functions[id(child)]
+            name = self.variable_of(solid) or f"{solid.name}_field"
+            made = Function(name, (p, *formal), closed, self.names, solid.where)
+            self._functions[key] = (made, cells)
+        function, cells = self._functions[key]
         return function(point, *cells)
+
+    def _group(self, child: Node) -> Generator[Request, Expr, Group | None]:
+        """The group of a labelled subtree; None if one of its parts has no label of its own, or one that varies."""
+        p = var("p", vector(child.dimension))
+        distance = yield from self._ask(child, p, UNMARKED)
+        if self.sites is not None or distance.op != "call" or find([distance], "cell", "time"):
+            return None
+        body = yield (child, p, (UNLABELLED, p))
+        labels = [mark.data for mark in find([body], "mark")]
+        varying = any(POSITION in free_variables(label.expressions) for label in labels if not isinstance(label, Group))
+        if UNLABELLED in labels or varying or any(cells_of(label) for label in labels):
+            return None
+        name = self.variable_of(child) or self.variable_of(_unlabelled(child)) or _unlabelled(child).name
+        return Group(name, distance.data, Function(f"{child.name}_marked", (p,), body, where=child.where))
 
     def _handed(self, point: Expr, above: Node | None, child: Node) -> Expr:
         """A point at which a node evaluates a child, as a `probe`."""
@@ -276,10 +355,9 @@ class Lowering:
 
     def _number(self, node: Node | None) -> int:
         """The number of the node that computes the value; a label is skipped, since it computes nothing."""
-        while node is not None and node.label is not None:
-            node = node.children[0]
         if node is None or self.sites is None:
             return 0
+        node = _unlabelled(node)
         if id(node) not in self._numbers:
             self.sites.append(node)
             self._numbers[id(node)] = len(self.sites)
@@ -294,6 +372,23 @@ class Lowering:
             if old in self.shapes:
                 self.shapes.add(changed)
         return new[value]
+
+
+def _unlabelled(node: Node) -> Node:
+    """The node below labels."""
+    while node.label is not None:
+        node = node.children[0]
+    return node
+
+
+def _is_large(node: Node) -> bool:
+    """True if a subtree is worth a function of its own: it has several nodes besides labels and one operator."""
+    size, pending = 0, [node]
+    while pending and size < 3:
+        each = pending.pop()
+        size += each.label is None
+        pending.extend(each.children)
+    return size >= 3
 
 
 def _evaluations(node: Node) -> list[int]:

@@ -29,7 +29,10 @@ class Node:
     Nodes are made by shapes (`sphere()`) and operators (`a | b`, `a.translate(...)`). They are immutable.
     """
 
-    __slots__ = ("__weakref__", "_same", "children", "definition", "facts", "label", "labelled", "params", "where")
+    __slots__ = (
+        *("__weakref__", "_same", "children", "definition", "facts", "label", "labelled", "params"),
+        *("variable", "where"),
+    )
 
     def __init__(
         self,
@@ -46,6 +49,7 @@ class Node:
         self.label = label
         self.labelled: bool = label is not None or any(child.labelled for child in children)
         self.where: Location | None = user_location()
+        self.variable: str | None = None  # the name of the scene file's variable that holds it
         self._same: Same = same(definition, tuple(child._same for child in children), tuple(params.items()), label)
 
     def __eq__(self, other: object) -> bool:

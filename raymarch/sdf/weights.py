@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
-from raymarch.expr.derivative import ONE, partial_derivatives
-from raymarch.expr.function import Function, sum_of
+from raymarch.expr.derivative import ONE, add_choices, map_choices, partial_derivatives
+from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, VEC2
 from raymarch.expr.vocabulary import abs, min, where
@@ -19,13 +20,13 @@ def weights_of(marked: Function) -> tuple[list[Expr], list[Expr]]:
     end caps of an extruded profile all derivatives are 0; there the nearest flat part gets the weight 1.
     """
     marks = find([marked.body], "mark")
-    weights = [abs(part) for part in partial_derivatives(marked.body, marks)]
+    weights = [map_choices(abs, part) for part in partial_derivatives(marked.body, marks)]
     flat = [k for k, mark in enumerate(marks) if mark.args[1].type is VEC2]
     if flat:
         nearest = marks[flat[0]].args[0]
         for k in flat[1:]:
             nearest = min(nearest, marks[k].args[0])
-        still = sum_of(weights) <= 0.0
+        still = reduce(add_choices, weights) <= 0.0
         for k in flat:
             weights[k] = where(still & (marks[k].args[0] <= nearest), 1.0, weights[k])
     return marks, weights

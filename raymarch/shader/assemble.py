@@ -15,7 +15,7 @@ from raymarch.errors import Location, PlanError, is_users
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Line, Printable, Text, literal, print_functions
+from raymarch.expr.glsl import Line, Text, literal, print_functions
 from raymarch.expr.hashing import PCG_GLSL
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
@@ -233,7 +233,7 @@ def _pcg() -> Chunk:
 def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
     optional = (plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index)
-    roots: list[Printable] = [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
+    roots: list[Function] = [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
     text = print_functions(roots, taken)
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
@@ -248,7 +248,7 @@ def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[st
     lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
     records = (record for record in (plan.material, plan.relief, plan.glass) if record is not None)
-    needs = frozenset(record.type_name for record in records) | text.needs
+    needs = frozenset(record.type.name for record in records) | text.needs
     return Chunk("field", needs, gives, tuple(lines)), parameters, text
 
 
@@ -279,7 +279,7 @@ class _Places:
         found = self.origins.get(source)
         return self._gradients.get((source.data, source.args)) if found is None and source.op == "call" else found
 
-    def around(self, owner: Printable) -> Location | None:
+    def around(self, owner: Function) -> Location | None:
         """The user's line of a whole function."""
         where = owner.where if isinstance(owner, Function) else None
         if where in self._first_use:

@@ -86,7 +86,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
         cone = ", ".join((value("axis", light.direction), value("outer", outer), value("inner", inner)))
         add(f"light.radiance *= spot_falloff(light.direction, {cone});", "spot_falloff")
     if light.soft and light.penumbra == "sampled":
-        width = value("softness", light.softness) + ("" if isinstance(light, Sun) else " / light.distance")
+        width = value("softness", light.softness) + _per_distance(light)
         samples = plan.scene.quality.light_samples
         if samples > 1:
             stride = 2 * len(plan.scene.lights)
@@ -106,6 +106,11 @@ def _dimension(light: int) -> int:
     return 1024 + 2 * light
 
 
+def _per_distance(light: Light) -> str:
+    """The factor that makes the tangent of an angle of a light's softness."""
+    return " / light.distance" if light.has_position else ""
+
+
 def _visibility(text: Lines, light: Light, value: Callable[[str, Expr], str]) -> str:
     """The visibility of a light from the surface, as GLSL text."""
     if not light.shadow:
@@ -114,7 +119,7 @@ def _visibility(text: Lines, light: Light, value: Callable[[str, Expr], str]) ->
     text.needs.add(call)
     width = ""
     if light.soft and light.penumbra != "sampled":
-        width = f", {value('softness', light.softness)}{'' if isinstance(light, Sun) else ' / light.distance'}"
+        width = f", {value('softness', light.softness)}{_per_distance(light)}"
     shown = f"{call}(surface, light{width})"
     if isinstance(light, PointLight) and light.shadow_radius is not None:
         return f"light.distance < {value('shadow_radius', light.shadow_radius)} ? {shown} : 1.0"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from raymarch.expr.function import Function
+from raymarch.expr.vocabulary import get
 from raymarch.plan import Plan
 from raymarch.plan.shading import ambient, ambient_sky, compensated, occluded, patterned
 from raymarch.scene.sky import DIRECTION
@@ -148,5 +149,5 @@ def _occluded_by_map(plan: Plan) -> bool:
     """True if the scene has ambient light and some material has an occlusion value or map."""
     if plan.relief is None or not ambient(plan.scene, plan.model):
         return False
-    share = dict(plan.relief.fields)["ambient_visibility"]
+    share = get(plan.relief.body, "ambient_visibility")
     return not (share.is_constant and float(share.data) == 1.0)

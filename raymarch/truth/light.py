@@ -91,7 +91,7 @@ def soft_visibility(
     These forms approximate the visible fraction of the disc. They are evaluated with the steps of the shader, in
     float64. `tests/truth/test_truth_soft_shadows.py` measures their errors against the disc.
     """
-    width = values.of(light.softness) / (1.0 if isinstance(light, Sun) else np.maximum(end, 1e-300))
+    width = values.of(light.softness) / (np.maximum(end, 1e-300) if light.has_position else 1.0)
     width = np.broadcast_to(width, end.shape)
     s, stop = _inside_cone(rays, box, width, near, end)
     rule = {"two-sided": _TwoSided, "cone": _Cone, "triangulated": _Triangulated}[light.penumbra](len(end))

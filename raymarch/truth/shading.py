@@ -205,7 +205,7 @@ class Surface:
         if not (light.soft and light.penumbra == "sampled"):
             return self._reflected(light, incident)
         width = self.values.of(light.softness)
-        spread = width / np.maximum(incident.distance, 1e-300) if isinstance(light, PointLight) else width
+        spread = width / np.maximum(incident.distance, 1e-300) if light.has_position else width
         spread = np.broadcast_to(spread, incident.distance.shape)
         return (
             sum((self._reflected(light, part) for part in disc_samples(incident, spread)), np.zeros_like(self.points))

@@ -54,7 +54,7 @@ def test_the_figure_marks_front_presets_and_base(made):
 def test_curves_by_steps_hold_the_base_too(made):
     curves = by_steps(made)
     assert list(curves["plain"][-1].setting.quality.tracer) == list("plain")
-    assert made.base in curves["auto_relaxed"]
+    assert made.base in curves["bracketing"]
     for points in curves.values():
         steps = [p.setting.quality.max_steps for p in points]
         assert steps == sorted(set(steps))

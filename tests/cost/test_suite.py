@@ -92,7 +92,7 @@ def test_claims_say_what_was_measured(made):
     assert said["enhanced is better than plain from 64 steps on"][1] == "yes"
     assert said["on the fractal enhanced and relaxed are on par"][1] == "enhanced is better"
     assert said["two resolutions save enhanced up to 20 % of its time"] == ("20% [20%, 20%] at 64 steps", "yes")
-    assert said["not in P1: one converged pass of cones, in time"][0].startswith("40%")
+    assert said["not in the paper: one converged pass of cones, in time"][0].startswith("40%")
     assert "10.0%" in said["enhanced rarely repeats a step"][0]
 
 

@@ -6,7 +6,7 @@ counts for itself how often, how far and where it is asked.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,6 +65,8 @@ void given(vec4 a, vec4 b, vec4 c, vec4 d) {
     }
 }
 """
+UNKNOWN = 3.0
+"""In place of a slope: none was handed on."""
 CONSTANTS = """
 const float epsilon_pixels = 0.1;
 const float contact_share = 0.0625;
@@ -83,8 +85,8 @@ vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
     given(a, b, c, d);
     marched = e.xy;
     Ray ray = Ray(vec3(0.0), vec3(0.0, 0.0, 1.0));
-    March at = start_march(e.x);
-    at.derivative = at.last_derivative = e.w;
+    March at = start_march(ray, e.x);
+    if (e.w < 2.0) at.derivative = e.w;
     Hit hit = no_hit(e.x);
     march(ray, at, hit, e.y);
     if (e.z == 0.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
@@ -94,13 +96,13 @@ vec4 traced(vec4 a, vec4 b, vec4 c, vec4 d, vec4 e) {
 """
 TRACED = AFTER.replace("march(ray, at, hit, e.y)", "hit = trace(ray)")
 TRACERS: Mapping[str, tuple[str, ...]] = {
-    "plain": ("march/aim_never", "march/safe_step_scaled", "march/plain", "march/loop"),
-    "varied": ("march/aim_never", "march/safe_step_varied", "march/plain", "march/loop"),
-    "relaxed": ("march/aim_never", "march/relaxed", "march/loop"),
-    "relaxed_again": ("march/aim_never", "march/relaxed", "march/loop"),
-    "enhanced": ("march/aim_never", "march/enhanced", "march/loop"),
-    "auto_relaxed": ("march/aim", "march/auto_relaxed", "march/loop"),
-    "bracketing": ("march/bracketing",),
+    "plain": ("march/aim_never", "march/safe_step_scaled", "march/plain", "march/advance", "march/loop"),
+    "varied": ("march/aim_never", "march/safe_step_varied", "march/plain", "march/advance", "march/loop"),
+    "relaxed": ("march/aim_never", "march/relaxed", "march/advance", "march/loop"),
+    "relaxed_again": ("march/aim_never", "march/relaxed", "march/advance", "march/loop"),
+    "enhanced": ("march/aim_never", "march/enhanced", "march/advance", "march/loop"),
+    "auto_relaxed": ("march/aim", "march/auto_relaxed", "march/advance", "march/loop"),
+    "bracketing": ("march/aim_never", "march/bracketing", "march/loop"),
 }
 
 
@@ -114,7 +116,8 @@ def text_of(
         scale=scale,
         variation=0.5,
     )
-    names = ("epsilon", "hit", "distance", settle, "on_exhausted")
+    start = "start" if tracer in ("plain", "varied", "bracketing") else "start_published"
+    names = ("widths", "hit", "distance", start, settle, "on_exhausted")
     whole = (*(f"march/{name}" for name in names), *TRACERS[tracer], *(f"march/{name}" for name in trace))
     return modules(*whole, before=FIELD + constants, after=after)
 
@@ -175,9 +178,14 @@ def plane(slope: NDArray[np.float64], first: NDArray[np.float64]) -> Profiles:
     return Profiles.of(np.full((len(slope), 7), 3.0), np.repeat(slope[:, None], 7, axis=1), first)
 
 
+def deepest(t: NDArray[Any]) -> NDArray[np.float64]:
+    """The largest value at a hit: the last step may add half an epsilon to what a hit may leave."""
+    return np.asarray((CONTACT + 0.5 * NEAR + ROUNDING) * np.asarray(t, float) * (1 + 1e-3) + 4e-7)
+
+
 def contact(t: NDArray[Any]) -> NDArray[np.float64]:
     """Within this of a surface a ray has met it, with what the field itself is rounded by."""
-    return np.asarray(max(CONTACT, ROUNDING) * np.asarray(t, float) * (1 + 1e-3) + 4e-7)
+    return np.asarray((CONTACT + ROUNDING) * np.asarray(t, float) * (1 + 1e-3) + 4e-7)
 
 
 @dataclass(frozen=True)
@@ -206,14 +214,25 @@ def march(
     far: float = 20.0,
     steps: int = 512,
     side: int = 1,
-    slope: float = -1.0,
+    slope: float | None = None,
+    start: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
 ) -> Marched:
-    """March all profiles from `begin` to `far`, with a slope that cones have handed on, or -1 for none."""
+    """March all profiles from `begin` to `far`, with a slope that cones have handed on, or None.
+
+    start : gradient and value of the field at distance 0, or zeros if they are not known.
+    """
     count = len(profiles)
     part = np.repeat([0, 1, 2], count)
-    about = np.column_stack([np.full(3 * count, begin), np.full(3 * count, far), part, np.full(3 * count, slope)])
+    about = np.column_stack(
+        [
+            np.full(3 * count, begin),
+            np.full(3 * count, far),
+            part,
+            np.full(3 * count, UNKNOWN if slope is None else slope),
+        ]
+    )
     knots = [np.tile(half, (3, 1)) for half in profiles.halves()]
-    uniforms = {"u_pixel": PIXEL, "u_side": float(side), "march_steps": steps}
+    uniforms = {"u_pixel": PIXEL, "u_side": float(side), "march_steps": steps, "u_start": tuple(start)}
     inputs = [(VEC4, given) for given in (*knots, about)]
     found = run(egl, text, "traced({0}, {1}, {2}, {3}, {4})", inputs, 4, uniforms).reshape(3, count, 4)
     t, residual, iterations, evaluations = found[0].T

@@ -58,7 +58,11 @@ def test_differences_at_the_origin(egl: Context, method: str) -> None:
 def test_where_there_is_no_gradient_the_normal_faces_the_ray(egl: Context, method: str) -> None:
     p = np.array([[0.0, 0, 0], [1, -2, 3], [-1e6, 0, 0]])
     if method == "analytic":
-        text = modules("normal/analytic", before="vec4 field_gradient(vec3 p) { return vec4(0.0, 0.0, 0.0, 1.0); }")
+        text = modules(
+            "normal/facing",
+            "normal/analytic",
+            before="vec4 field_gradient(vec3 p) { return vec4(0.0, 0.0, 0.0, 1.0); }",
+        )
         found = run(egl, text, "surface_normal({0}, {1})", [(VEC3, p), (VEC3, np.tile(WAY, (3, 1)))], 3)
     else:
         found = _normals(egl, method, "1.0 + 0.0 * p.x", p, np.zeros((3, 4)))
@@ -68,7 +72,7 @@ def test_where_there_is_no_gradient_the_normal_faces_the_ray(egl: Context, metho
 def test_a_gradient_of_any_length_gives_a_normal_of_length_1(egl: Context) -> None:
     """Below 1e-12 it is rounding, and faces the ray."""
     lengths = np.array([1e-30, 1e-13, 1e-11, 1e-6, 1.0, 1e3, 1e12])
-    text = modules("normal/analytic", before="vec4 field_gradient(vec3 p) { return vec4(p, 0.0); }")
+    text = modules("normal/facing", "normal/analytic", before="vec4 field_gradient(vec3 p) { return vec4(p, 0.0); }")
     found = run(
         egl,
         text,

@@ -231,7 +231,10 @@ def met(egl: Context, body: str, start: float, ends: tuple[float, float], side: 
         }}"""
     declared = "float field(vec3 p);\n"
     text = modules(
+        "march/widths",
+        "march/nearness",
         "march/epsilon",
+        "march/contact",
         "march/hit",
         "march/safe_step",
         "march/extrapolate",

@@ -58,6 +58,7 @@ def test_a_range_is_cut_to_where_the_ray_is_inside(
     assert np.sum(empty) > 50 and np.sum(~empty) > 50
 
 
+RAY = "struct Ray { vec3 origin; vec3 direction; };\n"
 PIXEL, NEAR, SHARE, CONE, CONE_SHARE = 0.002, 0.1, 0.0625, 0.01, 0.25
 CONSTANTS = f"""
 const float epsilon_pixels = {NEAR};
@@ -65,24 +66,47 @@ const float contact_share = {SHARE};
 const float cone_share = {CONE_SHARE};
 """
 WIDTHS = {
-    "march/epsilon": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
-    "march/epsilon_cone": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
-    "march/epsilon_cone of a cone": ("#define CONE\n", CONE_SHARE * CONE, CONE_SHARE * CONE),
+    "march/widths": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
+    "march/widths_cone": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
+    "march/widths_cone of a cone": ("#define CONE\n", CONE_SHARE * CONE, CONE_SHARE * CONE),
 }
 
 
 @pytest.mark.parametrize("name", list(WIDTHS))
-def test_near_is_a_share_of_a_pixel_but_no_less_than_rounding(egl: Context, name: str) -> None:
-    """2 ulp of the largest of the coordinates and the distance, whichever that is and whatever its sign."""
+def test_the_widths_of_a_ray_bound_a_fraction_of_a_pixel_and_rounding(egl: Context, name: str) -> None:
+    """2 ulp of the largest coordinate of each point on the ray, or of the distance; at most twice that."""
     define, near, contact = WIDTHS[name]
     needed = "uniform float u_cone;\n" if "cone" in name else ""
-    text = modules(name.partition(" ")[0], before=define + needed + CONSTANTS)
+    after = "vec3 widths(vec3 o, vec3 d) { return hit_widths(Ray(o, d)); }"
+    text = modules(name.partition(" ")[0], before=define + needed + RAY + CONSTANTS, after=after)
+    rng = np.random.default_rng(6)
+    origins = rng.normal(size=(60, 3)) * 10.0 ** rng.uniform(-3, 6, (60, 1))
+    directions = rng.normal(size=(60, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for pixel in (1.0, 0.0):  # and a picture whose pixels have no width: rounding alone
+        uniforms = {"u_pixel": PIXEL * pixel} | ({"u_cone": CONE * pixel} if needed else {})
+        found = run(egl, text, "widths({0}, {1})", [(VEC3, origins), (VEC3, directions)], 3, uniforms)
+        for t in (0.0, 1e-3, 5.0, 1e5):
+            size = np.abs(origins + t * directions).max(axis=1)
+            largest = np.abs(origins).max(axis=1) + t
+            for width, column in ((near, 1), (contact, 2)):
+                reach = found[:, 0] + found[:, column] * t
+                least = np.maximum(width * pixel * t, 4 * ULP * np.maximum(size, t))
+                assert np.all(reach >= least * (1 - 1e-5))
+                assert np.all(reach <= (width * pixel * t + 4 * ULP * largest) * (1 + 1e-5))
+
+
+@pytest.mark.parametrize(("name", "share"), [("epsilon", 1.0), ("contact", SHARE)])
+def test_near_a_surface_is_a_fraction_of_a_pixel_but_no_less_than_rounding(
+    egl: Context, name: str, share: float
+) -> None:
+    """2 ulp of the largest of the coordinates and the distance, whichever that is and whatever its sign."""
+    names = [f"march/{module}" for module in ("widths", "nearness", name)]
+    text = modules(*names, before=RAY + CONSTANTS)
     places = [sign * size * np.eye(3)[i] for sign in (1, -1) for size in (1e-3, 7.0, 1e6) for i in range(3)]
     p = np.array([*places, *places, (0, 0, 0), (0, 0, 0)])
     t = np.array([0.0] * len(places) + [3.0] * len(places) + [0.0, 5.0])
-    for call, width in (("epsilon({0}, {1})", near), ("contact({0}, {1})", contact)):
-        for pixel in (1.0, 0.0):  # and a picture whose pixels have no width: rounding alone
-            uniforms = {"u_pixel": PIXEL * pixel} | ({"u_cone": CONE * pixel} if needed else {})
-            found = run(egl, text, call, [(VEC3, p), (FLOAT, t)], uniforms=uniforms)
-            rounding = 4 * ULP * np.maximum(np.abs(p).max(axis=1), t)
-            np.testing.assert_allclose(found, np.maximum(width * pixel * t, rounding), rtol=8 * ULP)
+    for pixel in (1.0, 0.0):
+        found = run(egl, text, f"{name}({{0}}, {{1}})", [(VEC3, p), (FLOAT, t)], uniforms={"u_pixel": PIXEL * pixel})
+        rounding = 4 * ULP * np.maximum(np.abs(p).max(axis=1), t)
+        np.testing.assert_allclose(found, np.maximum(share * NEAR * PIXEL * pixel * t, rounding), rtol=8 * ULP)

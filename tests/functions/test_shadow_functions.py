@@ -29,6 +29,7 @@ vec3 geometric_normal(Surface surface) { return surface.normal; }
 float body(vec3 p);
 float field(vec3 p) { asked++; return body(p); }
 """
+NEARNESS = ("march/widths", "march/nearness", "march/epsilon", "march/contact")
 KINDS = {
     "light/shadow": "hard_shadow(surface, light)",
     "light/cone": "cone_shadow(surface, light, width)",
@@ -52,7 +53,7 @@ def shadows(
             return vec2(share, float(asked));
         }}"""
     text = modules(
-        "march/epsilon", "march/safe_step", "march/extrapolate", "light/spawn_ray", kind, before=BEFORE, after=after
+        *NEARNESS, "march/safe_step", "march/extrapolate", "light/spawn_ray", kind, before=BEFORE, after=after
     )
     found = run(egl, text, "seen({0})", [(VEC3, ways)], 2, {"u_pixel": PIXEL})
     return found[:, 0], found[:, 1]
@@ -154,7 +155,7 @@ def test_a_leaving_ray_clears_the_surface_and_stays_on_its_line(egl: Context) ->
             Ray ray = spawn_ray(vec3(0.0), vec3(0.0, 0.0, 1.0), way, 1.0, start);
             return vec4(ray.origin, start);
         }"""
-    text = modules("march/epsilon", "light/spawn_ray", before=before, after=after)
+    text = modules(*NEARNESS, "light/spawn_ray", before=before, after=after)
     found = run(egl, text, "left({0})", [(VEC3, ways)], 4, {"u_pixel": PIXEL}).astype(np.float64)
     origin, start = found[:, :3], found[:, 3]
     off = 2 * PIXEL

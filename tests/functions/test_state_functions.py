@@ -24,16 +24,16 @@ def test_a_state_comes_back_from_its_texels_as_it_was(egl: Context) -> None:
     c = rng.normal(size=(64, 4)).astype(np.float32)
     after = """
     vec4 way(vec4 a, vec4 b, vec4 c, vec4 flags, vec2 more, float part) {
-        March at = March(a.x, a.y, a.z, c.x, c.yzw, flags.x > 0.5, flags.y > 0.5, more.x > 0.5);
+        March at = March(a.x, a.y, c.y, c.z, a.z, c.x, flags.x > 0.5, flags.y > 0.5);
         Hit hit = Hit(flags.z > 0.5, flags.w > 0.5, b.x, b.y, b.z, b.w, a.w);
         vec4 march = packed_march(at, hit, more.y > 0.5), found = packed_hit(hit), rest = packed_more(at);
         at = unpack_march(march, rest);
         hit = unpack_hit(march, found);
         if (part == 0.0) return vec4(at.t, at.r, at.derivative, hit.fallbacks);
         if (part == 1.0) return vec4(hit.t, hit.residual, hit.iterations, hit.evaluations);
-        if (part == 2.0) return vec4(at.last_derivative, at.front);
-        if (part == 3.0) return vec4(at.asked, at.passing, hit.done, hit.found);
-        return vec4(at.must_step, flag(march, 32.0), 0.0, 0.0);
+        if (part == 2.0) return vec4(at.last_derivative, at.kept_t, at.kept_r, c.w);
+        if (part == 3.0) return vec4(at.refining, at.passing, hit.done, hit.found);
+        return vec4(more.x, flag(march, 32.0), 0.0, 0.0);
     }"""
     text = modules("march/hit", "march/state", before=RAY, after=after)
     more = flags[:, 4:]
@@ -45,7 +45,7 @@ def test_a_state_comes_back_from_its_texels_as_it_was(egl: Context) -> None:
 
 CARRY = """
 vec4 carried(float t) {
-    March at = start_march(t);
+    March at = start_march(Ray(vec3(0.0), vec3(0.0, 0.0, 1.0)), t);
     vec2 spent = vec2(0.0);
     bool open = carry_on(at, spent);
     return vec4(open, at.t, at.derivative, spent.x);
@@ -65,7 +65,7 @@ def _carried(
             "u_cell": (own, 1.0),
             "u_footprint": (footprint, 0.0),
         }
-        text = modules("march/hit", "march/carry", before=RAY, after=CARRY)
+        text = modules("march/hit", "march/start_published", "march/carry", before=RAY, after=CARRY)
         return run(egl, text, f"carried({t})", [(VEC2, np.zeros((count, 2)))], 4, uniforms)
     finally:
         with_cones.release()
@@ -138,7 +138,9 @@ def test_a_ray_begins_where_its_cones_end_if_that_is_in_its_range(egl: Context) 
         bool open = begins(Ray(vec3(0.0), vec3(0.0, 0.0, 1.0)), at, far, spent);
         return vec4(open, at.t, far, spent.x);
     }"""
-    text = modules("march/hit", before=RAY) + modules("march/begin_on", before=BEGINS, after=after)
+    text = modules("march/hit", "march/start_published", before=RAY) + modules(
+        "march/begin_on", before=BEGINS, after=after
+    )
     given = np.array(list(itertools.product((0, 1), (1.0, 4.0, 9.0, 30.0), (0.0, 5.0), (3.0, 10.0))))
     for share in (1.0, 0.0):
         found = run(egl, text, "begun_on({0})", [(VEC4, given)], 4, {"u_spent": share})

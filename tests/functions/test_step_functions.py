@@ -25,14 +25,15 @@ def test_relaxed_steps_end_for_good_or_for_one_step(egl: Context) -> None:
 
 def test_the_front_asks_hardly_anything_twice(egl: Context) -> None:
     """Nothing up to the front, and next to nothing of what the kept sphere has proven: so that it takes less than the
-    tracer that forgets where a step led that was too long."""
+    tracer that forgets where a step led that was too long. On a wall of slope -1 the sphere inside the wall touches the
+    front, and rounding decides whether the step is undone: such a ray may ask for the front again, twice at most."""
     of = random(np.random.default_rng(6), 8 * MANY)
     front, forgets = (march(egl, text_of(tracer, "refine_none"), of, far=FAR) for tracer in ("bracketing", "enhanced"))
-    assert np.all(front.wasted <= 1) and np.all(front.done | (front.twice == 0))
+    assert np.all(front.wasted <= 2) and np.all(front.done | (front.twice == 0))
     assert np.sum(front.known) < 0.007 * np.sum(front.evaluations)
     assert np.mean(front.evaluations) < np.mean(forgets.evaluations)
     steep = march(egl, text_of("bracketing", "refine_none"), of, far=FAR, slope=1.02)
-    assert np.all(steep.wasted <= 1)
+    assert np.all(steep.wasted <= 2)
 
 
 def test_a_wall_met_head_on_ends_the_gap_before_it(egl: Context) -> None:
@@ -64,16 +65,12 @@ def test_a_step_is_never_shorter_than_the_distance(egl: Context, tracer: str) ->
     """Whatever the slope: cones hand on slopes above 1. From inside the ray steps back by no more than it is deep."""
     slope, r = (a.ravel() for a in np.meshgrid([-1, -0.5, 0, 0.5, 0.999, 1.0, 1.02, 1.5], [1e-4, 0.1, 3.0]))
     inputs = [(FLOAT, r), (FLOAT, slope)]
-    found = run(
-        egl, text_of(tracer), "step_length(March(5.0, {0}, {1}, {1}, vec3(0.0), true, false, false), 20.0)", inputs
-    )
+    found = run(egl, text_of(tracer), "step_length(March(5.0, {0}, 0.0, 0.0, {1}, {1}, false, false), 20.0)", inputs)
     assert np.all(found >= r.astype(np.float32)) and np.all(found <= np.float32(15 + r))
     if tracer == "enhanced":  # where the ray recedes the plane is never met
         assert np.all(found[(slope >= 1) & (r > 1e-3)] >= 15)
     inputs = [(FLOAT, -r), (FLOAT, np.minimum(slope, 0.999))]
-    back = run(
-        egl, text_of(tracer), "step_length(March(5.0, {0}, {1}, {1}, vec3(0.0), true, true, false), 20.0)", inputs
-    )
+    back = run(egl, text_of(tracer), "step_length(March(5.0, {0}, 0.0, 0.0, {1}, {1}, false, true), 20.0)", inputs)
     assert np.all(back >= -1.6 * r.astype(np.float32) - 1e-6) and np.all(back < 0)
 
 

@@ -169,7 +169,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 
 def cones(egl: Context, cases: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> np.ndarray:
     ranges, marches = (np.array([list(side)]) for side in zip(*cases, strict=True))
-    text = modules("march/hit", before=RAY, after=CONED) + modules("view/cone")
+    text = modules("march/hit", "march/start_published", before=RAY, after=CONED) + modules("view/cone")
     return draw(egl, text, (len(cases), 1), {"u_range": ranges, "u_march": marches})[0][0]
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
-from raymarch.scene.quality import CONTACT
+from raymarch.scene.quality import CONTACT, LAST_STEP
 from raymarch.truth import silhouettes
 from raymarch.truth.rays import camera_rays
 from tests.hard.rounding import rounding_of
@@ -76,7 +76,10 @@ class Referee:
         above, allowed = np.zeros(depth.shape), np.zeros(depth.shape)
         above[hit] = np.abs(self.scene.node.distance(at[hit]))
         contact = self.contact(depth[hit], None if iterations is None else iterations[hit])
-        allowed[hit] = (contact if certified else 8 * self.pixel * depth[hit]) + self._rounding(at[hit], depth[hit])
+        last = LAST_STEP * EPSILON * self.pixel * depth[hit]
+        allowed[hit] = (contact + last if certified else 8 * self.pixel * depth[hit]) + self._rounding(
+            at[hit], depth[hit]
+        )
         air = hit & (above > allowed)
         if air.sum() > (0 if certified else 0.02 * air.size):
             found.append(f"{air.sum()} hits in the air, {np.max(above[air] / allowed[air]):.3g} times what is allowed")

@@ -30,8 +30,8 @@ bounded.
 
 Every row is a test in `tests/hard`. The last column gives the source of the limit: the pixel's footprint, units in
 the last place (ulp) or a Lipschitz bound. `python -m tests.hard.table` measures the rows on the software renderer
-(llvmpipe) and writes this page. An epsilon is a tenth of a pixel's width at the hit: see [how it is
-built](how-it-is-built.md).
+(llvmpipe) and writes this page. In the table, an epsilon is the length 0.1 * pixel width at the hit: see [how it is
+built](how-it-is-built.md#numbers).
 
 """
 

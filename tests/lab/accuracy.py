@@ -1,4 +1,4 @@
-"""The page docs/accuracy.md: the measurements of the suite, and which of P1's claims hold here.
+"""The page docs/accuracy.md: the measurements of the suite, and which claims of Bálint and Valasek (2018) hold here.
 
 python -m tests.lab.accuracy            # measures and writes the page and its figures
 python -m tests.lab.accuracy --quick    # small pictures and few frames
@@ -39,16 +39,16 @@ def page(made: Suite, pictures: Mapping[str, str]) -> str:
     """
     parts = [
         _head(made),
-        "## Which claims of P1 hold here\n",
+        "## Which claims of the paper hold here\n",
         claims(made),
         "## Tracers and schedules\n",
         _tracers_text(made),
-        f"![P1's figure 3]({pictures['tracers']})\n",
+        f"![the paper's figure 3]({pictures['tracers']})\n",
         *(_tracer_table(made, scene) for scene in made.scenes),
         "## Steps that were undone\n",
-        "The fraction of the steps 17 to 24 that were too long and were repeated, as in P1's figure 5: 0 is black, "
-        "1 is white.\n",
-        f"![P1's figure 5]({pictures['oversteps']})\n",
+        "The fraction of the steps 17 to 24 that were too long and were repeated, as in figure 5 of the paper: 0 is "
+        "black, 1 is white.\n",
+        f"![the paper's figure 5]({pictures['oversteps']})\n",
         "## Presets and the front\n",
         "Whole pictures, with all that a quality includes: cones, refinement of hits, shading. "
         "Distances are in pixel footprints, without silhouettes.\n",
@@ -66,7 +66,7 @@ def _head(made: Suite) -> str:
     return (
         "# Accuracy against time\n\n"
         "`python -m tests.lab.accuracy` writes this page. It repeats the comparison of Bálint and Valasek, "
-        '"Accelerating Sphere Tracing" (2018), here P1, over scenes like its three, and adds later tracers. '
+        '"Accelerating Sphere Tracing" (2018), over scenes like the three of the paper, and adds later tracers. '
         "[cost.md](cost.md) describes how errors and times are measured.\n\n"
         f"Measured on {env['date'][:10]}: {env['driver']['renderer']}, {env['driver']['version']}, by the {clock}; "
         f"{env['machine']['cores']} cores; {scale.size[0]}x{scale.size[1]} pixels, {scale.repeats} frames of each "
@@ -79,14 +79,14 @@ def _head(made: Suite) -> str:
 
 
 def claims(made: Suite) -> str:
-    """A table: what P1 says, what was measured, whether it holds."""
+    """A table: what the paper says, what was measured, whether it holds."""
     rows = [
         _best("enhanced is up to 1.5 times better than relaxed in error x time", made, ENHANCED_OVER_RELAXED, 1.5),
         _always("enhanced is better than relaxed at every number of steps", made, ENHANCED_OVER_RELAXED, 0),
         _always("enhanced is better than plain from 64 steps on", made, ENHANCED_OVER_PLAIN, 64),
         _par("on the fractal enhanced and relaxed are on par", made),
         _saving("two resolutions save enhanced up to 20 % of its time", made, TWO_OVER_ONE),
-        _saving("not in P1: one converged pass of cones, in time", made, CONE_OVER_ONE),
+        _saving("not in the paper: one converged pass of cones, in time", made, CONE_OVER_ONE),
         _undone("enhanced rarely repeats a step", made),
     ]
     lines = ["| claim | measured, with 95 % interval | holds here |", "|---|---|---|"]
@@ -149,10 +149,10 @@ def _tracers_text(made: Suite) -> str:
     order = sorted(TRACERS, key=lambda t: _mean_evaluations(made, t))
     return (
         f"Rays are marched for {steps[0]} to {steps[-1]} steps and end there: without refinement of "
-        "the hit, and with the fractal's estimate taken as a bound, as in P1. Error is P1's: the sum of squared "
-        "differences of depth, without silhouettes, where a single pixel would dominate the sum. "
-        "`relaxed_again` is P1's relaxed tracer; `relaxed` is that of Keinert et al. (2014), which stops relaxing "
-        f"after the first step that was too long. By evaluations, fewest first: {', '.join(order)}.\n"
+        "the hit, and with the fractal's estimate taken as a bound, as in the paper. Error is that of the paper: the "
+        "sum of squared differences of depth, without silhouettes, where a single pixel would dominate the sum. "
+        "`relaxed_again` is the paper's relaxed tracer; `relaxed` is that of Keinert et al. (2014), which stops "
+        f"relaxing after the first step that was too long. By evaluations, fewest first: {', '.join(order)}.\n"
     )
 
 

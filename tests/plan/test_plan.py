@@ -77,8 +77,12 @@ def test_light_without_shadow_plans_no_shadow() -> None:
 @pytest.mark.parametrize("normals", ["analytic", "tetrahedron", "central", "forward"])
 def test_the_gradient_is_made_for_analytic_normals_only(normals: Any) -> None:
     made = plan(scene(quality=rm.Quality(normals=normals)))
-    assert (made.gradient is not None) == (normals == "analytic")
-    assert f"normal/{normals}" in modules(made) and sum(m.startswith("normal/") for m in modules(made)) == 1
+    assert made.gradient is None and made.material is not None
+    assert ("gradient" in dict(made.material.type.fields)) == (normals == "analytic")
+    used_normals = [m for m in modules(made) if m.startswith("normal/")]
+    assert used_normals == ["normal/facing" if normals == "analytic" else f"normal/{normals}"]
+    both = plan(scene(quality=rm.Quality(normals=normals)), ("geometry",))
+    assert (both.gradient is not None) == (normals == "analytic") and f"normal/{normals}" in modules(both)
 
 
 def test_the_picture_of_an_unlit_scene_needs_no_normal_but_its_geometry_does() -> None:

@@ -159,12 +159,12 @@ def test_an_error_in_a_users_definition_names_the_expression_too(
     assert fault.where == node.where and f"made by lump, {__file__}:" in str(fault)
 
 
-@pytest.mark.parametrize("helper", ["smooth_min", "rotate_field"])
+@pytest.mark.parametrize("helper", ["smooth_min", "turned"])
 def test_an_error_in_a_helper_names_a_node_that_uses_it(
     helper: str, renderer: rm.Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spoil(monkeypatch, helper)
-    turned = rm.box((0.5, 0.6, 0.7)).rotate(0.3, "z")
+    turned = (rm.box((0.5, 0.6, 0.7)) | rm.sphere(0.4)).rotate(0.3, "z")
     copies = turned.repeat((2, None, None), 3)
     blend = rm.union(rm.sphere(0.4), copies, k=0.2)
     fault = refusal(renderer, rm.Scene(rm.plane() | blend))
@@ -177,7 +177,7 @@ def test_an_error_beyond_the_field_names_the_scene_or_the_light(
     red = rm.sphere(rm.Param("r", 0.5, 0.1, 1)).material(rm.Material((1, 0, 0)))
     lamp = rm.PointLight((0, 2 * rm.time, 0))
     for function, output, where in (
-        ("material_at", "color", None),
+        ("part_at", "color", None),
         ("material_index", "depth", None),
         ("light_1_position", "color", lamp.where),
     ):

@@ -62,7 +62,8 @@ def test_what_is_not_called_for_is_not_in_the_text(name: str) -> None:
 
 
 def test_the_gradient_is_there_for_analytic_normals() -> None:
-    assert "vec4 field_gradient(vec3 p)" in text(SCENES["plain"])
+    plain = text(SCENES["plain"])
+    assert "Part part_at(vec3 p)" in plain and "field_gradient" not in plain
     assert "vec4 field_gradient(vec3 p)" in text(SCENES["unlit"], ("geometry",))
     assert "gradient" not in text(rm.Scene(rm.sphere(), quality=rm.Quality(normals="central")), ("geometry",))
 

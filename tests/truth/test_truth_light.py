@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from raymarch.scene import Camera, Fog, Material, PointLight, Scene, Sun
+from raymarch.scene.light import KINDS, Light
+from raymarch.scene.parameter import Values, as_direction
+from raymarch.scene.value import value
 from raymarch.sdf import box, plane, sphere
 from raymarch.truth import truth
+from raymarch.truth.light import soft_visibility
+from raymarch.truth.rays import Rays
 from tests.support.analytic import unit
 
 WHITE = Material((1, 1, 1), specular=0.0, ambient=0.0)
@@ -119,6 +124,41 @@ def test_from_inside_walls_are_lit_by_a_lamp_inside() -> None:
 def test_a_lamp_on_the_surface_stays_finite() -> None:
     scene = Scene(sphere(), camera=Camera((0, 0, 4), (0, 0, 0)), lights=[PointLight((0, 0, 1), shadow=True)])
     assert np.isfinite(truth(scene, (5, 5)).color).all()
+
+
+def test_the_softness_of_a_light_without_a_position_is_the_tangent_of_an_angle() -> None:
+    @value
+    class Beam(Light):
+        """A further kind of light without a position."""
+
+        direction: Any
+
+        def __init__(self, direction: Any, softness: float) -> None:
+            Light.__init__(self, (1, 1, 1), 1.0, True, softness, "two-sided")
+            self._set(direction=as_direction("Beam: direction", direction))
+
+    assert [kind.__name__ for kind in KINDS if _made(kind).has_position] == [
+        "PointLight",
+        "SpotLight",
+        "SphereLight",
+    ]
+    ball = sphere()
+    height = np.linspace(0.9, 1.1, 9)
+    rays = Rays(np.stack([np.full(9, -2.0), height, np.zeros(9)], 1), np.tile([1.0, 0.0, 0.0], (9, 1)))
+    near, end = np.full(9, 1e-3), np.full(9, 20.0)
+
+    def visible(light: Light) -> Any:
+        return soft_visibility(light, Values({}), ball.distance, rays, ball.facts, near, end)
+
+    sun = visible(Sun((1, 0, 0), shadow=True, softness=0.05))
+    assert np.ptp(sun) > 0.5
+    np.testing.assert_array_equal(visible(Beam((1, 0, 0), 0.05)), sun)
+    assert not np.allclose(visible(PointLight((20, 0, 0), shadow=True, softness=0.05)), sun, atol=0.1)
+
+
+def _made(kind: Any) -> Light:
+    light: Light = kind() if kind is Sun else kind((0, 3, 0))
+    return light
 
 
 def test_fog_covers_surfaces_and_not_the_sky() -> None:

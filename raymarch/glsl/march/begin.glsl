@@ -3,7 +3,7 @@
 // gives: begins
 bool begins(Ray ray, out March at, out float far, out vec2 spent) {
     vec2 range = range_of(ray);
-    at = start_march(range.x);
+    at = start_march(ray, range.x);
     far = range.y;
     spent = vec2(0.0);
     return range.x <= range.y;

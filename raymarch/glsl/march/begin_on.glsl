@@ -6,7 +6,7 @@ uniform float u_spent;  // 1, or 0 if the cones are reused from an earlier frame
 
 bool begins(Ray ray, out March at, out float far, out vec2 spent) {
     vec2 range = range_of(ray);
-    at = start_march(range.x);
+    at = start_march(ray, range.x);
     far = range.y;
     spent = vec2(0.0);
     bool open = range.x <= range.y && carry_on(at, spent) && at.t <= range.y;

@@ -22,12 +22,15 @@ bool carry_on(inout March at, inout vec2 spent) {
             vec4 cone = texelFetch(u_carried, ivec2(x, y), 0);
             if (cone.x >= 0.0 && cone.x < free) {
                 free = cone.x;
-                at.derivative = at.last_derivative = cone.y;
+                at.derivative = cone.y;
             }
             spent += cone.zw;
         }
     }
     spent /= float((high.x - low.x + 1) * (high.y - low.y + 1));
-    at.t = max(at.t, free);
+    if (free > at.t) {
+        at.t = free;
+        at.r = 0.0;
+    }
     return free < 1.0e30;
 }

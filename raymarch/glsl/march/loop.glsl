@@ -1,60 +1,61 @@
-// The march of a ray: steps of the tracer's length until one ends near a surface. A step longer than the sum of the
-// spheres' radii at its ends may have passed a surface. It is undone, and the derivative `UNDONE` reports this to the
-// tracer. `at` and `hit` hold the whole state, so that a march split over passes evaluates the field at the same
-// points.
-// needs: march_distance Ray Hit March keep_closest refine_hit aims_at_surface on_exhausted epsilon contact march_steps step_length averaged_derivative UNDONE
+// The march of a ray: one loop with one evaluation of the field, in two states. The ray searches with steps of the
+// tracer's length until a sample lies near a surface. Then it refines the hit with secant steps along the derivative of
+// its last two samples. `at` and `hit` hold the whole state, so that a march split over passes evaluates the field at
+// the same points.
+// A refining step is accepted only if the residual becomes smaller. Along a surface the derivative is nearly 0, and a
+// secant step may pass through an object that stands on the surface. No value certifies such a step as empty, so the
+// first is at most a pixel longer than a plain step, and the next no longer than the distance over which the derivative
+// has held. A ray that only passes the surface is not a hit, or edges and silhouettes would be an epsilon too wide and
+// show normals of back faces. It searches on from its last certified sample.
+// needs: march_distance Ray Hit March on_exhausted hit_widths hit_width last_step aims_at_surface march_steps step_length move u_pixel
 // gives: march
 void march(Ray ray, inout March at, inout Hit hit, float far) {
-    hit.done = true;
-    hit.found = false;
-    if (!at.asked) {
-        at.r = march_distance(ray, at.t);
-        at.asked = true;
-        hit.evaluations += 1.0;
-        hit.t = at.t;
-        hit.residual = abs(at.r);
-    }
-    for (int i = 0; i < march_steps;) {
-        // all rays march until they are near a surface, and only then refine, all together
-        bool near = false;
-        vec2 to = vec2(-1.0);  // a sample aimed at the surface: its distance and the field there
-        for (; i < march_steps; i++) {
-            vec3 p = ray.origin + at.t * ray.direction;
-            float reach = at.passing ? contact(p, at.t) : epsilon(p, at.t);
-            if (at.r < reach && !at.must_step) {
-                near = true;
-                break;
-            }
-            bool aiming = aims_at_surface(at.r, at.last_derivative, reach);
-            float z = aiming ? at.r / -at.last_derivative : step_length(at, far);
-            if (at.t + min(z, at.r) > far) return;
-            at.must_step = false;
-            hit.iterations += 1.0;
-            hit.evaluations += 1.0;
-            float next = march_distance(ray, at.t + z);
-            if (aiming && next < reach) {  // in front of the surface or behind it
-                near = true;
-                to = vec2(at.t + z, next);
-                at.last_derivative = (next - at.r) / z;
-                i++;
-                break;
-            }
-            if (z > at.r + abs(next)) {
-                at.last_derivative = at.derivative = UNDONE;
-                hit.fallbacks += 1.0;
-                continue;
-            }
-            at.last_derivative = (next - at.r) / z;
-            at.derivative = averaged_derivative(at.derivative, at.last_derivative);
-            at.t += z;
-            at.r = next;
-            keep_closest(hit, at.t, at.r);
+    vec3 widths = hit_widths(ray);
+    bool found = false;
+    bool escaped = false;
+    float steps = 0.0;
+    for (int i = 0; i < march_steps; i++) {
+        float width = at.passing ? widths.z : widths.y;
+        bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x + width * at.t);
+        float z = step_length(at, far);
+        if (aiming) {
+            float leap = u_pixel * at.t + (at.refining ? at.t - at.kept_t : 0.0);
+            z = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.r + leap) : at.r;
         }
-        if (!near) break;
-        if (to.x < 0.0) to = vec2(at.t, at.r);
-        if (refine_hit(hit, ray, to.x, to.y, at.last_derivative)) return;
-        at.passing = true;
-        at.must_step = true;
+        escaped = !at.refining && at.t + min(z, at.r) > far;
+        if (escaped) break;
+        steps += 1.0;
+        float t = at.t + z;
+        float next = march_distance(ray, t);
+        float derivative = z != 0.0 ? (next - at.r) / z : at.derivative;
+        bool empty = z <= at.r + abs(next);  // else the step may have passed a surface
+        if (at.refining) {
+            bool closer = abs(next) < abs(at.r);
+            at.t = closer ? t : at.kept_t;
+            at.r = closer ? next : at.kept_r;
+            at.last_derivative = closer ? derivative : 0.0;
+            at.kept_t = closer ? at.kept_t : 0.0;
+            at.passing = at.passing || !closer;
+            at.refining = closer;
+        } else if (next < widths.x + width * t && (empty || aiming)) {
+            at.kept_t = empty ? t : at.t;
+            at.kept_r = empty ? next : at.r;
+            at.t = t;
+            at.r = next;
+            at.last_derivative = derivative;
+            at.refining = true;
+        } else {
+            move(at, empty, t, next, derivative);
+            hit.fallbacks += float(!empty);
+        }
+        found = at.refining && abs(at.r) <= widths.x + hit_width(widths) * at.t;
+        if (found) break;
     }
-    on_exhausted(hit);
+    hit.iterations += steps;
+    hit.evaluations += steps;
+    hit.found = found;
+    hit.done = found || escaped;
+    hit.t = found ? at.t + last_step(widths, at) : at.t;
+    hit.residual = abs(at.r);
+    if (!hit.done) on_exhausted(hit);
 }

@@ -1,4 +1,4 @@
-// A ray that runs out of steps takes its closest sample as hit, if that is within a pixel width of the surface.
+// A ray that runs out of steps takes its last sample as hit, if that is within a pixel width of the surface.
 // needs: Hit u_pixel
 // gives: on_exhausted
 void on_exhausted(inout Hit hit) {

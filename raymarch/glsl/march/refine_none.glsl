@@ -1,9 +1,10 @@
-// A ray ends at the first sample within an epsilon of a surface, without refinement. For comparison.
-// needs: Ray Hit
-// gives: refine_hit
-bool refine_hit(inout Hit hit, Ray ray, float t, float r, float derivative) {
-    hit.t = t;
-    hit.residual = abs(r);
-    hit.found = true;
-    return true;
+// A ray ends at the first sample within an epsilon of a surface, without refinement.
+// needs: March
+// gives: hit_width last_step
+float hit_width(vec3 widths) {
+    return widths.y;
+}
+
+float last_step(vec3 widths, March at) {
+    return 0.0;
 }

@@ -2,8 +2,8 @@
 // needs: Hit March
 // gives: packed_march packed_hit packed_more unpack_march unpack_hit flag
 vec4 packed_march(March at, Hit hit, bool under_way) {
-    float flags = (at.asked ? 1.0 : 0.0) + (at.passing ? 2.0 : 0.0) + (at.must_step ? 4.0 : 0.0);
-    flags += (hit.done ? 8.0 : 0.0) + (hit.found ? 16.0 : 0.0) + (under_way ? 32.0 : 0.0);
+    float flags = (at.refining ? 1.0 : 0.0) + (at.passing ? 2.0 : 0.0) + (hit.done ? 8.0 : 0.0);
+    flags += (hit.found ? 16.0 : 0.0) + (under_way ? 32.0 : 0.0);
     return vec4(at.t, at.r, at.derivative, flags + 64.0 * hit.fallbacks);
 }
 
@@ -12,7 +12,7 @@ vec4 packed_hit(Hit hit) {
 }
 
 vec4 packed_more(March at) {
-    return vec4(at.last_derivative, at.front);
+    return vec4(at.last_derivative, at.kept_t, at.kept_r, 0.0);
 }
 
 bool flag(vec4 march, float bit) {
@@ -20,8 +20,7 @@ bool flag(vec4 march, float bit) {
 }
 
 March unpack_march(vec4 march, vec4 more) {
-    bvec3 flags = bvec3(flag(march, 1.0), flag(march, 2.0), flag(march, 4.0));
-    return March(march.x, march.y, march.z, more.x, more.yzw, flags.x, flags.y, flags.z);
+    return March(march.x, march.y, more.y, more.z, march.z, more.x, flag(march, 1.0), flag(march, 2.0));
 }
 
 Hit unpack_hit(vec4 march, vec4 hit) {

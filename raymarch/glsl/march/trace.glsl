@@ -4,7 +4,7 @@
 Hit trace(Ray ray) {
     vec2 range = range_of(ray);
     if (range.x > range.y) return no_hit(0.0);
-    March at = start_march(range.x);
+    March at = start_march(ray, range.x);
     Hit hit = no_hit(at.t);
     march(ray, at, hit, range.y);
     return hit;

@@ -7,7 +7,9 @@ layout(location = 0) out vec4 out_state;
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy * u_cell);
     vec2 range = range_of(ray);
-    March at = start_march(range.x);
+    March at = start_march(ray, range.x);
+    at.r /= 1.0 + u_cone;
+    at.derivative = (at.derivative - u_cone) / (1.0 + u_cone);
     vec2 spent = vec2(0.0);
     bool open = range.x <= range.y && carry_on(at, spent) && at.t <= range.y;
     if (open) {

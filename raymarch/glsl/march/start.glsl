@@ -1,0 +1,12 @@
+// The start of a march: in the sphere around the camera, where the field is known from the CPU, or at `near` if the sphere
+// does not reach there. The expected derivative is biased towards the steepest, because a step that is undone costs more
+// than a short one.
+// needs: Ray March
+// gives: u_start start_march
+uniform vec4 u_start;  // at the camera, times u_side: gradient and value of the field; 0 if they are not known
+
+March start_march(Ray ray, float near) {
+    if (u_start.w <= near) return March(near, 0.0, 0.0, 0.0, -0.7, 0.0, false, false);
+    float derivative = clamp(dot(u_start.xyz, ray.direction), -1.0, 1.0);
+    return March(0.0, u_start.w, 0.0, 0.0, mix(-1.0, derivative, 0.3), 0.0, false, false);
+}

@@ -1,0 +1,20 @@
+// The thresholds of the march of a ray: fractions of the pixel width, which grows with the distance t, but no less than
+// the resolution of float32. A point on a ray is as uncertain as the rounding of its coordinates and of t. A cone ends
+// where its safe step falls to a fraction of its radius, and is not refined, because cones do not hit surfaces.
+// needs: Ray epsilon_pixels contact_share cone_share u_cone
+// gives: u_pixel GROWTH hit_widths
+uniform float u_pixel;  // width of a pixel at distance 1
+const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
+
+// Each threshold is linear in t: the first component plus t times the second for the distance to a surface within which
+// a ray refines its hit, or plus t times the third for the distance within which it always has hit the surface.
+vec3 hit_widths(Ray ray) {
+    vec3 size = abs(ray.origin);
+    float ulps = 2.0 * GROWTH;  // of 2 ulp of the largest coordinate
+#ifdef CONE
+    vec2 pixels = vec2(cone_share * u_cone);
+#else
+    vec2 pixels = vec2(1.0, contact_share) * (epsilon_pixels * u_pixel);
+#endif
+    return vec3(ulps * max(size.x, max(size.y, size.z)), pixels + ulps);
+}

@@ -1,0 +1,7 @@
+// The part of the solid that a hit lies on.
+// needs: Material
+// gives: Part
+struct Part {
+    vec3 gradient;  // of the field
+    Material material;
+};
