@@ -30,6 +30,6 @@ def run(
     if glsl:
         sys.stdout.write(shader.text())
     elif json:
-        typer.echo(json_format.dumps({**explain.as_dict(made), "glsl": shader.text()}, indent=2))
+        typer.echo(json_format.dumps({**explain.as_dict(made, shader.modules), "glsl": shader.text()}, indent=2))
     else:
-        explain.show(made, len(shader.text().encode()), Output())
+        explain.show(made, shader.modules, len(shader.text().encode()), Output())

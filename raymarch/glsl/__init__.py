@@ -1,16 +1,18 @@
-"""Hand-written GLSL, one concern a file. A header says what each module needs and gives."""
+"""Hand-written GLSL, one concern a file. What a module defines and uses is read from its code."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """One file: its name ("march/plain"), what it needs and gives, the first sentence of its header, its lines."""
+    """One file: its name ("march/plain"), the names that it needs and gives, its first sentence, its lines."""
 
     name: str
     needs: frozenset[str]
@@ -21,20 +23,88 @@ class Module:
 
 @cache
 def load(name: str) -> Module:
-    """A module by name; KeyError if there is none, ValueError if its header is not whole."""
+    """A module by name; KeyError if there is none, ValueError if it has no first sentence or defines nothing."""
     source = files(__name__).joinpath(*f"{name}.glsl".split("/"))
     if not source.is_file():
         raise KeyError(f"no GLSL module '{name}'")
-    lines = tuple(source.read_text(encoding="utf-8").rstrip("\n").split("\n"))
-    header = [line[2:].strip() for line in lines if line.startswith("//")]
-    fields = {key: _field(header, key) for key in ("needs", "gives")}
-    if any(value is None for value in fields.values()) or not fields["gives"]:
-        raise ValueError(f"GLSL module '{name}' lacks a 'needs:' or 'gives:' line")
-    return Module(name, frozenset(fields["needs"] or ()), frozenset(fields["gives"] or ()), header[0], lines)
+    text = source.read_text(encoding="utf-8").rstrip("\n")
+    lines, gives = tuple(text.split("\n")), defined(text)
+    if not lines[0].startswith("// ") or not gives:
+        raise ValueError(f"GLSL module '{name}' lacks a comment in its first line, or defines nothing")
+    return Module(name, used(text), gives, lines[0][3:].strip(), lines)
 
 
-def _field(header: Iterable[str], key: str) -> list[str] | None:
-    for line in header:
-        if line.startswith(f"{key}:"):
-            return line.partition(":")[2].split()
-    return None
+@cache
+def givers() -> Mapping[str, tuple[str, ...]]:
+    """The modules that define each name. If there are several, they are alternatives."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name in sorted(_names(files(__name__))):
+        for given in load(name).gives:
+            found[given] = (*found.get(given, ()), name)
+    return found
+
+
+def _names(folder: Any, before: str = "") -> list[str]:
+    found: list[str] = []
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            found += _names(entry, f"{before}{entry.name}/")
+        elif entry.name.endswith(".glsl"):
+            found.append(before + entry.name.removesuffix(".glsl"))
+    return found
+
+
+# Names in GLSL
+
+_TYPE = r"(?:void|bool|int|uint|float|[biu]?vec[234]|mat[234]|sampler[23]D|[A-Z]\w*)"
+_LINE_COMMENT = re.compile(r"//[^\n]*")
+_BLOCK_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+_FUNCTION = re.compile(rf"\b{_TYPE}\s+(\w+)\s*\(")
+_STRUCT = re.compile(r"\bstruct\s+(\w+)")
+_VARIABLE = re.compile(rf"(?m)^(?:layout\(.*?\) )?(?:(?:uniform|const|out|in)\s+)?{_TYPE}\s+(\w+) *[;=\[]")
+_NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
+_LOCAL = re.compile(rf"\b{_TYPE}\s+(\w+)")
+
+LANGUAGE = frozenset(
+    """
+    void bool int uint float vec2 vec3 vec4 ivec2 ivec3 ivec4 uvec2 uvec3 uvec4 bvec2 bvec3 bvec4 mat2 mat3 mat4
+    sampler2D sampler3D struct uniform const in out inout layout location if else for while do return break continue
+    discard true false highp mediump lowp precision
+    radians degrees sin cos tan asin acos atan sinh cosh tanh pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil
+    trunc round fract mod min max clamp mix step smoothstep isnan isinf length distance dot cross normalize reflect
+    refract transpose inverse determinant texelFetch textureSize texture any all not lessThan greaterThan equal
+    floatBitsToUint uintBitsToFloat gl_FragCoord greaterThanEqual ifdef else endif CONE clock2x32ARB
+    """.split()
+)
+"""Keywords and functions of GLSL, and the preprocessor names of passes."""
+
+
+def defined(text: str) -> frozenset[str]:
+    """Functions, structs, uniforms, outputs, constants and variables that a text defines outside of functions."""
+    top = _outside(_code(text))
+    return frozenset([*_FUNCTION.findall(top), *_STRUCT.findall(top), *_VARIABLE.findall(top)])
+
+
+def used(text: str) -> frozenset[str]:
+    """Names that a text uses, but neither has from the language nor defines, at the top or in a function."""
+    code = _code(text)
+    return frozenset(_NAME.findall(code)) - LANGUAGE - frozenset(_LOCAL.findall(code)) - defined(text)
+
+
+def _code(text: str) -> str:
+    return _BLOCK_COMMENT.sub("", _LINE_COMMENT.sub("", text))
+
+
+def _outside(code: str) -> str:
+    """The code outside of all braces and parentheses, with the braces and parentheses themselves."""
+    found, depth, start = [], 0, 0
+    for match in re.finditer(r"[(){}]", code):
+        if match[0] in "({":
+            if depth == 0:
+                found.append(code[start : match.end()])
+            depth += 1
+        else:
+            depth -= 1
+            start = match.start() if depth == 0 else start
+    found.append(code[start:])
+    return "".join(found)

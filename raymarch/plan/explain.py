@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,11 @@ WIDTH = 30
 """Width of the column of names; the longest is that of a module."""
 
 
-def as_dict(plan: Plan) -> dict[str, Any]:
-    """The plan as plain data for JSON. Infinite values are None."""
+def as_dict(plan: Plan, modules: Mapping[str, str]) -> dict[str, Any]:
+    """The plan as plain data for JSON. Infinite values are None.
+
+    modules : the linked GLSL modules with their reasons.
+    """
     facts = plan.given.node.facts
     return {
         "field": {
@@ -26,7 +30,7 @@ def as_dict(plan: Plan) -> dict[str, Any]:
             "operations": plan.operations,
         },
         "passes": [{"name": p.name, "textures": p.textures, "reason": p.reason} for p in plan.passes],
-        "modules": [{"name": name, "reason": reason} for name, reason in plan.modules],
+        "modules": [{"name": name, "reason": reason} for name, reason in modules.items()],
         "features": [
             {"name": f.name, "used": f.used, "reason": f.reason, "where": str(f.where) if f.where else None}
             for f in plan.features
@@ -50,10 +54,10 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def show(plan: Plan, shader_bytes: int, console: Any) -> None:
+def show(plan: Plan, modules: Mapping[str, str], shader_bytes: int, console: Any) -> None:
     """Print the plan, one reason per line, to a rich console.
 
-    shader_bytes : size of the shader text.
+    modules : the linked GLSL modules with their reasons. shader_bytes : size of the shader text.
     """
     node = plan.given.node
 
@@ -74,7 +78,7 @@ def show(plan: Plan, shader_bytes: int, console: Any) -> None:
     for chosen in plan.passes:
         row(chosen.name, f"{chosen.textures} texture{'s' * (chosen.textures > 1)}: {chosen.reason}")
     heading(f"Modules ({shader_bytes} bytes of shader)")
-    for name, reason in plan.modules:
+    for name, reason in modules.items():
         row(name, reason)
     for used, title in ((True, "Used"), (False, "Left out")):
         heading(title)

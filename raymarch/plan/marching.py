@@ -1,8 +1,7 @@
-"""The marching of a scene: its tracer, its schedule, and the GLSL modules of both."""
+"""The marching of a scene: its tracer, its schedule, and the choices of GLSL modules that follow."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +12,6 @@ from raymarch.scene.scene import Scene
 
 MODULES = {"relaxed_again": "relaxed"}
 """Tracers whose module has a different name."""
-
-SECONDARY = ("light/shadow", "light/cone", "light/triangulated", "light/two_sided", "path/secondary")
-"""Modules that march secondary rays: from one surface to the next, or to a light."""
 
 WORTH = 3e7
 """Operations of the field times pixels from which schedule "auto" marches cones. Below, a second program and pass cost
@@ -85,6 +81,12 @@ def trusted(scene: Scene) -> bool:
     return scene.node.exactness != "estimate" or scene.quality.assume_certified
 
 
+def clipped(scene: Scene) -> bool:
+    """True if the scene's box is bounded on some side, so that rays are clipped to it."""
+    facts = scene.node.facts
+    return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
+
+
 def _choose_tracer(quality: Quality, certified: bool) -> tuple[str, str]:
     asked = quality.tracer
     if not certified:
@@ -121,91 +123,51 @@ def _choose_schedule(
     return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation per pixel, enough for cones to save time"
 
 
-def safe_step(quality: Quality) -> list[tuple[str, str]]:
-    """The modules that give the length of a plain step, each with its reason."""
-    if quality.step_variation > 0:
-        why = f"Quality(step_variation={quality.step_variation:g})"
-        return [("march/safe_step_varied", why), ("random/pixel", "step lengths vary from pixel to pixel")]
-    if quality.step_scale < 1:
-        return [("march/safe_step_scaled", f"Quality(step_scale={quality.step_scale:g})")]
-    return [("march/safe_step", "a plain step is as long as the distance")]
-
-
-def secondary(quality: Quality, names: Iterable[str]) -> list[tuple[str, str]]:
-    """The modules that points on surfaces and secondary rays need, if any of the modules `names` uses them."""
-    names = set(names)
-    found = []
-    if names & {*SECONDARY, "light/inner", "light/inner_depth"}:
-        found.append(("march/nearness", "the precision of a point on a surface"))
-    if not names & set(SECONDARY):
-        return found
-    found += [*safe_step(quality), ("march/epsilon", "secondary rays start two epsilons from a surface")]
-    if names & set(SECONDARY) - {"light/two_sided"}:
-        found.append(("march/contact", "secondary rays hit a surface within a fraction of an epsilon"))
-        found.append(("march/extrapolate", "secondary rays that run out of steps are extrapolated"))
-    return found
-
-
-def modules(scene: Scene, marching: Marching, epsilon: float) -> list[tuple[str, str]]:
-    """The modules that march primary rays, each with its reason.
+def choices(scene: Scene, marching: Marching, epsilon: float) -> dict[str, str]:
+    """The modules chosen to march rays, each with its reason.
 
     epsilon : distance to a surface, in pixel widths, at which a ray starts to refine its hit.
     """
-    quality, facts = scene.quality, scene.node.facts
-    found = [(f"view/camera{'_interpolated' * (quality.rays == 'interpolated')}", "every scene has a camera")]
-    add = found.append
+    quality = scene.quality
     cone = "_cone" * marching.cones
-    add((f"march/widths{cone}", f"a ray refines its hit within {epsilon:g} pixel widths of a surface"))
-    add(("march/hit", "the state of a ray and its hit"))
+    found = {
+        "view/camera" + "_interpolated" * (quality.rays == "interpolated"): f"Quality(rays={quality.rays!r})",
+        f"march/widths{cone}": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",
+        f"march/distance{cone}": "the field is evaluated along rays" + " and cones" * marching.cones,
+        f"march/{MODULES.get(marching.tracer, marching.tracer)}": marching.tracer_reason,
+    }
     if marching.tracer in ("plain", "bracketing"):
-        add(("march/start", "the field at the camera is known when the frame begins"))
+        found["march/start"] = "the field at the camera is known when the frame begins"
     else:
-        add(("march/start_published", f"{marching.tracer} starts as published"))
-    add((f"march/distance{cone}", "the field is evaluated along rays" + " and cones" * marching.cones))
-    if quality.refinement == "proven" and trusted(scene):
-        add(("march/refine", "the last steps follow the measured derivative, and each is verified"))
-    elif quality.refinement == "proven":
-        add(("march/refine_none", "the field is an estimate, whose hits are not refined"))
-    else:
-        add(
-            (
-                f"march/refine_{'none' if quality.refinement == 'none' else 'slope'}",
-                f"Quality(refinement={quality.refinement!r})",
-            )
-        )
-    add(("march/loop", "a ray steps until it is near a surface, and then refines its hit"))
-    aims = marching.tracer in ("auto_relaxed", "bracketing") and quality.refinement == "proven"
-    add(
-        (
-            f"march/aim{cone if aims else '_never'}",
-            "whether a step may aim at the surface" if aims else "no step aims at the surface",
-        )
-    )
+        found["march/start_published"] = f"{marching.tracer} starts as published"
     if marching.tracer != "bracketing":
-        add(("march/advance", "a step that may have passed a surface is undone"))
-    add(("march/on_exhausted", f"a ray that runs out of its {quality.max_steps} steps ends at its last sample"))
-    tracer = MODULES.get(marching.tracer, marching.tracer)
-    add((f"march/{tracer}", marching.tracer_reason))
-    if tracer == "plain":
-        found += safe_step(quality)
-    below, above = np.isfinite(facts.upper), np.isfinite(facts.lower)
-    if np.any(below) or np.any(above):
-        add(("march/below", "the scene's box is bounded on some side"))
-        if np.any(above):
-            add(("march/above", "the scene's box has a lower bound on some axis"))
-        if np.any(above & below) and not marching.cones:
-            add(("march/slab", "the scene's box has both bounds on some axis"))
-        add(("march/clipped", "rays are marched only inside the scene's box"))
+        found["march/advance"] = "a step that may have passed a surface is undone"
+    if quality.refinement != "proven":
+        found[f"march/refine_{quality.refinement}"] = f"Quality(refinement={quality.refinement!r})"
+    elif trusted(scene):
+        found["march/refine"] = "the last steps follow the measured derivative, and each is verified"
     else:
-        add(("march/whole", "the scene's box is unbounded on all sides"))
-    on = "_on" * marching.cones
+        found["march/refine_none"] = "the field is an estimate, whose hits are not refined"
+    if marching.tracer in ("auto_relaxed", "bracketing") and quality.refinement == "proven":
+        found[f"march/aim{cone}"] = "whether a step may aim at the surface"
+    else:
+        found["march/aim_never"] = "no step aims at the surface"
+    if quality.step_variation > 0:
+        found["march/safe_step_varied"] = f"Quality(step_variation={quality.step_variation:g})"
+    elif quality.step_scale < 1:
+        found["march/safe_step_scaled"] = f"Quality(step_scale={quality.step_scale:g})"
+    else:
+        found["march/safe_step"] = "a plain step is as long as the distance"
+    if clipped(scene):
+        found["march/clipped"] = "rays are marched only inside the scene's box"
+    else:
+        found["march/whole"] = "the scene's box is unbounded on all sides"
     if marching.cones:
-        add(("march/carry", marching.schedule_reason))
-    if marching.cones or marching.resumed:
-        add((f"march/begin{on}", "rays start where their cones ended" if on else "rays start at the camera"))
-    if marching.resumed:
-        add(("march/state", f"Quality(steps_per_pass={quality.steps_per_pass})"))
-        add(("march/resumed", "the hits that the march passes found"))
+        found["march/begin_on"] = "rays start where their cones ended"
     else:
-        add((f"march/trace{on}", marching.schedule_reason))
+        found["march/begin"] = "rays start at the camera"
+    if marching.resumed:
+        found["march/resumed"] = f"Quality(steps_per_pass={quality.steps_per_pass})"
+    else:
+        found["march/trace" + "_on" * marching.cones] = marching.schedule_reason
     return found

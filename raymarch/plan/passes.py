@@ -81,11 +81,8 @@ def passes_of(names: Sequence[str], quality: Quality, cones: bool, changes: bool
     return found
 
 
-def joining(drawn: Sequence[Pass]) -> list[tuple[str, str]]:
-    """The modules that accumulate samples and frames, each with its reason."""
-    modules = {p.module for p in drawn}
-    if "temporal/resolve" in modules:
-        reason = "the history is reprojected to this frame"
-        moved = "changed" if BEFORE.module in modules else "unchanged"
-        return [(f"temporal/{name}", reason) for name in ("finite", "history", "reproject", "clip", moved)]
-    return [("temporal/finite", "samples are averaged")] if "view/accumulate" in modules else []
+def joining(drawn: Sequence[Pass]) -> dict[str, str]:
+    """The modules chosen to reproject the history, each with its reason."""
+    if BEFORE in drawn:
+        return {"temporal/changed": "the scene reads time or parameters"}
+    return {"temporal/unchanged": "the scene reads neither time nor parameters"}

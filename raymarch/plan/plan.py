@@ -1,7 +1,7 @@
 """The plan between a scene and its shader.
 
-The plan chooses the functions, modules and passes of the shader. The shader text contains nothing that the scene does
-not use. `explain` prints the reasons.
+The plan chooses the functions and passes of the shader, and its modules where there are alternatives. The shader text
+contains nothing that the scene does not use. `explain` prints the reasons.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Plan:
     model: str
     origins: dict[Expr, Location]
     passes: list[Pass]
-    modules: list[tuple[str, str]]
+    choices: dict[str, str]
     features: list[Feature]
     parameters: dict[str, Spec]
     marching: Marching
@@ -115,8 +115,7 @@ class Plan:
     @property
     def clipped(self) -> bool:
         """True if the scene's box is bounded on some side, so that rays are clipped to it."""
-        facts = self.scene.node.facts
-        return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
+        return marching.clipped(self.scene)
 
 
 def plan(
@@ -164,7 +163,7 @@ def plan(
         model="phong",
         origins=lowering.origins,
         passes=drawn,
-        modules=[],
+        choices={},
         features=[],
         parameters=scene.parameters,
         marching=chosen,
@@ -186,7 +185,7 @@ def plan(
     if BEFORE in drawn:
         place, made.hoisted, made.twins = motion_of(scene, lowering, hoisted, lowering.origins)
         made.further.append(place)
-    _choose_modules(made, shaded, needs_normal, joint)
+    made.choices = _choices_of(made, joint)
     made.textures = _textures_of(made)
     _describe_effects(made)
     made.conditions = conditions_of(given)
@@ -205,22 +204,15 @@ def _textures_of(made: Plan) -> list[Samples | Texels]:
     return list(dict.fromkeys(node.data for node in find(roots, "texture", "sample", "sample_slope")))
 
 
-def _choose_modules(made: Plan, shaded: bool, needs_normal: bool, joint: bool) -> None:
-    scene, add = made.scene, made.modules.append
-    quality = scene.quality
-    made.modules += marching.modules(scene, made.marching, made.epsilon)
-    if joint or (needs_normal and quality.normals == "analytic"):
-        add(("normal/facing", f"Quality(normals={quality.normals!r})"))
-    if needs_normal:
-        add((f"normal/{quality.normals}", f"Quality(normals={quality.normals!r})"))
-    shaders = shading.modules(scene, made.model if shaded else None, any(p.shades for p in made.passes), joint)
-    shaders += marching.secondary(quality, [name for name, _ in shaders])
-    for module in shaders:
-        if module[0] not in {name for name, _ in made.modules}:
-            add(module)
-    made.modules += joining(made.passes)
-    for drawn in made.passes:
-        add((drawn.module, drawn.reason))
+def _choices_of(made: Plan, joint: bool) -> dict[str, str]:
+    """The modules chosen where several define the same names, each with its reason."""
+    scene, normals = made.scene, made.scene.quality.normals
+    return {
+        **marching.choices(scene, made.marching, made.epsilon),
+        f"normal/{normals}": f"Quality(normals={normals!r})",
+        **shading.choices(scene, made.model, joint),
+        **joining(made.passes),
+    }
 
 
 def _describe_effects(made: Plan) -> None:

@@ -44,8 +44,7 @@ def plan_faults(scene: Scene) -> Probing:
     further = [_function("field_faults", made.field, field), _function("surface_faults", made.field, surface)]
     _strip(made, plain(made.field))
     made.further = further
-    modules = ["temporal/finite", "probe/note", "probe/note_calls"]
-    made.modules += [(name, FAULTS.reason) for name in modules if name not in dict(made.modules)]
+    made.choices["probe/note_calls"] = FAULTS.reason
     return Probing(made, nodes)
 
 
@@ -53,16 +52,13 @@ def plan_slopes(scene: Scene) -> Probing:
     """A plan that measures the largest slope of each node along the rays."""
     made, nodes = _planned(scene, SLOPES)
     _strip(made, made.field)
-    modules = ["temporal/finite", "probe/watch", "probe/watch_calls"]
-    made.modules += [(name, SLOPES.reason) for name in modules if name not in dict(made.modules)]
+    made.choices["probe/watch_calls"] = SLOPES.reason
     return Probing(made, nodes)
 
 
 def _planned(scene: Scene, chosen: Pass) -> tuple[Plan, tuple[Node, ...]]:
     nodes: list[Node] = []
     made = plan(single_sample(scene), lowering=Lowering(sites=nodes))
-    made.modules = [(name, reason) for name, reason in made.modules if name != made.passes[0].module]
-    made.modules.append((chosen.module, chosen.reason))
     made.passes = [chosen]
     return made, tuple(nodes)
 

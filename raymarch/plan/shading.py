@@ -1,4 +1,4 @@
-"""The modules that shade a scene, and the features of its lights, materials and sky."""
+"""The choices of modules that shade a scene, and the features of its lights, materials and sky."""
 
 from __future__ import annotations
 
@@ -23,24 +23,6 @@ class Feature:
     used: bool
     reason: str
     where: Location | None = None
-
-
-MODULES = {
-    "sun": ("light/sun", "a directional light"),
-    "point": ("light/point", "a point light with inverse-square falloff"),
-    "attenuated": ("light/attenuated", "a point light with an attenuation"),
-    "window": ("light/window", "a light has a range"),
-    "fade": ("light/fade", "a light with an attenuation has a range"),
-    "spot": ("light/spot", "a spot light"),
-    "hard": ("light/shadow", "a light casts a hard shadow"),
-    "two-sided": ("light/two_sided", "a light casts a soft shadow"),
-    "cone": ("light/cone", "a light casts a cone soft shadow"),
-    "triangulated": ("light/triangulated", "a light casts a triangulated soft shadow"),
-    "sampled": ("light/sample_disc", "a light casts a soft shadow by sampling its disc"),
-}
-"""The module of each trait of a light, with the reason."""
-
-SOFT = ("two-sided", "cone", "triangulated")
 
 
 def needs_surface(scene: Scene) -> bool:
@@ -94,153 +76,37 @@ def ambient(scene: Scene, model: str) -> bool:
     return ambient_sky(scene) or (bool(scene.lights) and model != "physical")
 
 
-def modules(scene: Scene, model: str | None, colored: bool, joint: bool) -> list[tuple[str, str]]:
-    """The modules that shade, each with its reason.
+def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
+    """The modules chosen to shade surfaces, each with its reason.
 
-    model : "phong", "physical" or "mixed"; None if surfaces are not shaded. colored : True if a pass writes colour.
-    joint : True if one function finds both gradient and material.
+    model : "phong", "physical" or "mixed". joint : True if one function finds both gradient and material.
     """
-    found: list[tuple[str, str]] = []
-    if model is not None and needs_surface(scene):
-        found.append((f"material/{model}", "surfaces are shaded"))
-        found += _surfaces(scene, joint)
-        if scene.lights:
-            found += _bsdfs(scene, model)
-        for trait in sorted(lights.traits(scene), key=list(MODULES).index):
-            name, why = MODULES[trait]
-            first = next((light for light in scene.lights if trait in lights.traits_of(light)), None)
-            found.append((name, f"{why}: {type(first).__name__} at {first.where}" if first else why))
-        if ambient_sky(scene):
-            found += _sky_light(scene, model)
-        if any(light.shadow for light in scene.lights):
-            found += [("light/spawn_ray", "a light casts a shadow"), _geometric_normal(scene)]
-        if "sampled" in lights.traits(scene):
-            found.append(("random/pixel", "a point on the light is sampled"))
-            found += (
-                [("light/shadow", "a shadow ray to the sampled point")] if "hard" not in lights.traits(scene) else []
-            )
-        if compensated(scene):
-            found += _multiscatter(scene)
-        if scene.path_traced or scene.whitted:
-            found += _path_tracing(scene, model) if scene.path_traced else _whitted(scene, model)
-        if occluded(scene, model):
-            found.append(("light/ambient_occlusion", "Scene(occlusion=...)"))
-    if colored:
-        if scene.sky.constant:
-            found.append(("sky/constant", "background of one colour"))
-        if scene.fog is not None:
-            found.append(("sky/fog", "Scene(fog=...)"))
-    reasons: dict[str, str] = {}
-    for name, why in found:
-        reasons.setdefault(name, why)
-    return list(reasons.items())
-
-
-def _surfaces(scene: Scene, joint: bool) -> list[tuple[str, str]]:
-    """The modules that evaluate the material of a hit."""
-    if joint:
-        reason = "one function finds normal and material"
-        inner = [("light/inner_depth", "a material is a function of the point")] if patterned(scene) else []
-        return [("material/part", reason), *inner, (f"light/part{'_patterned' if inner else ''}", reason)]
+    masking = f"Quality(masking={scene.quality.masking!r})"
+    names = ("light/{}", "light/missing_{}", "light/missing_mean_{}")
+    found = {name.format(scene.quality.masking): masking for name in names}
+    found[f"material/{model}"] = _MODELS[model]
     if mapped(scene):
-        why = "a material has a texture or relief"
-        return [("material/relief", why), ("light/inner_depth", why), ("light/inner", why), ("light/mapped", why)]
-    if patterned(scene):
-        why = "a material is a function of the point"
-        return [("light/inner_depth", why), ("light/inner", why), ("light/patterned", why)]
-    return [("light/light", "surfaces are shaded")]
-
-
-def _geometric_normal(scene: Scene) -> tuple[str, str]:
-    """The module of the geometric normal, along which rays are offset from a surface."""
-    return (
-        "light/geometric_normal_mapped" if mapped(scene) else "light/geometric_normal",
-        "rays are offset along the geometric normal",
-    )
-
-
-def _bsdfs(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules that reflect a light."""
-    found = []
-    if model != "physical":
-        found.append(("light/phong", "a material is Phong"))
-    if model != "phong":
-        found += [
-            ("light/fresnel", "a material is physical"),
-            ("light/d_ggx", "a material is physical"),
-            _by_masking(scene, "light/{}"),
-            ("light/albedo_f90", "a material is physical"),
-            ("light/interface_transmittance", "a material is physical"),
-            ("light/physical", "a material is physical"),
-        ]
-    if model == "mixed":
-        glass = (scene.path_traced or scene.whitted) and any(m.transmits for m in scene.materials)
-        name = "light/mixed_dielectric" if glass else "light/mixed"
-        found.append((name, "some materials are physical and some are Phong"))
+        kind, why = "_mapped", "a material has a texture or relief"
+    elif patterned(scene):
+        kind, why = "_patterned", "a material is a function of the point"
+    else:
+        kind, why = "", "no material depends on the point"
+    found[f"light/surface{kind}"] = why
+    if joint:
+        found[f"light/interaction_part{kind}"] = "one function finds normal and material"
+    else:
+        found[f"light/interaction{kind}"] = "the normal is found before the material"
+    found["light/geometric_normal" + "_mapped" * mapped(scene)] = "rays are offset along the geometric normal"
+    glass = (scene.path_traced or scene.whitted) and any(m.transmits for m in scene.materials)
+    found["light/mixed" + "_dielectric" * glass] = _MODELS["mixed"]
     return found
 
 
-def _by_masking(scene: Scene, name: str) -> tuple[str, str]:
-    """The module for the chosen masking; `{}` in `name` stands for it."""
-    masking = scene.quality.masking
-    return name.format(masking), f"Quality(masking={masking!r})"
-
-
-def _multiscatter(scene: Scene) -> list[tuple[str, str]]:
-    """The modules that compensate multiple scattering between the microfacets of metals."""
-    why = "a material is a metal"
-    found = [_by_masking(scene, f"light/{name}") for name in ("missing_{}", "missing_mean_{}")]
-    found.append(("light/multiscatter_albedo", why))
-    return [*found, ("light/multiscatter", why)] if scene.lights else found
-
-
-def _path_tracing(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules of path tracing."""
-    why = f"Scene(bounces={scene.bounces})"
-    found = [("path/secondary", why), ("light/spawn_ray", why), ("path/lobes", why), ("random/pixel", why)]
-    found += [_geometric_normal(scene)] if mapped(scene) else []
-    if model != "physical":
-        found.append(("path/diffuse", why))
-    if model != "phong":
-        physical = ("light/fresnel", "light/albedo_f90", "light/interface_transmittance")
-        found += [*((name, "a material is physical") for name in physical), _by_masking(scene, "light/{}")]
-        found.append(("path/glossy", why))
-        found += [("path/metal", "a material is a metal")] if compensated(scene) else []
-    if any(m.transmits for m in scene.materials):
-        found += _glass(scene)
-    if any(m.frosted for m in scene.materials):
-        found.append(("path/rough_dielectric", "glass is rough"))
-    return found
-
-
-def _glass(scene: Scene) -> list[tuple[str, str]]:
-    """The modules of materials that transmit light."""
-    lights = [("path/dielectric", "lights are reflected by glass")] if scene.lights else []
-    return [("path/fresnel_dielectric", "a material transmits light"), *lights]
-
-
-def _whitted(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules of Whitted ray tracing."""
-    why = "Quality(integrator='whitted')"
-    found = [("path/secondary", why), ("light/spawn_ray", why), ("path/cutoff", why)]
-    found += [_geometric_normal(scene)] if mapped(scene) else []
-    if any(m.mirrors for m in scene.materials):
-        found += [("light/fresnel", "a material is a mirror"), ("path/mirror", "a material is a mirror")]
-    if any(m.transmits for m in scene.materials):
-        found += [*_glass(scene), ("path/branch", "glass splits a ray into two")]
-    return found
-
-
-def _sky_light(scene: Scene, model: str) -> list[tuple[str, str]]:
-    """The modules that light surfaces by the sky."""
-    why = f"{type(scene.sky).__name__}(light=True)"
-    found = [("sky/mean", why)]
-    if model != "physical":
-        found.append(("sky/diffuse", why))
-    if model != "phong":
-        found += [("light/albedo_f90", "a material is physical"), _by_masking(scene, "light/missing_{}")]
-        found += [("light/directional_albedo", why), ("sky/specular", why)]
-    return found
+_MODELS = {
+    "phong": "all materials are Phong",
+    "physical": "all materials are physical",
+    "mixed": "some materials are physical and some are Phong",
+}
 
 
 def features(scene: Scene) -> list[Feature]:

@@ -1,16 +1,16 @@
-"""Assemble the fragment shader of a plan: generated code, and only the GLSL modules that the plan names.
+"""Assemble the fragment shader of a plan: generated code, and only the GLSL modules that it uses.
 
-Each part is a chunk with the names that it needs and gives. Chunks are ordered by these names, so the text depends on
-the plan alone, not on other files of the package.
+Each part is a chunk with the names that it needs and gives, which are read from its text. `link` pulls in and orders
+the chunks by these names.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from raymarch import glsl
 from raymarch.errors import Location, PlanError, is_users
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
@@ -27,6 +27,7 @@ from raymarch.scene.scene import all_nodes
 from raymarch.shader.bounds import scene_box, scene_cone
 from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.lights import light_rows
+from raymarch.shader.link import link, module
 from raymarch.shader.shade import shading
 
 HEADERS = {
@@ -55,6 +56,7 @@ class Shader:
     parameters : GLSL name of the uniform of each parameter, by the parameter's name.
     uses_time : True if it has a uniform u_time.
     samples : sampled data and pictures, by the name of their texture.
+    modules : the linked GLSL modules with their reasons.
     """
 
     body: tuple[Mapped, ...]
@@ -63,6 +65,7 @@ class Shader:
     parameters: Mapping[str, str]
     uses_time: bool
     samples: Mapping[str, Samples | Texels]
+    modules: Mapping[str, str]
 
     def text(self, chosen: str | None = None, version: str = "330 core") -> str:
         """The whole text of one pass, the first by default, ready to compile.
@@ -90,69 +93,33 @@ class Shader:
 
 def assemble(plan: Plan) -> Shader:
     """The shader of a plan."""
-    drawn = {p.module for p in plan.passes}
-    modules = [_module(name) for name, _ in plan.modules if name not in drawn]
-    mains = [_module(p.module) for p in plan.passes]
+    mains = [module(p.module) for p in plan.passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in plan.passes) else None
-    generated = [_constants(plan)]
-    needed = {name for chunk in modules for name in chunk.needs}
-    if "scene_box" in needed:
-        generated.append(scene_box(plan))
-    if shade is not None:
-        generated.append(shade)
-        if "scene_cone" in needed:
-            generated.append(scene_cone(plan))
-        if "u_lights" in shade.needs:
-            generated.append(light_rows())
-    taken = ({"PASS"} | ({"pcg"} & needed)).union(*(chunk.gives for chunk in [*modules, *mains, *generated]))
-    fields, parameters, text = _fields(plan, values, taken)
-    if "pcg" in needed | fields.needs:
-        generated.append(_pcg())
-    order = _in_order([*modules, fields, *generated])
-    body = [line for chunk in order for line in (*chunk.lines, Mapped("", chunk.name))]
+    roots = _roots(plan, values)
+    constants = _constants(plan)
+    generated: dict[str, Callable[[], Chunk]] = {
+        **{name: partial(Chunk.of, name, [line]) for name, line in constants.items()},
+        **{root.name: partial(_promised, roots) for root in roots},
+        **({"shade": lambda: shade} if shade is not None else {}),
+        "scene_box": partial(scene_box, plan),
+        "scene_cone": partial(scene_cone, plan),
+        "u_lights": light_rows,
+        "pcg": _pcg,
+    }
+    # The names of generated functions must differ from all others, so what is linked is found before they are printed.
+    promised = link(mains, plan.choices, generated)
+    taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
+    fields, parameters, text = _fields(plan, roots, taken)
+    declared = Chunk.of("constants", [line for name, line in constants.items() if name in taken])
+    generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}
+    linked = link(mains, plan.choices, generated)
+    body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
     _check_texture_units(plan, body, mains)
     body += _main(mains)
     names, heads = tuple(p.name for p in plan.passes), tuple(p.head for p in plan.passes)
-    return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples)
-
-
-def _module(name: str) -> Chunk:
-    module = glsl.load(name)
-    lines = tuple(
-        Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl")
-        for i, text in enumerate(module.lines, 1)
-        if not text.startswith(("// needs:", "// gives:"))
-    )
-    return Chunk(name, module.needs, module.gives, lines)
-
-
-def _in_order(chunks: Sequence[Chunk]) -> list[Chunk]:
-    """The chunks sorted so that each follows those that it needs. AssertionError if no chunk gives a needed name."""
-    givers: dict[str, Chunk] = {}
-    for chunk in chunks:
-        for name in chunk.gives:
-            if name in givers:
-                raise AssertionError(f"both {givers[name].name} and {chunk.name} give {name}")
-            givers[name] = chunk
-    order: dict[str, Chunk] = {}
-    entered: set[str] = set()
-
-    def place(chunk: Chunk) -> None:
-        if chunk.name in order:
-            return
-        if chunk.name in entered:
-            raise AssertionError(f"{chunk.name} needs itself")
-        entered.add(chunk.name)
-        for name in sorted(chunk.needs):
-            if name not in givers:
-                raise AssertionError(f"{chunk.name} needs {name}, which no part of the plan gives")
-            place(givers[name])
-        order[chunk.name] = chunk
-
-    for chunk in chunks:
-        place(chunk)
-    return list(order.values())
+    modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
+    return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples, modules)
 
 
 def _main(mains: Sequence[Chunk]) -> list[Mapped]:
@@ -194,8 +161,8 @@ CONE_SHARE = 0.25
 """A cone ends where its safe step is less than this fraction of its radius."""
 
 
-def _constants(plan: Plan) -> Chunk:
-    """The constants of Quality that the modules read."""
+def _constants(plan: Plan) -> dict[str, Mapped]:
+    """The declarations of the constants of Quality that modules may read, by name."""
     quality = plan.scene.quality
     steps = str(quality.max_steps)
     values = {
@@ -215,25 +182,36 @@ def _constants(plan: Plan) -> Chunk:
         "footprint_pixels": ("float", literal(quality.footprint)),
         "color_fault": ("float", literal(fault_code(COLOR, 0))),
     }
-    needed = {name for module, _ in plan.modules for name in glsl.load(module).needs}
-    lines = [
-        Mapped(f"const {kind} {name} = {value};" if value else f"uniform {kind} {name};", "Quality(...)")
+    return {
+        name: Mapped(f"const {kind} {name} = {value};" if value else f"uniform {kind} {name};", "Quality(...)")
         for name, (kind, value) in values.items()
-        if name in needed
-    ]
-    return Chunk("constants", frozenset(), frozenset(values) & needed, tuple(lines))
+    }
 
 
 def _pcg() -> Chunk:
     """The hash of the expression language, for its own helpers and for modules."""
     lines = tuple(Mapped(line, "a helper function of the expression language") for line in PCG_GLSL.split("\n"))
-    return Chunk("pcg", frozenset(), frozenset({"pcg"}), lines)
+    return Chunk.of("pcg", lines)
 
 
-def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[str, str], Text]:
-    """All functions generated from expressions, printed together so that each definition appears once."""
+def _roots(plan: Plan, values: Values) -> list[Function]:
+    """The functions of expressions that modules and generated code call."""
     optional = (plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index)
-    roots: list[Function] = [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
+    return [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
+
+
+def _records(roots: Sequence[Function]) -> frozenset[str]:
+    """The structs that functions return."""
+    return frozenset(root.type.name for root in roots if root.type.fields)
+
+
+def _promised(roots: Sequence[Function]) -> Chunk:
+    """The names of the generated functions, before their text is printed."""
+    return Chunk("field", _records(roots), frozenset(root.name for root in roots), ())
+
+
+def _fields(plan: Plan, roots: Sequence[Function], taken: frozenset[str]) -> tuple[Chunk, dict[str, str], Text]:
+    """All functions generated from expressions, printed together so that each definition appears once."""
     text = print_functions(roots, taken)
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
@@ -247,9 +225,7 @@ def _fields(plan: Plan, values: Values, taken: set[str]) -> tuple[Chunk, dict[st
         lines.append(Mapped("", "parameters"))
     lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
-    records = (record for record in (plan.material, plan.relief, plan.glass) if record is not None)
-    needs = frozenset(record.type.name for record in records) | text.needs
-    return Chunk("field", needs, gives, tuple(lines)), parameters, text
+    return Chunk("field", _records(roots) | text.needs, gives, tuple(lines)), parameters, text
 
 
 class _Places:

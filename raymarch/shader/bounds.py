@@ -7,7 +7,7 @@ import numpy as np
 from raymarch.expr.glsl import literal
 from raymarch.plan import Plan
 from raymarch.sdf.facts import Facts
-from raymarch.shader.chunk import Chunk, Lines, Mapped
+from raymarch.shader.chunk import Chunk, Lines
 
 
 def scene_box(plan: Plan) -> Chunk:
@@ -16,23 +16,22 @@ def scene_box(plan: Plan) -> Chunk:
     A cone is inside where any of its points is: its radius u_cone t moves each plane outwards, as if its axis pointed
     further inwards. For rays u_cone is 0.
     """
-    steps, needs = [], {"Ray"}
-    cones = plan.marching.cones
+    text = Lines("the scene's bounds", where=plan.scene.node.where)
+    text.add("vec2 scene_box(Ray ray, vec2 range) {")
     for axis, low, high in box_ends(plan.scene.node.facts):
-        at = f"ray.origin.{axis}, ray.direction.{axis}"
-        if cones:
-            clips = [(f"above(range, {at} + u_cone, {literal(low)})", "above")] if low is not None else []
-            clips += [(f"below(range, {at} - u_cone, {literal(high)})", "below")] if high is not None else []
+        at = f"range, ray.origin.{axis}, ray.direction.{axis}"
+        if plan.marching.cones:
+            clips = [f"above({at} + u_cone, {literal(low)})"] if low is not None else []
+            clips += [f"below({at} - u_cone, {literal(high)})"] if high is not None else []
         else:
             planes = ", ".join(literal(end) for end in (low, high) if end is not None)
             clip = "above" if high is None else "below" if low is None else "slab"
-            clips = [(f"{clip}(range, {at}, {planes})", clip)] if planes else []
-        steps += [f"    range = {text};" for text, _ in clips]
-        needs |= {name for _, name in clips}
-    needs |= {"u_cone"} if cones else set()
-    text = ["vec2 scene_box(Ray ray, vec2 range) {", *steps, "    return range;", "}"]
-    lines = tuple(Mapped(line, "the scene's bounds", plan.scene.node.where) for line in text)
-    return Chunk("scene box", frozenset(needs), frozenset({"scene_box"}), lines)
+            clips = [f"{clip}({at}, {planes})"] if planes else []
+        for call in clips:
+            text.add(f"    range = {call};")
+    text.add("    return range;")
+    text.add("}")
+    return text.chunk("scene box")
 
 
 def scene_cone(plan: Plan) -> Chunk:
@@ -42,16 +41,16 @@ def scene_cone(plan: Plan) -> Chunk:
     at `upper` where origin + (direction - width) t is below it.
     """
     text = Lines("the scene's bounds")
-    text.add("vec2 scene_cone(Ray ray, vec2 range, float width) {", "Ray")
+    text.add("vec2 scene_cone(Ray ray, vec2 range, float width) {")
     for axis, low, high in box_ends(plan.scene.node.facts):
         at = f"range, ray.origin.{axis}, ray.direction.{axis}"
         if high is not None:
-            text.add(f"    range = below({at} - width, {literal(high)});", "below")
+            text.add(f"    range = below({at} - width, {literal(high)});")
         if low is not None:
-            text.add(f"    range = above({at} + width, {literal(low)});", "above")
+            text.add(f"    range = above({at} + width, {literal(low)});")
     text.add("    return range;")
     text.add("}")
-    return Chunk("scene cone", frozenset(text.needs), frozenset({"scene_cone"}), tuple(text.lines))
+    return text.chunk("scene cone")
 
 
 def box_ends(facts: Facts) -> list[tuple[str, float | None, float | None]]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from raymarch import glsl
 from raymarch.errors import Location
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import constant
@@ -28,18 +30,27 @@ class Chunk:
     gives: frozenset[str]
     lines: tuple[Mapped, ...]
 
+    @classmethod
+    def of(cls, name: str, lines: Iterable[Mapped]) -> Chunk:
+        """A chunk whose names are read from its lines."""
+        lines = tuple(lines)
+        text = "\n".join(line.text for line in lines)
+        return cls(name, glsl.used(text), glsl.defined(text), lines)
+
 
 @dataclass(slots=True)
 class Lines:
-    """A builder of lines, and of the names that they need."""
+    """A builder of lines. `made_by` and `where` describe the origin of lines that are added without their own."""
 
     made_by: str
     lines: list[Mapped] = field(default_factory=list)
-    needs: set[str] = field(default_factory=set)
+    where: Location | None = None
 
-    def add(self, line: str, *needs: str, by: str | None = None, where: Location | None = None) -> None:
-        self.lines.append(Mapped(line, by or self.made_by, where))
-        self.needs |= set(needs)
+    def add(self, line: str, *, by: str | None = None, where: Location | None = None) -> None:
+        self.lines.append(Mapped(line, by or self.made_by, where or self.where))
+
+    def chunk(self, name: str) -> Chunk:
+        return Chunk.of(name, self.lines)
 
 
 class Values:

@@ -36,13 +36,12 @@ def metal_bsdf(text: Lines, plan: Plan) -> None:
         "}",
         "",
     ):
-        text.add(line, "Surface", "Light", bsdf, "multiscatter", by="a metal")
+        text.add(line, by="a metal")
 
 
-def _bsdf_of(plan: Plan) -> tuple[str, str]:
-    """The start of a call that reflects a light, up to the light, and the function that it needs."""
-    bsdf = BSDF[plan.model]
-    return "eval_bsdf_of_metal(surface, ms_albedo" if compensated(plan.scene) else f"{bsdf}(surface", bsdf
+def _bsdf_of(plan: Plan) -> str:
+    """The start of a call that reflects a light, up to the light."""
+    return "eval_bsdf_of_metal(surface, ms_albedo" if compensated(plan.scene) else f"{BSDF[plan.model]}(surface"
 
 
 def all_lights(text: Lines, plan: Plan, values: Values) -> None:
@@ -57,34 +56,34 @@ def all_lights(text: Lines, plan: Plan, values: Values) -> None:
 def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> None:
     """The lines of one light, with its values as literals where constant."""
     by, where = type(light).__name__, light.where
-    call, bsdf = _bsdf_of(plan)
+    call = _bsdf_of(plan)
 
     def value(name: str, of: Expr) -> str:
         return values.text(f"light_{i}_{name}", of, where)
 
-    def add(line: str, *needs: str) -> None:
-        text.add(f"    {line}", *needs, by=by, where=where)
+    def add(line: str) -> None:
+        text.add(f"    {line}", by=by, where=where)
 
     declared = "" if i else "Light "
     radiance = value("radiance", light.radiance)
     if isinstance(light, Sun):
-        add(f"{declared}light = sun_light({value('direction', light.direction)}, {radiance});", "Light", "sun_light")
+        add(f"{declared}light = sun_light({value('direction', light.direction)}, {radiance});")
     elif not isinstance(light, PointLight):
         raise lights.no_code(light, "raymarch/shader/lights.py")
     else:
         place = f"surface.p, {value('position', light.position)}, {radiance}"
         if light.attenuation is None:
-            add(f"{declared}light = point_light({place});", "Light", "point_light")
+            add(f"{declared}light = point_light({place});")
         else:
             terms = value("attenuation", light.attenuation)
-            add(f"{declared}light = attenuated_light({place}, {terms});", "Light", "attenuated_light")
+            add(f"{declared}light = attenuated_light({place}, {terms});")
         if light.range is not None:
             end = "range_window" if light.attenuation is None else "linear_falloff"
-            add(f"light.radiance *= {end}(light.distance, {value('range', light.range)});", end)
+            add(f"light.radiance *= {end}(light.distance, {value('range', light.range)});")
     if isinstance(light, SpotLight):
         outer, inner = light.cosines
         cone = ", ".join((value("axis", light.direction), value("outer", outer), value("inner", inner)))
-        add(f"light.radiance *= spot_falloff(light.direction, {cone});", "spot_falloff")
+        add(f"light.radiance *= spot_falloff(light.direction, {cone});")
     if light.soft and light.penumbra == "sampled":
         width = value("softness", light.softness) + _per_distance(light)
         samples = plan.scene.quality.light_samples
@@ -92,13 +91,13 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
             stride = 2 * len(plan.scene.lights)
             add(f"Light centre_{i} = light;")
             add(f"for (int k = 0; k < {samples}; k++) {{")
-            add(f"    light = sample_disc(centre_{i}, {width}, {_dimension(i)} + {stride} * k);", "sample_disc")
+            add(f"    light = sample_disc(centre_{i}, {width}, {_dimension(i)} + {stride} * k);")
             visibility = _visibility(text, light, value)
-            add(f"    color += {call}, light, {visibility}) / {literal(samples)};", bsdf)
+            add(f"    color += {call}, light, {visibility}) / {literal(samples)};")
             add("}")
             return
-        add(f"light = sample_disc(light, {width}, {_dimension(i)});", "sample_disc")
-    add(f"color += {call}, light, {_visibility(text, light, value)});", bsdf)
+        add(f"light = sample_disc(light, {width}, {_dimension(i)});")
+    add(f"color += {call}, light, {_visibility(text, light, value)});")
 
 
 def _dimension(light: int) -> int:
@@ -116,7 +115,6 @@ def _visibility(text: Lines, light: Light, value: Callable[[str, Expr], str]) ->
     if not light.shadow:
         return "1.0"
     call = SHADOW[light.penumbra if light.soft else "hard"]
-    text.needs.add(call)
     width = ""
     if light.soft and light.penumbra != "sampled":
         width = f", {value('softness', light.softness)}{_per_distance(light)}"
@@ -130,37 +128,36 @@ def _loop(text: Lines, plan: Plan) -> None:
     """The loop over all lights, which reads their values from the rows of a texture."""
     has = lights.traits(plan.scene)
     names = lights.columns(has)
-    call, bsdf = _bsdf_of(plan)
+    call = _bsdf_of(plan)
 
-    def add(line: str, *needs: str) -> None:
-        text.add(f"        {line}", *needs, where=plan.scene.where)
+    def add(line: str) -> None:
+        text.add(f"        {line}", where=plan.scene.where)
 
-    text.add(f"    for (int i = 0; i < {len(plan.scene.lights)}; i++) {{", "u_lights", "Light", bsdf)
+    text.add(f"    for (int i = 0; i < {len(plan.scene.lights)}; i++) {{")
     for k, name in enumerate(names):
         add(f"vec4 {name} = texelFetch(u_lights, ivec2({k}, i), 0);")
     add("Light light;")
     sources = []
     if "sun" in has:
-        sources.append((lights.SUN, "sun_light(place.xyz, source.rgb)", "sun_light"))
+        sources.append((lights.SUN, "sun_light(place.xyz, source.rgb)"))
     if "point" in has:
-        sources.append((lights.POINT, "point_light(surface.p, place.xyz, source.rgb)", "point_light"))
+        sources.append((lights.POINT, "point_light(surface.p, place.xyz, source.rgb)"))
     if "attenuated" in has:
         made = "attenuated_light(surface.p, place.xyz, source.rgb, terms.xyz)"
-        sources.append((lights.ATTENUATED, made, "attenuated_light"))
-    for k, (kind, made, need) in enumerate(sources):
+        sources.append((lights.ATTENUATED, made))
+    for k, (kind, made) in enumerate(sources):
         condition = f"if (place.w == {kind}) " if k < len(sources) - 1 else ""
-        add(f"{'else ' if k else ''}{condition}light = {made};", need)
+        add(f"{'else ' if k else ''}{condition}light = {made};")
     if {"window", "fade"} & has:
         if {"window", "fade"} <= has:
             kinds = f"place.w == {lights.ATTENUATED}"
             end = f"{kinds} ? linear_falloff(light.distance, source.w) : range_window(light.distance, source.w)"
         else:
             end = f"{'range_window' if 'window' in has else 'linear_falloff'}(light.distance, source.w)"
-        add(f"if (source.w > 0.0) light.radiance *= {end};", *(RANGES[end] for end in sorted({"window", "fade"} & has)))
+        add(f"if (source.w > 0.0) light.radiance *= {end};")
     if "spot" in has:
         add(
             "if (axis.w > 0.0) light.radiance *= spot_falloff(light.direction, axis.xyz, cone.x, cone.y);",
-            "spot_falloff",
         )
     add("if (light.radiance == vec3(0.0)) continue;")
     visibility = "1.0"
@@ -177,21 +174,20 @@ def _loop(text: Lines, plan: Plan) -> None:
                 add(f"if (caster.x == {number}) {{")
                 add("    Light centre = light;")
                 add(f"    for (int k = 0; k < {samples}; k++) {{")
-                add(f"        light = sample_disc(centre, {width}, {first} + {stride} * k);", "sample_disc")
+                add(f"        light = sample_disc(centre, {width}, {first} + {stride} * k);")
                 shown = "hard_shadow(surface, light)"
                 shown = f"{near.removesuffix(' && ')} ? {shown} : 1.0" if near else shown
                 add(f"        float visible = {shown};")
-                add(f"        color += {call}, light, visible) / {literal(samples)};", "hard_shadow")
+                add(f"        color += {call}, light, visible) / {literal(samples)};")
                 add("    }")
                 add("    continue;")
                 add("}")
             else:
-                add(f"if (caster.x == {number}) light = sample_disc(light, {width}, {first});", "sample_disc")
+                add(f"if (caster.x == {number}) light = sample_disc(light, {width}, {first});")
         for k, shadow in enumerate(lights.shadows(has), 1):
             width = "" if shadow in ("hard", "sampled") else ", caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
             add(
                 f"if ({near}caster.x == {float(k)}) visibility = {SHADOW[shadow]}(surface, light{width});",
-                SHADOW[shadow],
             )
     add(f"color += {call}, light, {visibility});")
     text.add("    }")
@@ -200,4 +196,4 @@ def _loop(text: Lines, plan: Plan) -> None:
 def light_rows() -> Chunk:
     """The texture with the values of all lights."""
     lines = (Mapped("uniform sampler2D u_lights;  // one row per light", "the scene's lights"),)
-    return Chunk("light rows", frozenset(), frozenset({"u_lights"}), lines)
+    return Chunk.of("light rows", lines)

@@ -27,14 +27,14 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     side = "side" if glass else "1.0"
     add(f"    for (int bounce = 0; bounce <= {scene.bounces}; bounce++) {{")
     add("        travelled += hit.t;")
-    call, name = surface_interaction_call(plan, "ray", "travelled")
-    add(f"        Surface surface = {call};", name)
+    call = surface_interaction_call(plan, "ray", "travelled")
+    add(f"        Surface surface = {call};")
     add("        surface.t = travelled;")
     if glass:
         add("        if (side < 0.0) weight *= exp(-absorption * distance(before, surface.p));")
         add("        before = surface.p;")
         add("        surface.normal *= side;")
-    add("        int dimension = 16 + 8 * bounce;", "random_of_pixel")
+    add("        int dimension = 16 + 8 * bounce;")
     add("        vec3 direction;")
     indent = "        "
     if glass:
@@ -50,45 +50,44 @@ def path_tracing(text: Lines, plan: Plan) -> None:
         if glass and plan.emission is not None:
             add(
                 f"{indent}else if (side > 0.0) color += weight * emission_at({material_arguments(plan)});",
-                "emission_at",
             )
     if glass:
         _glass(text, plan, shines)
         indent += "    "
     last = f"bounce == {scene.bounces}"
     physical = "from_metal" if compensated(scene) else "sample_microfacet"
-    need = {"phong": {"sample_diffuse"}, "physical": {physical}, "mixed": {"sample_diffuse", physical}}[plan.model]
+    sample = "sample_diffuse" if plan.model == "phong" else physical
     given = "(surface, dimension, direction, weight)"
     if plan.model == "mixed":
-        add(f"{indent}bool sampled = random_of_pixel(dimension + 5) < surface.material.physical", *need)
+        add(f"{indent}bool sampled = random_of_pixel(dimension + 5) < surface.material.physical")
         add(f"{indent}    ? {physical}{given} : sample_diffuse{given};")
         add(f"{indent}if ({last} || !sampled) break;")
     else:
-        add(f"{indent}if ({last} || !{next(iter(need))}{given}) break;", *need)
+        add(f"{indent}if ({last} || !{sample}{given}) break;")
     if shines:
         matte = "surface.material.metalness < 1.0 ? max(surface.material.roughness, 0.4) : surface.material.roughness"
         add(f"{indent}min_roughness = max(min_roughness, {matte});")
     if glass:
         add("        }")
     add("        float start;")
-    solid, needs = geometric_normal_of(plan)
-    add(f"        vec3 side_normal = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};", *needs)
-    add("        ray = spawn_ray(surface.p, side_normal, direction, travelled, start);", "spawn_ray")
-    add(f"        hit = trace_secondary(ray, start, travelled, {side});", "trace_secondary")
+    solid = geometric_normal_of(plan)
+    add(f"        vec3 side_normal = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};")
+    add("        ray = spawn_ray(surface.p, side_normal, direction, travelled, start);")
+    add(f"        hit = trace_secondary(ray, start, travelled, {side});")
     add("        if (!hit.found) {")
-    add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);", "sky")
+    add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);")
     add("            break;")
     add("        }")
     add("    }")
     if scene.fog is not None:
-        add("    color = apply_fog(color, first);", "apply_fog", by="Scene(fog=...)", where=scene.where)
+        add("    color = apply_fog(color, first);", by="Scene(fog=...)", where=scene.where)
     add("    return color;")
     add("}")
 
 
 def _into_glass(text: Lines, plan: Plan) -> None:
     """Whether a path meets the glass or the opaque part of a material, chosen by transmission."""
-    text.add(f"        Glass glass = glass_at({material_arguments(plan)});", "Glass", "glass_at")
+    text.add(f"        Glass glass = glass_at({material_arguments(plan)});")
     text.add("        bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;")
 
 
@@ -105,7 +104,7 @@ def _glass(text: Lines, plan: Plan, shines: bool) -> None:
         *(["    min_roughness = max(min_roughness, surface.material.roughness);"] if frosted and shines else []),
         "} else {",
     ):
-        text.add(f"        {line}", "sample_rough_dielectric" if frosted else "fresnel_dielectric")
+        text.add(f"        {line}")
 
 
 CLEAR = (

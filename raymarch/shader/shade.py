@@ -21,7 +21,6 @@ def shading(plan: Plan, values: Values) -> Chunk:
     """
     scene = plan.scene
     text = Lines("the scene's lights")
-    text.needs |= {"Ray", "Hit"}
     if plan.material is not None and compensated(scene) and scene.lights:
         metal_bsdf(text, plan)
     if plan.material is not None and (scene.path_traced or scene.whitted):
@@ -35,11 +34,11 @@ def shading(plan: Plan, values: Values) -> Chunk:
     needs_surface = plan.material is not None
     lit = needs_surface and bool(scene.lights)
     if needs_surface:
-        call, name = surface_interaction_call(plan, "ray", "hit.t")
-        text.add(f"    Surface surface = {call};", "Surface", name)
+        call = surface_interaction_call(plan, "ray", "hit.t")
+        text.add(f"    Surface surface = {call};")
     if plan.emission is not None:
         place = material_arguments(plan) if needs_surface and patterned(scene) else "ray.origin + hit.t * ray.direction"
-        text.add(f"    vec3 color = emission_at({place});", "emission_at")
+        text.add(f"    vec3 color = emission_at({place});")
     else:
         text.add("    vec3 color = vec3(0.0);")
     if needs_surface:
@@ -47,7 +46,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
     if lit:
         all_lights(text, plan, values)
     if scene.fog is not None:
-        text.add("    color = apply_fog(color, hit.t);", "apply_fog", by="Scene(fog=...)", where=scene.where)
+        text.add("    color = apply_fog(color, hit.t);", by="Scene(fog=...)", where=scene.where)
     text.add("    return color;")
     text.add("}")
     return _chunk(text, plan, values)
@@ -62,24 +61,21 @@ def _lit(text: Lines, plan: Plan, values: Values) -> None:
     traced = ", float traced" if plan.scene.whitted else ""
     dielectric = plan.glass is not None and bool(plan.scene.lights)
     glass = ", Glass glass, float transmission" if dielectric else ""
-    text.add(f"vec3 direct_light(Surface surface{traced}{glass}) {{", "Surface")
+    text.add(f"vec3 direct_light(Surface surface{traced}{glass}) {{")
     text.add(
         f"    vec3 color = {f'emission_at({material_arguments(plan)})' if plan.emission is not None else 'vec3(0.0)'};"
     )
-    text.needs |= {"emission_at"} if plan.emission is not None else set()
     _ambient(text, plan, values)
     if dielectric:
         kept = f" + transmission * emission_at({material_arguments(plan)})" if plan.emission is not None else ""
-        text.add(f"    color = (1.0 - transmission) * color{kept};", "Glass")
+        text.add(f"    color = (1.0 - transmission) * color{kept};")
         if compensated(plan.scene):
             text.add("    ms_albedo *= 1.0 - transmission;")
         if plan.model == "mixed":  # the Phong part keeps its colour
             text.add("    surface.material.physical = mix(surface.material.physical, 1.0, transmission);")
-            text.add(
-                "    set_dielectric(glass, transmission / max(surface.material.physical, 1.0e-6));", "set_dielectric"
-            )
+            text.add("    set_dielectric(glass, transmission / max(surface.material.physical, 1.0e-6));")
         else:
-            text.add("    surface.material = as_dielectric(surface.material, glass, transmission);", "as_dielectric")
+            text.add("    surface.material = as_dielectric(surface.material, glass, transmission);")
     if plan.scene.lights:
         all_lights(text, plan, values)
     for line in ("    return color;", "}", ""):
@@ -96,7 +92,7 @@ def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
     if scene.fog is not None:
         values.add("fog_color", scene.fog.color, scene.where)
         values.add("fog_density", scene.fog.density, scene.where)
-    return Chunk("shade", frozenset(text.needs), frozenset({"shade"}), tuple(text.lines))
+    return text.chunk("shade")
 
 
 FROM_SKY = {
@@ -113,7 +109,7 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
     multiple = compensated(scene) and (ambient_sky(scene) or bool(scene.lights))
     if multiple:
         share = "surface.material.physical * " if plan.model == "mixed" else ""
-        text.add(f"    vec3 ms_albedo = {share}multiscatter_albedo(surface);", "multiscatter_albedo", by="a metal")
+        text.add(f"    vec3 ms_albedo = {share}multiscatter_albedo(surface);", by="a metal")
     shares = _occluded_by_map(plan)
     dimmed = shares or occluded(scene, plan.model)
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
@@ -124,7 +120,6 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
         share = "surface.ambient_visibility * " if shares else ""
         text.add(
             f"    float ambient_visibility = {share}ambient_occlusion(surface);",
-            "ambient_occlusion",
             by=by,
             where=scene.where,
         )
@@ -133,16 +128,12 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
     if dimmed and scene.lights and plan.model != "physical":
         text.add("    surface.material.ambient *= ambient_visibility;", by=by, where=scene.where)
     if ambient_sky(scene):
-        needs = {"phong": ("diffuse_sky",), "physical": ("specular_sky",), "mixed": ("diffuse_sky", "specular_sky")}[
-            plan.model
-        ]
         factor = "ambient_visibility * " if dimmed else ""
         light = FROM_SKY[plan.model].format(traced="traced" if scene.whitted else "0.0")
         if multiple:
-            needs = (*needs, "sky_mean")
             rest = "(1.0 - traced) * " if scene.whitted else ""
             light = f"({light} + {rest}ms_albedo * sky_mean(surface.normal))"
-        text.add(f"    color += {factor}{light};", *needs, by="the sky's light", where=scene.where)
+        text.add(f"    color += {factor}{light};", by="the sky's light", where=scene.where)
 
 
 def _occluded_by_map(plan: Plan) -> bool:

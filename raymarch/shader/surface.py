@@ -12,17 +12,17 @@ def material_arguments(plan: Plan) -> str:
     return point + (", surface.geometric_normal, surface.dpdx, surface.dpdy" if plan.relief is not None else "")
 
 
-def surface_interaction_call(plan: Plan, ray: str, travelled: str) -> tuple[str, str]:
-    """The call that makes the surface interaction of a hit, and the name of its function.
+def surface_interaction_call(plan: Plan, ray: str, travelled: str) -> str:
+    """The call that makes the surface interaction of a hit.
 
     travelled : GLSL expression for the length of the path up to the hit.
     """
     if not patterned(plan.scene):
-        return f"surface_interaction({ray}, hit)", "surface_interaction"
+        return f"surface_interaction({ray}, hit)"
     name = "surface_interaction_patterned" if plan.relief is None else "surface_interaction_mapped"
-    return f"{name}({ray}, hit, {travelled})", name
+    return f"{name}({ray}, hit, {travelled})"
 
 
-def geometric_normal_of(plan: Plan) -> tuple[str, tuple[str, ...]]:
-    """The geometric normal, on the side of the shading normal, and the names that it needs."""
-    return ("surface.normal", ()) if plan.relief is None else ("geometric_normal(surface)", ("geometric_normal",))
+def geometric_normal_of(plan: Plan) -> str:
+    """The geometric normal, on the side of the shading normal."""
+    return "surface.normal" if plan.relief is None else "geometric_normal(surface)"

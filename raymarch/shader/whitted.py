@@ -16,7 +16,7 @@ from raymarch.shader.surface import geometric_normal_of, material_arguments, sur
 def tree(text: Lines, plan: Plan) -> None:
     """The colour of a hit: direct light, and the light of reflected and refracted rays over up to n bounces."""
     mirrors = any(m.mirrors for m in plan.scene.materials)
-    text.add("vec3 shade(Ray ray, Hit hit) {", "sky", "trace_secondary", "spawn_ray", "below_cutoff")
+    text.add("vec3 shade(Ray ray, Hit hit) {")
     text.add("    vec3 color = vec3(0.0);")
     text.add("    float first = hit.t;")
     if plan.glass is not None:
@@ -24,15 +24,15 @@ def tree(text: Lines, plan: Plan) -> None:
     else:
         _chain(text, plan)
     if plan.scene.fog is not None:
-        text.add("    color = apply_fog(color, first);", "apply_fog", by="Scene(fog=...)", where=plan.scene.where)
+        text.add("    color = apply_fog(color, first);", by="Scene(fog=...)", where=plan.scene.where)
     text.add("    return color;")
     text.add("}")
 
 
 def _chain(text: Lines, plan: Plan) -> None:
     """The ray without glass: a single chain from mirror to mirror."""
-    surface, name = surface_interaction_call(plan, "ray", "travelled")
-    solid, needs = geometric_normal_of(plan)
+    surface = surface_interaction_call(plan, "ray", "travelled")
+    solid = geometric_normal_of(plan)
     for line in (
         "vec3 weight = vec3(1.0);",
         "float travelled = 0.0;",
@@ -56,13 +56,13 @@ def _chain(text: Lines, plan: Plan) -> None:
         "    }",
         "}",
     ):
-        text.add(f"    {line}", name, *needs, "mirror_weight", "mirror_reflectance")
+        text.add(f"    {line}")
 
 
 def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
     """All rays of the tree, the newest first."""
     deepest = plan.scene.bounces
-    surface, name = surface_interaction_call(plan, "at.ray", "at.travelled")
+    surface = surface_interaction_call(plan, "at.ray", "at.travelled")
     for line in (
         f"Branch waiting[{deepest + 1}];",
         "int count = 0;",
@@ -85,11 +85,11 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         f"    Glass glass = glass_at({material_arguments(plan)});",
         "    float transmission = at.side < 0.0 ? 1.0 : glass.transmission;",
     ):
-        text.add(f"    {line}", name, "Branch", "Glass", "glass_at", "fresnel_dielectric")
+        text.add(f"    {line}")
     traced = f"at.bounce < {deepest} ? mirror_weight(surface.material) : 0.0" if mirrors else "0.0"
-    text.add(f"        float traced = {traced};", *({"mirror_weight"} if mirrors else ()))
+    text.add(f"        float traced = {traced};")
     if mirrors:
-        text.add(f"        vec3 reflection = {_traced(plan)} * mirror_reflectance(surface);", "mirror_reflectance")
+        text.add(f"        vec3 reflection = {_traced(plan)} * mirror_reflectance(surface);")
     for line in _regularized(plan, "        ", "at.bounce"):
         text.add(line)
     if plan.scene.lights:
@@ -99,7 +99,7 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         text.add(f"        {line}")
         if plan.emission is not None:
             own = f"emission_at({material_arguments(plan)})"
-            text.add(f"        if (at.side > 0.0) color += transmission * at.weight * {own};", "emission_at")
+            text.add(f"        if (at.side > 0.0) color += transmission * at.weight * {own};")
     # Rays that are still inside glass at the last bounce return the sky's radiance, so that they do not turn black.
     text.add(f"        if (at.bounce == {deepest}) {{")
     text.add("            color += transmission * at.weight * sky(at.ray.direction);")
@@ -111,14 +111,14 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
 
 def _split(text: Lines, plan: Plan, mirrors: bool) -> None:
     """The reflected and the refracted ray at glass. If one is below the cutoff, the other takes its weight."""
-    solid, needs = geometric_normal_of(plan)
+    solid = geometric_normal_of(plan)
     text.add("        float ratio = at.side > 0.0 ? 1.0 / glass.ior : glass.ior;")
     text.add(
         "        float reflectance = fresnel_dielectric(clamp(dot(surface.normal, surface.view), 0.0, 1.0), ratio);"
     )
     text.add("        if (below_cutoff(reflectance * at.weight)) reflectance = 0.0;")
     text.add("        if (below_cutoff((1.0 - reflectance) * at.weight)) reflectance = 1.0;")
-    text.add("        vec3 reflected = (transmission * reflectance) * at.weight;", *needs)
+    text.add("        vec3 reflected = (transmission * reflectance) * at.weight;")
     if mirrors:
         text.add("        reflected += (1.0 - transmission) * at.weight * reflection;")
     for line in (

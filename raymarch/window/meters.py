@@ -6,6 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from raymarch.plan import explain
+from raymarch.shader import assemble
 from raymarch.window.inspection import evaluations
 from raymarch.window.theme import ACCENT, FAINT, WARNING, shade
 
@@ -80,7 +81,7 @@ class Meters:
         imgui = self._imgui
         plan = self._viewer.plan()
         if self._facts is None or self._facts[0] is not plan:
-            self._facts = (plan, explain.as_dict(plan))
+            self._facts = (plan, explain.as_dict(plan, assemble(plan).modules))
         facts = self._facts[1]
         field = facts["field"]
         imgui.text_wrapped(f"{field['exactness']}, {field['shapes']} shapes, {field['operations']} operations")

@@ -15,12 +15,13 @@ import raymarch as rm
 from raymarch.errors import PlanError
 from raymarch.plan import explain, plan
 from raymarch.plan.plan import LARGEST, Plan
+from raymarch.shader import assemble
 
 RED, BLUE = rm.Material((1, 0, 0)), rm.Material((0, 0, 1))
 
 
 def modules(made: Plan) -> list[str]:
-    return [name for name, _ in made.modules]
+    return list(assemble(made).modules)
 
 
 def used(made: Plan) -> set[str]:
@@ -120,9 +121,8 @@ def test_every_module_and_feature_has_a_reason() -> None:
         fog=rm.Fog(),
     )
     for made in (plan(scene(lights=[])), plan(rich, ["color", "geometry"])):
-        assert len({name for name, _ in made.modules}) == len(made.modules)
         assert len({feature.name for feature in made.features}) == len(made.features)
-        assert all(reason.strip() for _, reason in made.modules)
+        assert all(reason.strip() for reason in [*made.choices.values(), *assemble(made).modules.values()])
         assert all(feature.reason.strip() for feature in made.features)
         assert all(p.reason.strip() for p in made.passes)
 
@@ -226,13 +226,13 @@ RICH = rm.Scene(
 )
 def test_explain_is_json(given: rm.Scene) -> None:
     made = plan(given, ["color", "geometry"])
-    plain = explain.as_dict(made)
+    plain = explain.as_dict(made, assemble(made).modules)
     assert json.loads(json.dumps(plain, allow_nan=False)) == plain
 
 
 def test_explain_holds_the_plan() -> None:
     made = plan(RICH)
-    plain = explain.as_dict(made)
+    plain = explain.as_dict(made, assemble(made).modules)
     assert plain["field"]["exactness"] == "bound" and plain["field"]["lipschitz"] == 1
     assert plain["field"]["bounds"][0] == [None] * 3 and plain["field"]["bounds"][1][1] is not None
     assert plain["field"]["shapes"] == 3
@@ -255,16 +255,17 @@ def test_an_estimate_has_no_number_for_its_slope() -> None:
     def guess(p: Any) -> Any:
         return p.x * p.y
 
-    assert explain.as_dict(plan(scene(guess())))["field"]["lipschitz"] is None
+    assert explain.as_dict(plan(scene(guess())), {})["field"]["lipschitz"] is None
 
 
 def test_explain_in_words_says_all_that_the_data_says() -> None:
     made = plan(RICH)
     text = io.StringIO()
-    explain.show(made, 4321, Console(file=text, width=20, soft_wrap=True, force_terminal=False))
+    linked = assemble(made).modules
+    explain.show(made, linked, 4321, Console(file=text, width=20, soft_wrap=True, force_terminal=False))
     said = text.getvalue()
     lines = [line.strip() for line in said.splitlines()]
-    for name, reason in made.modules:
+    for name, reason in linked.items():
         assert any(line.startswith(name) and reason in line for line in lines), name
     for feature in made.features:
         assert any(line.startswith(feature.name) and feature.reason in line for line in lines), feature.name

@@ -37,6 +37,7 @@ for name, scene in scenes().items():
         if file[:-5] in kept[name]:
             (folder / file).write_text(text, encoding="utf-8")
     glsl.load.cache_clear()
+    glsl.givers.cache_clear()
     texts[name] = [assemble(plan(scene, passes)).text() for passes in PASSES]
 print(json.dumps(texts))
 """
@@ -47,7 +48,7 @@ def named(scene: raymarch.Scene) -> list[str]:
     found = []
     for passes in PASSES:
         made = plan(scene, passes)
-        found += [name for name, _ in made.modules]
+        found += [*made.choices, *assemble(made).modules]
     return sorted(set(found))
 
 
@@ -105,5 +106,5 @@ def test_a_plain_scene_has_no_texture_and_no_uniform_of_an_effect() -> None:
     ):
         assert word not in text
     assert not shader.samples and len(plan(raymarch.Scene(raymarch.sphere())).passes) == 1
-    assert "light/physical" not in {name for name, _ in plan(raymarch.Scene(raymarch.sphere())).modules}
+    assert "light/physical" not in shader.modules
     assert glsl.load("light/physical").gives == {"eval_microfacet"}

@@ -1,7 +1,5 @@
 // Ambient occlusion from samples of the field along the normal: 1 where the field rises as over a plane, less near
 // other surfaces.
-// needs: field Surface occlusion_reach occlusion_strength occlusion_decay occlusion_steps u_side
-// gives: ambient_occlusion
 float ambient_occlusion(Surface surface) {
     float reach = occlusion_reach();
     float decay = occlusion_decay();

@@ -1,7 +1,5 @@
 // Soft shadow (Quilez 2008): the smallest ratio of the field to the radius of the light's disc at that distance. It
 // costs one evaluation per step, but is 0 where half of the light is visible.
-// needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_cone u_side
-// gives: cone_shadow
 float cone_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;

@@ -1,6 +1,4 @@
 // Visibility term of microfacets, G2 / (4 n_dot_l n_dot_v): Smith masking for GGX, height-correlated (Heitz 2014).
-// needs:
-// gives: v_smith
 float v_smith(float n_dot_l, float n_dot_v, float alpha) {
     float square = alpha * alpha;
     float rest = 1.0 - square;

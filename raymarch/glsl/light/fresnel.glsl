@@ -1,7 +1,5 @@
 // Fresnel reflectance after Schlick (1994). Powers are products: pow of a negative base is undefined, and rounding can
 // make 1 - cosine negative.
-// needs:
-// gives: pow5 fresnel_schlick
 float pow5(float x) {
     float square = x * x;
     return square * square * x;

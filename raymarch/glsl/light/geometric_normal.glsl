@@ -1,6 +1,4 @@
 // The geometric normal, for materials without normal mapping: equal to the shading normal.
-// needs: Surface
-// gives: geometric_normal
 vec3 geometric_normal(Surface surface) {
     return surface.normal;
 }

@@ -1,6 +1,4 @@
 // The point just inside the solid under a hit, where materials are evaluated.
-// needs: Hit inner_depth
-// gives: inner_point
 vec3 inner_point(vec3 p, vec3 normal, Hit hit, float travelled) {
     return p - inner_depth(p, hit, travelled) * normal;
 }

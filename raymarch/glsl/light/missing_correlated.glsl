@@ -1,7 +1,5 @@
 // Energy that single scattering by white microfacets loses at a cosine: 1 minus their directional albedo. A fit to the
 // integral of GGX with correlated masking, between 0.008 below and 0.005 above.
-// needs:
-// gives: missing_albedo
 float missing_albedo(float cosine, float roughness) {
     float a = max(roughness * roughness, 1.0e-6);
     float c = clamp(cosine, 1.0e-4, 1.0);

@@ -1,6 +1,4 @@
 // The cosine-weighted mean over the hemisphere of `missing_albedo`, for correlated masking.
-// needs:
-// gives: mean_missing_albedo
 float mean_missing_albedo(float roughness) {
     float r = max(roughness, 1.0e-3);
     float square = r * r;

@@ -1,7 +1,5 @@
 // The BSDF of a material that interpolates a Phong and a microfacet material. A share of the microfacet part is the
 // outer surface of glass.
-// needs: Surface Light Glass eval_phong eval_microfacet as_dielectric
-// gives: eval_bsdf set_dielectric over_it dielectric_share
 Glass over_it = Glass(0.0, 1.5, vec3(0.0));
 float dielectric_share = 0.0;
 

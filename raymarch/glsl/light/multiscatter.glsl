@@ -1,7 +1,5 @@
 // Multiple scattering between the microfacets of a metal, for one light, times pi: a wide, reciprocal lobe. `albedo` is
 // its directional albedo.
-// needs: Surface Light missing_albedo mean_missing_albedo
-// gives: multiscatter
 vec3 multiscatter(vec3 albedo, Surface surface, Light light, float visibility) {
     float n_dot_l = dot(surface.normal, light.direction);
     if (n_dot_l <= 0.0 || visibility <= 0.0) return vec3(0.0);

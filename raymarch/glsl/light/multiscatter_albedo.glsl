@@ -1,7 +1,5 @@
 // Directional albedo of multiple scattering between the microfacets of a metal (Kulla and Conty 2017). For white metal
 // it is all the energy that single scattering loses.
-// needs: Surface Material missing_albedo mean_missing_albedo
-// gives: multiscatter_albedo
 vec3 multiscatter_albedo(Surface surface) {
     Material material = surface.material;
     float missing = mean_missing_albedo(material.roughness);

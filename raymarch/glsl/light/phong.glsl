@@ -1,6 +1,4 @@
 // Phong reflection of one light. The ambient, diffuse and specular terms all use the radiance of the light.
-// needs: Surface Light
-// gives: eval_phong
 vec3 eval_phong(Surface surface, Light light, float visibility) {
     float diffuse = max(dot(surface.normal, light.direction), 0.0);
     float highlight = diffuse > 0.0 ? dot(reflect(-light.direction, surface.normal), surface.view) : 0.0;

@@ -1,7 +1,5 @@
 // Microfacet reflection of one light (Cook and Torrance 1982), plus a diffuse part that reflects only light that passes
 // the interface. The result is multiplied by pi, as all radiance here.
-// needs: Surface Light Material fresnel_schlick d_ggx v_smith interface_transmittance
-// gives: eval_microfacet
 vec3 eval_microfacet(Surface surface, Light light, float visibility) {
     float n_dot_l = dot(surface.normal, light.direction);
     if (n_dot_l <= 0.0 || visibility <= 0.0) return vec3(0.0);

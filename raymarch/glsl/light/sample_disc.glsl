@@ -2,8 +2,6 @@
 // converges to the whole disc. `width` is the sine of the angular radius. Points are uniform on the projection of the
 // light's sphere to a plane perpendicular to the light's direction. Each is weighted by 1 / cosine for its solid angle,
 // so that a diffuse surface is as bright as under a point light.
-// needs: Light random_of_pixel
-// gives: sample_disc
 Light sample_disc(Light light, float width, int dimension) {
     vec3 d = light.direction;
     float s = d.z < 0.0 ? -1.0 : 1.0;  // branchless orthonormal basis (Duff et al. 2017)

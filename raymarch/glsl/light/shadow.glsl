@@ -3,8 +3,6 @@
 // hit the surface that it starts from. If half of the field's value at the start is less, that is the threshold,
 // because a bound may be flat there. The threshold grows along the ray with the coordinates and their ulp.
 // No ray is traced for a surface that faces away from the light or is out of its range.
-// needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_box u_side
-// gives: hard_shadow
 float hard_shadow(Surface surface, Light light) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;

@@ -1,8 +1,6 @@
 // Soft shadow (Aaltonen 2018): as light/cone, with the point of closest approach estimated between two samples. The
 // spheres of two steps intersect in a circle, on which the occluder is assumed to lie. The first step has no sample
 // before it.
-// needs: field Ray Surface Light spawn_ray geometric_normal contact GROWTH safe_step meets_ahead shadow_steps scene_cone u_side
-// gives: triangulated_shadow
 float triangulated_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;

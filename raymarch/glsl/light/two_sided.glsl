@@ -6,8 +6,6 @@
 // Steps skip regions that cannot lower the minimum and are half the distance elsewhere, so that the minimum between two
 // samples is known to a relative error of 1/30. The disc is at least 64 ulp of the coordinates wide, because the field
 // is exact to a few ulp only. A ray that runs out of steps is extrapolated linearly from its last two samples.
-// needs: field Ray Surface Light spawn_ray geometric_normal GROWTH safe_step shadow_steps scene_cone u_side
-// gives: two_sided_shadow
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;

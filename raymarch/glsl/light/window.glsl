@@ -1,6 +1,4 @@
 // Range window of an inverse-square light: 1 at the light, 0 from its range on.
-// needs:
-// gives: range_window
 float range_window(float far, float radius) {
     float x = far / radius;
     float rest = max(1.0 - x * x * x * x, 0.0);

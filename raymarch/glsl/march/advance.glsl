@@ -1,6 +1,4 @@
 // The steps of a tracer that keeps no sphere but the last.
-// needs: March averaged_derivative UNDONE
-// gives: move
 // Moves to a sample if the step to it is certified to be `empty`. Else the step is undone, and the derivative `UNDONE`
 // reports this to the tracer.
 void move(inout March at, bool empty, float t, float r, float derivative) {

@@ -1,7 +1,5 @@
 // Whether to step to the surface itself: if a step to the tangent point of the spheres would end within an epsilon of
 // it, and the derivative is steep enough for the gap r (1 + derivative) / -derivative to be at most a few epsilons.
-// needs:
-// gives: aims_at_surface
 bool aims_at_surface(float r, float derivative, float near) {
     return derivative < -0.25 && r * (1.0 + derivative) < near * (1.0 - derivative);
 }

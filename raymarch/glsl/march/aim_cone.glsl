@@ -1,8 +1,6 @@
 // Whether to step to the surface itself: if a step to the tangent point of the spheres would end within an epsilon of
 // it, and the derivative is steep enough for the gap r (1 + derivative) / -derivative to be at most a few epsilons.
 // Cones never do, because they do not hit surfaces.
-// needs:
-// gives: aims_at_surface
 bool aims_at_surface(float r, float derivative, float near) {
 #ifdef CONE
     return false;

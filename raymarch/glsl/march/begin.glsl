@@ -1,6 +1,4 @@
 // The start and end of the march of a pixel's ray. False if the ray misses the scene.
-// needs: Ray March start_march range_of
-// gives: begins
 bool begins(Ray ray, out March at, out float far, out vec2 spent) {
     vec2 range = range_of(ray);
     at = start_march(ray, range.x);

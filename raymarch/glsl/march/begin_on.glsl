@@ -1,7 +1,5 @@
 // The start and end of the march of a pixel's ray. It starts where the cones that contain it ended, and is charged
 // their cost. False if the ray misses the scene.
-// needs: Ray March start_march range_of carry_on
-// gives: begins u_spent
 uniform float u_spent;  // 1, or 0 if the cones are reused from an earlier frame
 
 bool begins(Ray ray, out March at, out float far, out vec2 spent) {

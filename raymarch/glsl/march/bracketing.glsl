@@ -3,8 +3,6 @@
 // the far one is kept, and a plain step follows: the kept sphere is empty too, but the gap before it is unknown. Once a
 // sphere reaches the kept one, the march goes on from there, so that a step that was too long is not wasted. A kept
 // sphere inside the solid contains no surface either and bounds the gap: the first surface lies before it.
-// needs: March smoothing
-// gives: step_length move
 float step_length(March at, float far) {
     float low = at.kept_t - abs(at.kept_r) - at.t;
     float z = min(2.0 * at.r / (1.0 - at.derivative), far - at.t + at.r);

@@ -1,8 +1,6 @@
 // The start of the march of a pixel: the least distance of the coarser cones that may contain its ray. A texel of the
 // coarser level holds the distance up to which its cone is empty (negative if it is empty to the end of the range), the
 // derivative of the field there, and the steps and evaluations so far, divided by the cone's number of pixels.
-// needs: March
-// gives: carry_on u_carried u_carried_cell u_cell u_footprint
 uniform sampler2D u_carried;
 uniform vec2 u_carried_cell;  // cell size of the coarser level in pixels; 0 if there is none
 uniform vec2 u_cell;  // cell size of this level in pixels

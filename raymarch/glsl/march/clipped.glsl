@@ -1,6 +1,4 @@
 // Rays are marched only inside the scene's box, because nothing lies outside.
-// needs: Ray scene_box
-// gives: range_of u_far
 uniform float u_far;
 
 vec2 range_of(Ray ray) {

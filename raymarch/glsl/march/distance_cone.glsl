@@ -3,8 +3,6 @@
 // In a pass that marches cones: the safe step of a cone. A cone's directions differ from its axis by at most u_cone, so
 // at t its points lie within u_cone t of the axis. (f - u_cone t) / (1 + u_cone) is safe for all of them, and
 // 1-Lipschitz in t. After Bálint and Valasek 2018, whose angle holds only for a field of view of 90 degrees.
-// needs: field Ray u_side
-// gives: march_distance u_cone
 uniform float u_cone;
 
 float march_distance(Ray ray, float t) {

@@ -2,8 +2,6 @@
 // surface were the plane through the last two samples, times a relaxation factor. The first step is plain, because no
 // derivative is known. Where the ray recedes from the plane, the step ends at the far end of the range. After a step
 // that proved too long, the plain step that replaces it counts as the previous one.
-// needs: March relaxation
-// gives: step_length averaged_derivative UNDONE
 const float UNDONE = -1.0;  // the steepest derivative, which gives a plain step
 
 float step_length(March at, float far) {

@@ -1,6 +1,4 @@
 // The state of a march and its hit.
-// needs:
-// gives: Hit March u_side no_hit
 uniform float u_side;  // -1 if the camera is inside a solid, else 1: multiplies the field
 
 // The state of a march, from which a later pass can resume it.

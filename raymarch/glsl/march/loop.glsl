@@ -7,8 +7,6 @@
 // first is at most a pixel longer than a plain step, and the next no longer than the distance over which the derivative
 // has held. A ray that only passes the surface is not a hit, or edges and silhouettes would be an epsilon too wide and
 // show normals of back faces. It searches on from its last certified sample.
-// needs: march_distance Ray Hit March on_exhausted hit_widths hit_width last_step aims_at_surface march_steps step_length move u_pixel
-// gives: march
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
     bool found = false;

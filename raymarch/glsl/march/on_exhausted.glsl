@@ -1,6 +1,4 @@
 // A ray that runs out of steps takes its last sample as hit, if that is within a pixel width of the surface.
-// needs: Hit u_pixel
-// gives: on_exhausted
 void on_exhausted(inout Hit hit) {
     hit.done = false;
     hit.found = hit.residual < u_pixel * hit.t;

@@ -1,6 +1,4 @@
 // Sphere tracing (Hart 1996): each step is the distance itself, so no surface is passed.
-// needs: March safe_step
-// gives: step_length averaged_derivative UNDONE
 const float UNDONE = -1.0;  // no step is too long
 
 float step_length(March at, float far) {

@@ -1,7 +1,5 @@
 // A ray ends at the first sample within an epsilon of a surface, with one final step along the measured derivative. The
 // field is not evaluated there, so the step is not verified: rays that only pass an edge count as hits too.
-// needs: March
-// gives: hit_width last_step
 float hit_width(vec3 widths) {
     return widths.y;
 }

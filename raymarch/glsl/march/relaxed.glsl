@@ -1,8 +1,6 @@
 // Over-relaxed sphere tracing (Keinert et al. 2014): steps are longer than the distance by a fixed factor. A step that
 // was too long is replaced by a plain one. After that the ray takes plain steps only (Keinert), or relaxes again
 // (Bálint and Valasek 2018), depending on `relax_again`.
-// needs: March relaxation relax_again
-// gives: step_length averaged_derivative UNDONE
 const float UNDONE = 2.0;  // no field has this derivative
 
 float step_length(March at, float far) {

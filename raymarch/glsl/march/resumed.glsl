@@ -1,6 +1,4 @@
 // The hit of a pixel's ray, read from the march passes. A ray that is not finished is shown at its current position.
-// needs: Ray Hit unpack_hit flag
-// gives: trace u_march u_found
 uniform sampler2D u_march;
 uniform sampler2D u_found;
 

@@ -1,6 +1,4 @@
 // The length of a plain step at a value of the field: the value itself.
-// needs:
-// gives: safe_step
 float safe_step(float r) {
     return r;
 }

@@ -1,8 +1,6 @@
 // The start of a march: in the sphere around the camera, where the field is known from the CPU, or at `near` if the sphere
 // does not reach there. The expected derivative is biased towards the steepest, because a step that is undone costs more
 // than a short one.
-// needs: Ray March
-// gives: u_start start_march
 uniform vec4 u_start;  // at the camera, times u_side: gradient and value of the field; 0 if they are not known
 
 March start_march(Ray ray, float near) {

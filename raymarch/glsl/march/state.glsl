@@ -1,6 +1,4 @@
 // Packs a march and its hit into three texels, so that a later pass resumes it exactly.
-// needs: Hit March
-// gives: packed_march packed_hit packed_more unpack_march unpack_hit flag
 vec4 packed_march(March at, Hit hit, bool under_way) {
     float flags = (at.refining ? 1.0 : 0.0) + (at.passing ? 2.0 : 0.0) + (hit.done ? 8.0 : 0.0);
     flags += (hit.found ? 16.0 : 0.0) + (under_way ? 32.0 : 0.0);

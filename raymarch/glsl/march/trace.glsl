@@ -1,6 +1,4 @@
 // The hit of a pixel's ray, marched in one pass.
-// needs: Ray Hit March start_march no_hit march range_of
-// gives: trace
 Hit trace(Ray ray) {
     vec2 range = range_of(ray);
     if (range.x > range.y) return no_hit(0.0);

@@ -1,6 +1,4 @@
 // The hit of a pixel's ray, marched from where the cones that contain it ended.
-// needs: Ray Hit March no_hit march begins
-// gives: trace
 Hit trace(Ray ray) {
     March at;
     float far;

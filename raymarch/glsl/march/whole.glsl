@@ -1,6 +1,4 @@
 // Rays are marched from the camera to the far end.
-// needs: Ray
-// gives: range_of u_far
 uniform float u_far;
 
 vec2 range_of(Ray ray) {

@@ -1,7 +1,5 @@
 // The thresholds of the march of a ray: fractions of the pixel width, which grows with the distance t, but no less than
 // the resolution of float32. A point on a ray is as uncertain as the rounding of its coordinates and of t.
-// needs: Ray epsilon_pixels contact_share
-// gives: u_pixel GROWTH hit_widths
 uniform float u_pixel;  // width of a pixel at distance 1
 const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
 

@@ -1,6 +1,4 @@
 // A material that interpolates a Phong and a microfacet material.
-// needs:
-// gives: Material
 struct Material {
     vec3 color;
     float shininess;

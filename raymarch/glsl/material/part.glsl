@@ -1,6 +1,4 @@
 // The part of the solid that a hit lies on.
-// needs: Material
-// gives: Part
 struct Part {
     vec3 gradient;  // of the field
     Material material;

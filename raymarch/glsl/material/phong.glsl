@@ -1,6 +1,4 @@
 // A Phong material.
-// needs:
-// gives: Material
 struct Material {
     vec3 color;
     float shininess;

@@ -1,6 +1,4 @@
 // A microfacet material.
-// needs:
-// gives: Material
 struct Material {
     vec3 color;
     float metalness;

@@ -1,6 +1,4 @@
 // Relief of a material: the bump gradient, which is subtracted from the unit normal, and the ambient visibility.
-// needs:
-// gives: Relief
 struct Relief {
     vec3 bump_gradient;
     float ambient_visibility;

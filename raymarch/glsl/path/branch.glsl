@@ -1,6 +1,4 @@
 // A ray of a Whitted ray tree that is yet to be traced. GLSL has no recursion; such rays wait in an array.
-// needs: Ray
-// gives: Branch
 struct Branch {
     Ray ray;
     float start;  // distance along the ray at which to begin

@@ -1,7 +1,5 @@
 // A material whose BSDF for lights blends that of a glass surface, by `share`, with its own. Schlick's reflectance is
 // linear in f0, and the diffuse part in the colour, so these two are blended.
-// needs: Material Glass fresnel_dielectric
-// gives: as_dielectric
 Material as_dielectric(Material material, Glass glass, float share) {
     vec3 own = mix(material.f0, material.color, material.metalness);
     vec3 diffuse = (1.0 - share) * (1.0 - material.metalness) * (1.0 - material.f0) * material.color;

@@ -1,6 +1,4 @@
 // Samples a direction of the diffuse part of a Phong material. Returns false if there is none.
-// needs: Surface sample_cosine random_of_pixel
-// gives: sample_diffuse
 bool sample_diffuse(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
     direction = sample_cosine(surface.normal, vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2)));
     weight *= surface.material.color;

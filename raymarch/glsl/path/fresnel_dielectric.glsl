@@ -1,7 +1,5 @@
 // A dielectric that transmits light: transmission, index of refraction, and absorption per unit of length; and its
 // Fresnel reflectance, 1 beyond the critical angle.
-// needs:
-// gives: Glass fresnel_dielectric
 struct Glass {
     float transmission;
     float ior;

@@ -1,7 +1,5 @@
 // Samples a direction of a microfacet material: its specular or its diffuse part, with a probability by their
 // reflectance. Returns false if the sample carries no light.
-// needs: Surface Material fresnel_schlick v_smith albedo_f90 interface_transmittance sample_visible_normal sample_cosine random_of_pixel
-// gives: sample_microfacet
 bool sample_microfacet(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
     Material material = surface.material;
     float n_dot_v = max(dot(surface.normal, surface.view), 1.0e-4);

@@ -1,6 +1,4 @@
 // Random directions about a normal, each with the density that its function's name states.
-// needs:
-// gives: to_world sample_cosine sample_visible_normal
 vec3 to_world(vec3 normal, vec3 local) {
     // branchless orthonormal basis (Duff et al. 2017)
     float s = normal.z < 0.0 ? -1.0 : 1.0;

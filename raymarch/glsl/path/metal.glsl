@@ -1,7 +1,5 @@
 // Samples a direction of a metal: single scattering and the diffuse part, or multiple scattering between microfacets.
 // On smooth surfaces the lobe of the latter is narrow at the horizon, and so is its sampling density.
-// needs: Surface Material sample_microfacet multiscatter_albedo missing_albedo mean_missing_albedo to_world random_of_pixel
-// gives: from_metal
 bool from_metal(Surface surface, int dimension, out vec3 direction, inout vec3 weight) {
     Material material = surface.material;
     vec3 albedo = multiscatter_albedo(surface);

@@ -1,7 +1,5 @@
 // The weight of mirror reflection in Whitted ray tracing, 1 up to a roughness of 0.1 and 0 from 0.2 on; and the
 // reflectance after Schlick.
-// needs: Surface Material fresnel_schlick
-// gives: mirror_weight mirror_reflectance
 float mirror_weight(Material material) {
     return clamp(2.0 - 10.0 * material.roughness, 0.0, 1.0);
 }

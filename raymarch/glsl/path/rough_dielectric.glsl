@@ -1,8 +1,6 @@
 // Samples a direction of rough glass: reflection or refraction by a microfacet, chosen by the Fresnel reflectance
 // (Walter et al. 2007). Microfacet normals are sampled among the visible ones; light that other microfacets block is
 // lost. Returns false if the sample carries no light. A refraction changes the sign of `side`.
-// needs: Surface Glass sample_visible_normal fresnel_dielectric random_of_pixel
-// gives: sample_rough_dielectric
 bool sample_rough_dielectric(Surface surface, Glass glass, int dimension, inout float side, out vec3 direction, inout vec3 weight) {
     float alpha = max(surface.material.roughness * surface.material.roughness, 1.0e-4);
     float square = alpha * alpha;

@@ -1,7 +1,5 @@
 // The hit of a secondary ray, by plain steps from `start`; inside the solid if `side` is -1. `travelled` is the length
 // of the path before it, which sets the precision.
-// needs: field Ray Hit no_hit contact safe_step meets_ahead secondary_steps scene_box u_side u_far
-// gives: trace_secondary
 Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     Hit hit = no_hit(0.0);
     vec2 range = scene_box(ray, vec2(start, 2.0 * u_far));

@@ -1,7 +1,5 @@
 // The first fault of a pixel: its code, its value, the number of evaluations with a fault, and its position. Faults of
 // nodes whose bit in u_site_mask is 0 are ignored.
-// needs:
-// gives: note noted noted_place u_site_mask first_fault first_place
 uniform uint u_site_mask[128];
 
 vec3 first_fault = vec3(0.0);

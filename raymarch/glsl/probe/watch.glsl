@@ -2,8 +2,6 @@
 // node. Each value is compared with the previous one of the same node, in the object space of the node. Where a node is
 // evaluated several times for one value of the field, the last value counts. Two points closer than 2^-10 of their
 // coordinates are not compared, because rounding would dominate; 16 half ulp of rounding are subtracted.
-// needs: finite
-// gives: record_value compare watch steepest steepest_place u_first now_x now_y now_z now_value now_cell before_x before_y before_z before_value before_cell slopes slope_place
 uniform int u_first;  // index of the first of the four nodes
 
 vec4 now_x;  // last point at which each node was evaluated

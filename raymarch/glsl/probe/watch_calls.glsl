@@ -1,6 +1,4 @@
 // The field, with each node compared to its value at the previous evaluation.
-// needs: field_value compare
-// gives: field
 float field(vec3 p) {
     float value = field_value(p);
     compare(p);

@@ -1,7 +1,5 @@
 // Random numbers of a pixel, the same in each frame for the same sample, on every device: an integer hash after PCG
 // (Jarzynski and Olano 2020) of the pixel, the sample and a dimension. Independent numbers use different dimensions.
-// needs: pcg
-// gives: u_sample random_of_pixel
 uniform int u_sample;  // samples of the pixel before this one
 
 // In [0, 1).

@@ -1,7 +1,5 @@
 // The cosine-weighted mean radiance of the sky over the hemisphere about a direction: nine spherical harmonics
 // (Ramamoorthi and Hanrahan 2001), whose coefficients include the cosine lobe.
-// needs:
-// gives: u_sky_light sky_mean
 uniform vec3 u_sky_light[9];
 
 vec3 sky_mean(vec3 n) {

@@ -1,8 +1,6 @@
 // Light of the sky on a microfacet material. Diffuse part: the sky's mean times the transmittance of the interface.
 // Specular part: the sky in the mirror direction, interpolated to its mean by roughness, times the directional albedo.
 // The fraction of the reflection that secondary rays trace is left out.
-// needs: Surface Material directional_albedo sky sky_mean
-// gives: specular_sky
 vec3 specular_sky(Surface surface, float traced) {
     Material material = surface.material;
     float n_dot_v = clamp(dot(surface.normal, surface.view), 0.0, 1.0);

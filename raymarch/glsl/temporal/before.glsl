@@ -1,8 +1,6 @@
 // Pass: the positions of this frame's visible points in the previous frame, and their colours there. All uniforms are
 // those of the previous frame; values of this frame have names of their own. A point that was not on a surface then did
 // not exist.
-// needs: Ray Hit shade sky field surface_normal previous_position u_surface u_camera_position u_pixel u_resolution
-// gives: main out_color out_motion u_now_position u_now_frame u_now_tan_half_fov u_jitter on_surface
 layout(location = 0) out vec4 out_color;  // alpha is 0 if the point did not exist
 layout(location = 1) out vec4 out_motion;  // motion vector: previous minus current position
 

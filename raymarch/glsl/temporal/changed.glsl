@@ -1,7 +1,5 @@
 // Reprojection for scenes with motion or changing light: the motion vector of a point, and the number of samples to
 // keep, from the change of its colour since the previous frame. See temporal/before.
-// needs: u_color finite
-// gives: u_changed u_earlier_color u_earlier_motion ROUNDING motion_vector samples_kept filter_sample
 uniform bool u_changed;  // false if the scene is as in the previous frame
 uniform sampler2D u_earlier_color;
 uniform sampler2D u_earlier_motion;

@@ -1,7 +1,5 @@
 // Clips the history's colour towards the mean of the colours around the new sample until it is within their spread
 // (Karis 2014, Salvi 2016), in YCoCg.
-// needs: finite
-// gives: u_color SPREAD to_ycocg from_ycocg clipped
 uniform sampler2D u_color;
 
 const float SPREAD = 1.0;  // largest deviation of a history's colour, in standard deviations

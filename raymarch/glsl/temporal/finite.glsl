@@ -1,7 +1,5 @@
 // True if no component is NaN or infinite. Bits are tested, because compilers turn `not less` into `greater or equal`,
 // which lets NaN pass.
-// needs:
-// gives: finite
 bool finite(vec4 v) {
     return all(lessThan(floatBitsToUint(v) & 0x7F800000u, uvec4(0x7F800000u)));
 }

@@ -1,6 +1,4 @@
 // The colour of the history between pixels: bicubic, because bilinear interpolation would blur it in each frame.
-// needs: finite
-// gives: u_history cubic history_at
 uniform sampler2D u_history;
 
 vec4 cubic(float x) {

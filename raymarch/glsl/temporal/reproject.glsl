@@ -1,7 +1,5 @@
 // The position in the history's picture of a visible point. False if the point was not visible there: if it was outside
 // of the picture, or the surface there has another distance, normal or material.
-// needs: u_history finite
-// gives: u_surface u_history_surface u_before_position u_before_frame u_before_tan_half_fov decode_octahedral is_same is_edge find_in_history
 uniform sampler2D u_surface;
 uniform sampler2D u_history_surface;
 uniform vec3 u_before_position;  // the camera of the history

@@ -1,8 +1,6 @@
 // Pass: the new sample of each pixel blended with the history. While the picture does not change, the mean of all
 // samples. While the camera moves, the history is fetched from the previous position of the point, if the point was
 // visible; it is clipped to the colours around the new sample, and old samples lose weight after some frames.
-// needs: Ray camera_ray finite u_color u_surface u_history history_at find_in_history clipped motion_vector samples_kept filter_sample
-// gives: main out_color out_surface u_keep u_still u_jitter MEMORY nearest_around
 layout(location = 0) out vec4 out_color;  // alpha counts the samples
 layout(location = 1) out vec4 out_surface;
 

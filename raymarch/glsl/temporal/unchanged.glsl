@@ -1,6 +1,4 @@
 // A scene without motion: points keep their positions and colours.
-// needs:
-// gives: motion_vector samples_kept filter_sample
 vec3 motion_vector(ivec2 at) {
     return vec3(0.0);
 }

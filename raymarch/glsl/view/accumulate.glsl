@@ -1,7 +1,5 @@
 // Pass: the linear colour of each pixel, averaged over the samples so far. Each sample's ray goes through a different
 // point of the pixel. Alpha counts the samples. Samples and histories that are not finite are dropped.
-// needs: Ray Hit camera_ray trace shade sky finite
-// gives: main out_color u_history u_keep u_jitter
 layout(location = 0) out vec4 out_color;
 
 uniform sampler2D u_history;

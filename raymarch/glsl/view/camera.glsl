@@ -1,6 +1,4 @@
 // The ray through a point of the picture; a right-handed camera that looks along its own -z.
-// needs:
-// gives: Ray camera_ray u_camera_position u_camera_frame u_tan_half_fov u_resolution
 struct Ray {
     vec3 origin;
     vec3 direction;

@@ -1,7 +1,5 @@
 // The ray through a point of the picture; a right-handed camera that looks along its own -z. The direction is computed
 // at the corners, interpolated, and normalised at each pixel.
-// needs:
-// gives: Ray camera_ray u_camera_position u_resolution ray_direction
 struct Ray {
     vec3 origin;
     vec3 direction;

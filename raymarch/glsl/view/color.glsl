@@ -1,6 +1,4 @@
 // Pass: the linear colour of each pixel.
-// needs: Ray Hit camera_ray trace shade sky
-// gives: main out_color
 layout(location = 0) out vec4 out_color;
 
 void main() {

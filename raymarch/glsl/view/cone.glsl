@@ -1,7 +1,5 @@
 // Pass: how far the cones around the rays of each cell of pixels are empty. See march/carry for the contents of a
 // texel.
-// needs: Ray Hit March start_march no_hit camera_ray range_of carry_on march u_cone u_cell
-// gives: main out_state
 layout(location = 0) out vec4 out_state;
 
 void main() {

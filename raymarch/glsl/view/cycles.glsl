@@ -1,6 +1,4 @@
 // Pass: the GPU clock cycles that a pixel takes, from its ray to its colour.
-// needs: Ray Hit camera_ray trace shade sky
-// gives: main out_cycles
 layout(location = 0) out vec4 out_cycles;  // cycles, and the colour, so that its computation is not optimised away
 
 void main() {

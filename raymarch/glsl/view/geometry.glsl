@@ -1,6 +1,4 @@
 // Pass: the hit of each pixel and its cost. Depth is -1 where nothing was hit.
-// needs: Ray Hit camera_ray trace surface_normal material_index
-// gives: main out_march out_surface out_more
 layout(location = 0) out vec4 out_march;  // depth along the ray, residual, iterations, evaluations
 layout(location = 1) out vec4 out_surface;  // normal, index of the material
 layout(location = 2) out vec4 out_more;  // fallbacks, 1 if the march did not run out of steps, its last distance

@@ -1,6 +1,4 @@
 // Pass: the largest slopes of four nodes along the rays of a pixel.
-// needs: Ray Hit camera_ray trace shade sky watch steepest steepest_place
-// gives: main out_slopes out_place out_color
 layout(location = 0) out vec4 out_slopes;  // one component per node
 layout(location = 1) out vec4 out_place;  // of the first node: point, and distance between the two samples
 layout(location = 2) out vec4 out_color;

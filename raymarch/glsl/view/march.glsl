@@ -1,6 +1,4 @@
 // Pass: some more steps of each ray that is not finished.
-// needs: Ray Hit March camera_ray range_of begins march no_hit packed_march packed_hit packed_more unpack_march unpack_hit flag u_march u_found
-// gives: main out_march out_found out_more u_more u_begin u_end
 layout(location = 0) out vec4 out_march;
 layout(location = 1) out vec4 out_found;
 layout(location = 2) out vec4 out_more;

@@ -1,7 +1,5 @@
 // Pass: the first invalid value of each pixel: in the field at any evaluation, in the gradient and material at the hit,
 // or in the colour.
-// needs: Ray Hit camera_ray trace shade sky surface_faults color_fault finite note noted noted_place
-// gives: main out_fault out_place out_color
 layout(location = 0) out vec4 out_fault;  // code, value, number of evaluations with a fault, 1
 layout(location = 1) out vec4 out_place;  // point, and the final distance along the primary ray
 layout(location = 2) out vec4 out_color;

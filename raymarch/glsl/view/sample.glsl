@@ -1,6 +1,4 @@
 // Pass: one sample of each pixel: its linear colour, and the visible surface, by which a later frame recognises it.
-// needs: Ray Hit camera_ray trace shade sky surface_normal material_index
-// gives: main out_color out_surface u_jitter encode_octahedral
 layout(location = 0) out vec4 out_color;
 layout(location = 1) out vec4 out_surface;  // depth along the ray, -1 for the sky; normal; material
 

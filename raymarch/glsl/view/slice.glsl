@@ -1,6 +1,4 @@
 // Pass: the field where each ray meets a plane, and the length of its gradient there.
-// needs: Ray camera_ray field_gradient
-// gives: main out_slice u_slice
 layout(location = 0) out vec4 out_slice;  // field, length of its gradient, distance along the ray: -1 for a miss
 
 uniform vec4 u_slice;  // unit normal of the plane, and its offset along the normal

@@ -1,25 +1,4 @@
-// The surface interaction of a hit, for materials with textures or relief, and a light sample.
-// needs: Ray Hit Material Relief surface_normal material_at relief_at inner_point u_side u_pixel footprint_pixels
-// gives: Surface Light surface_interaction_mapped
-struct Surface {
-    vec3 p;
-    vec3 normal;  // shading normal, with normal mapping, on the side of the camera
-    vec3 view;  // towards the camera
-    float t;  // distance from the camera along the ray
-    Material material;
-    float ambient_visibility;  // from the material's occlusion, 0 to 1
-    vec3 geometric_normal;  // normal of the solid, without normal mapping
-    vec3 dpdx;  // the pixel's footprint on the surface: axes of an ellipse
-    vec3 dpdy;
-    vec3 inner;  // just inside the solid, where materials are evaluated
-};
-
-struct Light {
-    vec3 direction;  // towards the light
-    float distance;
-    vec3 radiance;  // reflected by a white diffuse surface that faces the light; 0 out of its range
-};
-
+// Makes the surface interaction of a hit: the normal, the footprint, the relief, and the material just inside the solid.
 // `travelled` is the length of the path from the camera to the surface. The pixel's footprint is proportional to it.
 Surface surface_interaction_mapped(Ray ray, Hit hit, float travelled) {
     vec3 p = ray.origin + hit.t * ray.direction;

@@ -1,0 +1,91 @@
+"""Link the chunks of a shader: pull in what each uses, and sort them so that each follows what it uses.
+
+A name is given by a generated chunk, or by a module of `raymarch.glsl`. If several modules define it, the plan has
+chosen one of them; see `Plan.choices`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from raymarch import glsl
+from raymarch.shader.chunk import Chunk, Mapped
+
+
+@dataclass(frozen=True, slots=True)
+class Linked:
+    """Chunks in the order of the text, all names that they define, and the reason of each module, by its name."""
+
+    chunks: tuple[Chunk, ...]
+    names: frozenset[str]
+    reasons: Mapping[str, str]
+
+
+def module(name: str) -> Chunk:
+    """The chunk of a module of `raymarch.glsl`."""
+    found = glsl.load(name)
+    lines = tuple(Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl") for i, text in enumerate(found.lines, 1))
+    return Chunk(name, found.needs, found.gives, lines)
+
+
+def link(roots: Sequence[Chunk], choices: Mapping[str, str], generated: Mapping[str, Callable[[], Chunk]]) -> Linked:
+    """The chunks that the roots use, directly or not. The roots themselves are not among them.
+
+    choices : chosen modules with their reasons. They are linked if something uses them.
+    generated : makes the chunk that gives a name. It is called at most once for each name that is used.
+
+    Raises AssertionError if no chunk gives a name, if several modules give it and not exactly one is chosen, or if
+    chunks use each other in a circle.
+    """
+    chosen: dict[str, str] = {}
+    for choice in choices:
+        for given in sorted(glsl.load(choice).gives):
+            if chosen.setdefault(given, choice) != choice:
+                raise AssertionError(f"both {chosen[given]} and {choice} are chosen to give {given}")
+    order: dict[str, Chunk] = {}
+    givers: dict[str, Chunk] = {}
+    reasons: dict[str, str] = {}
+    entered: list[str] = []
+
+    def giver(name: str, asking: Chunk) -> Chunk:
+        if name in givers:
+            return givers[name]
+        if name in generated:
+            found = generated[name]()
+        else:
+            names = (chosen[name],) if name in chosen else glsl.givers().get(name, ())
+            if len(names) != 1:
+                raise AssertionError(f"{asking.name} uses {name}, which {' and '.join(names) or 'nothing'} gives")
+            found = module(names[0])
+            reasons[found.name] = choices.get(found.name) or f"used by {_use_of(name, asking)}"
+        for given in found.gives:
+            if givers.setdefault(given, found).name != found.name:
+                raise AssertionError(f"both {givers[given].name} and {found.name} give {given}")
+        return found
+
+    def place(chunk: Chunk) -> None:
+        if chunk.name in order:
+            return
+        if chunk.name in entered:
+            raise AssertionError(f"{' uses '.join([*entered, chunk.name])}")
+        entered.append(chunk.name)
+        follow(chunk)
+        entered.pop()
+        order[chunk.name] = chunk
+
+    def follow(chunk: Chunk) -> None:
+        for name in sorted(chunk.needs):
+            place(giver(name, chunk))
+
+    for root in roots:
+        follow(root)
+    return Linked(tuple(order.values()), frozenset(givers), reasons)
+
+
+def _use_of(name: str, asking: Chunk) -> str:
+    """What uses a name: the module, or the part of the scene that the line was generated for, with the user's line."""
+    line = next((line for line in asking.lines if name in line.text), None)
+    if line is None or line.made_by.startswith("line "):
+        return asking.name
+    return line.made_by.partition(",")[0] + (f" at {line.where}" if line.where else "")
