@@ -32,9 +32,11 @@ if TYPE_CHECKING:
     from raymarch.scene import (
         AmbientOcclusion,
         Camera,
+        DirectionSample,
         Fog,
         GradientSky,
         ImageSky,
+        Light,
         Material,
         Param,
         PointLight,
@@ -169,10 +171,12 @@ __all__ = [
     "Camera",
     "CostError",
     "DeviceError",
+    "DirectionSample",
     "Fog",
     "Frame",
     "GradientSky",
     "ImageSky",
+    "Light",
     "Material",
     "Node",
     "Param",
@@ -321,8 +325,8 @@ _MODULES = {
     "raymarch.gpu": "Frame Renderer render",
     "raymarch.gpu.probe": "Probe probe",
     "raymarch.scene": (
-        "AmbientOcclusion Camera Fog GradientSky ImageSky Material Param PointLight Quality Scene Sky SphereLight "
-        "SpotLight Sun SunSky Texture ToneMapping checker noise planar stripes time triplanar"
+        "AmbientOcclusion Camera DirectionSample Fog GradientSky ImageSky Light Material Param PointLight Quality "
+        "Scene Sky SphereLight SpotLight Sun SunSky Texture ToneMapping checker noise planar stripes time triplanar"
     ),
     "raymarch.truth": "Truth truth",
 }

@@ -2,20 +2,75 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
-from raymarch.scene.light import Light, PointLight, SpotLight, Sun
+from raymarch.expr.function import Function
+from raymarch.expr.node import var
+from raymarch.expr.types import FLOAT, VEC3, Type, struct
+from raymarch.expr.vocabulary import record
+from raymarch.expr.walk import free_variables
+from raymarch.scene.light import FAR, POINT, Light, sample_of
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 
 AS_TEXT = 8
 """Up to this many lights are written as code. More become rows of a texture, read in one loop."""
 
-SUN, POINT, ATTENUATED = 0.0, 1.0, 2.0
+LIGHT = struct("Light", (("direction", VEC3), ("distance", FLOAT), ("radiance", VEC3)))
+"""The struct of a light sample; see glsl/light/light.glsl."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Lights that share one function: those of a class with the same values given.
+
+    function : samples a light; its parameters are the values in order, after the point and the far distance if it
+        reads them.
+    """
+
+    function: Function
+    names: tuple[str, ...]
+
+    @property
+    def reads(self) -> tuple[bool, bool]:
+        """Whether the function reads the point, and the far distance."""
+        return POINT in self.function.params, FAR in self.function.params
+
+    @property
+    def types(self) -> tuple[Type, ...]:
+        """Types of the values."""
+        return tuple(p.type for p in self.function.params[sum(self.reads) :])
+
+
+def forms(scene: Scene) -> dict[tuple[type, tuple[str, ...]], Form]:
+    """The forms of the lights of a scene, by their keys; see `key`."""
+    found: dict[tuple[type, tuple[str, ...]], Form] = {}
+    for light in scene.lights:
+        of = key(light)
+        if of not in found:
+            kind, names = of
+            values = {name: var(name, value.type) for name, value in light.emitter_values().items()}
+            sample = record(LIGHT, *sample_of(light, values))
+            read = free_variables([sample])
+            params = (*(p for p in (POINT, FAR) if p in read), *values.values())
+            earlier = sum(other is kind for other, _ in found)
+            name = f"sample_{_snake(kind.__name__)}{f'_{earlier + 1}' if earlier else ''}"
+            found[of] = Form(Function(name, params, sample), names)
+    return found
+
+
+def key(light: Light) -> tuple[type[Light], tuple[str, ...]]:
+    """What identifies the form of a light: the class that defines its samples, and the names of its values."""
+    kind = next(cls for cls in type(light).__mro__ if "sample_direction" in vars(cls))
+    return kind, tuple(light.emitter_values())
+
+
+def _snake(name: str) -> str:
+    return "".join(f"_{c.lower()}" if c.isupper() and i else c.lower() for i, c in enumerate(name))
 
 
 def as_data(scene: Scene) -> bool:
@@ -23,96 +78,61 @@ def as_data(scene: Scene) -> bool:
     return len(scene.lights) > AS_TEXT
 
 
-def traits(scene: Scene) -> frozenset[str]:
-    """The traits of all lights together. The shader holds no code for other traits.
-
-    Kinds of light: "sun", "point", "attenuated". Falloff at the range: "window" for inverse-square lights, "fade" for
-    lights with an attenuation. Also "spot", "hard" for hard shadows, and the names of soft shadows.
-    """
-    return frozenset[str]().union(*(traits_of(light) for light in scene.lights))
-
-
-def traits_of(light: Light) -> set[str]:
-    """The traits of one light; see `traits`."""
-    found = set()
-    if isinstance(light, PointLight):
-        own = light.attenuation is not None
-        found.add("attenuated" if own else "point")
-        if light.range is not None:
-            found.add("fade" if own else "window")
-    elif isinstance(light, Sun):
-        found.add("sun")
-    else:
-        raise no_code(light, "raymarch/plan/lights.py")
-    if isinstance(light, SpotLight):
-        found.add("spot")
-    if light.shadow:
-        found.add(light.penumbra if light.soft else "hard")
-    return found
-
-
-def no_code(light: Light, file: str) -> SceneError:
-    """The error for a kind of light that a file has no code for."""
-    name = type(light).__name__
-    return SceneError(
-        f"{name} has no code in {file}", legal="see docs/extending.md, a kind of light", where=light.where
-    )
-
-
-def columns(has: frozenset[str]) -> list[str]:
-    """The names of the texels in a light's row: only those that the lights of the scene need."""
-    found = ["place", "source"]
-    if "attenuated" in has:
-        found.append("terms")
-    if "spot" in has:
-        found += ["axis", "cone"]
-    if shadows(has):
-        found.append("caster")
-    return found
-
-
-def shadows(has: frozenset[str]) -> list[str]:
+def shadows(scene: Scene) -> list[str]:
     """The kinds of shadow that the lights cast. Their numbers in the texture are their positions here, from 1."""
-    return [kind for kind in ("hard", "two-sided", "cone", "triangulated", "sampled") if kind in has]
+    cast = {shadow_of(light) for light in scene.lights}
+    return [kind for kind in ("hard", "two-sided", "cone", "triangulated", "sampled") if kind in cast]
+
+
+def shadow_of(light: Light) -> str | None:
+    """The kind of shadow of a light, "hard" or one of its `penumbra`; None if it casts none."""
+    if not light.shadow:
+        return None
+    return light.penumbra if light.soft else "hard"
+
+
+def layout(types: Sequence[Type]) -> list[tuple[int, str]]:
+    """The texel and components of each value of a row: vectors have a texel each, and numbers fill the gaps."""
+    found: dict[int, tuple[int, str]] = {}
+    free: list[tuple[int, str]] = []
+    texels = 0
+    for i in sorted(range(len(types)), key=lambda i: -types[i].size):
+        size = types[i].size
+        if size > 1 or not free:
+            free += [(texels, c) for c in "xyzw"[size:]]
+            found[i] = (texels, "xyzw"[:size])
+            texels += 1
+        else:
+            found[i] = free.pop(0)
+    return [found[i] for i in range(len(types))]
+
+
+def headed(scene: Scene) -> bool:
+    """True if rows begin with a head: if the lights have several forms, or some cast shadows."""
+    return len(forms(scene)) > 1 or bool(shadows(scene))
+
+
+def texels(scene: Scene) -> int:
+    """The number of texels of a row: the head, and the values of the form that has most."""
+    return headed(scene) + max(1 + k for form in forms(scene).values() for k, _ in layout(form.types))
 
 
 def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
     """The lights of one frame as float32, shape (lights, texels, 4).
 
-    place : position or direction; kind of light. source : radiance; range, or 0 for none. terms : constant, linear and
-    quadratic attenuation. axis : direction of a spot; 1 for a spot, else 0. cone : outer and inner cosine of a spot.
-    caster : number of the kind of shadow, or 0; softness; shadow radius, or 0 for none.
+    The head holds the number of the form, that of the kind of shadow or 0, the softness, and the shadow radius or 0 for
+    none. The other texels hold the values of the form; see `layout`.
     """
-    has = traits(scene)
-    names, kinds = columns(has), shadows(has)
-    made = np.zeros((len(scene.lights), len(names), 4))
+    known, head = forms(scene), headed(scene)
+    numbers, kinds = list(known), shadows(scene)
+    made = np.zeros((len(scene.lights), texels(scene), 4))
     for row, light in zip(made, scene.lights, strict=True):
-        for texel, name in zip(row, names, strict=True):
-            given = _texel(name, light, kinds, values)
-            texel[: len(given)] = given
+        shadow, radius = shadow_of(light), getattr(light, "shadow_radius", None)
+        if head:
+            row[0, :2] = numbers.index(key(light)), kinds.index(shadow) + 1 if shadow else 0
+            row[0, 2:] = values.of(light.softness), 0.0 if radius is None else values.of(radius)
+        places = layout(known[key(light)].types)
+        for value, (texel, parts) in zip(light.emitter_values().values(), places, strict=True):
+            first = "xyzw".index(parts[0])
+            row[head + texel, first : first + len(parts)] = values.of(value)
     return made.astype(np.float32)
-
-
-def _texel(name: str, light: Light, kinds: list[str], values: Values) -> list[float]:
-    def of(value: Any) -> list[float]:
-        return [] if value is None else np.atleast_1d(values.of(value)).tolist()
-
-    local = light if isinstance(light, PointLight) else None
-    spot = light if isinstance(light, SpotLight) else None
-    match name:
-        case "place" if isinstance(light, Sun):
-            return [*of(light.direction), SUN]
-        case "place" if local is not None:
-            return [*of(local.position), POINT if local.attenuation is None else ATTENUATED]
-        case "source":
-            return [*of(light.radiance), *of(local.range if local is not None else None)]
-        case "terms" if local is not None:
-            return of(local.attenuation)
-        case "axis" if spot is not None:
-            return [*of(spot.direction), 1.0]
-        case "cone" if spot is not None:
-            return [c for cosine in spot.cosines for c in of(cosine)]
-        case "caster" if light.shadow:
-            kind = kinds.index(light.penumbra if light.soft else "hard") + 1
-            return [kind, *of(light.softness), *(of(local.shadow_radius) if local is not None else [])]
-    return []

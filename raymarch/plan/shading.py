@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from raymarch.errors import Location
 from raymarch.plan import lights
-from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
+from raymarch.scene.light import KINDS, Light
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 
@@ -121,11 +121,9 @@ def features(scene: Scene) -> list[Feature]:
 
     every = scene.lights
     casts = f"{{}} of {len(every)} lights cast one"
-    of_lights("sun light", [x for x in every if isinstance(x, Sun)], "no Sun in the scene")
-    plain = [x for x in every if isinstance(x, PointLight) and not isinstance(x, SpotLight | SphereLight)]
-    of_lights("point lights", plain, "no PointLight in the scene")
-    of_lights("spot lights", [x for x in every if isinstance(x, SpotLight)], "no SpotLight in the scene")
-    of_lights("sphere lights", [x for x in every if isinstance(x, SphereLight)], "no SphereLight in the scene")
+    kinds: list[type[Light]] = [*KINDS, *(type(light) for light in every)]
+    for kind in dict.fromkeys(kinds):
+        of_lights(kind.LABEL, [light for light in every if type(light) is kind], f"no {kind.__name__} in the scene")
     few = f"up to {lights.AS_TEXT} lights are written as code"
     feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop", few)
     of_lights("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)

@@ -3,7 +3,7 @@
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera
 from raymarch.scene.file import load
-from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
+from raymarch.scene.light import DirectionSample, Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, time
 from raymarch.scene.pattern import checker, noise, stripes
@@ -17,6 +17,7 @@ from raymarch.scene.tone import ToneMapping
 __all__ = [
     "AmbientOcclusion",
     "Camera",
+    "DirectionSample",
     "Fog",
     "GradientSky",
     "ImageSky",

@@ -8,19 +8,47 @@ intensity, and so is the radiant intensity of a point light.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.arrays import SHORTEST, SMALLEST
 from raymarch.expr.convert import choice, short, switch
 from raymarch.expr.limits import Limit, limited
-from raymarch.expr.node import Expr
-from raymarch.expr.vocabulary import cos
+from raymarch.expr.node import Expr, expr, var
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import clamp, cos, dot, length, max, sqrt
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
+
+Range: TypeAlias = tuple[float | None, float | None]
+
+POINT = var("p", VEC3)
+"""The point of a surface that a light is evaluated for."""
+
+FAR = var("far", FLOAT)
+"""A distance that no two points of the scene exceed."""
+
+
+class DirectionSample(NamedTuple):
+    """The light of an emitter at a point of a surface.
+
+    Attributes
+    ----------
+    direction : unit vector towards the light.
+    distance : length of the shadow ray.
+    radiance : linear RGB, reflected by a white diffuse surface that faces the light: irradiance / pi. Where it is 0, no
+        shadow ray is traced.
+    """
+
+    direction: Expr
+    distance: Expr
+    radiance: Expr
+
 
 PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
 
@@ -54,6 +82,12 @@ class Light(Value):
     softness: Expr
     penumbra: str
 
+    LABEL: ClassVar[str] = "lights"
+    """What `explain` calls lights of this kind."""
+
+    EDITED: ClassVar[Mapping[str, Range]] = {"color": (0.0, None), "intensity": (0.0, None)}
+    """The values that can be edited in the window, with their ranges."""
+
     def __init__(self, color: ColorLike, intensity: Scalar, shadow: bool, softness: Scalar, penumbra: str) -> None:
         self._begin()
         name = type(self).__name__
@@ -69,6 +103,18 @@ class Light(Value):
     def radiance(self) -> Expr:
         """Colour times intensity, a vec3."""
         return self.color * self.intensity
+
+    def emitter_values(self) -> dict[str, Expr]:
+        """The values that `sample_direction` reads, by name. They do not depend on the point."""
+        return {"radiance": self.radiance}
+
+    @staticmethod
+    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
+        """The light at a point p, a vec3. Shader and reference evaluate these expressions.
+
+        values : stand for the `emitter_values`. far : a distance that no two points of the scene exceed.
+        """
+        raise SceneError("a Light without a kind", legal="a light such as Sun(...), or a class with sample_direction")
 
     @property
     def has_position(self) -> bool:
@@ -103,6 +149,9 @@ class Sun(Light):
 
     direction: Expr
 
+    LABEL = "sun light"
+    EDITED: ClassVar[Mapping[str, Range]] = {"direction": (-1.0, 1.0), **Light.EDITED, "softness": (0.0, 1.0)}
+
     def __init__(
         self,
         direction: Vec3Like = (0.5, 1.0, 0.7),
@@ -114,6 +163,13 @@ class Sun(Light):
     ) -> None:
         Light.__init__(self, color, intensity, shadow, softness, penumbra)
         self._set(direction=as_direction("Sun: direction", direction))
+
+    def emitter_values(self) -> dict[str, Expr]:
+        return {"direction": self.direction, **Light.emitter_values(self)}
+
+    @staticmethod
+    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
+        return DirectionSample(values["direction"], far, values["radiance"])
 
 
 @value
@@ -139,6 +195,9 @@ class PointLight(Light):
     range: Expr | None
     shadow_radius: Expr | None
     attenuation: Expr | None
+
+    LABEL = "point lights"
+    EDITED: ClassVar[Mapping[str, Range]] = {"position": (None, None), **Light.EDITED, "softness": (0.0, 10.0)}
 
     def __init__(
         self,
@@ -166,6 +225,30 @@ class PointLight(Light):
             limit = Limit(f"{name}: attenuation", "3 numbers >= 0, not all zero", nonzero=True)
             self._set(attenuation=limited(self.attenuation, limit))
 
+    def emitter_values(self) -> dict[str, Expr]:
+        given = {"range": self.range, "attenuation": self.attenuation}
+        found = {name: value for name, value in given.items() if value is not None}
+        return {"position": self.position, **Light.emitter_values(self), **found}
+
+    @staticmethod
+    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
+        to_light = values["position"] - p
+        if "attenuation" in values:
+            distance = max(length(to_light), SHORTEST)
+            terms = values["attenuation"]
+            falloff = 1.0 / max(terms.x + distance * (terms.y + distance * terms.z), SMALLEST)
+            if "range" in values:
+                falloff = falloff * max(1.0 - distance / values["range"], 0.0)
+        else:
+            squared = max(dot(to_light, to_light), SMALLEST)
+            distance = sqrt(squared)
+            falloff = 1.0 / squared
+            if "range" in values:
+                ratio = distance / values["range"]
+                window = max(1.0 - ratio * ratio * ratio * ratio, 0.0)
+                falloff = falloff * (window * window)
+        return DirectionSample(to_light / distance, distance, falloff * values["radiance"])
+
 
 @value
 class SpotLight(PointLight):
@@ -189,6 +272,16 @@ class SpotLight(PointLight):
     direction: Expr
     angle: Expr
     blend: Expr
+
+    LABEL = "spot lights"
+    EDITED: ClassVar[Mapping[str, Range]] = {
+        "position": (None, None),
+        "direction": (-1.0, 1.0),
+        "angle": (0.01, 3.1),
+        "blend": (0.0, 1.0),
+        **Light.EDITED,
+        "softness": (0.0, 10.0),
+    }
 
     def __init__(
         self,
@@ -214,10 +307,16 @@ class SpotLight(PointLight):
             blend=as_number("SpotLight: blend", blend, 0.0, 1.0),
         )
 
-    @property
-    def cosines(self) -> tuple[Expr, Expr]:
-        """Cosines of two angles to the axis: where the light ends, and where its fade ends."""
-        return cos(self.angle), cos(self.angle * (1.0 - self.blend))
+    def emitter_values(self) -> dict[str, Expr]:
+        outer, inner = cos(self.angle), cos(self.angle * (1.0 - self.blend))
+        return {**PointLight.emitter_values(self), "axis": self.direction, "outer": outer, "inner": inner}
+
+    @staticmethod
+    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
+        found = PointLight.sample_direction(values, p, far)
+        cosine = -dot(found.direction, values["axis"])
+        rise = clamp((cosine - values["outer"]) / max(values["inner"] - values["outer"], 1e-6), 0.0, 1.0)
+        return found._replace(radiance=(rise * rise) * found.radiance)
 
 
 @value
@@ -239,6 +338,9 @@ class SphereLight(PointLight):
     """
 
     radius: Expr
+
+    LABEL = "sphere lights"
+    EDITED: ClassVar[Mapping[str, Range]] = {"position": (None, None), "radius": (0.01, 10.0), **Light.EDITED}
 
     def __init__(
         self,
@@ -262,7 +364,24 @@ class SphereLight(PointLight):
 
 
 KINDS = (Sun, PointLight, SpotLight, SphereLight)
-"""The kinds of lights that the shader and the reference have code for; docs/extending.md lists where."""
+"""The kinds of lights of raymarch."""
+
+
+def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> DirectionSample:
+    """The `sample_direction` of a light at `POINT`, checked. SceneError if it is not of the types of DirectionSample.
+
+    values : stand for its `emitter_values`; None for these themselves.
+    """
+    legal = "a DirectionSample(direction, distance, radiance) of a vec3, a float and a vec3, made of its arguments"
+    found = light.sample_direction(light.emitter_values() if values is None else values, POINT, FAR)
+    what = f"{type(light).__name__}.sample_direction gives"
+    if not isinstance(found, DirectionSample):
+        raise SceneError(f"{what} {short(found)}", legal=legal, where=light.where)
+    made = DirectionSample(*map(expr, found))
+    types = [part.type for part in made]
+    if types != [VEC3, FLOAT, VEC3]:
+        raise SceneError(f"{what} {', '.join(map(str, types))}", legal=legal, where=light.where)
+    return made
 
 
 def hard(light: Light) -> Light:

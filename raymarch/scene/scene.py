@@ -13,7 +13,7 @@ from raymarch.expr.convert import integer, optional, short
 from raymarch.expr.node import Expr
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose
-from raymarch.scene.light import KINDS, Light, Sun
+from raymarch.scene.light import KINDS, Light, Sun, sample_of
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Spec, Values, specs_in
 from raymarch.scene.quality import Quality
@@ -45,7 +45,8 @@ class Scene(Value):
     ----------
     node : the solid, a 3D node.
     camera : Camera. None is a camera that sees the whole scene.
-    lights : sequence of Sun, PointLight, SpotLight and SphereLight. None is one sun without shadow; [] is no light.
+    lights : sequence of Sun, PointLight, SpotLight and SphereLight, or of a kind of your own, see docs/extending.md.
+        None is one sun without shadow; [] is no light.
     sky : Sky, or a colour (linear RGB). None is a uniform blue.
     fog : Fog, or None.
     quality : Quality. None is the default quality.
@@ -100,13 +101,8 @@ class Scene(Value):
             one = f"{type(several).__name__}(...)" if isinstance(several, Light) else short(several)
             raise SceneError(f"Scene: lights = {one}", legal="a list of them, such as [Sun()]")
         given = tuple(_instance("lights", light, Light, kinds) for light in several)
-        for i, light in enumerate(given):
-            if type(light) not in KINDS:
-                raise SceneError(
-                    f"Scene: lights[{i}] is a {type(light).__name__}, a kind that raymarch cannot render",
-                    legal=f"{kinds}; a kind of your own needs code in the package, see docs/extending.md",
-                    where=light.where,
-                )
+        for light in given:
+            sample_of(light)
         for part in all_nodes(solid):
             if part.label is not None:
                 _instance("material", part.label, Material, "Material(...)", part.where)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
 from raymarch.plan.shading import compensated
-from raymarch.scene.light import Light, PointLight, SpotLight, Sun
+from raymarch.scene.light import Light
+from raymarch.scene.scene import Scene
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 
 SHADOW = {
@@ -19,9 +20,6 @@ SHADOW = {
     "sampled": "hard_shadow",
 }
 """The GLSL function of each kind of shadow."""
-
-RANGES = {"window": "range_window", "fade": "linear_falloff"}
-"""The GLSL functions of falloff at the range, by the trait of a light."""
 
 BSDF = {"phong": "eval_phong", "physical": "eval_microfacet", "mixed": "eval_bsdf"}
 """The GLSL functions that reflect a light, by model."""
@@ -46,6 +44,7 @@ def _bsdf_of(plan: Plan) -> str:
 
 def all_lights(text: Lines, plan: Plan, values: Values) -> None:
     """Add the light of all sources to the colour of a surface."""
+    values.functions += [form.function for form in lights.forms(plan.scene).values()]
     if lights.as_data(plan.scene):
         _loop(text, plan)
         return
@@ -64,26 +63,9 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
     def add(line: str) -> None:
         text.add(f"    {line}", by=by, where=where)
 
-    declared = "" if i else "Light "
-    radiance = value("radiance", light.radiance)
-    if isinstance(light, Sun):
-        add(f"{declared}light = sun_light({value('direction', light.direction)}, {radiance});")
-    elif not isinstance(light, PointLight):
-        raise lights.no_code(light, "raymarch/shader/lights.py")
-    else:
-        place = f"surface.p, {value('position', light.position)}, {radiance}"
-        if light.attenuation is None:
-            add(f"{declared}light = point_light({place});")
-        else:
-            terms = value("attenuation", light.attenuation)
-            add(f"{declared}light = attenuated_light({place}, {terms});")
-        if light.range is not None:
-            end = "range_window" if light.attenuation is None else "linear_falloff"
-            add(f"light.radiance *= {end}(light.distance, {value('range', light.range)});")
-    if isinstance(light, SpotLight):
-        outer, inner = light.cosines
-        cone = ", ".join((value("axis", light.direction), value("outer", outer), value("inner", inner)))
-        add(f"light.radiance *= spot_falloff(light.direction, {cone});")
+    form = lights.forms(plan.scene)[lights.key(light)]
+    given = [value(name, of) for name, of in light.emitter_values().items()]
+    add(f"{'' if i else 'Light '}light = {_sample(form, given)};")
     if light.soft and light.penumbra == "sampled":
         width = value("softness", light.softness) + _per_distance(light)
         samples = plan.scene.quality.light_samples
@@ -92,12 +74,20 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
             add(f"Light centre_{i} = light;")
             add(f"for (int k = 0; k < {samples}; k++) {{")
             add(f"    light = sample_disc(centre_{i}, {width}, {_dimension(i)} + {stride} * k);")
-            visibility = _visibility(text, light, value)
+            visibility = _visibility(light, value)
             add(f"    color += {call}, light, {visibility}) / {literal(samples)};")
             add("}")
             return
         add(f"light = sample_disc(light, {width}, {_dimension(i)});")
-    add(f"color += {call}, light, {_visibility(text, light, value)});")
+    add(f"color += {call}, light, {_visibility(light, value)});")
+
+
+def _sample(form: lights.Form, values: Sequence[str]) -> str:
+    """The call that samples a light. No point of the scene is farther from the camera than u_far, so no two points are
+    farther apart than twice that."""
+    point, far = form.reads
+    given = [*(["surface.p"] if point else []), *(["2.0 * u_far"] if far else []), *values]
+    return f"{form.function.name}({', '.join(given)})"
 
 
 def _dimension(light: int) -> int:
@@ -110,87 +100,87 @@ def _per_distance(light: Light) -> str:
     return " / light.distance" if light.has_position else ""
 
 
-def _visibility(text: Lines, light: Light, value: Callable[[str, Expr], str]) -> str:
+def _visibility(light: Light, value: Callable[[str, Expr], str]) -> str:
     """The visibility of a light from the surface, as GLSL text."""
-    if not light.shadow:
+    shadow = lights.shadow_of(light)
+    if shadow is None:
         return "1.0"
-    call = SHADOW[light.penumbra if light.soft else "hard"]
     width = ""
-    if light.soft and light.penumbra != "sampled":
+    if shadow not in ("hard", "sampled"):
         width = f", {value('softness', light.softness)}{_per_distance(light)}"
-    shown = f"{call}(surface, light{width})"
-    if isinstance(light, PointLight) and light.shadow_radius is not None:
-        return f"light.distance < {value('shadow_radius', light.shadow_radius)} ? {shown} : 1.0"
-    return shown
+    shown = f"{SHADOW[shadow]}(surface, light{width})"
+    radius = getattr(light, "shadow_radius", None)
+    return shown if radius is None else f"light.distance < {value('shadow_radius', radius)} ? {shown} : 1.0"
 
 
 def _loop(text: Lines, plan: Plan) -> None:
     """The loop over all lights, which reads their values from the rows of a texture."""
-    has = lights.traits(plan.scene)
-    names = lights.columns(has)
-    call = _bsdf_of(plan)
+    scene, call = plan.scene, _bsdf_of(plan)
+    forms = list(lights.forms(scene).values())
 
     def add(line: str) -> None:
-        text.add(f"        {line}", where=plan.scene.where)
+        text.add(f"        {line}", where=scene.where)
 
-    text.add(f"    for (int i = 0; i < {len(plan.scene.lights)}; i++) {{")
-    for k, name in enumerate(names):
-        add(f"vec4 {name} = texelFetch(u_lights, ivec2({k}, i), 0);")
+    text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
+    head = lights.headed(scene)
+    if head:
+        add("vec4 head = texelFetch(u_lights, ivec2(0, i), 0);  // form, kind of shadow, softness, shadow radius")
+    for k in range(lights.texels(scene) - head):
+        add(f"vec4 value_{k} = texelFetch(u_lights, ivec2({k + head}, i), 0);")
     add("Light light;")
-    sources = []
-    if "sun" in has:
-        sources.append((lights.SUN, "sun_light(place.xyz, source.rgb)"))
-    if "point" in has:
-        sources.append((lights.POINT, "point_light(surface.p, place.xyz, source.rgb)"))
-    if "attenuated" in has:
-        made = "attenuated_light(surface.p, place.xyz, source.rgb, terms.xyz)"
-        sources.append((lights.ATTENUATED, made))
-    for k, (kind, made) in enumerate(sources):
-        condition = f"if (place.w == {kind}) " if k < len(sources) - 1 else ""
-        add(f"{'else ' if k else ''}{condition}light = {made};")
-    if {"window", "fade"} & has:
-        if {"window", "fade"} <= has:
-            kinds = f"place.w == {lights.ATTENUATED}"
-            end = f"{kinds} ? linear_falloff(light.distance, source.w) : range_window(light.distance, source.w)"
-        else:
-            end = f"{'range_window' if 'window' in has else 'linear_falloff'}(light.distance, source.w)"
-        add(f"if (source.w > 0.0) light.radiance *= {end};")
-    if "spot" in has:
-        add(
-            "if (axis.w > 0.0) light.radiance *= spot_falloff(light.direction, axis.xyz, cone.x, cone.y);",
-        )
+    for k, form in enumerate(forms):
+        condition = f"if (head.x == {float(k)}) " if k < len(forms) - 1 else ""
+        values = [f"value_{texel}.{parts}" for texel, parts in lights.layout(form.types)]
+        add(f"{'else ' if k else ''}{condition}light = {_sample(form, values)};")
     add("if (light.radiance == vec3(0.0)) continue;")
-    visibility = "1.0"
-    if "caster" in names:
+    kinds, visibility = lights.shadows(scene), "1.0"
+    if kinds:
         visibility = "visibility"
         add("float visibility = 1.0;")
-        near = "(caster.z == 0.0 || light.distance < caster.z) && " if has - {"sun"} else ""
-        if "sampled" in has:
-            number = float(lights.shadows(has).index("sampled") + 1)
-            width = "caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
-            first, samples = f"{_dimension(0)} + 2 * i", plan.scene.quality.light_samples
-            if samples > 1:
-                stride = 2 * len(plan.scene.lights)
-                add(f"if (caster.x == {number}) {{")
-                add("    Light centre = light;")
-                add(f"    for (int k = 0; k < {samples}; k++) {{")
-                add(f"        light = sample_disc(centre, {width}, {first} + {stride} * k);")
-                shown = "hard_shadow(surface, light)"
-                shown = f"{near.removesuffix(' && ')} ? {shown} : 1.0" if near else shown
-                add(f"        float visible = {shown};")
-                add(f"        color += {call}, light, visible) / {literal(samples)};")
-                add("    }")
-                add("    continue;")
-                add("}")
-            else:
-                add(f"if (caster.x == {number}) light = sample_disc(light, {width}, {first});")
-        for k, shadow in enumerate(lights.shadows(has), 1):
-            width = "" if shadow in ("hard", "sampled") else ", caster.y / (place.w == 0.0 ? 1.0 : light.distance)"
-            add(
-                f"if ({near}caster.x == {float(k)}) visibility = {SHADOW[shadow]}(surface, light{width});",
-            )
+        limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
+        near = "(head.w == 0.0 || light.distance < head.w)" if limited else ""
+        width = _width_of_row(scene)
+        for k, kind in enumerate(kinds, 1):
+            if kind == "sampled":
+                _sampled(add, plan, k, near, width)
+            if kind == "sampled" and scene.quality.light_samples > 1:
+                continue
+            given = "" if kind in ("hard", "sampled") else f", {width}"
+            condition = f"{near} && head.y == {float(k)}" if near else f"head.y == {float(k)}"
+            add(f"if ({condition}) visibility = {SHADOW[kind]}(surface, light{given});")
     add(f"color += {call}, light, {visibility});")
     text.add("    }")
+
+
+def _width_of_row(scene: Scene) -> str:
+    """The softness of a row. That of a light with a position is a radius, and is divided by the distance."""
+    positioned = {lights.key(light): light.has_position for light in scene.lights}
+    far = [f"head.x == {float(k)}" for k, of in enumerate(lights.forms(scene)) if not positioned[of]]
+    if not far:
+        return "head.z / light.distance"
+    return "head.z" if len(far) == len(positioned) else f"head.z / ({' || '.join(far)} ? 1.0 : light.distance)"
+
+
+def _sampled(add: Callable[[str], None], plan: Plan, number: int, near: str, width: str) -> None:
+    """The lines of lights whose disc is sampled: one point, or the mean of several."""
+    first, samples = f"{_dimension(0)} + 2 * i", plan.scene.quality.light_samples
+    if samples == 1:
+        add(f"if (head.y == {float(number)}) light = sample_disc(light, {width}, {first});")
+        return
+    stride = 2 * len(plan.scene.lights)
+    shown = "hard_shadow(surface, light)"
+    for line in (
+        f"if (head.y == {float(number)}) {{",
+        "    Light centre = light;",
+        f"    for (int k = 0; k < {samples}; k++) {{",
+        f"        light = sample_disc(centre, {width}, {first} + {stride} * k);",
+        f"        float visible = {f'{near} ? {shown} : 1.0' if near else shown};",
+        f"        color += {_bsdf_of(plan)}, light, visible) / {literal(samples)};",
+        "    }",
+        "    continue;",
+        "}",
+    ):
+        add(line)
 
 
 def light_rows() -> Chunk:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
-from raymarch.scene.light import Light, PointLight, SpotLight, Sun
+from raymarch.expr.arrays import bound, evaluator
+from raymarch.scene.light import FAR, POINT, Light, sample_of
 from raymarch.scene.parameter import Values
 from raymarch.sdf.facts import Facts
 from raymarch.truth.rays import Rays, unit
@@ -32,37 +32,17 @@ class Incoming:
 
 
 def incoming(light: Light, values: Values, points: Array, far: float) -> Incoming:
-    """Incident light of an emitter at some points.
+    """Incident light of an emitter at some points, by its `sample_direction`.
 
-    The distance to a sun is twice the far distance of camera rays: no two points of the scene are farther apart.
+    far : far distance of camera rays. No two points of the scene are farther apart than twice that.
     """
-    radiance = values.of(light.radiance)
-    if isinstance(light, Sun):
-        direction = np.broadcast_to(values.of(light.direction), points.shape)
-        return Incoming(direction, np.full(len(points), 2.0 * far), np.broadcast_to(radiance, points.shape))
-    if not isinstance(light, PointLight):
-        raise SceneError(f"{type(light).__name__} has no code in raymarch/truth/light.py", where=light.where)
-    offset = values.of(light.position) - points
-    distance = np.linalg.norm(offset, axis=1)
-    direction = unit(offset)
-    weight = _falloff(light, values, distance)
-    if isinstance(light, SpotLight):
-        outer, inner = (float(values.of(c)) for c in light.cosines)
-        cosine = -direction @ values.of(light.direction)
-        weight = weight * np.clip((cosine - outer) / max(inner - outer, 1e-6), 0.0, 1.0) ** 2
-    return Incoming(direction, distance, radiance * weight[:, None])
-
-
-def _falloff(light: PointLight, values: Values, distance: Array) -> Array:
-    """Attenuation at a distance; 0 for a light that touches the surface."""
-    end = np.inf if light.range is None else values.of(light.range)
-    if light.attenuation is not None:
-        constant, linear, quadratic = values.of(light.attenuation)
-        divisor = np.maximum(constant + distance * (linear + distance * quadratic), 1e-300)
-        return np.maximum(1.0 - distance / end, 0.0) / divisor
-    window = np.maximum(1.0 - (distance / end) ** 4, 0.0) ** 2
-    result: Array = window / np.where(distance > 0.0, distance, np.inf) ** 2
-    return result
+    with bound(values.params, values.time):
+        found = evaluator(sample_of(light), [POINT, FAR])(points, np.full(len(points), 2.0 * far))
+    direction, distance, radiance = found
+    shape = points.shape
+    return Incoming(
+        np.broadcast_to(direction, shape), np.broadcast_to(distance, shape[:1]), np.broadcast_to(radiance, shape)
+    )
 
 
 DISC_SAMPLES = 64

@@ -9,36 +9,21 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from raymarch.expr.node import Expr
-from raymarch.scene.light import Light, PointLight, SphereLight, SpotLight, Sun
+from raymarch.scene import light as lights
+from raymarch.scene.light import Light, Range
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, Spec, Value
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.node import Node
 
-Range: TypeAlias = tuple[float | None, float | None]
-
-COMMON: dict[str, Range] = {"color": (0.0, None), "intensity": (0.0, None)}
-KINDS: dict[str, tuple[type[Light], dict[str, Range]]] = {
-    "Sun": (Sun, {"direction": (-1.0, 1.0), **COMMON, "softness": (0.0, 1.0)}),
-    "PointLight": (PointLight, {"position": (None, None), **COMMON, "softness": (0.0, 10.0)}),
-    "SpotLight": (
-        SpotLight,
-        {
-            "position": (None, None),
-            "direction": (-1.0, 1.0),
-            "angle": (0.01, 3.1),
-            "blend": (0.0, 1.0),
-            **COMMON,
-            "softness": (0.0, 10.0),
-        },
-    ),
-    "SphereLight": (SphereLight, {"position": (None, None), "radius": (0.01, 10.0), **COMMON}),
+KINDS: dict[str, tuple[type[Light], Mapping[str, Range]]] = {
+    kind.__name__: (kind, kind.EDITED) for kind in lights.KINDS
 }
 """The kinds of lights, with their editable values and ranges."""
 
@@ -78,6 +63,8 @@ class LightEdit:
     shadow: bool
     penumbra: str
     kept: dict[str, Any] = field(default_factory=dict)
+    own: Light | None = None
+    """The light itself if it is of a kind of the user's own, which is not editable."""
 
     def name(self, value: str) -> str:
         """The name of the parameter for a value."""
@@ -89,6 +76,8 @@ class LightEdit:
 
     def light(self) -> Light:
         """The light with parameters for its numbers."""
+        if self.own is not None:
+            return self.own
         made, ranges = KINDS[self.kind]
         values: dict[str, Any] = {}
         for name, value in self.values.items():
@@ -98,6 +87,8 @@ class LightEdit:
 
     def python(self, params: dict[str, Value]) -> str:
         """The light as Python; `params` are the values of changed parameters."""
+        if self.own is not None:
+            return f"{self.kind}(...)"
         parts = [f"{name}={_written(params.get(self.name(name), value))}" for name, value in self.values.items()]
         if self.shadow:
             parts.append("shadow=True")
@@ -213,6 +204,8 @@ def material_name(index: int, value: str) -> str:
 
 def _editable(number: int, light: Light) -> LightEdit:
     kind = type(light).__name__
+    if type(light) not in lights.KINDS:
+        return LightEdit(number, kind, {}, light.shadow, light.penumbra, own=light)
     values = {name: _plain(getattr(light, name)) for name in KINDS[kind][1]}
     if values.get("softness") == 0.0:
         del values["softness"]  # a parameter could be > 0, which would require a soft shadow

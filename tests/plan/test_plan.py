@@ -46,8 +46,8 @@ def test_nothing_is_planned_that_a_plain_scene_does_not_call_for() -> None:
 
 
 FEATURES: list[tuple[str, str | None, dict[str, Any]]] = [
-    ("sun light", "light/sun", {"lights": [rm.Sun()]}),
-    ("point lights", "light/point", {"lights": [rm.PointLight((0, 3, 0))]}),
+    ("sun light", None, {"lights": [rm.Sun()]}),
+    ("point lights", None, {"lights": [rm.PointLight((0, 3, 0))]}),
     ("hard shadows", "light/shadow", {"lights": [rm.Sun(shadow=True)]}),
     ("hard shadows", "light/shadow", {"lights": [rm.Sun(), rm.PointLight((0, 3, 0), shadow=True)]}),
     ("fog", "sky/fog", {"fog": rm.Fog()}),

@@ -60,9 +60,14 @@ def test_rows_hold_what_their_lights_have_and_no_more() -> None:
     values = set_values(plain.parameters, {})
     assert lights.rows(plain, values).shape == (64, 2, 4)
     every = rm.Scene(solid(), lights=4 * lamps())
-    rows = lights.rows(every, set_values(every.parameters, {}))
-    assert rows.shape == (24, 6, 4) and rows.dtype == np.float32
-    assert np.allclose(rows[4, 0], (0, 4, 0, lights.POINT)) and rows[4, 3, 3] == 1.0
+    values = set_values(every.parameters, {})
+    rows = lights.rows(every, values)
+    assert rows.shape == (24, 4, 4) and rows.dtype == np.float32
+    kinds = list(lights.forms(every))
+    for row, light in zip(rows, every.lights, strict=True):
+        assert row[0, 0] == kinds.index(lights.key(light)) and (row[0, 1] > 0) == light.shadow
+        held = np.concatenate([values.of(value).ravel() for value in light.emitter_values().values()])
+        assert set(held.astype(np.float32)) <= set(row[1:].ravel())
 
 
 def test_rows_follow_parameters_without_a_new_shader(renderer: Renderer) -> None:

@@ -10,8 +10,10 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import Location, PlanError, SceneError
+from raymarch.expr.vocabulary import fract, where
+from raymarch.gpu.context import Context
 from raymarch.plan import plan
-from raymarch.scene.light import KINDS, Light, hard
+from raymarch.scene.light import KINDS, DirectionSample, Light, hard
 from raymarch.scene.parameter import Values, set_values
 from raymarch.shader import assemble
 from raymarch.window.edits import editable_lights
@@ -106,24 +108,58 @@ def test_no_light_is_no_light() -> None:
     assert rm.Scene(rm.sphere(), lights=[]).lights == ()
 
 
-def unknown_lights() -> list[Light]:
-    """Kinds of lights that the package has no code for: with a position, and without."""
+class Blinds(rm.Sun):
+    """The sun through blinds: stripes of light on what it meets."""
 
-    class Strip(rm.PointLight):
-        pass
-
-    class Dome(Light):
-        def __init__(self) -> None:
-            Light.__init__(self, (1, 1, 1), 1.0, False, 0.0, "two-sided")
-
-    return [Strip((0, 1, 0)), Dome()]
+    @staticmethod
+    def sample_direction(values: Any, p: Any, far: Any) -> DirectionSample:
+        found = rm.Sun.sample_direction(values, p, far)
+        return found._replace(radiance=where(fract(4.0 * p.x) < 0.5, 1.0, 0.25) * found.radiance)
 
 
 @pytest.mark.parametrize("count", [1, 9])
-@pytest.mark.parametrize("light", unknown_lights(), ids=["Strip", "Dome"])
-def test_an_unknown_kind_of_light_is_refused(light: Light, count: int) -> None:
-    with pytest.raises(SceneError, match=rf"lights\[{count - 1}\] is a {type(light).__name__}, .*or SphereLight"):
-        rm.Scene(rm.sphere(), lights=[*[rm.Sun()] * (count - 1), light])
+def test_a_kind_of_the_users_own_is_drawn_as_it_is_written(egl: Context, count: int) -> None:
+    lights = [Blinds((0, 1, 0), intensity=1 / count)] * count
+    floor = rm.plane().material(rm.Material((1, 1, 1), specular=0, ambient=0))
+    scene = rm.Scene(floor, rm.Camera((0.1, 4, 0.1), (0.1, 0, 0), fov=20), lights=lights)
+    with rm.Renderer(size=(32, 24), backend="egl") as renderer:
+        drawn = renderer.render(scene).color[..., 0]
+    made = rm.truth(scene, size=(32, 24))
+    x = (made.position + made.depth[..., None] * made.direction)[..., 0]
+    wanted = np.where(x * 4 % 1 < 0.5, 1.0, 0.25)
+    clear = np.abs(x * 8 - np.round(x * 8)) > 0.01
+    assert clear.mean() > 0.9 and {0.25, 1.0} == set(wanted[clear])
+    np.testing.assert_allclose(made.color[clear][..., 0], wanted[clear], rtol=1e-9)
+    np.testing.assert_allclose(drawn[clear], wanted[clear], rtol=1e-5)
+    (edit,) = editable_lights(scene)[:1]
+    assert edit.light() is lights[0] and edit.python({}) == "Blinds(...)"
+
+
+def bad_samples() -> dict[str, Any]:
+    return {
+        "a float": lambda values, p, far: far,
+        "vec3, vec3, vec3": lambda values, p, far: DirectionSample(p, p, values["radiance"]),
+    }
+
+
+@pytest.mark.parametrize("given", bad_samples())
+def test_a_sample_of_other_types_is_refused(given: str) -> None:
+    class Dome(rm.Sun):
+        sample_direction = staticmethod(bad_samples()[given])
+
+    message = r"Dome.sample_direction gives .*a DirectionSample\(direction, distance, radiance\)"
+    with pytest.raises(SceneError, match=message) as caught:
+        rm.Scene(rm.sphere(), lights=[Dome()])
+    assert caught.value.where is not None and caught.value.where.file == __file__
+
+
+def test_a_light_without_a_sample_is_refused() -> None:
+    class Nothing(Light):
+        def __init__(self) -> None:
+            Light.__init__(self, (1, 1, 1), 1.0, False, 0.0, "two-sided")
+
+    with pytest.raises(SceneError, match="class with sample_direction"):
+        rm.Scene(rm.sphere(), lights=[Nothing()])
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -46,7 +46,7 @@ def test_no_light_with_a_shadow_means_no_shadow_code() -> None:
 
 ABSENT = {
     "unlit": ("light", "normal ", "surface_normal", "Material", "gradient", "shadow", "fog", "u_time", "PASS"),
-    "plain": ("point_light", "shadow", "fog", "u_time", "PASS", "material_index", "uniform vec3 u_t"),
+    "plain": ("sample_point_light", "shadow", "fog", "u_time", "PASS", "material_index", "uniform vec3 u_t"),
     "no end": ("scene_box", "slab", "shadow", "fog"),
     "central normals": ("gradient", "shadow"),
     "forward normals": ("gradient",),
