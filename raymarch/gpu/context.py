@@ -51,6 +51,12 @@ class Driver:
     version: str
     is_software: bool
 
+    @property
+    def compiles_opaque_twice(self) -> bool:
+        """True for llvmpipe, which compiles a fragment shader with one opaque output twice: once for blocks of pixels
+        that the triangle covers in part, once for others. A draw with a logical operation is compiled once."""
+        return self.renderer.startswith("llvmpipe")
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:

@@ -43,6 +43,9 @@ void main() {
 """
 """The vertex shader of passes that interpolate rays between the corners of the picture."""
 
+_COLOR_LOGIC_OP = 0x0BF2
+"""GL_COLOR_LOGIC_OP. Its operation is GL_COPY, which writes the colour as it is."""
+
 Locate: TypeAlias = Callable[[int], tuple[str, Location | None]]
 """Maps a line of the fragment shader, from 1, to a description of its origin and to the user's line, if any."""
 
@@ -163,12 +166,20 @@ class Program:
             _check_tile(tile, width, height)
         with self.context.bound():
             self._set(uniforms or {}, target)
-            self.context.gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)
+            gl = self.context.gl
+            gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)
             framebuffer = target.framebuffer
             framebuffer.use()
             framebuffer.viewport = (0, 0, width, height)
             confine(framebuffer, tile)
-            self._triangle.render(moderngl.TRIANGLES, vertices=3)
+            if blend or not self.context.driver.compiles_opaque_twice:
+                self._triangle.render(moderngl.TRIANGLES, vertices=3)
+                return
+            gl.enable_direct(_COLOR_LOGIC_OP)
+            try:
+                self._triangle.render(moderngl.TRIANGLES, vertices=3)
+            finally:
+                gl.disable_direct(_COLOR_LOGIC_OP)
 
     def release(self) -> None:
         """Free the program. Idempotent, and safe after the context was released, which frees it."""

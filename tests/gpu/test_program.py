@@ -278,3 +278,12 @@ def test_release_is_idempotent_and_may_come_after_the_contexts(egl: Context) -> 
     program.release()
     program.release()
     assert program.released
+
+
+def test_blending_after_a_draw_without_it(egl: Context) -> None:
+    """A draw may enable logical operations, which disable blending; none is left enabled after it."""
+    source = "#version 330 core\nuniform vec4 u_color;\nout vec4 color;\nvoid main() { color = u_color; }\n"
+    with Program(egl, FULL_SCREEN, source, locate, "test") as program, Target(egl, (2, 2)) as target:
+        program.draw(target, {"u_color": (1.0, 0.0, 0.25, 1.0)})
+        program.draw(target, {"u_color": (0.0, 1.0, 0.25, 0.5)}, blend=True)
+        np.testing.assert_allclose(target.read()[0, 0, :3], (0.5, 0.5, 0.25))
