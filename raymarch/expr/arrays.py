@@ -10,12 +10,14 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from operator import itemgetter
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from raymarch.expr import hashing, raw, samples, textures
-from raymarch.expr.evaluate import Program, Rule
+from raymarch.expr.evaluate import Program, Rule, Step
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, FLOAT, Type
@@ -47,7 +49,43 @@ def each(compute: Callable[..., Array]) -> Rule:
             values = tuple(lift(v, a.type, node.type) for v, a in zip(values, node.args, strict=True))
         return compute(*values)
 
+    rule.compute = compute  # type: ignore[attr-defined]
     return rule
+
+
+def _make_each(rule: Rule) -> Callable[[Expr], Step]:
+    compute: Step = rule.compute  # type: ignore[attr-defined]
+
+    def make(node: Expr) -> Step:
+        lifted = [bool(node.type.shape) and not a.type.shape for a in node.args]
+        if not any(lifted):
+            return compute
+        axes = (..., *(None,) * len(node.type.shape))
+        return lambda *values: compute(
+            *[np.asarray(v)[axes] if scalar else v for v, scalar in zip(values, lifted, strict=True)]
+        )
+
+    return make
+
+
+def _make_swizzle(node: Expr) -> Step:
+    picks = ["xyzw".index(c) for c in node.data]
+    return itemgetter((..., picks[0] if len(picks) == 1 else picks))
+
+
+def _make_construct(node: Expr) -> Step:
+    if any(a.type is not FLOAT for a in node.args):
+        return partial(_construct, node)
+
+    def compute(*parts: Array) -> Array:
+        arrays = [np.asarray(part) for part in parts]
+        lead = np.broadcast_shapes(*(array.shape for array in arrays))
+        made = np.empty((*lead, len(arrays)), np.result_type(*arrays))
+        for i, array in enumerate(arrays):
+            made[..., i] = array
+        return made
+
+    return compute
 
 
 def _mod(x: Array, y: Array) -> Array:
@@ -174,11 +212,22 @@ RULES: Mapping[str, Rule] = {
 }
 
 
+MAKERS: Mapping[str, Callable[[Expr], Step]] = {
+    **{op: _make_each(rule) for op, rule in RULES.items() if hasattr(rule, "compute")},
+    "swizzle": _make_swizzle,
+    "construct": _make_construct,
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Arrays:
     """The reading at one precision."""
 
     dtype: type[np.floating[Any]]
+
+    @property
+    def makers(self) -> Mapping[str, Callable[[Expr], Step]]:
+        return MAKERS
 
     @property
     def rules(self) -> Mapping[str, Rule]:

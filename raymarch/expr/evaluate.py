@@ -7,6 +7,7 @@ inner expressions. A reading defines only how a loop is repeated.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol, TypeAlias
 
 from raymarch.expr.function import Function, Loop
@@ -14,6 +15,8 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import topological
 
 Rule: TypeAlias = Callable[..., Any]
+Step: TypeAlias = Callable[..., Any]
+"""A rule with its node: computes a value from the values of the arguments."""
 
 
 class Reading(Protocol):
@@ -22,6 +25,10 @@ class Reading(Protocol):
     @property
     def rules(self) -> Mapping[str, Rule]:
         """The rule of each operation."""
+
+    @property
+    def makers(self) -> Mapping[str, Callable[[Expr], Step]]:
+        """For some operations, a function that returns the step of a node: what the node decides is decided once."""
 
     def leaf(self, node: Expr) -> Any:
         """Value of a constant."""
@@ -38,7 +45,8 @@ class Program:
         slot = {node: i for i, node in enumerate(inputs)}
         last_use: dict[Expr, int] = {}
         self._start: list[Any] = [None] * len(inputs)
-        self._steps: list[tuple[Rule, Expr, tuple[int, ...], int, tuple[int, ...]]] = []
+        self._steps: list[tuple[Step, tuple[int, ...], int, tuple[int, ...]]] = []
+        rules, makers = reading.rules, reading.makers
         work = []
         for node in order:
             if node in slot:
@@ -57,20 +65,21 @@ class Program:
                 free.setdefault(i, []).append(slot[node])
         for i, node in enumerate(work):
             arguments = tuple(slot[arg] for arg in node.args)
-            self._steps.append((_rule(node, reading), node, arguments, slot[node], tuple(free.get(i, ()))))
+            step = makers[node.op](node) if node.op in makers else partial(_rule(node, reading, rules), node)
+            self._steps.append((step, arguments, slot[node], tuple(free.get(i, ()))))
         self._results = [slot[root] for root in roots]
 
     def __call__(self, *inputs: Any) -> tuple[Any, ...]:
         slots = self._start.copy()
         slots[: len(inputs)] = inputs
-        for rule, node, arguments, result, dead in self._steps:
-            slots[result] = rule(node, *[slots[i] for i in arguments])
+        for step, arguments, result, dead in self._steps:
+            slots[result] = step(*[slots[i] for i in arguments])
             for i in dead:  # frees intermediate arrays; large graphs over many points would otherwise keep all
                 slots[i] = None
         return tuple(slots[i] for i in self._results)
 
 
-def _rule(node: Expr, reading: Reading) -> Rule:
+def _rule(node: Expr, reading: Reading, rules: Mapping[str, Rule]) -> Rule:
     if node.op == "call":
         return _call_rule(node.data, reading)
     if node.op == "loop":
@@ -78,7 +87,7 @@ def _rule(node: Expr, reading: Reading) -> Rule:
     if node.op == "item":
         return _item
     try:
-        return reading.rules[node.op]
+        return rules[node.op]
     except KeyError:
         raise KeyError(f"{type(reading).__name__} has no rule for '{node.op}' ({node!r})") from None
 
