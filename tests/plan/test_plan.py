@@ -168,7 +168,7 @@ MANY = LARGEST + 1
 @pytest.mark.parametrize(
     ("count", "make"),
     [
-        (10_000, lambda: functools.reduce(operator.or_, balls(10_000))),
+        (MANY, lambda: functools.reduce(operator.or_, balls(MANY))),
         (MANY, lambda: rm.union(*balls(MANY))),
         (MANY, lambda: rm.union(*balls(MANY), k=0.1)),
         (MANY, lambda: rm.union(*balls(MANY)).rotate(0.1, "z").repeat((10_000, None, None))),
