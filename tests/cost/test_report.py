@@ -6,6 +6,7 @@ import io
 import itertools
 import re
 import sys
+from copy import deepcopy
 from html.parser import HTMLParser
 
 import numpy as np
@@ -17,15 +18,22 @@ from raymarch.cost.checks import Check
 from raymarch.cost.html import as_html
 from raymarch.cost.maps import WRONG, flip_map, footprint_map
 from raymarch.cost.plots import by_steps, figure, save
+from raymarch.cost.reference import reference
 from raymarch.cost.settings import Setting, axes, grid
 from raymarch.cost.sweep import Sweep, sweep
 from raymarch.cost.text import findings, lights_of, worth
 from raymarch.errors import CostError
-from tests.cost.cost_samples import FakeRenderer
+from tests.cost.cost_samples import SIZE, FakeRenderer
 
 
 @pytest.fixture
-def made(scene, known) -> Sweep:
+def made(made_once) -> Sweep:
+    return deepcopy(made_once)
+
+
+@pytest.fixture(scope="module")
+def made_once(scene, kept) -> Sweep:
+    known = reference(scene, SIZE, samples=4)
     chosen = [axis for axis in axes() if axis.name != "scale"]  # this renderer has one size
     found = sweep(scene, grid(scene, chosen), known, FakeRenderer(known), name="a <b> & c", repeats=6)
     found.checks = [Check("clock", True, "agrees"), Check("hits of front", False, "5 % lie <too> far")]

@@ -321,10 +321,8 @@ class Field:
     def __init__(self, node: Node) -> None:
         self.node = node
         definition = lower(node)
+        self._definition = definition
         self._value = evaluator([definition.body], definition.params)
-        self._single = evaluator([definition.body], definition.params, np.float32)
-        whole = companion(definition)
-        self._whole = evaluator([whole.body], whole.params)
         self.dimension = node.dimension
         low, high = node.bounds
         if node.facts.empty:
@@ -338,6 +336,15 @@ class Field:
         self.low, self.high = middle - half - 0.4 * self.size, middle + half + 0.4 * self.size
         """The region looked at: the box and its surroundings."""
 
+    @cached_property
+    def _single(self) -> Callable[..., Any]:
+        return evaluator([self._definition.body], self._definition.params, np.float32)
+
+    @cached_property
+    def _whole(self) -> Callable[..., Any]:
+        whole = companion(self._definition)
+        return evaluator([whole.body], whole.params)
+
     def value(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.broadcast_to(self._value(points)[0], points.shape[:-1])
 
@@ -346,7 +353,11 @@ class Field:
         return np.broadcast_to(self._single(points)[0], points.shape[:-1])
 
     def gradient(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.broadcast_to(self._whole(points)[0], (*points.shape[:-1], self.dimension + 1))[..., :-1]
+        return self.whole(points)[..., :-1]
+
+    def whole(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The gradient, and the value as its last component."""
+        return np.broadcast_to(self._whole(points)[0], (*points.shape[:-1], self.dimension + 1))
 
     def draw(self, random: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Points of the region, float32 numbers."""

@@ -72,8 +72,9 @@ def projected(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points moved onto the surface by Newton steps, and their distances from queries; infinite where that failed."""
     for _ in range(3):
-        slope = field.gradient(points)
-        points = points - (field.value(points) / np.maximum((slope**2).sum(axis=-1), 1e-6))[..., None] * slope
+        whole = field.whole(points)
+        slope = whole[..., :-1]
+        points = points - (whole[..., -1] / np.maximum((slope**2).sum(axis=-1), 1e-6))[..., None] * slope
     distances = np.linalg.norm(points - queries, axis=-1)
     return points, np.where(np.abs(field.value(points)) < 1e-9 * field.size, distances, np.inf)
 
