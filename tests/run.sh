@@ -27,4 +27,7 @@ ruff check .
 ruff format --check .
 mypy
 lint-imports
-python -m pytest -n 2 "$@"
+# A process draws with one thread: there are as many processes as cores. Each takes neighbouring tests, which share
+# what their fixtures made, until it has none left; then it takes some of another's.
+export LP_NUM_THREADS=${LP_NUM_THREADS:-1}
+python -m pytest -n 2 --dist worksteal "$@"

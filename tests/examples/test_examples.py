@@ -16,9 +16,9 @@ from raymarch.truth import Truth, compare, silhouettes, truth
 
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(p.stem for p in FOLDER.glob("*.py"))
-SIZE = (320, 180)
-SIZES = {"village": (192, 108), "mandelbulb": (80, 45), "textures": (160, 90)}
-"""Smaller ones, where the truth takes long."""
+SIZE = (160, 90)
+SIZES = {"village": (128, 72), "mandelbulb": (64, 36), "csg": (240, 135)}
+"""Smaller where the truth takes long; larger where much of the picture is silhouettes."""
 ESTIMATES = ["mandelbulb"]
 PROVEN = [name for name in EXAMPLES if name not in ESTIMATES]
 CAMERAS = ["mandelbulb", "primitives", "village"]
