@@ -27,6 +27,55 @@ if TYPE_CHECKING:
         SceneError,
         ShaderError,
     )
+    from raymarch.expr.maths import (
+        abs as abs,
+    )
+    from raymarch.expr.maths import (
+        acos,
+        asin,
+        atan,
+        atan2,
+        ceil,
+        clamp,
+        cos,
+        cosh,
+        cross_product,
+        distance,
+        dot,
+        exp,
+        exp2,
+        floor,
+        fract,
+        length,
+        log,
+        log2,
+        mix,
+        mod,
+        normalize,
+        pi,
+        sign,
+        sin,
+        sinh,
+        smoothstep,
+        sqrt,
+        step,
+        tan,
+        tanh,
+        tau,
+        vec2,
+        vec3,
+        vec4,
+        where,
+    )
+    from raymarch.expr.maths import (
+        max as max,
+    )
+    from raymarch.expr.maths import (
+        min as min,
+    )
+    from raymarch.expr.maths import (
+        pow as pow,
+    )
     from raymarch.gpu import Frame, Renderer, render
     from raymarch.gpu.probe import Probe, probe
     from raymarch.scene import (
@@ -200,8 +249,12 @@ __all__ = [
     "ToneMapping",
     "Truth",
     "__version__",
+    "acos",
     "apollonian",
     "arc",
+    "asin",
+    "atan",
+    "atan2",
     "ball_fold",
     "bezier",
     "bezier_tube",
@@ -211,11 +264,16 @@ __all__ = [
     "box_frame",
     "capped_torus",
     "capsule",
+    "ceil",
     "checker",
     "circle",
+    "clamp",
     "cone",
+    "cos",
+    "cosh",
     "cost",
     "cross",
+    "cross_product",
     "cuboctahedron",
     "cut_hollow_sphere",
     "cut_sphere",
@@ -223,14 +281,20 @@ __all__ = [
     "death_star",
     "difference",
     "disc",
+    "distance",
     "dodecahedron",
+    "dot",
     "egg",
     "ellipse",
     "ellipsoid",
     "engrave",
+    "exp",
+    "exp2",
     "flat_triangle",
     "flat_vesica",
+    "floor",
     "fold_fractal",
+    "fract",
     "glsl_node",
     "grid",
     "groove",
@@ -247,19 +311,26 @@ __all__ = [
     "infinite_cylinder",
     "intersection",
     "julia",
+    "length",
     "lidinoid",
     "line",
     "link",
+    "log",
+    "log2",
     "mandelbox",
     "mandelbulb",
     "menger",
     "mesh",
+    "mix",
+    "mod",
     "moon",
     "morph",
     "neovius",
     "noise",
+    "normalize",
     "octahedron",
     "operator",
+    "pi",
     "pie",
     "pipe",
     "planar",
@@ -286,13 +357,22 @@ __all__ = [
     "schwarz_p",
     "shape",
     "sierpinski",
+    "sign",
+    "sin",
+    "sinh",
     "slab",
+    "smoothstep",
     "solid_angle",
     "sphere",
+    "sqrt",
     "star",
+    "step",
     "stripes",
     "stroke",
     "superquadric",
+    "tan",
+    "tanh",
+    "tau",
     "tetrahedron",
     "text",
     "time",
@@ -311,9 +391,16 @@ __all__ = [
     "truth",
     "union",
     "value_noise",
+    "vec2",
+    "vec3",
+    "vec4",
     "vesica",
+    "where",
     "xor",
 ]
+
+_BUILT_IN = ("abs", "max", "min", "pow")
+"""Public names that `from raymarch import *` leaves out, because they would hide Python's own."""
 
 _PACKAGES = frozenset("cost errors expr glsl gpu plan scene sdf shader".split())
 """The packages that are attributes of this one without an import of their own."""
@@ -321,6 +408,10 @@ _PACKAGES = frozenset("cost errors expr glsl gpu plan scene sdf shader".split())
 _MODULES = {
     "raymarch.errors": (
         "CostError DeviceError PlanError RaymarchError RenderError RenderWarning SceneError ShaderError"
+    ),
+    "raymarch.expr.maths": (
+        "abs acos asin atan atan2 ceil clamp cos cosh cross_product distance dot exp exp2 floor fract length log log2 "
+        "max min mix mod normalize pi pow sign sin sinh smoothstep sqrt step tan tanh tau vec2 vec3 vec4 where"
     ),
     "raymarch.gpu": "Frame Renderer render",
     "raymarch.gpu.probe": "Probe probe",
@@ -341,13 +432,16 @@ if not TYPE_CHECKING:  # a type checker would accept any name
         if name in _PACKAGES:
             return import_module(f"raymarch.{name}")
         if name not in _SOURCES:
-            raise AttributeError(f"module 'raymarch' has no attribute '{name}'", name=name, obj=sys.modules[__name__])
+            if name.startswith("_"):  # what Python and its tools look for
+                raise AttributeError(f"module 'raymarch' has no attribute '{name}'")
+            methods = [known for known in vars(import_module("raymarch.sdf").Node) if not known.startswith("_")]
+            raise import_module("raymarch.expr.peers").unknown_function(name, [*_SOURCES, *_PACKAGES], methods)
         value = globals()[name] = getattr(import_module(_SOURCES[name]), name)
         return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_PACKAGES, *(name for name in globals() if name.startswith("__"))})
+    return sorted({*__all__, *_BUILT_IN, *_PACKAGES, *(name for name in globals() if name.startswith("__"))})
 
 
 class _Package(ModuleType):

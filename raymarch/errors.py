@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import FrameType
+from typing import Any
 
 _NOT_THE_USERS = (
     os.path.dirname(os.path.abspath(__file__)) + os.sep,
@@ -58,6 +59,10 @@ class SceneError(RaymarchError):
     """An invalid scene: a value out of range, a wrong type, a scene file without a scene."""
 
 
+class UnknownNameError(SceneError, AttributeError):
+    """A name that raymarch, a node or a part of a scene does not have. The message says which name is meant."""
+
+
 class PlanError(RaymarchError):
     """A valid scene that cannot be planned: parameters of one name that differ, a field beyond the limits."""
 
@@ -81,7 +86,11 @@ class SceneWarning(UserWarning):
 def warn(what: str, where: Location | None = None) -> None:
     """Issue a SceneWarning at a line of the user. None finds the line from the call stack."""
     where = where or user_location() or Location("raymarch", 0)
-    warnings.warn_explicit(what, SceneWarning, where.file, where.line)
+    warnings.warn_explicit(what, SceneWarning, where.file, where.line, registry=_warned.setdefault(where.file, {}))
+
+
+_warned: dict[str, dict[Any, Any]] = {}
+"""Python's record of the warnings that were shown, by file: a line of a loop warns once."""
 
 
 class RenderError(RaymarchError):

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from raymarch.errors import SceneError
+from raymarch.expr.peers import meant
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-def meant(name: str, names: Iterable[str]) -> str:
-    """ "did you mean 'lights'? " for a name that is close to a known one, or an empty string."""
-    close = get_close_matches(name, list(names), 1)
-    return f"did you mean '{close[0]}'? " if close else ""
 
 
 def checked(function: F, what: str) -> F:
@@ -54,7 +48,7 @@ def _fault(
     legal = ", ".join(names) or "no arguments"
     for name in kwargs:
         if name not in names:
-            return SceneError(f"{what} has no parameter '{name}'", legal=f"{meant(name, names)}legal: {legal}")
+            return SceneError(f"{what} has no parameter '{name}'", legal=f"{meant(name, names, what)}legal: {legal}")
     given = args[1:]
     if len(given) > len(own):
         if _takes_vector(own) and len(given) in (2, 3) and all(isinstance(v, int | float) for v in given):

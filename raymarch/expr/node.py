@@ -39,7 +39,6 @@ class Expr:
     """
 
     __slots__ = ("__weakref__", "args", "data", "op", "type", "where")
-    __array_ufunc__ = None  # NumPy then calls __rmul__ for `array * expr`
 
     op: str
     type: Type
@@ -65,14 +64,22 @@ class Expr:
     def __bool__(self) -> bool:
         raise SceneError(
             f"an expression ({self.op}: {self.type}) has no truth value while the scene is being built",
-            legal="use where(condition, a, b) in place of if, and & | ~ in place of and, or, not",
+            legal="use rm.where(condition, a, b) in place of if, and & | ~ in place of and, or, not",
         )
 
     def __float__(self) -> float:
+        if self.op == "const" and self.type is FLOAT:
+            return float(self.data)
         raise SceneError(
-            f"an expression ({self.op}: {self.type}) has no numeric value: it is computed for each point",
-            legal="use the functions of raymarch's vocabulary in place of the math module's",
+            f"an expression ({self.op}: {self.type}) has no numeric value: it is computed for each frame or point",
+            legal="rm.sin in place of math.sin, and likewise for other functions",
         )
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        """NumPy's universal functions, such as `np.sin(expr)` and `array * expr`."""
+        from raymarch.expr.maths import universal
+
+        return universal(ufunc.__name__, method, inputs, options)
 
     # Arithmetic, as in GLSL: scalars are broadcast over vectors.
     def __add__(self, other: Operand) -> Expr:
@@ -107,6 +114,30 @@ class Expr:
 
     def __mod__(self, other: Operand) -> Expr:
         return elementwise("mod", self, other)
+
+    def __rmod__(self, other: Operand) -> Expr:
+        return elementwise("mod", other, self)
+
+    def __floordiv__(self, other: Operand) -> Expr:
+        return elementwise("floor", elementwise("div", self, other))
+
+    def __rfloordiv__(self, other: Operand) -> Expr:
+        return elementwise("floor", elementwise("div", other, self))
+
+    def __pow__(self, other: Operand) -> Expr:
+        return _power(self, other)
+
+    def __rpow__(self, other: Operand) -> Expr:
+        return _power(other, self)
+
+    def __round__(self) -> Expr:
+        return elementwise("round", self)
+
+    def __floor__(self) -> Expr:
+        return elementwise("floor", self)
+
+    def __ceil__(self) -> Expr:
+        return elementwise("ceil", self)
 
     def __neg__(self) -> Expr:
         return elementwise("neg", self)
@@ -354,6 +385,12 @@ def _widest(op: str, args: tuple[Expr, ...]) -> Type:
                 raise SceneError(f"{op}({names}) mixes sizes", legal="operands of one size, or scalars")
             widest = arg.type
     return widest
+
+
+def _power(x: Operand, y: Operand) -> Expr:
+    from raymarch.expr.maths import power
+
+    return power(x, y)
 
 
 def product(a: Operand, b: Operand) -> Expr:

@@ -77,8 +77,8 @@ class Material(Value):
     A value may be a texture, such as `planar("wood.png")` or `triplanar("rock.png")`. Maps that share a projection must
     share a resolution.
 
-    A value may be a function of the point, `lambda p: ...`, of functions in `raymarch.expr.vocabulary`. The point is in
-    the space in which the material is given, so a pattern moves with the node. See `raymarch.checker`, `stripes` and
+    A value may be a function of the point, such as `lambda p: 0.5 + 0.5 * rm.sin(p.x)`. The point is in the space in
+    which the material is given, so a pattern moves with the node. See `raymarch.checker`, `stripes` and
     `noise`. Equal materials are one material.
 
     The physical model is that of Cook and Torrance (1982): GGX distribution (Walter et al. 2007), height-correlated

@@ -91,7 +91,8 @@ class Scene(Value):
         bounces: int | None = None,
     ) -> None:
         self._begin()
-        solid = _instance("node", node, Node, "a node such as sphere()")
+        several_nodes = isinstance(node, list | tuple) and node and all(isinstance(part, Node) for part in node)
+        solid = _instance("node", node, Node, "rm.union(*nodes)" if several_nodes else "a node such as sphere()")
         if solid.dimension != 3:
             raise SceneError(f"Scene: {solid.name} is flat", legal="a solid; extrude or revolve it first")
         *names, last = (f"{kind.__name__}(...)" for kind in KINDS)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from copy import copy
 from dataclasses import dataclass
-from typing import Any, NoReturn, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from raymarch.errors import Location, RaymarchError, SceneError, user_location
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
 from raymarch.expr.node import Expr
+from raymarch.expr.peers import unknown_attribute
 
 T = TypeVar("T", bound="Value")
 
@@ -36,6 +37,14 @@ class Value:
     def _begin(self) -> None:
         """Record the user's line. The constructor calls this first."""
         object.__setattr__(self, "where", user_location())
+
+    if not TYPE_CHECKING:  # a type checker would accept any name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise UnknownNameError, which names the field that is meant."""
+            if name.startswith("_"):  # what Python and its tools look for
+                raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+            raise unknown_attribute(f"a {type(self).__name__}", name, parameters_of(type(self)))
 
     def arguments(self) -> dict[str, Any]:
         """The constructor arguments of an equal value, by name."""

@@ -18,12 +18,12 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, cast
 import numpy as np
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.calls import meant
 from raymarch.expr.convert import short
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, make, var
+from raymarch.expr.peers import meant
 from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
 from raymarch.expr.walk import find
 from raymarch.sdf.builder import Builder
@@ -55,6 +55,10 @@ class ChildFacts:
         """Corners of a box around all points at which the child's field is no larger than a distance >= 0."""
         margin = self.spread * distance
         return self.lower - margin, self.upper + margin
+
+
+def _are_numbers(values: Sequence[Any]) -> bool:
+    return all(isinstance(value, int | float) for value in values)
 
 
 @dataclass(eq=False, slots=True)
@@ -109,6 +113,10 @@ class Definition:
     def _bind(self, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> dict[str, Any]:
         names = list(self.domains)
         if len(args) > len(names):
+            first = self.domains[names[0]].type if names else None
+            if first is not None and first.is_vector and len(args) == first.size and _are_numbers(args):
+                shown = ", ".join(map(repr, args))
+                raise SceneError(f"{self.called} takes one vector", legal=f"{self.called}(({shown}))")
             most = f"{len(names)} parameter{'s' * (len(names) != 1)}"
             raise SceneError(f"{self.called} takes {most}, {len(args)} were given", legal=self.usage)
         given = dict(zip(names, args, strict=False))

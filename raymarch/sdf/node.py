@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.errors import Location, SceneError, user_location
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import numbers, short
+from raymarch.expr.peers import OPERATORS, refused_operator, unknown_attribute
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.pickling import Same, pickled, remake, same
 from raymarch.sdf.registry import METHODS
@@ -71,6 +72,15 @@ class Node:
     def __repr__(self) -> str:
         lower, upper = (np.array2string(b, precision=4, separator=", ") for b in self.bounds)
         return f"<{self.name}: {self.exactness}, lipschitz {self.lipschitz:.4g}, bounds {lower} to {upper}>"
+
+    if not TYPE_CHECKING:  # a type checker would accept any name
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise UnknownNameError, which names the method that is meant."""
+            if name.startswith("_"):  # what Python and its tools look for
+                raise AttributeError(f"'Node' object has no attribute '{name}'")
+            public = [known for known in dir(Node) if not known.startswith("_")]
+            raise unknown_attribute(f"a node ({self.name})", name, public, methods=True)
 
     # Facts
 
@@ -306,6 +316,29 @@ class Node:
         """Assign a material. Parts that have their own material keep it."""
         return self._call("material", material)
 
+
+def _refused(symbol: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """The methods of an operator that nodes do not have, with the node on the left and on the right."""
+
+    def left(self: Node, other: object) -> Any:
+        raise refused_operator(symbol, self.name, _shown(other))
+
+    def right(self: Node, other: object) -> Any:
+        raise refused_operator(symbol, _shown(other), self.name)
+
+    return left, right
+
+
+def _shown(operand: object) -> str:
+    return operand.name if isinstance(operand, Node) else short(operand)
+
+
+_OPERATORS = {"+": "add", "*": "mul", "/": "truediv", "@": "matmul", "**": "pow", "%": "mod", "-": "sub"}
+for _symbol in OPERATORS:
+    _left, _right = _refused(_symbol)
+    if _symbol != "-":
+        setattr(Node, f"__{_OPERATORS[_symbol]}__", _left)
+    setattr(Node, f"__r{_OPERATORS[_symbol]}__", _right)
 
 for _name, _method in list(vars(Node).items()):
     if callable(_method) and not _name.startswith("_"):

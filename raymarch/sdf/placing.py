@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from raymarch.errors import SceneError
-from raymarch.expr.convert import holdable, numbers, short
+from raymarch.errors import SceneError, warn
+from raymarch.expr.convert import holdable, numbers, plain, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, columns, cos, dot, max, min, sin, transpose, vec2, vec3
@@ -110,6 +111,15 @@ def turn(p: Expr, child: Child, angle: Angle) -> Expr:
     return child(vec2(c * p.x + s * p.y, c * p.y - s * p.x))
 
 
+def _warn_of_degrees(what: str, angle: Any) -> None:
+    """A SceneWarning for a number that is likely an angle in degrees: a multiple of 5, and more than a turn."""
+    given = plain(angle)
+    if isinstance(given, int | float) and not isinstance(given, bool) and math.fabs(given) >= 10 and given % 5 == 0:
+        turns = f"{math.fabs(given) / math.tau:.1f}"
+        cure = f"for degrees, math.radians({given:g})"
+        warn(f"{what}: angle = {given:g} radians is {turns} turns ({cure})")
+
+
 @method
 def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     """Rotate about an axis through the origin, counter-clockwise as seen from the tip of the axis.
@@ -118,6 +128,7 @@ def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     axis : "x", "y", "z" or a direction of any length but 0; None is "y". A flat shape rotates in its plane,
         counter-clockwise, and takes no axis.
     """
+    _warn_of_degrees("rotate", angle)
     if isinstance(node, Node) and node.dimension == 2:
         if axis is not None and not (isinstance(axis, str) and axis in ("y", "z")):
             raise SceneError(f"rotate: axis = {short(axis)} for a flat shape", legal="the angle alone")
@@ -286,5 +297,8 @@ def labelled(p: Expr, child: Child) -> Expr:
 @method
 def material(node: Node, material: Any) -> Node:
     """Assign a material. Parts that have their own material keep it."""
+    if material is None or isinstance(material, str | int | float | tuple | list | dict | np.ndarray | Node | Expr):
+        given = "a node" if isinstance(material, Node) else short(material)
+        raise SceneError(f"material = {given} ({type(material).__name__})", legal="rm.Material(color=...)")
     made = labelled(node)
     return Node(made.definition, made.children, made.params, made.facts, label=material)

@@ -191,7 +191,8 @@ def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) ->
         raise SceneError(f"repeat: spacing along {axis} is a {step.type}", legal="a number > 0")
     smallest = float(interval_of(step)[0])
     if not 0.0 < smallest <= LARGEST:
-        raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal="a finite number > 0, or None")
+        legal = "a finite number > 0; None leaves an axis alone: repeat((None, None, 2.4))"
+        raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal=legal)
     if not np.isfinite(upper - lower):
         raise SceneError(f"repeat: {node.name} is unbounded along {axis}", legal=f"None as the spacing along {axis}")
     if upper - lower > smallest * (1 + 1e-12):

@@ -19,6 +19,14 @@ WRONG = {
         lambda: rm.Quality(trust=True),  # type: ignore[call-arg]
         r"Quality has no parameter 'trust' \(legal: tracer, max_steps,",
     ),
+    "a name of other tools": (
+        lambda: rm.Camera(look_at=(0, 0, 0)),  # type: ignore[call-arg]
+        r"Camera has no parameter 'look_at' \(did you mean 'target'\? legal: position,",
+    ),
+    "a name of other tools that belongs elsewhere": (
+        lambda: rm.Scene(rm.sphere(), width=640),  # type: ignore[call-arg]
+        r"Scene has no parameter 'width' \(use size=\(width, height\), of rm.render and rm.Renderer; legal: node,",
+    ),
     "a name of a node": (
         lambda: rm.sphere(radus=1),  # type: ignore[call-arg]
         r"sphere has no parameter 'radus' \(did you mean 'radius'\? sphere\(radius=1.0\)\)",
@@ -26,6 +34,10 @@ WRONG = {
     "numbers in place of a vector": (
         lambda: rm.sphere().translate(1, 0, 0),  # type: ignore[call-arg]
         r"translate takes one vector \(x, y, z\) \(translate\(\(1, 0, 0\)\)\)",
+    ),
+    "numbers in place of the vector of a shape": (
+        lambda: rm.box(1, 2, 3),  # type: ignore[call-arg]
+        r"box takes one vector \(box\(\(1, 2, 3\)\)\)",
     ),
     "too many": (
         lambda: rm.box().twist(1, 2),  # type: ignore[call-arg]

@@ -86,9 +86,9 @@ def test_a_bad_part_is_refused_where_it_is_made(make: Any, what: str, legal: str
 
 
 def test_a_material_that_is_none_is_refused_at_the_node_that_got_it() -> None:
-    painted = rm.sphere().material("red")
+    painted = rm.sphere().material(rm.Sun())
     scene = rm.box() | painted
-    with pytest.raises(SceneError, match=r"material = 'red' \(str\)") as caught:
+    with pytest.raises(SceneError, match=r"material = Sun\(\) \(Sun\)") as caught:
         rm.Scene(scene)
     assert caught.value.where == painted.where != scene.where
 

@@ -193,8 +193,37 @@ NEEDED: dict[str, dict[str, Any]] = {
     "value_noise": {"*": (var("p", VEC3),)},
     "wrap_around": {"start": -3.0, "end": 3.0},
 }
+NEEDED |= {name: {"x": 0.5} for name in "acos asin atan ceil cos cosh exp exp2 floor fract log log2 sign sin".split()}
+NEEDED |= {name: {"x": 0.5} for name in "sinh sqrt tan tanh".split()}
+NEEDED |= {
+    "atan2": {"y": 1.0, "x": 0.5},
+    "mod": {"x": 1.0, "y": 0.3},
+    "clamp": {"x": 0.5, "low": 0.0, "high": 1.0},
+    "mix": {"a": 0.0, "b": 1.0, "t": 0.5},
+    "step": {"edge": 0.0, "x": 1.0},
+    "smoothstep": {"low": 0.0, "high": 1.0, "x": 0.5},
+    "where": {"condition": True, "a": 1.0, "b": 2.0},
+    "length": {"v": (1.0, 2.0, 3.0)},
+    "normalize": {"v": (1.0, 2.0, 3.0)},
+    "vec2": {"*": (1.0, 2.0)},
+    "vec3": {"*": (1.0, 2.0, 3.0)},
+    "vec4": {"*": (1.0, 2.0, 3.0, 4.0)},
+} | {name: {"a": (1.0, 2.0, 3.0), "b": (0.0, 1.0, 0.0)} for name in ("dot", "distance", "cross_product")}
 FLAT = ("extrude", "revolve", "extrude_to", "stroke")
-UNCALLED = {"Node", "Frame", "Truth", "Probe", "Texture", "shape", "operator", "cost", "time", "__version__"}
+UNCALLED = {
+    "Node",
+    "Frame",
+    "Truth",
+    "Probe",
+    "Texture",
+    "shape",
+    "operator",
+    "cost",
+    "time",
+    "pi",
+    "tau",
+    "__version__",
+}
 """Names that are no function that takes values, or that are made by others; those with a device are tried with one."""
 WITH_DEVICE = {"Renderer", "render", "probe", "truth"}
 

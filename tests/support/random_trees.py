@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from raymarch.errors import SceneError
+from raymarch.scene import Material
 from raymarch.sdf import Node, repeat, sphere, transform
 from tests.support.node_samples import SPECIAL, Field, definitions, parameters
 
@@ -17,7 +18,7 @@ OWN: dict[str, Callable[[Node, np.random.Generator], Node]] = {
     "repeat_cells": lambda node, random: repeat(
         node, node.facts.size * random.uniform(1.0, 1.6, 3) + 1e-3, tuple(int(n) for n in random.integers(1, 5, 3))
     ),
-    "labelled": lambda node, random: node.material("red"),
+    "labelled": lambda node, random: node.material(Material()),
     "sheared": lambda node, random: node.shear(random.uniform(-1.0, 1.0), *random.permutation(list("xyz"))[:2]),
 }
 """How operators with a line in SPECIAL, or whose vectors must fit each other, are applied to any node."""

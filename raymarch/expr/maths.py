@@ -1,0 +1,251 @@
+"""The functions of the vocabulary under their public names (`raymarch.sin`): for expressions, numbers and arrays alike.
+
+Where an argument is an expression the result is an expression. Otherwise it is computed at once, in float64: a float
+for numbers, an array for arrays and sequences. Both follow the same rules; `sqrt(-1)` is 0 in a shader and here.
+"""
+
+from __future__ import annotations
+
+import builtins
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from typing import Any, ParamSpec
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr import vocabulary as v
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.convert import numbers, short
+from raymarch.expr.node import Expr, Operand, construct, expr, var
+from raymarch.expr.types import FLOAT, vector
+
+P = ParamSpec("P")
+
+pi = math.pi
+tau = math.tau
+
+
+def _holds_expression(value: Any) -> bool:
+    return isinstance(value, Expr) or (isinstance(value, tuple | list) and any(map(_holds_expression, value)))
+
+
+def _number(value: Any) -> Any:
+    """A constant as a float or an array."""
+    array = np.array(value, np.float64)
+    return float(array) if array.shape == () else array
+
+
+def _arguments(signature: inspect.Signature, name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> list[Any]:
+    """All arguments of a call. SceneError if they do not fit the function."""
+    try:
+        signature.bind(*args, **kwargs)
+    except TypeError as fault:
+        raise SceneError(f"{name}: {fault}", legal=f"{name}({', '.join(signature.parameters)})") from None
+    return [*args, *kwargs.values()]
+
+
+def _componentwise(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
+    """A function of numbers that also takes arrays of any shape, which are broadcast."""
+
+    signature, name = inspect.signature(function), called or function.__name__
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> Any:
+        given = _arguments(signature, name, args, kwargs)
+        if builtins.any(map(_holds_expression, given)) or builtins.all(isinstance(a, int | float) for a in given):
+            made = function(*args, **kwargs)
+            return made if builtins.any(map(_holds_expression, given)) else _number(made.data)
+        arrays = [numbers(f"{name}: argument", a, "numbers, arrays of them, or expressions") for a in given]
+        try:
+            shape = np.broadcast_shapes(*(a.shape for a in arrays))
+        except ValueError:
+            shapes = " and ".join(str(a.shape) for a in arrays)
+            raise SceneError(f"{name} of shapes {shapes}", legal="shapes that broadcast") from None
+        # One number for all elements stays a constant, so that the function can check it.
+        symbols = [var(f"argument {i}", FLOAT) if a.shape else None for i, a in enumerate(arrays)]
+        places = [float(a) if s is None else s for s, a in zip(symbols, arrays, strict=True)]
+        made = function(*places[: len(args)], **dict(zip(kwargs, places[len(args) :], strict=True)))  # type: ignore
+        inputs = [(s, np.broadcast_to(a, shape).ravel()) for s, a in zip(symbols, arrays, strict=True) if s is not None]
+        (result,) = evaluator([made], [s for s, _ in inputs])(*[a for _, a in inputs])
+        return _number(np.broadcast_to(result, (math.prod(shape),)).reshape(shape))
+
+    return call
+
+
+def _of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
+    """A function of vectors of 2 to 4 numbers that also takes arrays of them, along the last axis."""
+
+    signature, name = inspect.signature(function), called or function.__name__
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> Any:
+        given = _arguments(signature, name, args, kwargs)
+        if builtins.any(map(_holds_expression, given)):
+            return function(*args, **kwargs)
+        legal = "vectors of 2 to 4 numbers, arrays of them, or expressions"
+        arrays = [numbers(f"{name}: argument", a, legal) for a in given]
+        sizes = [a.shape[-1] if a.shape else 1 for a in arrays]
+        if not builtins.all(1 <= size <= 4 for size in sizes) or not builtins.all(a.size for a in arrays):
+            shapes = " and ".join(str(a.shape) for a in arrays)
+            raise SceneError(f"{name} of shapes {shapes}", legal=legal)
+        arrays = [a[..., 0] if a.shape and a.shape[-1] == 1 else a for a in arrays]
+        symbols = [var(f"argument {i}", vector(size)) for i, size in enumerate(sizes)]
+        made = function(*symbols[: len(args)], **dict(zip(kwargs, symbols[len(args) :], strict=True)))  # type: ignore
+        try:
+            return _number(evaluator([made], symbols)(*arrays)[0])
+        except ValueError:
+            shapes = " and ".join(str(a.shape) for a in arrays)
+            raise SceneError(f"{name} of shapes {shapes}", legal="shapes that broadcast") from None
+
+    return call
+
+
+sin = _componentwise(v.sin)
+cos = _componentwise(v.cos)
+tan = _componentwise(v.tan)
+asin = _componentwise(v.asin)
+acos = _componentwise(v.acos)
+atan = _componentwise(v.atan)
+atan2 = _componentwise(v.atan2)
+sinh = _componentwise(v.sinh)
+cosh = _componentwise(v.cosh)
+tanh = _componentwise(v.tanh)
+exp = _componentwise(v.exp)
+exp2 = _componentwise(v.exp2)
+log = _componentwise(v.log)
+log2 = _componentwise(v.log2)
+sqrt = _componentwise(v.sqrt)
+abs = _componentwise(v.abs)
+sign = _componentwise(v.sign)
+floor = _componentwise(v.floor)
+ceil = _componentwise(v.ceil)
+fract = _componentwise(v.fract)
+mod = _componentwise(v.mod)
+pow = _componentwise(v.pow)
+min = _componentwise(v.min)
+max = _componentwise(v.max)
+clamp = _componentwise(v.clamp)
+mix = _componentwise(v.mix)
+step = _componentwise(v.step)
+smoothstep = _componentwise(v.smoothstep)
+length = _of_vectors(v.length)
+distance = _of_vectors(v.distance)
+dot = _of_vectors(v.dot)
+cross_product = _of_vectors(v.cross, "cross_product")
+normalize = _of_vectors(v.normalize)
+vec2 = v.vec2
+vec3 = v.vec3
+vec4 = v.vec4
+
+
+def where(condition: Any, a: Operand, b: Operand) -> Any:
+    """a where the condition holds, else b. Of an expression both are computed.
+
+    condition : a comparison such as `rm.time < 1`; or True, False or an array of them, with numbers or arrays.
+    """
+    if isinstance(condition, Expr):
+        return v.where(condition, a, b)
+    if not isinstance(condition, bool | np.bool_) and not (
+        isinstance(condition, np.ndarray) and condition.dtype == np.bool_
+    ):
+        raise SceneError(f"where needs a condition, not {short(condition)}", legal="a comparison such as a < b")
+    if _holds_expression(a) or _holds_expression(b):
+        if isinstance(condition, np.ndarray):
+            raise SceneError("where of an array and an expression", legal="a condition that is an expression")
+        return expr(a if condition else b)
+    chosen = [numbers("where: argument", given, "numbers, arrays or expressions") for given in (a, b)]
+    try:
+        return _number(np.where(condition, *chosen))
+    except ValueError:
+        raise SceneError("where of shapes that do not fit", legal="shapes that broadcast") from None
+
+
+def power(x: Operand, y: Operand) -> Expr:
+    """x ** y of an expression. A whole constant power multiplies, so x may be negative; others are those of `pow`."""
+    base, exponent = expr(x), expr(y)
+    n = float(exponent.data) if exponent.is_constant and exponent.type is FLOAT else math.nan
+    if n == 0.5:
+        return v.sqrt(base)
+    if n != round(n) if math.isfinite(n) else True:
+        return v.pow(base, exponent)
+    if builtins.abs(n) > 64:
+        even = v.pow(v.abs(base), exponent)
+        return even if n % 2 == 0 else v.sign(base) * even
+    result: Expr | None = None
+    factor, left = base, builtins.abs(int(n))
+    while left:
+        if left & 1:
+            result = factor if result is None else result * factor
+        left >>= 1
+        factor = factor * factor if left else factor
+    if result is None:
+        return expr(1.0) if base.type is FLOAT else construct(*[1.0] * base.type.size)
+    return result if n > 0 else 1.0 / result
+
+
+UFUNCS: dict[str, Callable[..., Any]] = {
+    **{name: getattr(v, name) for name in "sin cos tan sinh cosh tanh exp exp2 log log2 sqrt sign floor ceil".split()},
+    "arcsin": v.asin,
+    "arccos": v.acos,
+    "arctan": v.atan,
+    "arctan2": v.atan2,
+    "rint": v.round,
+    "asin": v.asin,
+    "acos": v.acos,
+    "atan": v.atan,
+    "atan2": v.atan2,
+    "log10": lambda x: v.log(x) / math.log(10.0),
+    "absolute": v.abs,
+    "abs": v.abs,
+    "fabs": v.abs,
+    "square": v.square,
+    "reciprocal": lambda x: 1.0 / expr(x),
+    "minimum": v.min,
+    "fmin": v.min,
+    "maximum": v.max,
+    "fmax": v.max,
+    "clip": v.clamp,
+    "power": power,
+    "pow": power,
+    "float_power": power,
+    "remainder": v.mod,
+    "mod": v.mod,
+    "add": lambda a, b: expr(a) + b,
+    "subtract": lambda a, b: expr(a) - b,
+    "multiply": lambda a, b: expr(a) * b,
+    "divide": lambda a, b: expr(a) / b,
+    "true_divide": lambda a, b: expr(a) / b,
+    "matmul": lambda a, b: expr(a) * b,
+    "floor_divide": lambda a, b: v.floor(expr(a) / b),
+    "negative": lambda x: -expr(x),
+    "positive": expr,
+    "less": lambda a, b: expr(a) < b,
+    "less_equal": lambda a, b: expr(a) <= b,
+    "greater": lambda a, b: expr(a) > b,
+    "greater_equal": lambda a, b: expr(a) >= b,
+    "logical_and": lambda a, b: a & b,
+    "logical_or": lambda a, b: a | b,
+    "logical_not": lambda a: ~a,
+    "equal": lambda a, b: a is b,
+    "not_equal": lambda a, b: a is not b,
+    "hypot": lambda x, y: v.length(v.vec2(x, y)),
+    "cbrt": lambda x: v.sign(x) * v.pow(v.abs(x), 1.0 / 3.0),
+    "deg2rad": lambda x: expr(x) * (math.pi / 180.0),
+    "radians": lambda x: expr(x) * (math.pi / 180.0),
+    "rad2deg": lambda x: expr(x) * (180.0 / math.pi),
+    "degrees": lambda x: expr(x) * (180.0 / math.pi),
+    "trunc": lambda x: v.sign(x) * v.floor(v.abs(x)),
+}
+"""NumPy's universal functions of expressions, by their names."""
+
+
+def universal(name: str, method: str, inputs: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    """The value of a universal function of NumPy, called with an expression."""
+    if method != "__call__" or name not in UFUNCS or any(value is not None for value in options.values()):
+        call = f"numpy.{name}" if method == "__call__" else f"numpy.{name}.{method}"
+        legal = "raymarch's own functions, such as rm.sin, or one of numpy." + ", ".join(sorted(UFUNCS))
+        raise SceneError(f"{call} of an expression{' with options' if options else ''}", legal=legal)
+    return UFUNCS[name](*inputs)

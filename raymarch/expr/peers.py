@@ -1,0 +1,246 @@
+"""Names of other tools, and what is written for them here. Messages about unknown names read these tables.
+
+A key is in lower case and without underscores, so that `lookAt`, `look_at` and `LookAt` are one. A value is what to
+write, as a user would write it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from difflib import get_close_matches
+
+from raymarch.errors import SceneError, UnknownNameError
+
+
+def _keys(table: Mapping[str, str]) -> dict[str, str]:
+    """One entry for each of the names of a row."""
+    return {key: text for names, text in table.items() for key in names.split()}
+
+
+FUNCTIONS = _keys(
+    {
+        "smoothunion smin smoothmin opsmoothunion sunion softunion blend": "rm.union(a, b, k=0.2)",
+        "smoothintersection smax smoothmax opsmoothintersection": "rm.intersection(a, b, k=0.2)",
+        "smoothdifference smoothsubtraction smoothsubtract opsmoothsubtraction": "rm.difference(a, b, k=0.2)",
+        "add join merge group combine together opunion": "a | b, or rm.union(*nodes)",
+        "subtract subtraction cut minus opsubtraction": "a - b, or rm.difference(a, b)",
+        "intersect common opintersection": "a & b, or rm.intersection(a, b)",
+        "cube cuboid block sdbox": "rm.box((1, 1, 1))",
+        "ball sdsphere uvsphere icosphere": "rm.sphere(1)",
+        "donut sdtorus": "rm.torus(major=1, minor=0.25)",
+        "ground halfspace groundplane sdplane": "rm.plane(offset=0)",
+        "cappedcylinder tube rod sdcylinder": "rm.cylinder(radius=1, height=2)",
+        "cappedcone frustum sdcone": "rm.cone(radius=0.9, height=1.6, top=0.4)",
+        "roundbox sdroundbox": "rm.rounded_box(...)",
+        "boxframe wireframebox sdboxframe": "rm.box_frame(...)",
+        "segment": "rm.capsule(a, b, radius)",
+        "rect square2d": "rm.rectangle(...)",
+        "ngon": "rm.regular_polygon(...)",
+        "annulus": "rm.ring(...)",
+        "rotatex rotatey rotatez": 'node.rotate(angle, "x"), with the angle in radians',
+        "movex movey movez move": "node.translate((x, y, z))",
+        "lathe": "flat.revolve(offset)",
+        "onion hollow": "node.shell(thickness)",
+        "light lights": "rm.Sun, rm.PointLight, rm.SpotLight or rm.SphereLight",
+        "directionallight sunlight distantlight": "rm.Sun(direction)",
+        "pointlamp omnilight": "rm.PointLight(position)",
+        "arealight": "rm.SphereLight(position, radius)",
+        "ambientlight hemispherelight environmentlight ambient": "rm.Sky(color, light=True)",
+        "background backdrop": "rm.Sky(color)",
+        "environment hdri envmap environmentmap": 'rm.ImageSky("file.hdr")',
+        "occlusion ao ambientocclusion": "rm.AmbientOcclusion()",
+        "tone tonemap tonemapper": 'rm.ToneMapping("aces")',
+        "settings options renderoptions rendersettings": "rm.Quality(...)",
+        "slider parameter uniform": "rm.Param(name, value, min, max)",
+        "physicalmaterial pbr pbrmaterial principled phong lambert": "rm.Material(...)",
+        "image2d loadimage": "rm.planar(picture) for a texture, rm.image(file) for a flat shape",
+        "lerp": "rm.mix(a, b, t)",
+        "saturate": "rm.clamp(x, 0, 1)",
+        "frac": "rm.fract(x)",
+        "arcsin arccos arctan": "rm.asin, rm.acos, rm.atan",
+        "arctan2": "rm.atan2(y, x)",
+        "norm magnitude": "rm.length(v)",
+        "vector vec vector3 float3 point": "rm.vec3(x, y, z), or a tuple (x, y, z)",
+        "vector2 float2": "rm.vec2(x, y), or a tuple (x, y)",
+        "vector4 float4": "rm.vec4(x, y, z, w)",
+        "round": "rm.floor(x + 0.5)",
+        "random rand randomof": "rm.hash(cell)",
+        "held detach": "raymarch.expr.vocabulary.stop_gradient",
+        "fbm perlin simplex turbulence": "rm.value_noise(p), or node.displace_by_noise(...)",
+        "marble clouds": "rm.noise(first, second, size)",
+        "checkerboard chessboard": "rm.checker(first, second, size)",
+        "show display view": "scene.show(), or the command `raymarch view SCENE.py`",
+        "rgb color colour hex": 'a tuple (r, g, b) of linear RGB, or a string: "#ff8800", "orange"',
+        "hsv hsl hsvtorgb": "colorsys.hsv_to_rgb(h, s, v), of Python",
+        "save write": 'rm.render(scene).save("picture.png")',
+        "trace raymarch raytrace": "rm.render(scene)",
+        "elapsed t seconds": "rm.time",
+    }
+)
+"""Names looked for in the package."""
+
+METHODS = _keys(
+    {
+        "move moved shift at place": "translate((x, y, z))",
+        "rotatex": 'rotate(angle, "x")',
+        "rotatey": 'rotate(angle, "y")',
+        "rotatez": 'rotate(angle, "z")',
+        "turn spin rotated": 'rotate(angle, "y")',
+        "color colour setcolor paint painted withcolor diffuse albedo": "material(rm.Material(color=...))",
+        "setmaterial withmaterial shade texture": "material(rm.Material(...))",
+        "smoothunion smin softunion opsmoothunion blend": "union(other, k=0.2)",
+        "smoothintersection opsmoothintersection": "intersection(other, k=0.2)",
+        "smoothdifference smoothsubtract smoothsubtraction": "difference(other, k=0.2)",
+        "add join merge combine": "union(other), or a | b",
+        "subtract cut minus sub": "difference(other), or a - b",
+        "intersect common clip": "intersection(other), or a & b",
+        "array tile repeatinfinite repeatlimited": "repeat(spacing, count)",
+        "onion hollow thicken": "shell(thickness)",
+        "resize size stretch scaled": "scale(factor)",
+        "flip reflect mirrorx mirrory mirrorz symmetry": 'mirror("x")',
+        "grow inflate dilate erode shrink": "offset(distance)",
+        "rounded fillet smooth": "round(radius)",
+        "lathe revolution": "revolve(offset)",
+        "invert inverse negate": "complement()",
+        "bbox boundingbox aabb extent": "bounds",
+        "sdf evaluate eval value": "distance(points)",
+        "normal normals": "gradient(points)",
+        "shader code": "glsl()",
+        "render show save view": "rm.render(rm.Scene(node))",
+    }
+)
+"""Names looked for in a node."""
+
+PARAMETERS = _keys(
+    {
+        "metallic metal metalnessfactor": "metalness",
+        "diffuse basecolor colour rgb tint": "color",
+        "reflectance specularcolor": "f0",
+        "rough roughnessfactor gloss glossiness smoothness": "roughness",
+        "emissive glow emit": "emission",
+        "transparency transparent opacity alpha glass": "transmission",
+        "eta index refraction refractiveindex indexofrefraction": "ior",
+        "bump bumpmap displacement": "height",
+        "normalmap": "normal",
+        "ao aomap": "occlusion",
+        "lookat at center centre look": "target",
+        "pos eye origin location lookfrom from": "position",
+        "fieldofview fovy angle": "fov",
+        "ortho orthographic": "projection",
+        "znear nearclip": "near",
+        "zfar farclip": "far",
+        "background backgroundcolor environment env": "sky",
+        "light lamps": "lights",
+        "object objects shape shapes geometry root sdf solid": "node",
+        "tonemap tonemapping": "tone",
+        "maxbounces depth maxdepth": "bounces",
+        "spp samplesperpixel aa antialiasing": "samples",
+        "steps maxiterations iterations": "max_steps",
+        "power energy brightness strength": "intensity",
+        "shadows castshadow castshadows": "shadow",
+        "dir": "direction",
+        "cutoff radius": "range",
+        "r rad diameter": "radius",
+        "dimensions dims extents width": "size",
+        "h length": "height",
+        "smooth smoothing blendradius": "k",
+        "offsets distance translation": "offset",
+        "n num copies": "count",
+        "period cell step": "spacing",
+        "degrees theta radians": "angle",
+    }
+)
+"""Names of parameters. A row is used where a function has the parameter."""
+
+WITHOUT = _keys(
+    {
+        "samples spp quality": "quality=rm.Quality(samples=...)",
+        "ambient ambientlight": "sky=rm.Sky(color, light=True)",
+        "resolution size width height": "size=(width, height), of rm.render and rm.Renderer",
+        "material materials": "node.material(rm.Material(...))",
+        "exposure": "tone=rm.ToneMapping(exposure=...)",
+        "shadow shadows": "lights=[rm.Sun(shadow=True)]",
+        "tracer maxsteps": "quality=rm.Quality(...)",
+        "color diffuse": "node.material(rm.Material(color=...))",
+        "position center centre origin pos": ".translate((x, y, z)) of the node",
+        "rotation": ".rotate(angle, axis) of the node",
+        "smooth smoothness k": "rm.union(a, b, k=0.2)",
+        "reflectivity mirror": "metalness=1, roughness=0",
+        "angle": "a number in radians",
+    }
+)
+"""Names of parameters that a function does not have, and what to use in their place."""
+
+OPERATORS = {
+    "+": "a | b for the union, node.translate((x, y, z)) to move",
+    "*": "node.scale(factor), or a & b for the intersection",
+    "/": "node.scale(1 / factor)",
+    "@": "node.transform(matrix)",
+    "**": "a & b for the intersection",
+    "%": "node.repeat(spacing)",
+    "-": "a - b for the difference of two nodes; node.complement() for the outside",
+}
+"""Operators of Python that nodes do not have."""
+
+
+def key(name: str) -> str:
+    """A name as the tables have it."""
+    return name.lower().replace("_", "")
+
+
+def _nearest(name: str, names: Collection[str]) -> str | None:
+    """The known name that is equal but for case and underscores, or else close."""
+    same = [known for known in names if key(known) == key(name)]
+    if same:
+        return same[0]
+    close = get_close_matches(name, list(names), 1)
+    if not close:  # a capital more, as in "Spher"
+        close = get_close_matches(name.lower(), list(names), 1, 0.75)
+    return close[0] if close else None
+
+
+def meant(name: str, names: Iterable[str], owner: str = "") -> str:
+    """ "did you mean 'lights'? " for a parameter that other tools have, or that is close to a known one, or nothing.
+
+    names : the parameters that are legal. owner : the class or function.
+    """
+    known = list(names)
+    other = PARAMETERS.get(key(name))
+    if other in known:
+        return f"did you mean '{other}'? "
+    close = _nearest(name, known)
+    if close is not None:
+        return f"did you mean '{close}'? "
+    return f"use {WITHOUT[key(name)]}; " if key(name) in WITHOUT else ""
+
+
+def unknown_function(name: str, names: Collection[str], methods: Collection[str]) -> UnknownNameError:
+    """The error for a name that the package does not have. methods : the names of the methods of nodes."""
+    text = FUNCTIONS.get(key(name))
+    if text is None and name in methods:
+        text = f"node.{name}(...)"
+    if text is None and (close := _nearest(name, names)) is not None:
+        text = f"rm.{close}"
+    if text is None:
+        if (method := METHODS.get(key(name))) is not None:
+            text = f"node.{method}"
+        elif (close := _nearest(name, methods)) is not None:
+            text = f"node.{close}(...)"
+    legal = f"did you mean {text}?" if text else "help(raymarch) and docs/names.md list the names"
+    return UnknownNameError(f"raymarch has no '{name}'", legal=legal)
+
+
+def unknown_attribute(owner: str, name: str, names: Collection[str], methods: bool = False) -> UnknownNameError:
+    """The error for an attribute that a node or a part of a scene does not have. methods : True for a node."""
+    text = METHODS.get(key(name)) if methods else PARAMETERS.get(key(name))
+    if text is None or (not methods and text not in names):
+        text = _nearest(name, names)
+    dot = "" if text is None or text.startswith("rm.") else "."
+    return UnknownNameError(
+        f"{owner} has no '{name}'", legal=f"did you mean {dot}{text}?" if text else f"legal: {', '.join(names)}"
+    )
+
+
+def refused_operator(symbol: str, left: str, right: str) -> SceneError:
+    """The error for an operator that nodes do not have."""
+    return SceneError(f"{left} {symbol} {right}", legal=f"use {OPERATORS[symbol]}")
