@@ -99,6 +99,8 @@ if TYPE_CHECKING:
         Texture,
         ToneMapping,
         checker,
+        grid_lines,
+        marble,
         noise,
         planar,
         stripes,
@@ -297,6 +299,7 @@ __all__ = [
     "fract",
     "glsl_node",
     "grid",
+    "grid_lines",
     "groove",
     "gyroid",
     "hash",
@@ -319,6 +322,7 @@ __all__ = [
     "log2",
     "mandelbox",
     "mandelbulb",
+    "marble",
     "menger",
     "mesh",
     "mix",
@@ -417,7 +421,8 @@ _MODULES = {
     "raymarch.gpu.probe": "Probe probe",
     "raymarch.scene": (
         "AmbientOcclusion Camera DirectionSample Fog GradientSky ImageSky Light Material Param PointLight Quality "
-        "Scene Sky SphereLight SpotLight Sun SunSky Texture ToneMapping checker noise planar stripes time triplanar"
+        "Scene Sky SphereLight SpotLight Sun SunSky Texture ToneMapping checker grid_lines marble noise planar stripes "
+        "time triplanar"
     ),
     "raymarch.truth": "Truth truth",
 }

@@ -6,7 +6,7 @@ from raymarch.scene.file import load
 from raymarch.scene.light import DirectionSample, Light, PointLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, time
-from raymarch.scene.pattern import checker, noise, stripes
+from raymarch.scene.pattern import checker, grid_lines, marble, noise, stripes
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.scene.skies import GradientSky, ImageSky, SunSky
@@ -35,7 +35,9 @@ __all__ = [
     "Texture",
     "ToneMapping",
     "checker",
+    "grid_lines",
     "load",
+    "marble",
     "noise",
     "planar",
     "stripes",

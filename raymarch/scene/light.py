@@ -21,6 +21,7 @@ from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, cos, dot, length, max, sqrt
+from raymarch.scene.color import as_color
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
@@ -92,7 +93,7 @@ class Light(Value):
         self._begin()
         name = type(self).__name__
         self._set(
-            color=as_vec3(f"{name}: color", color, low=0.0),
+            color=as_color(f"{name}: color", color),
             intensity=as_number(f"{name}: intensity", intensity, low=0.0),
             shadow=switch(f"{name}: shadow", shadow),
             penumbra=choice(f"{name}: penumbra", penumbra, PENUMBRAS),

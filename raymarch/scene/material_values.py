@@ -19,7 +19,8 @@ from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
-from raymarch.scene.parameter import as_number, as_vec3
+from raymarch.scene.color import as_color
+from raymarch.scene.parameter import as_number
 from raymarch.scene.texture import Texture, share_projection
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 from raymarch.sdf.lower import POSITION, depends_on_interaction
@@ -53,7 +54,7 @@ def material_value(name: str, value: Any, size: int, low: float, high: float) ->
         raise SceneError(
             f"{what}: {given} has no projection", legal="planar(picture, size) or triplanar(picture, size)"
         )
-    check = as_number if size == 1 else as_vec3
+    check = as_number if size == 1 else as_color
     # An expression of POSITION comes from another material, by `replace`.
     if isinstance(value, Expr) and (POSITION in free_variables([value]) or depends_on_interaction([value])):
         return _pattern(what, lambda _: value, size, low, high)

@@ -11,9 +11,10 @@ from raymarch.expr.convert import file_path
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
+from raymarch.scene.color import as_color
 from raymarch.scene.images import read_image
 from raymarch.scene.light import Sun
-from raymarch.scene.parameter import as_direction, as_number, as_vec3
+from raymarch.scene.parameter import as_direction, as_number
 from raymarch.scene.sky import Sky
 from raymarch.scene.value import value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
@@ -41,7 +42,7 @@ class GradientSky(Sky):
         light: bool = False,
     ) -> None:
         top, rim, low = (
-            as_vec3(f"GradientSky: {name}", value, low=0.0)
+            as_color(f"GradientSky: {name}", value)
             for name, value in (("zenith", zenith), ("horizon", horizon), ("ground", ground))
         )
 
@@ -82,7 +83,7 @@ class SunSky(Sky):
         towards = as_direction("SunSky: direction", direction)
         haze = as_number("SunSky: turbidity", turbidity, 2.0, 10.0)
         factor = as_number("SunSky: intensity", intensity, low=0.0)
-        low = as_vec3("SunSky: ground", ground, low=0.0)
+        low = as_color("SunSky: ground", ground)
 
         def color(d: Expr) -> Expr:
             above = _preetham(d, towards, haze) * factor

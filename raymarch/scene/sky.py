@@ -19,7 +19,8 @@ from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import max
 from raymarch.expr.walk import free_variables
-from raymarch.scene.parameter import Values, as_number, as_vec3
+from raymarch.scene.color import as_color
+from raymarch.scene.parameter import Values, as_number
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 
@@ -123,7 +124,7 @@ class Fog(Value):
 
     def __init__(self, color: ColorLike = (0.5, 0.65, 0.85), density: Scalar = 0.05) -> None:
         self._begin()
-        self._set(color=as_vec3("Fog: color", color, low=0.0), density=as_number("Fog: density", density, low=0.0))
+        self._set(color=as_color("Fog: color", color), density=as_number("Fog: density", density, low=0.0))
 
     @property
     def expressions(self) -> list[Expr]:
@@ -136,7 +137,7 @@ def _radiance(color: Any) -> Expr:
     if isinstance(color, Expr) and DIRECTION in free_variables([color]):
         made = color  # `replace` passes the expression of the sky
     elif not callable(color) or isinstance(color, Expr):
-        return as_vec3("Sky: color", color, low=0.0)
+        return as_color("Sky: color", color)
     else:
         made = as_operand("Sky: the function gives", called("Sky", color, DIRECTION, legal=legal), legal)
     if made.type is not VEC3:

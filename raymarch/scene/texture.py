@@ -5,7 +5,7 @@ A texture is filtered at a point of the space in which the material is given, ov
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,11 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.texels import WRAPS, Texels, Wrap
 from raymarch.expr.textures import texture
 from raymarch.expr.vocabulary import abs, cos, max, pow, sin, vec2, vec3, where
+from raymarch.scene.color import linear_color
 from raymarch.scene.parameter import as_number
 from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
 from raymarch.scene.value import Value, value
-from raymarch.sdf.domain import Scalar
+from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
 
 FACES = {"x": ((2, -1.0), (1, 1.0)), "y": ((0, 1.0), (2, -1.0)), "z": ((0, 1.0), (1, 1.0))}
@@ -135,6 +136,13 @@ class Texture(Value):
     def __call__(self, p: Expr) -> Expr:
         """The colour at a point."""
         return self.color(p)
+
+    def __mul__(self, tint: ColorLike | Scalar) -> Callable[[Expr], Expr]:
+        """The colours times a tint, as a value of a material: `planar("wood.png") * (1, 0.8, 0.6)`."""
+        factor = as_operand("texture: tint", linear_color("texture: tint", tint), "a number or a colour")
+        return lambda p: self.color(p) * factor
+
+    __rmul__ = __mul__
 
     @property
     def size(self) -> tuple[int, int]:

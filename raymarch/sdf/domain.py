@@ -143,8 +143,8 @@ Vector: TypeAlias = Sequence[Any] | NDArray[Any] | Expr
 Vec3Like: TypeAlias = Sequence[float | Expr] | NDArray[Any] | Expr
 """Three numbers as a sequence, an array of shape (3,), or a vec3 expression."""
 
-ColorLike: TypeAlias = Vec3Like
-"""Linear RGB, three numbers: 0 to 1 for reflectances, >= 0 for light."""
+ColorLike: TypeAlias = Vec3Like | str
+"""Linear RGB, three numbers: 0 to 1 for reflectances, >= 0 for light. Or a string in sRGB: "#ff8800", "orange"."""
 
 # A caller passes a number or a sequence, and the definition receives an expression. `Any` is the type of both.
 Number = Annotated[Scalar, Domain(FLOAT)]

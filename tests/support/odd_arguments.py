@@ -154,6 +154,8 @@ NEEDED: dict[str, dict[str, Any]] = {
     "SphereLight": {"position": (0, 3, 0)},
     "Param": {"name": "p", "value": 0.5, "min": 0.0, "max": 1.0},
     "checker": {"a": 0.1, "b": 0.9},
+    "grid_lines": {"a": 0.1, "b": 0.9},
+    "marble": {"a": 0.1, "b": 0.9},
     "stripes": {"a": 0.1, "b": 0.9},
     "noise": {"a": 0.1, "b": 0.9},
     "planar": {"picture": PICTURE},
