@@ -69,6 +69,7 @@ def run(
     samples: Annotated[
         int | None, typer.Option(metavar="N", help="Rays per pixel, against aliasing and noise.")
     ] = None,
+    alpha: Annotated[bool, typer.Option("--alpha", help="Make the sky transparent, in .png, .webp or .tif.")] = False,
     strict: Annotated[
         bool,
         typer.Option("--strict", help="If a picture may be wrong, write no file and exit with code 2 and the reason."),
@@ -87,6 +88,8 @@ def run(
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     instants = _instants(target, time, frames, fps)
+    if alpha:
+        _check_alpha(target, view)
     with (
         Renderer((width, height), backend, device) as renderer,
         _progress(len(instants)) as progress,
@@ -106,7 +109,8 @@ def run(
                 if file.suffix.lower() == ".exr":
                     write_exr(unfinished, view_result.numbers())
                 else:
-                    view_result.image().save(unfinished, FORMATS[file.suffix.lower()])
+                    picture = frame.image(alpha=True) if alpha else view_result.image()
+                    picture.save(unfinished, FORMATS[file.suffix.lower()])
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
@@ -117,6 +121,14 @@ def run(
                 errors.print(f"raymarch: {doubt}", markup=False)
             for line in view_result.lines:
                 typer.echo(line)
+
+
+def _check_alpha(target: Path, view: str) -> None:
+    """Refuse --alpha for files that cannot hold it."""
+    if view != "final":
+        raise CommandError(f"--alpha with --view {view}", legal="the final picture")
+    if target.suffix.lower() not in (".png", ".webp", ".tif", ".tiff"):
+        raise CommandError(f"--alpha with the output '{target}'", legal="a file ending in .png, .webp, .tif or .tiff")
 
 
 def _later(progress: Callable[[float], None], before: int, share: float) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from raymarch.expr.convert import switch
 from raymarch.scene.camera import Pose
 from raymarch.scene.tone import ToneMapping, encode
 
@@ -53,6 +54,9 @@ class Frame:
     warnings: Sequence[str] = ()
     """One sentence for each value that is outside its legal range in this frame."""
     _doubts: Callable[[Frame, bool], list[str]] | None = field(default=None, repr=False)
+    _transparency: Callable[[], tuple[NDArray[np.float32], NDArray[np.float32]]] | None = field(
+        default=None, repr=False
+    )
 
     def doubts(self, steps: bool = False) -> list[str]:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
@@ -142,9 +146,28 @@ class Frame:
         """Draw time of all passes so far in milliseconds, without compilation."""
         return sum(t.draw for t in self.timings)
 
-    def image(self) -> Image.Image:
-        """The picture as 8-bit sRGB, after tone mapping by `tone`."""
-        return Image.fromarray(self.tone.image(self.color))
+    @property
+    def alpha(self) -> NDArray[np.float32]:
+        """Fraction of each pixel that surfaces cover, 0 to 1, float32, (H, W); of as many rays as the picture.
+
+        It is rendered on first access; the renderer must still be open then.
+        """
+        if "alpha" not in self._arrays:
+            assert self._transparency is not None
+            self._arrays["alpha"], self._arrays["behind"] = self._transparency()
+        return self._arrays["alpha"]
+
+    def image(self, alpha: bool = False) -> Image.Image:
+        """The picture as 8-bit sRGB, after tone mapping by `tone`.
+
+        alpha : make the sky transparent: an RGBA picture whose colours do not contain the sky (straight alpha).
+        """
+        if not switch("image: alpha", alpha):
+            return Image.fromarray(self.tone.image(self.color))
+        covered = np.clip(self.alpha, 0.0, 1.0)[..., None]
+        surfaces = (self.color - (1.0 - covered) * self._arrays["behind"]) / np.maximum(covered, 1.0 / 512.0)
+        rgb = self.tone.image(np.maximum(surfaces, 0.0, dtype=np.float32) * (covered > 0.0))
+        return Image.fromarray(np.concatenate([rgb, np.rint(255.0 * covered).astype(np.uint8)], axis=-1))
 
 
 def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:

@@ -30,6 +30,7 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, check_scene
+from raymarch.scene.sky import Fog
 
 Progress = Callable[[float], None]
 
@@ -180,7 +181,7 @@ class Renderer:
         size = self.size
         pose = pose or scene.pose(values, size[0] / size[1])
 
-        def render_for(name: str) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+        def render_for(name: str, scene: Scene = scene) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
             self._refuse_closed()
             with self.context.bound():
                 if self.size != size:
@@ -199,7 +200,15 @@ class Renderer:
         def doubts_of(frame: Frame, steps: bool) -> list[str]:
             return self._doubts(scene, values, frame, steps)
 
-        frame = Frame(size, values.time, timings, arrays, render_for, scene.tone, complete, pose, broken, doubts_of)
+        def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+            covered = render_for("color", _silhouette(scene))[0]["color"][..., 0]
+            directions = pose.directions(np.arange(size[0]), np.arange(size[1])[:, None], size).reshape(-1, 3)
+            behind = scene.sky.radiance_along(directions, values).reshape(*covered.shape, 3)
+            return covered, behind.astype(np.float32)
+
+        frame = Frame(
+            size, values.time, timings, arrays, render_for, scene.tone, complete, pose, broken, doubts_of, transparency
+        )
         if not self.strict:
             vouch.warn(broken)
         elif doubts := frame.doubts(steps=True):
@@ -434,6 +443,13 @@ def _device(backend: Any, device: Any) -> tuple[str, int | None]:
     return backend, number
 
 
+def _silhouette(scene: Scene) -> Scene:
+    """The scene with white surfaces under a black sky. Its colour is the fraction of a pixel that surfaces cover."""
+    quality = replace(scene.quality, temporal="off", steps_per_pass=None)
+    white = Fog((1.0, 1.0, 1.0), 1e30)  # fog covers surfaces, not the sky
+    return scene.replace(lights=[], sky=(0, 0, 0), fog=white, bounces=0, occlusion=None, quality=quality)
+
+
 def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
     """The cache key of a plan."""
     return scene.planned, tuple(passes_for(outputs))
@@ -461,8 +477,9 @@ def render(
     params: Mapping[str, ParamValue] | None = None,
     backend: str = "auto",
     strict: bool = False,
+    alpha: bool = False,
 ) -> Image.Image:
-    """Render a picture of a scene as 8-bit sRGB.
+    """Render a picture of a scene as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
 
     For many frames use one `Renderer`, which compiles once; parameters and errors are those of `Renderer` and
     `Renderer.render`. Each of `Frame.doubts` is emitted as a RenderWarning. With `strict` doubts raise RenderError, and
@@ -472,4 +489,4 @@ def render(
         frame = renderer.render(scene, time, params)
         if not strict:
             vouch.warn(doubt for doubt in frame.doubts() if doubt not in frame.warnings)
-        return frame.image()
+        return frame.image(alpha)

@@ -90,12 +90,7 @@ def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> boo
     """True if a grid of up to 48 x 48 pixels matches the sky, so that the picture may show nothing else."""
     height, width = color.shape[:2]
     rows, columns = (np.unique(np.linspace(0, n - 1, 48).astype(int)) for n in (height, width))
-    x, y = np.meshgrid(2.0 * columns + 1.0 - width, height - 2.0 * rows - 1.0)
-    at_one = np.stack(
-        [x * pose.tan_half_fov / height, y * pose.tan_half_fov / height, -np.ones(x.shape)], axis=-1
-    ).reshape(-1, 3)
-    directions = at_one @ pose.frame.T
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = pose.directions(columns, rows[:, None], (width, height)).reshape(-1, 3)
     sky = scene.sky.radiance_along(directions, values)
     shown = color[np.ix_(rows, columns)].reshape(-1, 3)
     near = 1e-4 if scene.sky.constant else 0.05  # the samples of a pixel see different parts of the sky

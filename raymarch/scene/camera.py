@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from itertools import product
+from typing import Any, Self
 
 import numpy as np
 import pyrr
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import instance, real
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import Values, as_number, as_vec3
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import Scalar, Vec3Like
 from raymarch.sdf.facts import Facts
+from raymarch.sdf.node import Node
 
 VIEW = np.array([0.5, 0.45, 1.0])
 """The direction from the target to a camera without a `position`."""
+
+MARGIN = 1.1
+"""The picture of a camera that frames a solid is larger than its box by this factor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +40,17 @@ class Pose:
     position: NDArray[np.float64]
     frame: NDArray[np.float64]
     tan_half_fov: float
+
+    def directions(self, columns: NDArray[Any], rows: NDArray[Any], size: tuple[int, int]) -> NDArray[np.float64]:
+        """Unit directions of the rays through the centres of some pixels of a picture of (width, height) pixels.
+
+        columns, rows : indices of pixels, of shapes that broadcast to one shape; row 0 is the top. Returns that shape
+        and (3,).
+        """
+        scale = self.tan_half_fov / size[1]
+        x, y = np.broadcast_arrays((2.0 * columns + 1.0 - size[0]) * scale, (size[1] - 2.0 * rows - 1.0) * scale)
+        inside = np.stack([x, y, -np.ones(x.shape)], axis=-1)
+        return (inside / np.linalg.norm(inside, axis=-1, keepdims=True)) @ self.frame.T
 
     def pixel(self, height: int) -> float:
         """Width of a pixel at distance 1 along the axis: the diameter of the pixel cone over its length."""
@@ -55,7 +72,8 @@ class Camera(Value):
 
     Parameters
     ----------
-    position : (x, y, z) in scene units. None places the camera so that it sees the whole scene.
+    position : (x, y, z) in scene units. None places the camera so that it sees the whole scene; `Camera.framing` places
+        it for one node.
     target : the point (x, y, z) that the camera looks at. None is the centre of the scene.
     up : the direction (x, y, z) that is up in the picture. It must not be parallel to the viewing direction.
     fov : vertical field of view in degrees, between 0 and 180. All other angles of raymarch are in radians.
@@ -91,6 +109,42 @@ class Camera(Value):
         if self.position is not None and self.target is not None and self._constant:
             self.pose(values, None)
 
+    @classmethod
+    def framing(
+        cls,
+        node: Node,
+        direction: Vec3Like = (0.5, 0.45, 1.0),
+        up: Vec3Like = (0.0, 1.0, 0.0),
+        fov: float = 45.0,
+        aspect: float = 16.0 / 9.0,
+        margin: float = MARGIN,
+    ) -> Self:
+        """The camera that looks at the centre of a node's box and sees all of the box.
+
+        Parameters
+        ----------
+        node : a bounded solid.
+        direction : from the solid to the camera, any length but 0.
+        up, fov : see `Camera`.
+        aspect : width over height of the picture, > 0. A wider picture shows more at the sides.
+        margin : size of the picture over that of the box, >= 1.
+
+        Raises SceneError for a node without a finite box, and for a value outside its range.
+        """
+        solid = instance("Camera.framing: node", node, Node, "a node such as sphere()")
+        away, upward = (_numbers(f"Camera.framing: {n}", v) for n, v in (("direction", direction), ("up", up)))
+        proportion = real("Camera.framing: aspect", aspect, 1e-3, 1e3)
+        factor = real("Camera.framing: margin", margin, 1.0, 1e3)
+        tan_half_fov = cls(fov=fov)._tan_half_fov(Values({}))
+        if not solid.facts.bounded or solid.facts.empty:
+            what = "is empty" if solid.facts.empty else "has no finite box"
+            raise SceneError(f"Camera.framing: {solid.name} {what}", legal="a part of the scene that has one")
+        lower, upper = _box_of(solid.facts)
+        target = (lower + upper) / 2
+        made = cls(tuple(target + away), tuple(target), tuple(upward), fov)  # refuses a degenerate camera
+        position = target + _away(lower, upper, target, away, upward, tan_half_fov, proportion, factor)
+        return made.replace(position=tuple(position.tolist()))
+
     @property
     def _constant(self) -> bool:
         return all(e.is_constant for e in (self.position, self.target, self.up, self.fov) if e is not None)
@@ -112,18 +166,18 @@ class Camera(Value):
         """The camera of one frame.
 
         subject : the box that the camera frames if position or target is not given.
-        aspect : width over height of the picture. A camera without a position stands farther away for a narrow picture.
+        aspect : width over height of the picture. A camera without a position stands so far away that the corners of
+            the box are in the picture.
         """
         tan_half_fov = self._tan_half_fov(values)
-        centre, radius = _sphere_around(subject)
-        target = centre if self.target is None else values.of(self.target)
+        lower, upper = _box_of(subject)
+        target = (lower + upper) / 2 if self.target is None else values.of(self.target)
+        up = values.of(self.up)
         if self.position is None:
-            away = VIEW / np.linalg.norm(VIEW)
-            reach = radius + float(np.linalg.norm(centre - target))
-            position = target + away * reach * 1.1 * np.hypot(1.0, 1.0 / (tan_half_fov * min(aspect, 1.0)))
+            self._refuse_degenerate(target + VIEW, target, up)
+            position = target + _away(lower, upper, target, VIEW, up, tan_half_fov, aspect, MARGIN)
         else:
             position = values.of(self.position)
-        up = values.of(self.up)
         self._refuse_degenerate(position, target, up)
         return look_at(position, target, up, tan_half_fov)
 
@@ -144,8 +198,40 @@ class Camera(Value):
             )
 
 
-def _sphere_around(subject: Facts | None) -> tuple[NDArray[np.float64], float]:
+def _box_of(subject: Facts | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners of the box to frame: of a cube of edge 2 if there is none."""
     if subject is None or subject.empty or not subject.bounded:
-        return np.zeros(3), 1.5
-    radius = float(np.linalg.norm(subject.size)) / 2
-    return (subject.lower + subject.upper) / 2, radius if radius > 0 else 1.0
+        return np.full(3, -1.0), np.full(3, 1.0)
+    lower, upper = np.array(subject.lower), np.array(subject.upper)
+    point = not np.any(upper > lower)
+    return lower - point, upper + point
+
+
+def _away(
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    target: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    up: NDArray[np.float64],
+    tan_half_fov: float,
+    aspect: float,
+    margin: float,
+) -> NDArray[np.float64]:
+    """The vector along `direction` from the target to the nearest camera that sees all corners of a box, and a margin.
+
+    A corner at (x, y, z) from the target, right, up and towards the camera, is in the picture of a camera at distance d
+    if |y| <= (d - z) tan(fov / 2), and likewise for x.
+    """
+    corners = np.array(list(product(*zip(lower, upper, strict=True)))) - target
+    x, y, z = (corners @ look_at(direction, np.zeros(3), up, tan_half_fov).frame).T
+    nearest = np.maximum(np.abs(x) / aspect, np.abs(y)) * (margin / tan_half_fov)
+    distance = max(float(np.max(z + nearest)), float(np.max(z)) * margin)
+    return direction / np.linalg.norm(direction) * distance
+
+
+def _numbers(what: str, value: Any) -> NDArray[np.float64]:
+    """Three constant numbers."""
+    given = as_vec3(what, value)
+    if not given.is_constant:
+        raise SceneError(f"{what} depends on a parameter or time", legal="3 numbers")
+    return np.array(given.data)
