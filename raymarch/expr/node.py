@@ -49,6 +49,8 @@ class Expr:
     def __repr__(self) -> str:
         if self.op == "const":
             return f"{self.type}({np.array2string(self.data, separator=', ')})"
+        if self.op in ("param", "time"):
+            return "time" if self.data is None else repr(self.data)
         inner = ", ".join(f"<{arg.op}: {arg.type}>" for arg in self.args)
         return f"{self.op}({inner}{f' {self.data}' if self.data is not None else ''}) -> {self.type}"
 

@@ -107,7 +107,8 @@ METHODS = _keys(
         "sdf evaluate eval value": "distance(points)",
         "normal normals": "gradient(points)",
         "shader code": "glsl()",
-        "render show save view": "rm.render(rm.Scene(node))",
+        "render save": "rm.render(rm.Scene(node))",
+        "show view display": "rm.Scene(node).show()",
     }
 )
 """Names looked for in a node."""

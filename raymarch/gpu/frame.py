@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from raymarch.errors import DeviceError
 from raymarch.expr.convert import switch
 from raymarch.scene.camera import Pose
 from raymarch.scene.tone import ToneMapping, encode
@@ -35,7 +36,7 @@ class Timing:
     first: bool
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False)
 class Frame:
     """One rendered picture. Arrays have shape (H, W) or (H, W, 3); row 0 is the top.
 
@@ -57,6 +58,18 @@ class Frame:
     _transparency: Callable[[], tuple[NDArray[np.float32], NDArray[np.float32]]] | None = field(
         default=None, repr=False
     )
+
+    def __repr__(self) -> str:
+        names = ", ".join(self._arrays)
+        return f"<Frame {self.size[0]}x{self.size[1]} at time {self.time:g}: {names}; {self.milliseconds:.1f} ms>"
+
+    def __copy__(self) -> Frame:
+        return replace(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what was rendered; the renderer stays behind."""
+        shown = (self.size, self.time, self.timings, self._arrays, self.tone, self.complete, self.pose)
+        return _unpickled, (*shown, list(self.warnings))
 
     def doubts(self, steps: bool = False) -> list[str]:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
@@ -168,6 +181,35 @@ class Frame:
         surfaces = (self.color - (1.0 - covered) * self._arrays["behind"]) / np.maximum(covered, 1.0 / 512.0)
         rgb = self.tone.image(np.maximum(surfaces, 0.0, dtype=np.float32) * (covered > 0.0))
         return Image.fromarray(np.concatenate([rgb, np.rint(255.0 * covered).astype(np.uint8)], axis=-1))
+
+
+def _unpickled(
+    size: tuple[int, int],
+    time: float,
+    timings: list[Timing],
+    arrays: dict[str, NDArray[Any]],
+    tone: ToneMapping,
+    complete: bool,
+    pose: Pose | None,
+    warnings: list[str],
+) -> Frame:
+    """A frame without its renderer: the arrays that were rendered before it was pickled."""
+
+    def render(name: str) -> tuple[Arrays, list[Timing]]:
+        raise not_rendered("this frame was pickled or copied", name)
+
+    def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        raise not_rendered("this frame was pickled or copied", "alpha")
+
+    return Frame(size, time, timings, arrays, render, tone, complete, pose, warnings, None, transparency)
+
+
+def not_rendered(why: str, name: str) -> DeviceError:
+    """The error for an array that is wanted too late."""
+    earlier = f"access frame.{name} before"
+    if name != "alpha":
+        earlier = f'render(scene, outputs=("color", "{name}")), or {earlier}'
+    return DeviceError(f"{why}, and its array '{name}' was not rendered before", legal=earlier)
 
 
 def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:

@@ -18,7 +18,7 @@ from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import BACKENDS, Context, open_context
 from raymarch.gpu.draw_calls import DrawCall, History, count_draws, draw_calls_of
-from raymarch.gpu.frame import Frame, Timing, unpack
+from raymarch.gpu.frame import Frame, Timing, not_rendered, unpack
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
 from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
@@ -89,6 +89,10 @@ class Renderer:
         except DeviceError:
             self.close()
             raise
+
+    def __repr__(self) -> str:
+        driver = "closed" if self.context.released else f"{self.context.backend}: {self.context.driver.renderer}"
+        return f"<Renderer {self._size[0]}x{self._size[1]}, {driver}>"
 
     @property
     def size(self) -> tuple[int, int]:
@@ -181,8 +185,10 @@ class Renderer:
         size = self.size
         pose = pose or scene.pose(values, size[0] / size[1])
 
-        def render_for(name: str, scene: Scene = scene) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-            self._refuse_closed()
+        def render_for(
+            name: str, scene: Scene = scene, wanted: str = ""
+        ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+            self._refuse_closed(wanted or name)
             with self.context.bound():
                 if self.size != size:
                     raise DeviceError(
@@ -201,7 +207,7 @@ class Renderer:
             return self._doubts(scene, values, frame, steps)
 
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-            covered = render_for("color", _silhouette(scene))[0]["color"][..., 0]
+            covered = render_for("color", _silhouette(scene), "alpha")[0]["color"][..., 0]
             directions = pose.directions(np.arange(size[0]), np.arange(size[1])[:, None], size).reshape(-1, 3)
             behind = scene.sky.radiance_along(directions, values).reshape(*covered.shape, 3)
             return covered, behind.astype(np.float32)
@@ -321,10 +327,13 @@ class Renderer:
                 uniforms["u_lights"] = self.resources.lights(lights.rows(ready.plan.scene, values))
         return uniforms
 
-    def _refuse_closed(self) -> None:
+    def _refuse_closed(self, array: str = "") -> None:
+        """DeviceError if the renderer is closed. array : the array of a frame that is wanted."""
         if self.context.released:
             self.context.refuse_fork()
-            raise DeviceError("this renderer is closed", legal="access arrays inside its `with` block")
+            if array:
+                raise not_rendered("this renderer is closed", array)
+            raise DeviceError("this renderer is closed", legal="another Renderer(...), or call it in the `with` block")
 
     def _refuse_while_drawing(self, what: str) -> None:
         """DeviceError if `progress` calls a method that would overwrite or free the textures of the frame in

@@ -45,6 +45,10 @@ class Spec:
     def __reduce__(self) -> tuple[Any, ...]:
         return _spec, (self.name, self.value, self.min, self.max, self.where)
 
+    def __repr__(self) -> str:
+        ends = "".join(f", {side}={_shown(v)}" for side, v in (("min", self.min), ("max", self.max)) if v is not None)
+        return f"Param({self.name!r}, {_shown(self.value)}{ends})"
+
     @property
     def _key(self) -> tuple[Any, ...]:
         return self.name, self.value, self.min, self.max

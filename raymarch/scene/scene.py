@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import sys
+from collections.abc import Iterable, Mapping
 from dataclasses import field, fields
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +18,7 @@ from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.light import KINDS, Light, Sun, sample_of
 from raymarch.scene.material import Material
-from raymarch.scene.parameter import Spec, Values, specs_in
+from raymarch.scene.parameter import ParamValue, Spec, Values, specs_in
 from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
 from raymarch.scene.tone import ToneMapping
@@ -24,6 +27,9 @@ from raymarch.sdf.domain import ColorLike
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.node import Node
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 HORIZON = 1e4
 """Rays in an unbounded scene are traced to this many times its scale. The horizon is then cut far below a pixel."""
@@ -159,6 +165,22 @@ class Scene(Value):
     def parameters(self) -> dict[str, Spec]:
         """All parameters of the scene, by name."""
         return specs_in(self.expressions())
+
+    def show(
+        self, size: tuple[int, int] = (640, 360), time: float = 0.0, params: Mapping[str, ParamValue] | None = None
+    ) -> Image:
+        """Render the scene and show the picture: in a notebook as the value of a cell, else in the system's viewer.
+
+        Returns the picture. Parameters and errors are those of `raymarch.render`. SceneError if there is no display.
+        For a window that you can move in, use the command `raymarch view`.
+        """
+        in_notebook = "ipykernel" in sys.modules
+        if not in_notebook and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}:
+            raise SceneError("show: this machine has no display", legal='rm.render(scene).save("picture.png")')
+        picture: Image = import_module("raymarch.gpu").render(self, size, time, params)  # of a layer above
+        if not in_notebook:
+            picture.show()
+        return picture
 
     def expressions(self) -> list[Expr]:
         """Every expression in the scene that may read parameters or time."""

@@ -157,6 +157,8 @@ def _shown(value: Any) -> str:
         if not value.is_constant:
             return value.data.name if value.op == "param" else "<expression>"
         return short(tuple(float(f"{v:.6g}") for v in value.data) if np.ndim(value.data) == 1 else float(value.data))
+    if isinstance(value, tuple) and value and all(isinstance(item, float) for item in value):
+        return short(tuple(float(f"{item:.6g}") for item in value))
     if isinstance(value, tuple):
         return f"[{', '.join(map(_shown, value))}]" if len(value) <= 4 else f"[{len(value)}]"
     return short(value)

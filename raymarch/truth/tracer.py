@@ -24,7 +24,7 @@ from raymarch.truth.whitted import radiance
 OUTPUTS = ("depth", "normal", "material", "color")
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Truth:
     """A reference picture of H rows and W columns in float64; row 0 is the top.
 
@@ -50,6 +50,15 @@ class Truth:
     direction: NDArray[np.float64]
     _surface: Surface = field(repr=False)
     _sky: NDArray[np.float64] = field(repr=False)
+
+    def __repr__(self) -> str:
+        height, width = self.hit.shape
+        return f"<Truth {width}x{height}: {int(self.hit.sum())} of {self.hit.size} rays hit>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle all arrays, without the scene's functions."""
+        arrays = {name: getattr(self, name) for name in ("normal", "material", "color")}
+        return {**{n: v for n, v in vars(self).items() if not n.startswith("_")}, **arrays}
 
     @cached_property
     def normal(self) -> NDArray[np.float64]:
