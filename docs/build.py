@@ -201,7 +201,7 @@ def page() -> str:
 PARTS = {
     "Camera and quality": (rm.Camera, rm.Quality),
     "Scene": (rm.Scene, rm.Fog, rm.AmbientOcclusion, rm.ToneMapping),
-    "Lights": (Light, rm.Sun, rm.PointLight, rm.SpotLight, rm.SphereLight),
+    "Lights": (Light, rm.Sun, rm.PointLight, rm.SpotLight, rm.SphereLight, rm.RectLight),
     "Materials": (rm.Material, rm.Texture),
     "Skies": (rm.Sky, rm.GradientSky, rm.SunSky, rm.ImageSky),
     "Parameters": (rm.Param,),

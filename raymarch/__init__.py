@@ -90,6 +90,7 @@ if TYPE_CHECKING:
         Param,
         PointLight,
         Quality,
+        RectLight,
         Scene,
         Sky,
         SphereLight,
@@ -236,6 +237,7 @@ __all__ = [
     "Probe",
     "Quality",
     "RaymarchError",
+    "RectLight",
     "RenderError",
     "RenderWarning",
     "Renderer",
@@ -421,8 +423,8 @@ _MODULES = {
     "raymarch.gpu.probe": "Probe probe",
     "raymarch.scene": (
         "AmbientOcclusion Camera DirectionSample Fog GradientSky ImageSky Light Material Param PointLight Quality "
-        "Scene Sky SphereLight SpotLight Sun SunSky Texture ToneMapping checker grid_lines marble noise planar stripes "
-        "time triplanar"
+        "RectLight Scene Sky SphereLight SpotLight Sun SunSky Texture ToneMapping checker grid_lines marble noise "
+        "planar stripes time triplanar"
     ),
     "raymarch.truth": "Truth truth",
 }

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -225,9 +225,8 @@ class Arrays:
 
     dtype: type[np.floating[Any]]
 
-    @property
-    def makers(self) -> Mapping[str, Callable[[Expr], Step]]:
-        return MAKERS
+    makers: ClassVar[Mapping[str, Callable[[Expr], Step]]] = MAKERS
+    """For some operations, a function that returns the step of a node: what the node decides is decided once."""
 
     @property
     def rules(self) -> Mapping[str, Rule]:

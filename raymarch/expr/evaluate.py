@@ -26,10 +26,6 @@ class Reading(Protocol):
     def rules(self) -> Mapping[str, Rule]:
         """The rule of each operation."""
 
-    @property
-    def makers(self) -> Mapping[str, Callable[[Expr], Step]]:
-        """For some operations, a function that returns the step of a node: what the node decides is decided once."""
-
     def leaf(self, node: Expr) -> Any:
         """Value of a constant."""
 
@@ -46,7 +42,8 @@ class Program:
         last_use: dict[Expr, int] = {}
         self._start: list[Any] = [None] * len(inputs)
         self._steps: list[tuple[Step, tuple[int, ...], int, tuple[int, ...]]] = []
-        rules, makers = reading.rules, reading.makers
+        rules: Mapping[str, Rule] = reading.rules
+        makers: Mapping[str, Callable[[Expr], Step]] = getattr(reading, "makers", {})
         work = []
         for node in order:
             if node in slot:

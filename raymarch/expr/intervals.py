@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr import samples, textures
 from raymarch.expr.arrays import SHORTEST, SMALLEST, lift
-from raymarch.expr.evaluate import Program, Rule, Step
+from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, FLOAT
@@ -247,10 +247,6 @@ RULES: Mapping[str, Rule] = {
 
 class Intervals:
     """The interval reading; it has no state."""
-
-    @property
-    def makers(self) -> Mapping[str, Callable[[Expr], Step]]:
-        return {}
 
     @property
     def rules(self) -> Mapping[str, Rule]:

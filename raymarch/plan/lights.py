@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.function import Function
-from raymarch.expr.node import var
+from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC3, Type, struct
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
-from raymarch.scene.light import FAR, POINT, Light, sample_of
+from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_of
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 
@@ -24,26 +24,34 @@ LIGHT = struct("Light", (("direction", VEC3), ("distance", FLOAT), ("radiance", 
 """The struct of a light sample; see glsl/light/light.glsl."""
 
 
+GIVEN = (POINT, SAMPLE, FAR)
+"""What a sample of a light may depend on, besides the light's values."""
+
+
 @dataclass(frozen=True, slots=True)
 class Form:
     """Lights that share one function: those of a class with the same values given.
 
-    function : samples a light; its parameters are the values in order, after the point and the far distance if it
-        reads them.
+    function : samples a light; its parameters are the values in order, after those of `GIVEN` that it reads.
     """
 
     function: Function
     names: tuple[str, ...]
 
     @property
-    def reads(self) -> tuple[bool, bool]:
-        """Whether the function reads the point, and the far distance."""
-        return POINT in self.function.params, FAR in self.function.params
+    def reads(self) -> list[Expr]:
+        """Those of `GIVEN` that the function reads."""
+        return [p for p in GIVEN if p in self.function.params]
+
+    @property
+    def area(self) -> bool:
+        """True if the lights have an area: their light is the mean over random points."""
+        return SAMPLE in self.function.params
 
     @property
     def types(self) -> tuple[Type, ...]:
         """Types of the values."""
-        return tuple(p.type for p in self.function.params[sum(self.reads) :])
+        return tuple(p.type for p in self.function.params[len(self.reads) :])
 
 
 def forms(scene: Scene) -> dict[tuple[type, tuple[str, ...]], Form]:
@@ -56,7 +64,7 @@ def forms(scene: Scene) -> dict[tuple[type, tuple[str, ...]], Form]:
             values = {name: var(name, value.type) for name, value in light.emitter_values().items()}
             sample = record(LIGHT, *sample_of(light, values))
             read = free_variables([sample])
-            params = (*(p for p in (POINT, FAR) if p in read), *values.values())
+            params = (*(p for p in GIVEN if p in read), *values.values())
             earlier = sum(other is kind for other, _ in found)
             name = f"sample_{_snake(kind.__name__)}{f'_{earlier + 1}' if earlier else ''}"
             found[of] = Form(Function(name, params, sample), names)

@@ -3,7 +3,7 @@
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera
 from raymarch.scene.file import load
-from raymarch.scene.light import DirectionSample, Light, PointLight, SphereLight, SpotLight, Sun
+from raymarch.scene.light import DirectionSample, Light, PointLight, RectLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, time
 from raymarch.scene.pattern import checker, grid_lines, marble, noise, stripes
@@ -26,6 +26,7 @@ __all__ = [
     "Param",
     "PointLight",
     "Quality",
+    "RectLight",
     "Scene",
     "Sky",
     "SphereLight",

@@ -18,9 +18,9 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import SHORTEST, SMALLEST
 from raymarch.expr.convert import choice, short, switch
 from raymarch.expr.limits import Limit, limited
-from raymarch.expr.node import Expr, expr, var
-from raymarch.expr.types import FLOAT, VEC3
-from raymarch.expr.vocabulary import clamp, cos, dot, length, max, sqrt
+from raymarch.expr.node import Expr, const, expr, var
+from raymarch.expr.types import FLOAT, VEC2, VEC3
+from raymarch.expr.vocabulary import clamp, cos, cross, dot, length, max, normalize, sqrt, where
 from raymarch.scene.color import as_color
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.value import Value, value
@@ -30,6 +30,9 @@ Range: TypeAlias = tuple[float | None, float | None]
 
 POINT = var("p", VEC3)
 """The point of a surface that a light is evaluated for."""
+
+SAMPLE = var("u", VEC2)
+"""Two random numbers in [0, 1), uniform and independent."""
 
 FAR = var("far", FLOAT)
 """A distance that no two points of the scene exceed."""
@@ -110,10 +113,11 @@ class Light(Value):
         return {"radiance": self.radiance}
 
     @staticmethod
-    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
+    def sample_direction(values: Mapping[str, Expr], p: Expr, u: Expr, far: Expr) -> DirectionSample:
         """The light at a point p, a vec3. Shader and reference evaluate these expressions.
 
-        values : stand for the `emitter_values`. far : a distance that no two points of the scene exceed.
+        values : stand for the `emitter_values`. u : a vec2 of two random numbers in [0, 1); the light of a light with
+        an area is the mean over u. far : a distance that no two points of the scene exceed.
         """
         raise SceneError("a Light without a kind", legal="a light such as Sun(...), or a class with sample_direction")
 
@@ -169,7 +173,7 @@ class Sun(Light):
         return {"direction": self.direction, **Light.emitter_values(self)}
 
     @staticmethod
-    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
+    def sample_direction(values: Mapping[str, Expr], p: Expr, u: Expr, far: Expr) -> DirectionSample:
         return DirectionSample(values["direction"], far, values["radiance"])
 
 
@@ -232,7 +236,7 @@ class PointLight(Light):
         return {"position": self.position, **Light.emitter_values(self), **found}
 
     @staticmethod
-    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
+    def sample_direction(values: Mapping[str, Expr], p: Expr, u: Expr, far: Expr) -> DirectionSample:
         to_light = values["position"] - p
         if "attenuation" in values:
             distance = max(length(to_light), SHORTEST)
@@ -313,8 +317,8 @@ class SpotLight(PointLight):
         return {**PointLight.emitter_values(self), "axis": self.direction, "outer": outer, "inner": inner}
 
     @staticmethod
-    def sample_direction(values: Mapping[str, Expr], p: Expr, far: Expr) -> DirectionSample:
-        found = PointLight.sample_direction(values, p, far)
+    def sample_direction(values: Mapping[str, Expr], p: Expr, u: Expr, far: Expr) -> DirectionSample:
+        found = PointLight.sample_direction(values, p, u, far)
         cosine = -dot(found.direction, values["axis"])
         rise = clamp((cosine - values["outer"]) / max(values["inner"] - values["outer"], 1e-6), 0.0, 1.0)
         return found._replace(radiance=(rise * rise) * found.radiance)
@@ -364,7 +368,90 @@ class SphereLight(PointLight):
         self._set(radius=given)
 
 
-KINDS = (Sun, PointLight, SpotLight, SphereLight)
+@value
+class RectLight(Light):
+    """Light from one side of a rectangle. The rectangle itself is not visible.
+
+    One random point of it lights each sample, so its light and shadow are exact but noisy: it needs
+    `Quality(samples=...)` or several frames.
+
+    Parameters
+    ----------
+    position : centre of the rectangle, (x, y, z) in scene units.
+    width, height : edges of the rectangle, > 0.
+    direction : direction in which it shines, any length but 0.
+    up : direction of its height, any length but 0, not parallel to `direction`. None for y, or z if it shines along y.
+    color, intensity, shadow : see `Light`. `intensity` is the brightness at distance 1 from a small rectangle.
+
+    Notes
+    -----
+    A point at distance d adds intensity * cos(angle to `direction`) / d^2. To show the rectangle, add a node with an
+    emission of pi * intensity / (width * height).
+    Raises SceneError for a value outside its range.
+    """
+
+    position: Expr
+    width: Expr
+    height: Expr
+    direction: Expr
+    up: Expr
+
+    LABEL = "rectangular lights"
+    EDITED: ClassVar[Mapping[str, Range]] = {
+        "position": (None, None),
+        "width": (0.01, 10.0),
+        "height": (0.01, 10.0),
+        "direction": (-1.0, 1.0),
+        **Light.EDITED,
+    }
+
+    def __init__(
+        self,
+        position: Vec3Like,
+        width: Scalar = 1.0,
+        height: Scalar = 1.0,
+        direction: Vec3Like = (0.0, -1.0, 0.0),
+        up: Vec3Like | None = None,
+        color: ColorLike = (1.0, 1.0, 1.0),
+        intensity: Scalar = 1.0,
+        shadow: bool = False,
+    ) -> None:
+        Light.__init__(self, color, intensity, shadow, 0.0, "sampled")
+        self._set(
+            position=as_vec3("RectLight: position", position),
+            width=as_number("RectLight: width", width, low=1e-6),
+            height=as_number("RectLight: height", height, low=1e-6),
+            direction=as_direction("RectLight: direction", direction),
+        )
+        upright = where(abs(self.direction.y) > 0.999, const((0.0, 0.0, 1.0)), const((0.0, 1.0, 0.0)))
+        self._set(up=upright if up is None else as_direction("RectLight: up", up))
+        right = cross(self.direction, self.up)
+        if right.is_constant and float(np.linalg.norm(right.data)) < 1e-6:
+            raise SceneError(f"RectLight: up = {short(up)}", legal="a direction that is not parallel to `direction`")
+
+    def emitter_values(self) -> dict[str, Expr]:
+        right = normalize(cross(self.direction, self.up))
+        across, along = self.width * right, self.height * cross(right, self.direction)
+        return {
+            "position": self.position,
+            **Light.emitter_values(self),
+            "normal": self.direction,
+            "across": across,
+            "along": along,
+        }
+
+    @staticmethod
+    def sample_direction(values: Mapping[str, Expr], p: Expr, u: Expr, far: Expr) -> DirectionSample:
+        place = values["position"] + (u.x - 0.5) * values["across"] + (u.y - 0.5) * values["along"]
+        to_light = place - p
+        squared = max(dot(to_light, to_light), SMALLEST)
+        distance = sqrt(squared)
+        direction = to_light / distance
+        cosine = max(-dot(direction, values["normal"]), 0.0)
+        return DirectionSample(direction, distance, cosine / squared * values["radiance"])
+
+
+KINDS = (Sun, PointLight, SpotLight, SphereLight, RectLight)
 """The kinds of lights of raymarch."""
 
 
@@ -374,7 +461,7 @@ def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> Directi
     values : stand for its `emitter_values`; None for these themselves.
     """
     legal = "a DirectionSample(direction, distance, radiance) of a vec3, a float and a vec3, made of its arguments"
-    found = light.sample_direction(light.emitter_values() if values is None else values, POINT, FAR)
+    found = light.sample_direction(light.emitter_values() if values is None else values, POINT, SAMPLE, FAR)
     what = f"{type(light).__name__}.sample_direction gives"
     if not isinstance(found, DirectionSample):
         raise SceneError(f"{what} {short(found)}", legal=legal, where=light.where)
@@ -386,7 +473,9 @@ def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> Directi
 
 
 def hard(light: Light) -> Light:
-    """The same light with hard shadows. A SphereLight becomes a PointLight at its centre."""
+    """The same light with hard shadows. A SphereLight becomes a PointLight at its centre, and a RectLight tiny."""
+    if isinstance(light, RectLight):
+        return light.replace(width=1e-6, height=1e-6)
     if isinstance(light, SphereLight):
         return PointLight(**{name: value for name, value in light.arguments().items() if name != "radius"})
     return light.replace(softness=0.0)

@@ -137,8 +137,8 @@ class Quality(Value):
         its rays; they are lit by lights and by `Sky(light=True)`. For up to 4 bounces.
     shadow_steps : maximum number of steps of a shadow ray, 1 to 60,000. A ray that runs out is extrapolated in a
         straight line from its last two samples. None is eight times `max_steps`.
-    light_samples : number of points on the disc of a light per camera ray, with penumbra="sampled", 1 to 64. Each costs
-        one shadow ray; each of `samples` costs a camera ray too.
+    light_samples : number of points on a light per camera ray, with penumbra="sampled" or a RectLight, 1 to 64. Each
+        costs one shadow ray; each of `samples` costs a camera ray too.
 
     Notes
     -----

@@ -51,8 +51,8 @@ class Scene(Value):
     ----------
     node : the solid, a 3D node.
     camera : Camera. None is a camera that sees the whole scene.
-    lights : sequence of Sun, PointLight, SpotLight and SphereLight, or of a kind of your own, see docs/extending.md.
-        None is one sun without shadow; [] is no light.
+    lights : sequence of Sun, PointLight, SpotLight, SphereLight and RectLight, or of a kind of your own, see
+        docs/extending.md. None is one sun without shadow; [] is no light.
     sky : Sky, or a colour (linear RGB). None is a uniform blue.
     fog : Fog, or None.
     quality : Quality. None is the default quality.

@@ -8,7 +8,7 @@ from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
 from raymarch.plan.shading import compensated
-from raymarch.scene.light import Light
+from raymarch.scene.light import FAR, POINT, SAMPLE, Light
 from raymarch.scene.scene import Scene
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 
@@ -65,29 +65,44 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
 
     form = lights.forms(plan.scene)[lights.key(light)]
     given = [value(name, of) for name, of in light.emitter_values().items()]
-    add(f"{'' if i else 'Light '}light = {_sample(form, given)};")
-    if light.soft and light.penumbra == "sampled":
-        width = value("softness", light.softness) + _per_distance(light)
-        samples = plan.scene.quality.light_samples
-        if samples > 1:
-            stride = 2 * len(plan.scene.lights)
-            add(f"Light centre_{i} = light;")
-            add(f"for (int k = 0; k < {samples}; k++) {{")
-            add(f"    light = sample_disc(centre_{i}, {width}, {_dimension(i)} + {stride} * k);")
-            visibility = _visibility(light, value)
-            add(f"    color += {call}, light, {visibility}) / {literal(samples)};")
-            add("}")
-            return
-        add(f"light = sample_disc(light, {width}, {_dimension(i)});")
-    add(f"color += {call}, light, {_visibility(light, value)});")
+    samples, stride = plan.scene.quality.light_samples, 2 * len(plan.scene.lights)
+    disc = light.soft and light.penumbra == "sampled"
+    width = value("softness", light.softness) + _per_distance(light) if disc else ""
+    visibility = _visibility(light, value)
+    several = (disc or form.area) and samples > 1
+    dimension = f"{_dimension(i)} + {stride} * k" if several else f"{_dimension(i)}"
+    sample = _sample(form, given, dimension)
+    declared = "" if i else "Light "
+    if not several:
+        add(f"{declared}light = {sample};")
+        if disc:
+            add(f"light = sample_disc(light, {width}, {dimension});")
+        add(f"color += {call}, light, {visibility});")
+        return
+    if disc:
+        add(f"{declared}light = {sample};")
+        add(f"Light centre_{i} = light;")
+        sample = f"sample_disc(centre_{i}, {width}, {dimension})"
+    elif declared:
+        add("Light light;")
+    add(f"for (int k = 0; k < {samples}; k++) {{")
+    add(f"    light = {sample};")
+    add(f"    color += {call}, light, {visibility}) / {literal(samples)};")
+    add("}")
 
 
-def _sample(form: lights.Form, values: Sequence[str]) -> str:
-    """The call that samples a light. No point of the scene is farther from the camera than u_far, so no two points are
-    farther apart than twice that."""
-    point, far = form.reads
-    given = [*(["surface.p"] if point else []), *(["2.0 * u_far"] if far else []), *values]
-    return f"{form.function.name}({', '.join(given)})"
+def _sample(form: lights.Form, values: Sequence[str], dimension: str) -> str:
+    """The call that samples a light.
+
+    dimension : the first of two random dimensions, as GLSL text. No point of the scene is farther from the camera than
+        u_far, so no two points are farther apart than twice that.
+    """
+    texts = {
+        POINT: "surface.p",
+        SAMPLE: f"vec2(random_of_pixel({dimension}), random_of_pixel({dimension} + 1))",
+        FAR: "2.0 * u_far",
+    }
+    return f"{form.function.name}({', '.join([*(texts[p] for p in form.reads), *values])})"
 
 
 def _dimension(light: int) -> int:
@@ -128,27 +143,53 @@ def _loop(text: Lines, plan: Plan) -> None:
     for k in range(lights.texels(scene) - head):
         add(f"vec4 value_{k} = texelFetch(u_lights, ivec2({k + head}, i), 0);")
     add("Light light;")
+    kinds, samples = lights.shadows(scene), scene.quality.light_samples
+    limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
+    near = "(head.w == 0.0 || light.distance < head.w) && " if limited else ""
+    first, stride = f"{_dimension(0)} + 2 * i", 2 * len(scene.lights)
+
+    def several(condition: str, sample: str, shown: str) -> None:
+        """The mean of several samples of the lights of a condition."""
+        add(f"if ({condition}) {{")
+        add(f"    for (int k = 0; k < {samples}; k++) {{")
+        add(f"        light = {sample};")
+        add(f"        color += {call}, light, {shown}) / {literal(samples)};")
+        add("    }")
+        add("    continue;")
+        add("}")
+
+    hard = "1.0"
+    if "hard" in kinds:
+        hard = f"{near}head.y == {float(kinds.index('hard') + 1)} ? hard_shadow(surface, light) : 1.0"
+    rest = []
     for k, form in enumerate(forms):
-        condition = f"if (head.x == {float(k)}) " if k < len(forms) - 1 else ""
         values = [f"value_{texel}.{parts}" for texel, parts in lights.layout(form.types)]
-        add(f"{'else ' if k else ''}{condition}light = {_sample(form, values)};")
-    add("if (light.radiance == vec3(0.0)) continue;")
-    kinds, visibility = lights.shadows(scene), "1.0"
-    if kinds:
-        visibility = "visibility"
-        add("float visibility = 1.0;")
-        limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
-        near = "(head.w == 0.0 || light.distance < head.w)" if limited else ""
+        if form.area and samples > 1:
+            several(f"head.x == {float(k)}", _sample(form, values, f"{first} + {stride} * k"), hard)
+        else:
+            rest.append((k, _sample(form, values, first)))
+    for k, sample in rest:
+        condition = f"if (head.x == {float(k)}) " if k != rest[-1][0] else ""
+        add(f"{'else ' if k != rest[0][0] else ''}{condition}light = {sample};")
+    if rest:
+        add("if (light.radiance == vec3(0.0)) continue;")
+        visibility = "visibility" if kinds else "1.0"
+        if kinds:
+            add("float visibility = 1.0;")
         width = _width_of_row(scene)
-        for k, kind in enumerate(kinds, 1):
-            if kind == "sampled":
-                _sampled(add, plan, k, near, width)
-            if kind == "sampled" and scene.quality.light_samples > 1:
+        for number, kind in enumerate(kinds, 1):
+            condition = f"head.y == {float(number)}"
+            if kind == "sampled" and samples > 1:
+                add("Light centre = light;")
+                shown = f"{near.removesuffix(' && ')} ? hard_shadow(surface, light) : 1.0"
+                sample = f"sample_disc(centre, {width}, {first} + {stride} * k)"
+                several(condition, sample, shown if near else "hard_shadow(surface, light)")
                 continue
+            if kind == "sampled":
+                add(f"if ({condition}) light = sample_disc(light, {width}, {first});")
             given = "" if kind in ("hard", "sampled") else f", {width}"
-            condition = f"{near} && head.y == {float(k)}" if near else f"head.y == {float(k)}"
-            add(f"if ({condition}) visibility = {SHADOW[kind]}(surface, light{given});")
-    add(f"color += {call}, light, {visibility});")
+            add(f"if ({near}{condition}) visibility = {SHADOW[kind]}(surface, light{given});")
+        add(f"color += {call}, light, {visibility});")
     text.add("    }")
 
 
@@ -159,28 +200,6 @@ def _width_of_row(scene: Scene) -> str:
     if not far:
         return "head.z / light.distance"
     return "head.z" if len(far) == len(positioned) else f"head.z / ({' || '.join(far)} ? 1.0 : light.distance)"
-
-
-def _sampled(add: Callable[[str], None], plan: Plan, number: int, near: str, width: str) -> None:
-    """The lines of lights whose disc is sampled: one point, or the mean of several."""
-    first, samples = f"{_dimension(0)} + 2 * i", plan.scene.quality.light_samples
-    if samples == 1:
-        add(f"if (head.y == {float(number)}) light = sample_disc(light, {width}, {first});")
-        return
-    stride = 2 * len(plan.scene.lights)
-    shown = "hard_shadow(surface, light)"
-    for line in (
-        f"if (head.y == {float(number)}) {{",
-        "    Light centre = light;",
-        f"    for (int k = 0; k < {samples}; k++) {{",
-        f"        light = sample_disc(centre, {width}, {first} + {stride} * k);",
-        f"        float visible = {f'{near} ? {shown} : 1.0' if near else shown};",
-        f"        color += {_bsdf_of(plan)}, light, visible) / {literal(samples)};",
-        "    }",
-        "    continue;",
-        "}",
-    ):
-        add(line)
 
 
 def light_rows() -> Chunk:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,8 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.scene.light import FAR, POINT, Light, sample_of
+from raymarch.expr.walk import free_variables
+from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_of
 from raymarch.scene.parameter import Values
 from raymarch.sdf.facts import Facts
 from raymarch.truth.rays import Rays, unit
@@ -31,15 +33,18 @@ class Incoming:
     radiance: Array
 
 
-def incoming(light: Light, values: Values, points: Array, far: float) -> Incoming:
+def incoming(light: Light, values: Values, points: Array, far: float, u: tuple[float, float] = (0.5, 0.5)) -> Incoming:
     """Incident light of an emitter at some points, by its `sample_direction`.
 
-    far : far distance of camera rays. No two points of the scene are farther apart than twice that.
+    far : far distance of camera rays. No two points of the scene are farther apart than twice that. u : the random
+    numbers of a light with an area.
     """
-    with bound(values.params, values.time):
-        found = evaluator(sample_of(light), [POINT, FAR])(points, np.full(len(points), 2.0 * far))
-    direction, distance, radiance = found
     shape = points.shape
+    with bound(values.params, values.time):
+        found = evaluator(sample_of(light), [POINT, SAMPLE, FAR])
+        direction, distance, radiance = found(
+            points, np.broadcast_to(u, (len(points), 2)), np.full(len(points), 2.0 * far)
+        )
     return Incoming(
         np.broadcast_to(direction, shape), np.broadcast_to(distance, shape[:1]), np.broadcast_to(radiance, shape)
     )
@@ -47,6 +52,14 @@ def incoming(light: Light, values: Values, points: Array, far: float) -> Incomin
 
 DISC_SAMPLES = 64
 """Number of points that replace the shader's random point on the disc of a light."""
+
+
+def area_samples(light: Light) -> list[tuple[float, float]]:
+    """Random numbers for the reference: evenly spread for a light with an area, else a single pair."""
+    if SAMPLE not in free_variables(sample_of(light)):
+        return [(0.5, 0.5)]
+    side = math.isqrt(DISC_SAMPLES)
+    return [((i + 0.5) / side, (j + 0.5) / side) for i in range(side) for j in range(side)]
 
 
 def disc_samples(incident: Incoming, width: Array) -> Iterator[Incoming]:

@@ -17,6 +17,7 @@ from raymarch.truth.field import Field
 from raymarch.truth.light import (
     DISC_SAMPLES,
     Incoming,
+    area_samples,
     directional_albedo,
     disc_samples,
     incoming,
@@ -200,8 +201,12 @@ class Surface:
         return np.einsum("ij,ij->i", self.normals, self.directions)[:, None] > 0.0
 
     def _from_light(self, light: Light) -> Array:
-        """Reflected light of one emitter. A light with sampled penumbra is the mean over points of its disc."""
-        incident = incoming(light, self.values, self.points, self.far)
+        """Reflected light of one emitter: of a light with an area or a sampled penumbra, the mean over points of it."""
+        chosen = area_samples(light)
+        samples = (incoming(light, self.values, self.points, self.far, u) for u in chosen)
+        return sum((self._from_sample(light, sample) for sample in samples), np.zeros_like(self.points)) / len(chosen)
+
+    def _from_sample(self, light: Light, incident: Incoming) -> Array:
         if not (light.soft and light.penumbra == "sampled"):
             return self._reflected(light, incident)
         width = self.values.of(light.softness)

@@ -19,6 +19,7 @@ from raymarch.scene.light import Light, Range
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, Spec, Value
 from raymarch.scene.scene import Scene
+from raymarch.scene.value import parameters_of
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.node import Node
 
@@ -83,7 +84,8 @@ class LightEdit:
         for name, value in self.values.items():
             values[name] = value if isinstance(value, Expr) else Param(self.name(name), value, *ranges[name])
         kind: Any = made
-        return kind(**values, shadow=self.shadow, penumbra=self.penumbra, **self.kept)
+        options = {"shadow": self.shadow, "penumbra": self.penumbra}
+        return kind(**values, **{n: v for n, v in options.items() if n in parameters_of(made)}, **self.kept)
 
     def python(self, params: dict[str, Value]) -> str:
         """The light as Python; `params` are the values of changed parameters."""
@@ -92,7 +94,7 @@ class LightEdit:
         parts = [f"{name}={_written(params.get(self.name(name), value))}" for name, value in self.values.items()]
         if self.shadow:
             parts.append("shadow=True")
-        if self.penumbra != "two-sided":
+        if self.penumbra != "two-sided" and "penumbra" in parameters_of(KINDS[self.kind][0]):
             parts.append(f"penumbra={self.penumbra!r}")
         parts += [f"{name}={_written(value)}" for name, value in self.kept.items()]
         return f"rm.{self.kind}({', '.join(parts)})"
@@ -177,6 +179,8 @@ def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
     first: dict[str, Any] = {
         "direction": (0.4, 0.8, 0.45) if kind == "Sun" else (-0.4, -0.8, -0.45),
         "position": tuple(round(v, 3) for v in place),
+        "width": round(0.5 * reach, 3),
+        "height": round(0.5 * reach, 3),
         "angle": 0.5,
         "blend": 0.2,
         "radius": round(0.1 * reach, 3),

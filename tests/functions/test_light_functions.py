@@ -12,7 +12,7 @@ import raymarch as rm
 from raymarch.expr.function import Function
 from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
-from raymarch.scene.light import FAR, POINT, Light, sample_of
+from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_of
 from tests.support.glsl_harness import evaluate, modules, run
 
 ULP = 2.0**-24
@@ -20,11 +20,12 @@ LIGHT = "struct Light { vec3 direction; float distance; vec3 radiance; };"
 
 
 def sampled(egl: Context, light: Light, points: ArrayLike) -> tuple[NDArray[np.float32], ...]:
-    """Direction (N, 3), distance (N,) and radiance (N, 3) of a light at some points; the far distance is 7."""
+    """Direction (N, 3), distance (N,) and radiance (N, 3) of a light at some points, for far = 7 and u = (.25, .25)."""
     points = np.asarray(points, np.float32)
     far = np.full(len(points), 7.0)
-    made = (Function("sampled", (POINT, FAR), part) for part in sample_of(light))
-    direction, distance, radiance = (evaluate(egl, function, [points, far]) for function in made)
+    u = np.full((len(points), 2), 0.25)
+    made = (Function("sampled", (POINT, SAMPLE, FAR), part) for part in sample_of(light))
+    direction, distance, radiance = (evaluate(egl, function, [points, u, far]) for function in made)
     return direction, distance, radiance
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.expr import arrays
-from raymarch.expr.evaluate import Program, Step
+from raymarch.expr.evaluate import Program
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL
 from raymarch.sdf.lower import lower
@@ -333,10 +333,6 @@ RULES: Mapping[str, Rule] = {
 @dataclass(frozen=True, slots=True)
 class Rounding:
     """The reading: a constant is off by what float32 makes of it."""
-
-    @property
-    def makers(self) -> Mapping[str, Callable[[Expr], Step]]:
-        return {}
 
     @property
     def rules(self) -> Mapping[str, Rule]:

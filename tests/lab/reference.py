@@ -84,6 +84,12 @@ def _ball_of_light(mi: Any) -> dict[str, Any]:
     return {"lamp": {"type": "sphere", "center": [1.2, 3.2, 0.8], "radius": 0.3, "light": emitter}}
 
 
+def _rectangle(mi: Any) -> dict[str, Any]:
+    place = mi.ScalarTransform4f().look_at([1.2, 3.2, 0.8], [0.2, 0.2, 0.2], [0, 1, 0])
+    emitter = {"type": "area", "radiance": _color(*[10 * PI / (1.2 * 0.8)] * 3)}
+    return {"lamp": {"type": "rectangle", "to_world": place.scale([0.6, 0.4, 1.0]), "light": emitter}}
+
+
 def _sky(mi: Any) -> dict[str, Any]:
     return {"sky": {"type": "constant", "radiance": _color(0.4, 0.6, 0.9)}}
 
@@ -141,6 +147,16 @@ SCENES = {
 MANY = rm.Quality(samples=256)
 
 SCENES |= {
+    "rectangle": Compared(
+        lambda: {
+            "lights": [rm.RectLight((1.2, 3.2, 0.8), 1.2, 0.8, (-1.0, -3.0, -0.6), intensity=10, shadow=True)],
+            "quality": rm.Quality(samples=256, masking="separable", energy_compensation=False),
+        },
+        METAL,
+        _rectangle,
+        METAL_BSDF,
+        256,
+    ),
     "area, sampled": Compared(
         lambda: {
             "lights": [rm.SphereLight((1.2, 3.2, 0.8), 0.3, intensity=10, shadow=True, penumbra="sampled")],

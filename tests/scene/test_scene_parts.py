@@ -112,8 +112,8 @@ class Blinds(rm.Sun):
     """The sun through blinds: stripes of light on what it meets."""
 
     @staticmethod
-    def sample_direction(values: Any, p: Any, far: Any) -> DirectionSample:
-        found = rm.Sun.sample_direction(values, p, far)
+    def sample_direction(values: Any, p: Any, u: Any, far: Any) -> DirectionSample:
+        found = rm.Sun.sample_direction(values, p, u, far)
         return found._replace(radiance=where(fract(4.0 * p.x) < 0.5, 1.0, 0.25) * found.radiance)
 
 
@@ -137,8 +137,8 @@ def test_a_kind_of_the_users_own_is_drawn_as_it_is_written(egl: Context, count: 
 
 def bad_samples() -> dict[str, Any]:
     return {
-        "a float": lambda values, p, far: far,
-        "vec3, vec3, vec3": lambda values, p, far: DirectionSample(p, p, values["radiance"]),
+        "a float": lambda values, p, u, far: far,
+        "vec3, vec3, vec3": lambda values, p, u, far: DirectionSample(p, p, values["radiance"]),
     }
 
 

@@ -141,6 +141,7 @@ def test_the_softness_of_a_light_without_a_position_is_the_tangent_of_an_angle()
         "PointLight",
         "SpotLight",
         "SphereLight",
+        "RectLight",
     ]
     ball = sphere()
     height = np.linspace(0.9, 1.1, 9)
