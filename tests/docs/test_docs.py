@@ -77,6 +77,8 @@ def test_the_readme_commands_exist(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     # A window needs a display, and stays; its own tests open some.
     monkeypatch.setattr("raymarch.window.viewer.Viewer", lambda *_: SimpleNamespace(run=lambda _: 0))
+    monkeypatch.setattr("raymarch.cost.search.LADDER", (2.0, 0.1))  # whether all settings are tried is tested elsewhere
+    few = {"cost": ["--cross", "normals", "--repeats", "1", "--samples", "1"]}
     scene = tmp_path / "SCENE.py"
     scene.write_text('import raymarch as rm\nscene = rm.sphere(rm.Param("gap", 1, 0.5, 5))\n')
     lines = [line for block in blocks(ROOT / "README.md", "sh") for line in block.splitlines()]
@@ -86,7 +88,7 @@ def test_the_readme_commands_exist(tmp_path, monkeypatch):
     for command in commands:
         small = ["16x9" if part == "1280x720" else "0:2" if part == "0:90" else part for part in command]
         with pytest.raises(SystemExit) as stop:
-            main(small)
+            main(small + few.get(command[0], []))
         assert stop.value.code == 0, command
 
 
