@@ -266,10 +266,10 @@ def deep(world: World) -> Iterator[Figure]:
         share = plan(rm.Scene(_chain(n))).compile_seconds / seconds
         worst = max(worst, share, 1 / share)
     yield Figure("factor between the estimate and what was measured", worst, 2, "a rough estimate is enough")
-    limit, os.environ["RAYMARCH_COMPILE_LIMIT"] = os.environ.get("RAYMARCH_COMPILE_LIMIT"), "30"
+    limit, os.environ["RAYMARCH_COMPILE_LIMIT"] = os.environ.get("RAYMARCH_COMPILE_LIMIT"), "7"
     try:
         words = ("operations", "compiling takes about", "RAYMARCH_COMPILE_LIMIT")
-        yield refusals((lambda: world.draw(rm.Scene(_chain(300))), words), what="compiled beyond the limit")
+        yield refusals((lambda: world.draw(rm.Scene(_chain(200))), words), what="compiled beyond the limit")
     finally:
         del os.environ["RAYMARCH_COMPILE_LIMIT"]
         if limit is not None:
