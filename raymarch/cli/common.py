@@ -18,8 +18,25 @@ from rich.console import Console
 
 from raymarch.errors import RaymarchError
 
-# Without emoji=False rich turns the line number in "scene.py:100:" into an emoji.
-errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+
+class Errors(Console):
+    """A console on the error stream. If nothing can be written there, the exit code alone tells what happened."""
+
+    def __init__(self) -> None:
+        # Without emoji=False rich turns the line number in "scene.py:100:" into an emoji.
+        super().__init__(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+
+    def _write_buffer(self) -> None:
+        try:
+            super()._write_buffer()
+        except OSError:
+            self._buffer.clear()
+
+
+errors = Errors()
+
+DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+"""Faults of the disk or device that the output stream is redirected to."""
 
 SIZE = "640x360"
 """Default size of a picture, of `render` and `explain`."""
@@ -62,11 +79,13 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
 
 @contextmanager
 def piped() -> Iterator[None]:
-    """Exit quietly, with code 0, if the reader of the output closes the pipe, as `head` does."""
-    try:
-        output = os.dup(1)  # rich replaces descriptor 1
-    except OSError:
-        output = -1
+    """Exit quietly, with code 0, if the reader of the output closes the pipe, as `head` does.
+
+    If the output cannot be written, for example to a full disk, exit with code 2 and one line. A stream that is closed
+    from the start is the null device.
+    """
+    _open_closed_streams()
+    output = os.dup(1)  # rich replaces descriptor 1
     try:
         try:
             yield
@@ -75,6 +94,12 @@ def piped() -> Iterator[None]:
     except BrokenPipeError:
         _forget_output()
         sys.exit(0)
+    except OSError as fault:
+        if fault.errno not in DISK or fault.filename is not None:
+            raise
+        _forget_output()
+        errors.print(f"raymarch: cannot write the output: {fault.strerror} (a disk with space)", markup=False)
+        sys.exit(2)
     except SystemExit as stop:
         if stop.code != 1 or not _reader_is_gone(output):  # typer and rich exit with 1 then
             raise
@@ -83,6 +108,17 @@ def piped() -> Iterator[None]:
     finally:
         with suppress(OSError):
             os.close(output)
+
+
+def _open_closed_streams() -> None:
+    """Replace closed standard streams by the null device. Otherwise the next file that is opened takes their place."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the smallest free number, which is this one
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115 - stays open
 
 
 def _reader_is_gone(output: int) -> bool:

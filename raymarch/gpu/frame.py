@@ -75,7 +75,9 @@ class Frame:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
 
         The checks are: values outside their range, samples that contradict the facts of the user's own definitions,
-        colours that are not finite, and a picture without a hit (which renders the depth to confirm).
+        colours that are not finite, glass that one random path a pixel shows, surfaces that are clipped to white over a
+        fifth of the picture (which renders the materials), and a picture without a hit (which renders the depth to
+        confirm).
 
         steps : also check whether too many rays ran out of steps. This marches a sparse subset of the rays again.
         """

@@ -226,6 +226,10 @@ class Renderer:
         pose = frame.pose
         assert pose is not None
         found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(frame.color)]
+        found.append(vouch.noisy(scene))
+        white = vouch.overexposed(frame.color, scene)
+        if white is not None:
+            found.append(vouch.clipped(white, frame.color, frame.material, scene))
         if steps:
             sparse = self._sparse(scene, values, pose)
             found.append(vouch.out_of_steps(sparse["done"], scene))

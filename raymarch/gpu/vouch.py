@@ -25,6 +25,9 @@ SPARSE = 8
 FEW = 16384
 """Pictures with at most this number of pixels are marched again in full."""
 
+OVEREXPOSED = 0.2
+"""Fraction of the picture that may be clipped to white without a doubt: highlights are, and bright corners."""
+
 STATED = 32
 """Number of nodes with facts of the user that are sampled."""
 
@@ -84,6 +87,40 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
         return ""
     steps = scene.quality.max_steps
     return f"{share:.1%} of the rays ran out of steps (Quality(max_steps=...), {steps} now; --view iterations)"
+
+
+def noisy(scene: Scene) -> str:
+    """The doubt of glass that one random path a pixel shows; empty if there are more, or none."""
+    quality = scene.quality
+    if not scene.path_traced or quality.samples > 1 or quality.temporal != "off":
+        return ""
+    glass = next((m for m in scene.materials if m.transmits), None)
+    if glass is None:
+        return ""
+    return "glass is noisy with one random path a pixel (--samples 64 or Quality(samples=64); or integrator='whitted')"
+
+
+def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:
+    """The pixels that tone mapping makes white although their light is above 1; None if they are few."""
+    light = np.nan_to_num(color, nan=0.0).min(axis=-1)
+    if np.mean(light > 1.0) <= OVEREXPOSED:
+        return None
+    white: NDArray[np.bool_] = (light > 1.0) & np.all(scene.tone.image(color) == 255, axis=-1)
+    return white if np.mean(white) > OVEREXPOSED else None
+
+
+def clipped(white: NDArray[np.bool_], color: NDArray[Any], material: NDArray[Any], scene: Scene) -> str:
+    """The doubt of surfaces whose light is clipped to white; empty if they are few. Emissive materials may be white."""
+    emissive = [i for i, m in enumerate(scene.materials) if m.emits]
+    lit = white & (material >= 0) & ~np.isin(material, emissive)
+    share = float(np.mean(lit))
+    if share <= OVEREXPOSED:
+        return ""
+    stops = float(np.log2(np.quantile(color[lit].max(axis=-1), 0.95))) - float(scene.tone.exposure)
+    return (
+        f"{share:.0%} of the picture is clipped to white surfaces, whose light is above 1 (lights of less intensity, "
+        f"Scene(tone=rm.ToneMapping('aces')) or rm.ToneMapping(exposure={-np.ceil(10.0 * stops) / 10.0:.1f}))"
+    )
 
 
 def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:

@@ -362,6 +362,44 @@ def test_a_full_disk_is_said_in_one_line(folder: Path, ending: str) -> None:
     assert names(folder) == {"hello.py"}
 
 
+@pytest.mark.parametrize(
+    "words",
+    [("explain", "hello.py"), ("explain", "hello.py", "--json"), ("doctor",), ("--help",), ("--version",)],
+    ids=" ".join,
+)
+def test_an_output_to_a_full_disk_is_said_in_one_line(folder: Path, words: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "raymarch", *words],
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdout=full,
+            stderr=subprocess.PIPE,
+            cwd=folder,
+            text=True,
+        )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr == "raymarch: cannot write the output: No space left on device (a disk with space)\n"
+
+
+@pytest.mark.parametrize(
+    ("redirection", "words", "code"),
+    [
+        ("2> /dev/full", "render nothing.py", 2),
+        ("2> /dev/full", "render hello.py --size 16x9", 0),
+        (">&-", "explain hello.py", 0),
+        ("2>&-", "render hello.py --size 16x9", 0),
+        ("<&- >&- 2>&-", "render hello.py --size 16x9", 0),
+    ],
+)
+def test_closed_and_full_streams_leave_the_exit_code(folder: Path, redirection: str, words: str, code: int) -> None:
+    command = f"exec {sys.executable} -m raymarch {words} {redirection}"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(["bash", "-c", command], env=environment, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+    assert ("hello.png" in names(folder)) == (code == 0 and "render" in words)
+
+
 MESH = """import raymarch as rm, trimesh
 trimesh.creation.box((1, 1, 1)).export("box.stl")
 scene = rm.mesh("box.stl", resolution=8, cache="cache")

@@ -105,3 +105,38 @@ def test_what_can_be_shown_ahead_is_not_asked_in_each_frame():
 def test_a_direction_that_is_0_by_default_is_refused():
     with pytest.raises(rm.SceneError, match="direction = 0 with its parameters at their defaults"):
         rm.Sun(rm.Param("to sun", (0, 0, 0)))
+
+
+def glass(samples: int = 1, **parts):
+    ball = rm.sphere().material(rm.Material(transmission=1))
+    return rm.Scene(ball, rm.Camera((0, 0, 4)), [], quality=rm.Quality(samples=samples), **parts)
+
+
+def test_glass_of_one_path_a_pixel_is_noise(context):
+    with rm.Renderer((16, 9), context=context) as renderer:
+        assert any("glass is noisy" in doubt for doubt in renderer.render(glass()).doubts())
+        assert not renderer.render(glass(2)).doubts()
+        assert not renderer.render(glass(bounces=0)).doubts()
+        whitted = glass().replace(quality=rm.Quality(integrator="whitted"), bounces=4)
+        assert not renderer.render(whitted).doubts()
+
+
+def lit_floor(intensity, color=(0.8, 0.8, 0.8), **parts):
+    node = rm.plane(offset=-1).material(rm.Material(color, specular=0, **parts)) | rm.sphere()
+    return rm.Scene(node, rm.Camera((0, 1, 5), (0, 0, 0)), [rm.Sun((0, 1, 0), intensity=intensity)], sky=(9, 9, 9))
+
+
+def test_a_floor_that_is_clipped_to_white(context):
+    with rm.Renderer((32, 18), context=context) as renderer:
+        found = renderer.render(lit_floor(4)).doubts()
+        assert len(found) == 1 and "clipped to white surfaces" in found[0]
+        assert "rm.ToneMapping(exposure=-1.9)" in found[0]  # 0.8 * 4 * (1 + 0.1 of ambient light) is 2^1.8
+        for scene in (
+            lit_floor(1.1),
+            lit_floor(4, (0.8, 0.2, 0.1)),
+            lit_floor(0).replace(lights=[]),
+            lit_floor(0, emission=(5, 5, 5)),
+            lit_floor(4).replace(tone=rm.ToneMapping("aces", exposure=-1.5)),
+            lit_floor(4).replace(tone=rm.ToneMapping(exposure=-1.9)),
+        ):
+            assert not renderer.render(scene).doubts()
