@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import Location, RaymarchError, SceneError, is_users
+from raymarch.errors import Location, RaymarchError, SceneError, is_users, user_location
 
 T = TypeVar("T")
 
@@ -128,6 +128,21 @@ def file_path(what: str, value: Any, legal: str) -> str:
     if not isinstance(path, str) or not path or "\0" in path or max(map(len, path.split(os.sep))) > 255:
         raise SceneError(f"{what} = {short(value)}", legal=legal)
     return path
+
+
+def input_file(what: str, value: Any, legal: str) -> str:
+    """Convert to the name of a file to read. A relative name is that of a file beside the scene file or the user's
+    module, or else in the working directory. SceneError if it is in neither."""
+    path = file_path(what, value, legal)
+    if os.path.isabs(path):
+        return path
+    where = user_location()
+    folders = ["" if where is None else os.path.dirname(where.file), ""]
+    tried = [os.path.normpath(os.path.join(folder, path)) for folder in dict.fromkeys(folders)]
+    found = [name for name in tried if os.path.exists(name)]
+    if not found and len({os.path.realpath(name) for name in tried}) > 1:
+        raise SceneError(f"{what}: no file '{short(path)[1:-1]}'", legal=f"tried: {', '.join(tried)}")
+    return found[0] if found else path
 
 
 def called(what: str, function: Callable[..., T], *args: Any, legal: str) -> T:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import file_path, numbers, short
+from raymarch.expr.convert import input_file, numbers, short
 from raymarch.expr.texels import LARGEST, Wrap
 from raymarch.scene.images import read_stored
 from raymarch.scene.srgb import srgb_to_linear
@@ -95,7 +95,7 @@ def stored_of(what: str, picture: Picture | Stored) -> Stored:
         checked = stored_of(what, picture.pixels)
         return Stored(checked.pixels, picture.encoded, str(picture.name))
     if isinstance(picture, str | PathLike):
-        name = file_path(f"{what}: picture", picture, "the name of a picture's file")
+        name = input_file(f"{what}: picture", picture, "the name of a picture's file")
         stored, encoded = read_stored(what, name, LARGEST)
         return Stored(np.ascontiguousarray(stored, np.float32), encoded, Path(name).name)
     legal = f"a file, or an array (H, W) or (H, W, 1 to 4) of finite numbers, sides from 1 to {LARGEST}"

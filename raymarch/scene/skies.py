@@ -7,7 +7,7 @@ from os import PathLike
 
 import numpy as np
 
-from raymarch.expr.convert import file_path
+from raymarch.expr.convert import input_file
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
@@ -133,7 +133,7 @@ class ImageSky(Sky):
     def __init__(
         self, file: str | PathLike[str], intensity: Scalar = 1.0, turn: Scalar = 0.0, light: bool = False
     ) -> None:
-        name = file_path("ImageSky: file", file, "the name of a picture's file")
+        name = input_file("ImageSky: file", file, "the name of a picture's file")
         pixels = np.maximum(read_image("ImageSky", name), 0.0)
         height, width = pixels.shape[:2]
         # An extra column on each side closes the circle; an extra row at each end repeats the row of the pole.

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import file_path, integer, numbers, optional, short, switch
+from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, short, switch
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT
@@ -363,7 +363,7 @@ def image(
 def _coverage(source: str | os.PathLike[str] | ArrayLike) -> Array:
     """How far each pixel is covered, from 0 to 1."""
     if isinstance(source, str | os.PathLike):
-        source = file_path("image: source", source, "an image file")
+        source = input_file("image: source", source, "an image file")
         with opened(source, "image") as picture:
             if "A" in picture.getbands() or "transparency" in picture.info:
                 return np.asarray(picture.convert("RGBA").getchannel("A"), np.float64) / 255.0

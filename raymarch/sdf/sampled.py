@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from raymarch.errors import SceneError, warn
-from raymarch.expr.convert import file_path, integer, numbers, optional, real, short
+from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
@@ -142,7 +142,7 @@ def mesh(
     """
     resolution = integer("mesh: resolution", resolution, 8, 256)
     extent = optional(_extent, "mesh: extent", extent)
-    file = file_path("mesh: file", file, "a mesh file")
+    file = input_file("mesh: file", file, "a mesh file")
     folder = None if cache is None else file_path("mesh: cache", cache, "a folder")
     if progress is not None and not callable(progress):
         raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the fraction done, or None")
@@ -344,7 +344,7 @@ def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[
     """Heights from 0 to 1 of an image file (its luminance), or an array as it is; shape (rows, columns)."""
     legal = f"from 2 x 2 to {MOST} x {MOST} finite numbers"
     if isinstance(source, str | os.PathLike):
-        source = file_path(f"{what}: source", source, "an image file")
+        source = input_file(f"{what}: source", source, "an image file")
         with opened(source, what) as picture:
             if not 2 <= np.min(picture.size) <= np.max(picture.size) <= MOST:
                 size = " x ".join(map(str, picture.size))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 import raymarch as rm
 from raymarch.errors import Location, PlanError, SceneError
@@ -273,3 +274,21 @@ def test_loading_draws_nothing_and_changes_no_defaults(tmp_path: Path) -> None:
     found = load(written(tmp_path, "import raymarch as rm\nscene = rm.sphere(rm.Param('r', 1.5, 1, 2))\n"))
     assert list(found.parameters) == ["r"]
     assert found.pose(Values({})).position.shape == (3,)
+
+
+def test_data_lies_beside_the_scene_or_in_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    beside, here = tmp_path / "scenes", tmp_path / "here"
+    beside.mkdir()
+    here.mkdir()
+    monkeypatch.chdir(here)
+    code = "import raymarch as rm\nscene = rm.box().material(rm.Material(albedo=rm.planar('grey.png')))\n"
+    (beside / "scene.py").write_text(code)
+    words = r"scene.py:2: planar: picture: no file 'grey.png' \(tried: .*scenes.*grey.png, "
+    with pytest.raises(SceneError, match=words):
+        load(beside / "scene.py")
+    for folder, grey in ((here, 50), (beside, 200)):  # the one beside the scene comes first
+        Image.new("L", (2, 2), grey).save(folder / "grey.png")
+        texture = load(beside / "scene.py").materials[1]._given["albedo"]
+        assert round(float(texture.pixels.max()) * 255) == grey
