@@ -46,8 +46,8 @@ def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
     """A view as an 8-bit image of the frame's size.
 
     depth: close is bright, a miss is black. normal: x, y, z from -1 to 1 as red, green, blue.
-    iterations, evaluations, fallbacks: from 0 to the maximum of the picture. residual: logarithmic.
-    cycles: from 0 to the 99th percentile, so that interruptions of the processor do not darken the other pixels.
+    iterations, evaluations, fallbacks, cycles: from 0 to the 99th percentile of the pixels, so that a few extreme
+    pixels do not darken the others; to the maximum if the percentile is 0. residual: logarithmic.
     material: a colour for each index. slice: see `raymarch.gpu.slices.slice_picture`.
     boxes: the picture with the bounding box of the scene in red, and those of its operands.
     `scale_of` returns the scale of the colours.
@@ -75,7 +75,10 @@ def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
 def scale_of(frame: Frame, view: str) -> Scale | None:
     """The colour scale of a view; None for views without one."""
     if view in COUNTS:
-        return Scale(COUNTS[view], 0.0, _largest(frame.array(view)) or 1.0)
+        counts = frame.array(view)
+        most = _largest(counts)
+        high = float(np.percentile(counts, 99)) or most or 1.0
+        return Scale(COUNTS[view] if most <= high else f"{COUNTS[view]}, at most {most:.4g}", 0.0, high)
     if view == "cycles":
         return Scale("clock cycles per pixel", 0.0, float(np.percentile(frame.array(view), 99)) or 1.0)
     if view == "residual":

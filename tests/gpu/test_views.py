@@ -61,11 +61,21 @@ def test_normals_are_colours_from_minus_one_to_one() -> None:
 
 
 @pytest.mark.parametrize("view", ["iterations", "evaluations", "fallbacks"])
-def test_counts_go_from_zero_to_the_largest(view: str) -> None:
-    assert shown(view, [[0, 5, 10]]).tolist() == [colors([0, 0.5, 1])]
+def test_counts_go_from_zero_to_the_99th_percentile(view: str) -> None:
+    values = np.repeat([[0, 5, 10]], 400, axis=0)
+    values[0, 0] = 90
+    found = shown(view, values)
+    assert found[1:].tolist() == [colors([0, 0.5, 1])] * 399 and found[0].tolist() == colors([1, 0.5, 1])
+    scale = scale_of(frame_of(view, values), view)
+    assert scale is not None and (scale.low, scale.high) == (0.0, 10.0) and scale.quantity.endswith(", at most 90")
     assert shown(view, [[0, 0]]).tolist() == [colors([0, 0])]
-    scale = scale_of(frame_of(view, [[0, 5, 10]]), view)
-    assert scale is not None and (scale.low, scale.high) == (0.0, 10.0)
+
+
+def test_rare_counts_are_scaled_to_the_largest() -> None:
+    values = np.zeros((20, 20))
+    values[3, 4] = 7
+    scale = scale_of(frame_of("fallbacks", values), "fallbacks")
+    assert scale is not None and scale.high == 7.0 and scale.quantity == "undone steps per ray"
 
 
 def test_residuals_are_logarithmic() -> None:
