@@ -111,7 +111,8 @@ class Fog(Value):
 
     Parameters
     ----------
-    color : colour of the fog, linear RGB, each >= 0.
+    color : colour of the fog, linear RGB, each >= 0. None is the sky's radiance in the direction of the ray: far
+        surfaces fade into the sky, without a seam at the horizon.
     density : extinction per unit of length, >= 0.
 
     Notes
@@ -119,16 +120,19 @@ class Fog(Value):
     Raises SceneError for a negative value.
     """
 
-    color: Expr
+    color: Expr | None
     density: Expr
 
-    def __init__(self, color: ColorLike = (0.5, 0.65, 0.85), density: Scalar = 0.05) -> None:
+    def __init__(self, color: ColorLike | None = (0.5, 0.65, 0.85), density: Scalar = 0.05) -> None:
         self._begin()
-        self._set(color=as_color("Fog: color", color), density=as_number("Fog: density", density, low=0.0))
+        self._set(
+            color=None if color is None else as_color("Fog: color", color),
+            density=as_number("Fog: density", density, low=0.0),
+        )
 
     @property
     def expressions(self) -> list[Expr]:
-        return [self.color, self.density]
+        return [self.density] if self.color is None else [self.color, self.density]
 
 
 def _radiance(color: Any) -> Expr:

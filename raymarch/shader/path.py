@@ -5,6 +5,7 @@ from __future__ import annotations
 from raymarch.plan import Plan
 from raymarch.plan.shading import compensated
 from raymarch.shader.chunk import Lines
+from raymarch.shader.fog import add_fog, keep_direction
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
@@ -16,6 +17,7 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     add("    vec3 color = vec3(0.0);")
     add("    vec3 weight = vec3(1.0);")
     add("    float first = hit.t;")
+    keep_direction(text, scene)
     add("    float travelled = 0.0;")
     if shines:
         # Path regularisation (Kaplanyan 2013): highlights on mirrors seen from rough surfaces are too rarely sampled.
@@ -79,8 +81,7 @@ def path_tracing(text: Lines, plan: Plan) -> None:
     add("            break;")
     add("        }")
     add("    }")
-    if scene.fog is not None:
-        add("    color = apply_fog(color, first);", by="Scene(fog=...)", where=scene.where)
+    add_fog(text, scene, "first", "view")
     add("    return color;")
     add("}")
 

@@ -8,6 +8,7 @@ from raymarch.plan import Plan
 from raymarch.plan.shading import ambient, ambient_sky, compensated, occluded, patterned
 from raymarch.scene.sky import DIRECTION
 from raymarch.shader.chunk import Chunk, Lines, Values
+from raymarch.shader.fog import add_fog
 from raymarch.shader.lights import all_lights, metal_bsdf
 from raymarch.shader.path import path_tracing
 from raymarch.shader.surface import material_arguments, surface_interaction_call
@@ -45,8 +46,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
         _ambient(text, plan, values)
     if lit:
         all_lights(text, plan, values)
-    if scene.fog is not None:
-        text.add("    color = apply_fog(color, hit.t);", by="Scene(fog=...)", where=scene.where)
+    add_fog(text, scene, "hit.t", "ray.direction")
     text.add("    return color;")
     text.add("}")
     return _chunk(text, plan, values)
@@ -90,7 +90,8 @@ def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
     else:
         values.functions.append(Function("sky", (DIRECTION,), scene.sky.radiance, where=scene.where))
     if scene.fog is not None:
-        values.add("fog_color", scene.fog.color, scene.where)
+        if scene.fog.color is not None:
+            values.add("fog_color", scene.fog.color, scene.where)
         values.add("fog_density", scene.fog.density, scene.where)
     return text.chunk("shade")
 

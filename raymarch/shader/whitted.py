@@ -10,6 +10,7 @@ from __future__ import annotations
 from raymarch.plan import Plan
 from raymarch.scene.material import SMOOTH
 from raymarch.shader.chunk import Lines
+from raymarch.shader.fog import add_fog, keep_direction
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
@@ -19,12 +20,12 @@ def tree(text: Lines, plan: Plan) -> None:
     text.add("vec3 shade(Ray ray, Hit hit) {")
     text.add("    vec3 color = vec3(0.0);")
     text.add("    float first = hit.t;")
+    keep_direction(text, plan.scene)
     if plan.glass is not None:
         _branches(text, plan, mirrors)
     else:
         _chain(text, plan)
-    if plan.scene.fog is not None:
-        text.add("    color = apply_fog(color, first);", by="Scene(fog=...)", where=plan.scene.where)
+    add_fog(text, plan.scene, "first", "view")
     text.add("    return color;")
     text.add("}")
 

@@ -108,7 +108,11 @@ class Surface:
         if fog is None:
             return color
         transmittance = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
-        return self.values.of(fog.color) * (1.0 - transmittance) + color * transmittance
+        if fog.color is None:
+            beyond = self.scene.sky.radiance_along(self.directions, self.values)
+        else:
+            beyond = self.values.of(fog.color)
+        return beyond * (1.0 - transmittance) + color * transmittance
 
     @cached_property
     def _ambient_occlusion(self) -> Array:
