@@ -6,6 +6,7 @@ that names file and line; 130 Ctrl+C.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -84,6 +85,11 @@ def _show_usage(fault: Any) -> None:
         fault.show()
         return
     text = " ".join(str(fault.format_message()).split()).removesuffix(".")
+    scene = re.fullmatch(r"No such command '(.+\.py)'", text)
+    if scene:
+        shown = f"{scene[1]} is no command (raymarch render {scene[1]}, or raymarch view {scene[1]})"
+        errors.print(f"raymarch: {shown}", markup=False)
+        return
     errors.print(f"raymarch: {text} ({command} --help)", markup=False)
 
 

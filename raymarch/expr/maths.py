@@ -72,7 +72,18 @@ def _componentwise(function: Callable[P, Expr], called: str = "") -> Callable[P,
         (result,) = evaluator([made], [s for s, _ in inputs])(*[a for _, a in inputs])
         return _number(np.broadcast_to(result, (math.prod(shape),)).reshape(shape))
 
+    call.__doc__ = f"{function.__doc__ or _PLAIN.format(name)}\n\n{_NUMBERS}"
     return call
+
+
+_PLAIN = "The function {} of GLSL, of each component."
+_PLAIN_VECTORS = "The function {} of vectors."
+
+_NUMBERS = """Arguments: expressions, numbers, or arrays of any shape, which are broadcast.
+Returns an expression if an argument is one, else a float or a float64 array. SceneError for other arguments."""
+
+_VECTORS = """Arguments: expressions, sequences of 2 to 4 numbers, or arrays (..., 2 to 4) of them, which are broadcast.
+Returns an expression if an argument is one, else a float or a float64 array. SceneError for other arguments."""
 
 
 def _of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
@@ -100,6 +111,7 @@ def _of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, An
             shapes = " and ".join(str(a.shape) for a in arrays)
             raise SceneError(f"{name} of shapes {shapes}", legal="shapes that broadcast") from None
 
+    call.__doc__ = f"{function.__doc__ or _PLAIN_VECTORS.format(name)}\n\n{_VECTORS}"
     return call
 
 

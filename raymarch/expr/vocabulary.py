@@ -240,14 +240,17 @@ def cross(a: Vec, b: Vec) -> Expr:
 
 
 def vec2(*parts: Operand) -> Expr:
+    """A vector of 2 components from numbers and vectors, as in GLSL. One number gives all components."""
     return _of_size(2, parts)
 
 
 def vec3(*parts: Operand) -> Expr:
+    """A vector of 3 components from numbers and vectors, as in GLSL. One number gives all components."""
     return _of_size(3, parts)
 
 
 def vec4(*parts: Operand) -> Expr:
+    """A vector of 4 components from numbers and vectors, as in GLSL. One number gives all components."""
     return _of_size(4, parts)
 
 

@@ -381,6 +381,12 @@ def test_an_output_to_a_full_disk_is_said_in_one_line(folder: Path, words: tuple
     assert done.stderr == "raymarch: cannot write the output: No space left on device (a disk with space)\n"
 
 
+def test_a_scene_without_a_command_says_which_there_are(folder: Path) -> None:
+    done = spawn("hello.py", cwd=folder)
+    assert done.returncode == 2
+    assert done.stderr == "raymarch: hello.py is no command (raymarch render hello.py, or raymarch view hello.py)\n"
+
+
 @pytest.mark.parametrize(
     ("redirection", "words", "code"),
     [

@@ -126,6 +126,14 @@ def test_a_constant_converts_to_a_number() -> None:
     assert float(rm.vec3(1, 2, 3).y) == 2.0
 
 
+def test_every_function_has_a_help_text() -> None:
+    for name in rm._MODULES["raymarch.expr.maths"].split():
+        function = getattr(rm, name)
+        if callable(function):
+            assert function.__doc__ and function.__doc__.strip(), name
+    assert "Euclidean norm" in str(rm.length.__doc__) and "function sin of GLSL" in str(rm.sin.__doc__)
+
+
 # Names of other tools
 
 NAMES: dict[str, tuple[Callable[[], Any], str]] = {
