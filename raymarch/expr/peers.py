@@ -44,7 +44,7 @@ FUNCTIONS = _keys(
         "light lights": "rm.Sun, rm.PointLight, rm.SpotLight or rm.SphereLight",
         "directionallight sunlight distantlight": "rm.Sun(direction)",
         "pointlamp omnilight": "rm.PointLight(position)",
-        "arealight": "rm.SphereLight(position, radius)",
+        "arealight rectarealight quadlight": "rm.RectLight(...) or rm.SphereLight(position, radius)",
         "ambientlight hemispherelight environmentlight ambient": "rm.Sky(color, light=True)",
         "background backdrop": "rm.Sky(color)",
         "environment hdri envmap environmentmap": 'rm.ImageSky("file.hdr")',

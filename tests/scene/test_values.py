@@ -66,7 +66,8 @@ def all_value_classes() -> set[type]:
     while pending:
         for kind in pending.pop().__subclasses__():
             pending.append(kind)
-            if getattr(sys.modules[kind.__module__], kind.__name__, None) is kind:
+            own = kind.__module__.startswith("raymarch.")  # not a kind of light of another test
+            if own and getattr(sys.modules[kind.__module__], kind.__name__, None) is kind:
                 found.add(kind)
     return found
 
