@@ -83,6 +83,7 @@ def passes_of(names: Sequence[str], quality: Quality, cones: bool, changes: bool
 
 def joining(drawn: Sequence[Pass]) -> dict[str, str]:
     """The modules chosen to reproject the history, each with its reason."""
+    history = {"temporal/history": "the history is reprojected"}
     if BEFORE in drawn:
-        return {"temporal/changed": "the scene reads time or parameters"}
-    return {"temporal/unchanged": "the scene reads neither time nor parameters"}
+        return {**history, "temporal/changed": "the scene reads time or parameters"}
+    return {**history, "temporal/unchanged": "the scene reads neither time nor parameters"}
