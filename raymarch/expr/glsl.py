@@ -322,7 +322,17 @@ def _construct(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) ->
     return call_text(node.type.name, joined, sources)
 
 
+_CHOSEN = """TYPE chosen(bool condition, TYPE yes, TYPE no) {
+    if (condition) return yes;
+    return no;
+}"""
+"""In place of `?:` for structures, which WebGL refuses."""
+
+
 def _where(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    if node.type.fields and printer.text.for_web:
+        printer.helpers["chosen", node.type.name] = _CHOSEN.replace("TYPE", node.type.name)
+        return call_text("chosen", pieces, node.args)
     condition, yes, no = parts = tuple(_wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
     text = f"{condition.text} ? {yes.text} : {no.text}"
     return Piece(text, CHOICE, _depth(pieces), Form("choice", "", parts, node.args))
@@ -534,6 +544,8 @@ class Text:
     uniform_names: dict[Expr, str] = field(default_factory=dict)
     needs: set[str] = field(default_factory=set)
     """Functions that it calls and that the shader must define."""
+    for_web: bool = False
+    """True if browsers must take it, too: WebGL refuses `?:` for structures."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -545,8 +557,8 @@ class Text:
         return result[:-1]
 
 
-def print_functions(roots: Sequence[Function], taken: Iterable[str] = ()) -> Text:
-    """GLSL of some functions and of all their callees, each once."""
+def print_functions(roots: Sequence[Function], taken: Iterable[str] = (), for_web: bool = False) -> Text:
+    """GLSL of some functions and of all their callees, each once. for_web : see `Text`."""
     order = _callees_first(roots)
     names: dict[Function, str] = {}
     expressions = [e for f in roots for e in f.inner]
@@ -558,7 +570,7 @@ def print_functions(roots: Sequence[Function], taken: Iterable[str] = ()) -> Tex
             wanted = definition.name
             names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
             occupied.add(names[definition])
-    text = Text(names, [], {}, uniforms, bool(find(expressions, "time")))
+    text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web)
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())

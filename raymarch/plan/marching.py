@@ -54,17 +54,20 @@ class Marching:
         return bool(self.schedule.levels)
 
 
-def choose(scene: Scene, operations: int, size: tuple[int, int] | None) -> Marching:
+def choose(scene: Scene, operations: int, size: tuple[int, int] | None, standalone: bool = False) -> Marching:
     """Choose the tracer and the schedule for a scene.
 
     operations : arithmetic operations in one evaluation of the field.
     size : (width, height) of the picture in pixels, None if not known.
+    standalone : True for a shader that draws the picture in one pass, without cones.
     """
     quality = scene.quality
     certified = trusted(scene)
     tracer, tracer_reason = _choose_tracer(quality, certified)
     schedule, schedule_reason = _choose_schedule(quality, certified, operations, size)
-    if (
+    if standalone:
+        schedule, schedule_reason = SINGLE, "a standalone shader draws the picture in one pass"
+    elif (
         certified
         and not quality.shortened
         and quality.steps_per_pass is None
@@ -123,15 +126,18 @@ def _choose_schedule(
     return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation per pixel, enough for cones to save time"
 
 
-def choices(scene: Scene, marching: Marching, epsilon: float) -> dict[str, str]:
+def choices(scene: Scene, marching: Marching, epsilon: float, standalone: bool = False) -> dict[str, str]:
     """The modules chosen to march rays, each with its reason.
 
     epsilon : distance to a surface, in pixel widths, at which a ray starts to refine its hit.
+    standalone : True for a shader that computes the camera itself.
     """
     quality = scene.quality
     cone = "_cone" * marching.cones
+    own = dict.fromkeys(("view/pose", "view/camera_own"), "a standalone shader computes the camera")
+    given = {"view/camera" + "_interpolated" * (quality.rays == "interpolated"): f"Quality(rays={quality.rays!r})"}
     found = {
-        "view/camera" + "_interpolated" * (quality.rays == "interpolated"): f"Quality(rays={quality.rays!r})",
+        **(own if standalone else given),
         f"march/widths{cone}": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",
         f"march/distance{cone}": "the field is evaluated along rays" + " and cones" * marching.cones,
         f"march/{MODULES.get(marching.tracer, marching.tracer)}": marching.tracer_reason,

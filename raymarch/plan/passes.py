@@ -58,6 +58,9 @@ DRAWN: Final = {
     "cycles": Pass(
         "cycles", "view/cycles", 1, "clock cycles were requested", shades=True, extension="GL_ARB_shader_clock"
     ),
+    "samples": Pass("samples", "view/accumulate", 1, "a page that adds samples was requested", shades=True),
+    "standalone": Pass("standalone", "view/standalone", 1, "a shader for other programs was requested", shades=True),
+    "shadertoy": Pass("shadertoy", "view/shadertoy", 1, "a shader for Shadertoy was requested", shades=True),
 }
 """The passes that can be requested, by name."""
 

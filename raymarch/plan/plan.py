@@ -77,6 +77,8 @@ class Plan:
     """Conditions checked against the values of each frame, because they could not be proven in advance."""
     further: list[Function] = default(default_factory=list)
     """Further functions of the point that modules call."""
+    standalone: bool = False
+    """True for a shader that computes the values of a frame itself and marches no cones."""
 
     @property
     def tracer(self) -> str:
@@ -123,12 +125,15 @@ def plan(
     passes: Sequence[str] = ("color",),
     size: tuple[int, int] | None = None,
     lowering: Lowering | None = None,
+    standalone: bool = False,
 ) -> Plan:
     """Plan a scene. Raises PlanError for clashing parameters or a field that is too large.
 
     passes : names of the requested passes, of `raymarch.plan.passes.DRAWN`; passes that they need are added.
     size : (width, height) of the picture in pixels; decides whether marching cones first saves time.
     lowering : translates nodes to expressions; None for a new `Lowering`.
+    standalone : plan a shader that other programs can draw: it computes the values of a frame itself, and marches no
+        cones.
     """
     check_scene("plan", scene)
     given, origin = scene, origin_of(scene)
@@ -145,7 +150,7 @@ def plan(
         )
     lit = shading.lit(scene)
     operations = count_operations([definition.body])
-    chosen = marching.choose(scene, operations, size)
+    chosen = marching.choose(scene, operations, size, standalone)
     drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene))
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
@@ -170,6 +175,7 @@ def plan(
         shapes=shapes,
         nodes=len(all_nodes(scene.node)),
         operations=operations,
+        standalone=standalone,
     )
     shaded = lit and any(p.shades for p in drawn)
     needs_normal = (shaded and shading.needs_surface(scene)) or geometry
@@ -208,7 +214,7 @@ def _choices_of(made: Plan, joint: bool) -> dict[str, str]:
     """The modules chosen where several define the same names, each with its reason."""
     scene, normals = made.scene, made.scene.quality.normals
     return {
-        **marching.choices(scene, made.marching, made.epsilon),
+        **marching.choices(scene, made.marching, made.epsilon, made.standalone),
         f"normal/{normals}": f"Quality(normals={normals!r})",
         **shading.choices(scene, made.model, joint),
         **joining(made.passes),

@@ -139,7 +139,7 @@ class Camera(Value):
         if not solid.facts.bounded or solid.facts.empty:
             what = "is empty" if solid.facts.empty else "has no finite box"
             raise SceneError(f"Camera.framing: {solid.name} {what}", legal="a part of the scene that has one")
-        lower, upper = _box_of(solid.facts)
+        lower, upper = framed_box(solid.facts)
         target = (lower + upper) / 2
         made = cls(tuple(target + away), tuple(target), tuple(upward), fov)  # refuses a degenerate camera
         position = target + _away(lower, upper, target, away, upward, tan_half_fov, proportion, factor)
@@ -170,7 +170,7 @@ class Camera(Value):
             the box are in the picture.
         """
         tan_half_fov = self._tan_half_fov(values)
-        lower, upper = _box_of(subject)
+        lower, upper = framed_box(subject)
         target = (lower + upper) / 2 if self.target is None else values.of(self.target)
         up = values.of(self.up)
         if self.position is None:
@@ -198,7 +198,7 @@ class Camera(Value):
             )
 
 
-def _box_of(subject: Facts | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def framed_box(subject: Facts | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Corners of the box to frame: of a cube of edge 2 if there is none."""
     if subject is None or subject.empty or not subject.bounded:
         return np.full(3, -1.0), np.full(3, 1.0)

@@ -19,6 +19,9 @@ X = var("x", FLOAT)
 _ENCODED: Expr = where(X <= 0.0031308, 12.92 * X, 1.055 * pow(X, 1.0 / 2.4) - 0.055)
 _LINEAR: Expr = where(X <= 0.04045, X / 12.92, pow((X + 0.055) / 1.055, 2.4))
 
+ENCODE = Function("linear_to_srgb", (X,), _ENCODED)
+"""The encoding of one component from 0 to 1."""
+
 _encode, _decode = evaluator([_ENCODED], [X]), evaluator([_LINEAR], [X])
 
 
@@ -34,4 +37,4 @@ def linear_to_srgb(linear: NDArray[Any]) -> NDArray[np.float64]:
 
 def srgb_glsl() -> str:
     """The encoding as GLSL text: `float linear_to_srgb(float x)`."""
-    return "\n".join(line.text for line in print_functions([Function("linear_to_srgb", (X,), _ENCODED)]).lines())
+    return "\n".join(line.text for line in print_functions([ENCODE]).lines())

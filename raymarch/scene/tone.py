@@ -103,7 +103,7 @@ class ToneMapping(Value):
     def apply(self, color: NDArray[Any]) -> NDArray[np.float64]:
         """Linear light (..., 3) as linear values for the screen, from 0 to 1, in float64; NaN becomes 0."""
         light = np.fmin(np.fmax(np.asarray(color, np.float64), 0.0), 1e30)  # of NaN and 0 it takes 0
-        made = evaluator([self._function.body], [COLOR])(light)[0]
+        made = evaluator([self.function.body], [COLOR])(light)[0]
         return np.clip(np.broadcast_to(made, light.shape), 0.0, 1.0)
 
     def image(self, color: NDArray[Any]) -> NDArray[np.uint8]:
@@ -112,10 +112,11 @@ class ToneMapping(Value):
 
     def glsl(self) -> str:
         """The tone curve as GLSL text: `vec3 toned(vec3 color)`."""
-        return "\n".join(line.text for line in print_functions([self._function]).lines())
+        return "\n".join(line.text for line in print_functions([self.function]).lines())
 
     @property
-    def _function(self) -> Function:
+    def function(self) -> Function:
+        """The tone curve as a function of the linear colour: `toned`."""
         return _toned(self.curve, self.exposure)
 
 

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 
 from raymarch.errors import Location, PlanError, is_users
 from raymarch.expr.faults import COLOR
@@ -29,6 +30,7 @@ from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.lights import light_rows
 from raymarch.shader.link import link, module
 from raymarch.shader.shade import shading
+from raymarch.shader.standalone import Setup
 
 HEADERS = {
     "330 core": ["#version 330 core"],
@@ -39,6 +41,7 @@ HEADERS = {
         "precision highp sampler2D;",
         "precision highp sampler3D;",
     ],
+    "": [],  # for a host that adds a header
 }
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))) + os.sep
@@ -67,12 +70,28 @@ class Shader:
     samples: Mapping[str, Samples | Texels]
     modules: Mapping[str, str]
 
-    def text(self, chosen: str | None = None, version: str = "330 core") -> str:
+    def text(
+        self,
+        chosen: str | None = None,
+        version: str = "330 core",
+        declarations: Mapping[str, str] = MappingProxyType({}),
+    ) -> str:
         """The whole text of one pass, the first by default, ready to compile.
 
-        version : "330 core", or "300 es" for WebGL 2.
+        version : "330 core", or "300 es" for WebGL 2. declarations : lines that replace those of uniforms, by name.
         """
-        return "\n".join([*self._head(chosen or self.passes[0], version), *(line.text for line in self.body)]) + "\n"
+        lines = (declarations.get(line.uniform, line.text) if line.uniform else line.text for line in self.body)
+        return "\n".join([*self._head(chosen or self.passes[0], version), *lines]) + "\n"
+
+    @property
+    def uniforms(self) -> dict[str, str]:
+        """The GLSL type of each uniform, by name."""
+        found = {}
+        for line in self.body:
+            if line.uniform:
+                _, kind, declared_name = line.text.split(";")[0].split(maxsplit=2)
+                found[line.uniform] = kind + declared_name.removeprefix(line.uniform)
+        return found
 
     def _head(self, chosen: str, version: str) -> list[str]:
         index = self.passes.index(chosen)
@@ -91,11 +110,15 @@ class Shader:
         return self.body[index].made_by, self.body[index].where
 
 
-def assemble(plan: Plan) -> Shader:
-    """The shader of a plan."""
+def assemble(plan: Plan, inputs: Mapping[str, str] = MappingProxyType({})) -> Shader:
+    """The shader of a plan.
+
+    inputs : for a standalone plan, GLSL expressions that replace uniforms, by the name of the uniform.
+    """
     mains = [module(p.module) for p in plan.passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in plan.passes) else None
+    setup = Setup(plan, values, inputs) if plan.standalone else None
     roots = _roots(plan, values)
     constants = _constants(plan)
     generated: dict[str, Callable[[], Chunk]] = {
@@ -106,6 +129,7 @@ def assemble(plan: Plan) -> Shader:
         "scene_cone": partial(scene_cone, plan),
         "u_lights": light_rows,
         "pcg": _pcg,
+        **(setup.promised() if setup is not None else {}),
     }
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
     promised = link(mains, plan.choices, generated)
@@ -113,6 +137,8 @@ def assemble(plan: Plan) -> Shader:
     fields, parameters, text = _fields(plan, roots, taken)
     declared = Chunk.of("constants", [line for name, line in constants.items() if name in taken])
     generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}
+    if setup is not None:
+        generated |= setup.chunks(parameters, text.uses_time, promised.names)
     linked = link(mains, plan.choices, generated)
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
     _check_texture_units(plan, body, mains)
@@ -177,6 +203,7 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
         "step_variation": ("float", literal(quality.step_variation)),
         "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.tracer, 1.0))),
         "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),
+        "picture_samples": ("int", str(quality.samples)),
         "occlusion_steps": ("int", str(plan.scene.occlusion.steps if plan.scene.occlusion else 0)),
         "smoothing": ("float", literal(quality.beta)),
         "footprint_pixels": ("float", literal(quality.footprint)),
@@ -212,7 +239,7 @@ def _promised(roots: Sequence[Function]) -> Chunk:
 
 def _fields(plan: Plan, roots: Sequence[Function], taken: frozenset[str]) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
-    text = print_functions(roots, taken)
+    text = print_functions(roots, taken, plan.standalone)
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}

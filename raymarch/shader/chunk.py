@@ -20,6 +20,13 @@ class Mapped:
     made_by: str
     where: Location | None = None
 
+    @property
+    def uniform(self) -> str:
+        """The name of the uniform that the line declares; "" for any other line."""
+        if not self.text.startswith("uniform "):
+            return ""
+        return self.text.split(";")[0].split()[2].partition("[")[0]
+
 
 @dataclass(frozen=True, slots=True)
 class Chunk:

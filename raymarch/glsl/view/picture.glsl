@@ -1,0 +1,20 @@
+// The colour of a pixel for the screen: the mean of its samples that are finite, tone mapped and encoded in sRGB.
+const vec2 R2 = vec2(0.7548776662466927, 0.5698402909980532);  // the R2 sequence (Roberts 2018)
+
+// In pixels, from the centre of the pixel, which is sample 0.
+vec2 sample_offset(int index) {
+    return fract(0.5 + float(index) * R2) - 0.5;
+}
+
+vec3 picture(vec2 pixel) {
+    vec4 sum = vec4(0.0);
+    for (int i = 0; i < picture_samples; i++) {
+        begin_sample(i);
+        Ray ray = camera_ray(pixel + sample_offset(i));
+        Hit hit = trace(ray);
+        vec4 color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+        if (finite(color)) sum += color;
+    }
+    vec3 c = clamp(toned(clamp(sum.rgb / max(sum.a, 1.0), 0.0, 1.0e30)), 0.0, 1.0);
+    return vec3(linear_to_srgb(c.r), linear_to_srgb(c.g), linear_to_srgb(c.b));
+}

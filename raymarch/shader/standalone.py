@@ -1,0 +1,153 @@
+"""Generated code of a shader that computes the values of a frame itself: camera, start of the march, hoisted values.
+
+A renderer computes them in float64, once per frame, and passes them as uniforms. A standalone shader computes them in
+float32, for each ray.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import TIME, constant, literal
+from raymarch.expr.node import Expr, Operand, const, expr, var
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import cross, dot, max, normalize, tan
+from raymarch.plan import Plan
+from raymarch.scene.camera import MARGIN, VIEW, framed_box
+from raymarch.scene.scene import HORIZON
+from raymarch.scene.srgb import ENCODE
+from raymarch.sdf.booleans import balanced
+from raymarch.shader.chunk import Chunk, Lines, Values
+
+Array = NDArray[Any]
+
+ASPECT = var("aspect", FLOAT)
+"""Width over height of the picture."""
+
+HOST = ("iResolution", "iTime", "iMouse")
+"""Names that Shadertoy defines."""
+
+BY = "the camera"
+
+FRAME = ("u_side", "u_start", "u_pixel", "u_far", "u_sample")
+"""Uniforms of a renderer that are variables of a standalone shader."""
+
+
+class Setup:
+    """The function `set_frame`, which sets the values of a frame.
+
+    Parameters
+    ----------
+    values : gets the functions that compute the camera and the hoisted values.
+    inputs : GLSL expressions of the host for the values that are uniforms otherwise, by the name of the uniform.
+    """
+
+    def __init__(self, plan: Plan, values: Values, inputs: Mapping[str, str]) -> None:
+        self._plan, self._inputs = plan, inputs
+        camera, where, origin = plan.given.camera, plan.given.camera.where, const(plan.origin)
+        low, high = framed_box(plan.given.subject)
+        target = const((low + high) / 2) if camera.target is None else camera.target
+
+        def text(name: str, value: Operand) -> str:
+            return values.text(f"camera_{name}", expr(value), where)
+
+        self._fov = text("tan_half_fov", tan(camera.fov * (np.pi / 360.0)))
+        self._target = text("target", target - origin)
+        self._up = text("up", camera.up)
+        if camera.position is not None:
+            self._position = text("position", camera.position - origin)
+        else:
+            away = constant(const(VIEW / np.linalg.norm(VIEW)))
+            distance = _framing(low, high, target, camera.up, tan(camera.fov * (np.pi / 360.0)))
+            values.functions.append(Function("camera_distance", (ASPECT,), distance, where=where))
+            self._position = f"{self._target} + {away} * camera_distance(u_resolution.x / u_resolution.y)"
+        self._hoisted = {
+            name: values.text(name.replace(" ", "_"), value, where) for name, value in plan.hoisted.items()
+        }
+        values.functions += [plan.given.tone.function, ENCODE]
+
+    def promised(self) -> dict[str, Callable[[], Chunk]]:
+        """The names of the functions and those that they need, before it is known which uniforms the shader has."""
+        needs = {"field", "place_camera", "u_tan_half_fov", "u_pixel", "u_far", "u_side"}
+        return {
+            "set_frame": lambda: Chunk("set_frame", frozenset(needs), frozenset({"set_frame"}), ()),
+            "begin_sample": lambda: Chunk("begin_sample", frozenset(), frozenset({"begin_sample"}), ()),
+        }
+
+    def chunks(
+        self, parameters: Mapping[str, str], uses_time: bool, given: frozenset[str]
+    ) -> dict[str, Callable[[], Chunk]]:
+        """The functions `set_frame` and `begin_sample`.
+
+        parameters : GLSL names of the parameters, by name. given : all names that the shader defines.
+        """
+
+        def begin_sample() -> Chunk:
+            text = Lines(BY)
+            text.add("void begin_sample(int index) {")
+            if "u_sample" in given:
+                text.add("    u_sample = index;")
+            text.add("}")
+            return text.chunk("begin_sample")
+
+        return {"set_frame": partial(self._frame, parameters, uses_time, given), "begin_sample": begin_sample}
+
+    def _frame(self, parameters: Mapping[str, str], uses_time: bool, given: frozenset[str]) -> Chunk:
+        text = Lines(BY)
+        text.add("// Sets the values of the frame.")
+        text.add("void set_frame() {")
+        for name, value in self._inputs.items():
+            if name != TIME or uses_time:
+                text.add(f"    {name} = {value};")
+        for name, value in self._hoisted.items():
+            if name in parameters:
+                text.add(f"    {parameters[name]} = {value};")
+        text.add(f"    u_tan_half_fov = {self._fov};")
+        text.add(f"    place_camera({self._position}, {self._target}, {self._up});")
+        text.add("    u_pixel = 2.0 * u_tan_half_fov / u_resolution.y;")
+        text.add(f"    u_far = {self._far()};")
+        text.add("    float at_camera = field(u_camera_position);")
+        text.add("    u_side = at_camera < 0.0 ? -1.0 : 1.0;")
+        if "u_start" in given:
+            text.add("    vec3 size = abs(u_camera_position);")
+            text.add("    float empty = abs(at_camera) * 0.999999 - 1.0e-6 * max(size.x, max(size.y, size.z));")
+            text.add("    u_start = vec4(0.0, 0.0, 0.0, empty < 1.0e30 ? max(empty, 0.0) : 0.0);")
+        text.add("}")
+        made = text.chunk("set_frame")
+        own = {*self._inputs.values(), *parameters.values(), TIME, *HOST}
+        return replace(made, needs=made.needs - own)
+
+    def _far(self) -> str:
+        """The greatest distance of rays, as `Scene.far` defines it."""
+        scene = self._plan.scene
+        facts = scene.node.facts
+        if facts.empty:
+            return "0.0"
+        if facts.bounded:
+            lower, upper = constant(const(facts.lower)), constant(const(facts.upper))
+            return f"length(max(abs({lower} - u_camera_position), abs({upper} - u_camera_position)))"
+        subject = scene.subject
+        scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
+        middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2
+        return f"{literal(HORIZON)} * ({literal(scale)} + distance(u_camera_position, {constant(const(middle))}))"
+
+
+def _framing(low: Array, high: Array, target: Expr, up: Expr, tan_half_fov: Expr) -> Expr:
+    """The distance of a camera without a position from its target, as `Camera.pose` computes it, by the aspect."""
+    backward = const(VIEW / np.linalg.norm(VIEW))
+    right = normalize(cross(up, backward))
+    above = cross(backward, right)
+    corners = [const(np.array(corner)) - target for corner in product(*zip(low, high, strict=True))]
+    found = []
+    for corner in corners:
+        x, y, z = (dot(corner, axis) for axis in (right, above, backward))
+        found += [z + max(abs(x) / ASPECT, abs(y)) * (MARGIN / tan_half_fov), z * MARGIN]
+    return balanced(found, max)
