@@ -27,6 +27,8 @@ if TYPE_CHECKING:
         SceneError,
         ShaderError,
     )
+    from raymarch.export import export
+    from raymarch.export.notebook import show
     from raymarch.expr.maths import (
         abs as abs,
     )
@@ -294,6 +296,7 @@ __all__ = [
     "engrave",
     "exp",
     "exp2",
+    "export",
     "flat_triangle",
     "flat_vesica",
     "floor",
@@ -362,6 +365,7 @@ __all__ = [
     "schwarz_d",
     "schwarz_p",
     "shape",
+    "show",
     "sierpinski",
     "sign",
     "sin",
@@ -415,6 +419,8 @@ _MODULES = {
     "raymarch.errors": (
         "CostError DeviceError PlanError RaymarchError RenderError RenderWarning SceneError ShaderError"
     ),
+    "raymarch.export": "export",
+    "raymarch.export.notebook": "show",
     "raymarch.expr.maths": (
         "abs acos asin atan atan2 ceil clamp cos cosh cross_product distance dot exp exp2 floor fract length log log2 "
         "max min mix mod normalize pi pow sign sin sinh smoothstep sqrt step tan tanh tau vec2 vec3 vec4 where"

@@ -31,6 +31,7 @@ COMMANDS = {
         "others."
     ),
     "cost": "Measure error and time of quality settings, and show which are Pareto-optimal.",
+    "export": "Write a scene to a file for other programs: a shader, a page or a triangle mesh.",
     "view": "Show a scene in a window and reload it when its file is saved. Press H for the keys.",
 }
 """The help text of each command. The module of the same name in this package has its options, as those of `run`."""

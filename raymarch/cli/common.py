@@ -7,9 +7,8 @@ import os
 import select
 import stat
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -149,23 +148,8 @@ class Output(Console):
         raise BrokenPipeError(errno.EPIPE, "the reader has closed the pipe")
 
 
-@contextmanager
-def written(file: Path) -> Iterator[Path]:
-    """Write atomically: a temporary file beside `file`, renamed at the end and removed after a failure."""
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent or Path())
-        os.close(handle)
-    except OSError as fault:
-        raise CommandError(f"cannot write '{file}': {fault.strerror or fault}", legal="a writable folder") from None
-    partial = Path(name)
-    try:
-        yield partial
-        mask = os.umask(0)
-        os.umask(mask)
-        partial.chmod(0o666 & ~mask)
-        partial.replace(file)
-    except (OSError, ValueError) as fault:  # a ValueError is a limit of the format
-        reason = getattr(fault, "strerror", None) or fault
-        raise CommandError(f"cannot write '{file}': {reason}", legal="a writable file") from None
-    finally:
-        partial.unlink(missing_ok=True)
+def written(file: Path) -> AbstractContextManager[Path]:
+    """`raymarch.files.written` for a file that was named on the command line."""
+    from raymarch import files  # `raymarch --help` does not need it
+
+    return files.written(file, CommandError)

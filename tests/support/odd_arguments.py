@@ -6,9 +6,12 @@ It never ends in an exception of Python's own, and never leaves what cannot be p
 
 from __future__ import annotations
 
+import atexit
 import decimal
 import fractions
 import inspect
+import shutil
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -37,6 +40,13 @@ BALL = np.linalg.norm(np.stack(np.meshgrid(*[np.linspace(-1, 1, 8)] * 3, indexin
 
 def _fails(*_: Any) -> Any:
     raise ZeroDivisionError("by its user")
+
+
+def _folder() -> Path:
+    """A folder that is removed when the process ends."""
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 ODD: dict[str, Any] = {
@@ -195,6 +205,8 @@ NEEDED: dict[str, dict[str, Any]] = {
     "hash": {"cell": var("p", VEC3)},
     "value_noise": {"*": (var("p", VEC3),)},
     "wrap_around": {"start": -3.0, "end": 3.0},
+    "export": {"scene": rm.box(), "path": _folder() / "made.glsl"},
+    "show": {"scene": rm.box()},
 }
 NEEDED |= {name: {"x": 0.5} for name in "acos asin atan ceil cos cosh exp exp2 floor fract log log2 sign sin".split()}
 NEEDED |= {name: {"x": 0.5} for name in "sinh sqrt tan tanh".split()}

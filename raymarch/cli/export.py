@@ -1,0 +1,66 @@
+"""`raymarch export`: writes a scene to a file for other programs."""
+
+from __future__ import annotations
+
+import time as clock_time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings
+from raymarch.cli.progress import bar
+from raymarch.export.forms import CELLS, SUFFIXES, export
+from raymarch.scene.file import load
+
+
+def run(
+    scene: SceneFile,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help=f"File to write; the suffix selects the form: {' '.join(SUFFIXES)}.")
+    ],
+    time: Annotated[float, typer.Option(help="Value of `time` in seconds.")] = 0.0,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
+    ] = None,
+    shadertoy: Annotated[bool, typer.Option("--shadertoy", help=".glsl: write a shader for Shadertoy.")] = False,
+    cells: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Meshes: cells along the longest edge of the box.", show_default=str(CELLS)),
+    ] = None,
+    box: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z:X,Y,Z", help="Meshes: clip the solid to this box.", show_default="bounds of the solid"
+        ),
+    ] = None,
+) -> None:
+    start = clock_time.perf_counter()
+    found, params, corners = load(scene), parse_settings(set_ or []), parse_box(box)
+    with bar("exporting", 1.0) as progress:
+        export(
+            found,
+            output,
+            time=time,
+            params=params,
+            shadertoy=shadertoy,
+            cells=cells,
+            box=corners,
+            progress=progress,
+        )
+    spent = clock_time.perf_counter() - start
+    errors.print(f"{output}  {output.stat().st_size / 1e3:,.0f} kB  {spent:.1f} s", markup=False)
+
+
+Corner = tuple[float, float, float]
+
+
+def parse_box(text: str | None) -> tuple[Corner, Corner] | None:
+    """Parse two corners, X,Y,Z:X,Y,Z."""
+    if text is None:
+        return None
+    try:
+        (a, b, c), (d, e, f) = ([float(part) for part in corner.split(",")] for corner in text.split(":"))
+    except ValueError:
+        raise CommandError(f"--box {text}", legal="two corners, X,Y,Z:X,Y,Z, such as -1,-1,-1:1,1,1") from None
+    return (a, b, c), (d, e, f)

@@ -1,0 +1,5 @@
+"""A scene as a file for other programs: a shader, a page, a triangle mesh."""
+
+from raymarch.export.forms import export
+
+__all__ = ["export"]

@@ -1,0 +1,110 @@
+"""The forms of export, each by the suffix of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raymarch.errors import SceneError
+from raymarch.expr.convert import file_path, integer, numbers, short, switch
+from raymarch.files import written
+from raymarch.scene.parameter import ParamValue, Values, set_values
+from raymarch.scene.scene import Scene, check_scene, scene_of
+from raymarch.sdf.node import Node
+
+Progress = Callable[[float], None]
+Corner = Sequence[float]
+
+MESHES = (".stl", ".obj", ".ply", ".glb")
+TEXTS = (".glsl", ".frag")
+PAGES = (".html", ".htm")
+SUFFIXES = (*TEXTS, *PAGES, *MESHES)
+"""Suffixes that `export` writes."""
+
+CELLS = 128
+"""Default number of cells of a mesh along the longest edge of its box."""
+
+
+def export(
+    scene: Scene | Node,
+    path: str | PathLike[str],
+    *,
+    time: float = 0.0,
+    params: Mapping[str, ParamValue] | None = None,
+    shadertoy: bool = False,
+    cells: int | None = None,
+    box: tuple[Corner, Corner] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Write a scene to a file for other programs. The suffix selects the form.
+
+    Parameters
+    ----------
+    scene : a Scene, or a node, which is wrapped in one.
+    path : file to write. It is written whole or not at all.
+        .glsl, .frag: one fragment shader, GLSL 330 core, with the scene's values as initial values of its uniforms.
+        .html: a page that draws the scene by WebGL 2, with a slider for each Param, and without a network.
+        .stl, .obj, .ply, .glb: a closed triangle mesh; all but .stl with normals, vertex colours and shared vertices.
+    time, params : values for meshes; initial values of shaders and pages.
+    shadertoy : .glsl only. True writes a shader for Shadertoy.
+    cells : meshes only. Cells along the longest edge of the box, 2 to 2048; None is 128. The mesh is at most half the
+        diagonal of a cell away from smooth surfaces, and cuts off sharp edges and corners by up to 1.2 cells.
+    box : meshes only. Corners (lower, upper), to which the solid is clipped. None is the bounds of the solid.
+    progress : called with the fraction done, 0 to 1.
+
+    Raises
+    ------
+    SceneError : an unknown suffix, an option that the form does not have, an unbounded solid without a box, a file that
+        cannot be written, a missing package.
+    PlanError : the form cannot hold an effect of the scene.
+    """
+    scene = scene_of(scene) if isinstance(scene, Node) else scene
+    check_scene("export", scene)
+    if progress is not None and not callable(progress):
+        raise SceneError(f"export: progress = {short(progress)}", legal="a function of the fraction done, or None")
+    file = Path(file_path("export: path", path, "a file to write"))
+    suffix = file.suffix.lower()
+    check_options(suffix, file, shadertoy=switch("export: shadertoy", shadertoy), cells=cells, box=box)
+    values = set_values(scene.parameters, params, time, scene.where)
+    if suffix in MESHES:
+        from raymarch.export import mesh_files, surface
+
+        mesh_files.check_packages(suffix)
+        count = CELLS if cells is None else integer("export: cells", cells, 2, surface.LARGEST)
+        made = surface.surface_of(scene, values, count, None if box is None else _corners(box), progress)
+        with written(file) as unfinished:
+            mesh_files.WRITERS[suffix](unfinished, made)
+        return
+    text = _text(scene, suffix, values, shadertoy)
+    with written(file) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
+def _text(scene: Scene, suffix: str, values: Values, shadertoy: bool) -> str:
+    from raymarch.export import glsl, page
+
+    if suffix in PAGES:
+        return page.page_text(scene, values)
+    return glsl.shadertoy_text(scene, values) if shadertoy else glsl.glsl_text(scene, values)
+
+
+def check_options(suffix: str, file: Path, **given: Any) -> None:
+    """SceneError for a suffix that is not known, or an option that its form does not have."""
+    if suffix not in SUFFIXES:
+        raise SceneError(f"cannot export '{file}'", legal=f"a file ending in {', '.join(SUFFIXES)}")
+    belong = {"shadertoy": TEXTS, "cells": MESHES, "box": MESHES}
+    for name, value in given.items():
+        if value is not None and value is not False and suffix not in belong[name]:
+            raise SceneError(f"{name} = {short(value)} for a {suffix} file", legal=f"with {', '.join(belong[name])}")
+
+
+def _corners(box: Any) -> tuple[Any, Any]:
+    legal = "two corners of 3 finite numbers, each number of the first below that of the second"
+    found = numbers("export: box", box, legal)
+    if found.shape != (2, 3) or not np.all(np.isfinite(found)) or np.any(found[0] >= found[1]):
+        raise SceneError(f"export: box = {short(box)}", legal=legal)
+    return found[0], found[1]

@@ -1,0 +1,201 @@
+"""A scene as one HTML page that draws it by WebGL 2, without a network."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import zlib
+from collections.abc import Iterator
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import PlanError
+from raymarch.export.glsl import alone, is_own, sky_light
+from raymarch.expr.glsl import TIME
+from raymarch.expr.node import Expr
+from raymarch.expr.samples import Samples
+from raymarch.expr.texels import Texels
+from raymarch.expr.walk import find
+from raymarch.gpu.colormaps import MAPS
+from raymarch.plan import Plan, lights, plan
+from raymarch.scene.parameter import Values
+from raymarch.scene.scene import Scene
+from raymarch.scene.srgb import srgb_glsl
+from raymarch.shader import Shader, assemble
+
+_DISPLAY = """#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+uniform sampler2D u_picture;
+uniform sampler2D u_maps;  // two rows: viridis, inferno
+uniform vec2 u_size;  // of the surface that is drawn, in pixels
+uniform int u_view;  // 0 the picture, 1 depth, 2 evaluations, 3 normals
+uniform float u_scale;  // the least depth, or the most evaluations
+out vec4 out_color;
+
+TONED
+
+vec4 texel(ivec2 at) {
+    return texelFetch(u_picture, clamp(at, ivec2(0), textureSize(u_picture, 0) - 1), 0);
+}
+
+// Linear interpolation, because not all devices filter float textures.
+vec4 smoothed(vec2 at) {
+    vec2 place = at * vec2(textureSize(u_picture, 0)) - 0.5;
+    ivec2 low = ivec2(floor(place));
+    vec2 w = place - floor(place);
+    if (w.x < 0.001 && w.y < 0.001) return texel(low);
+    vec4 under = mix(texel(low), texel(low + ivec2(1, 0)), w.x);
+    return mix(under, mix(texel(low + ivec2(0, 1)), texel(low + ivec2(1, 1)), w.x), w.y);
+}
+
+vec3 mapped(float share, int row) {
+    float last = float(textureSize(u_maps, 0).x - 1);
+    float at = clamp(share, 0.0, 1.0) * last;
+    ivec2 low = ivec2(min(floor(at), last - 1.0), row);
+    return mix(texelFetch(u_maps, low, 0).rgb, texelFetch(u_maps, low + ivec2(1, 0), 0).rgb, at - float(low.x));
+}
+
+void main() {
+    vec2 at = gl_FragCoord.xy / u_size;
+    vec3 color;
+    if (u_view == 0) {
+        vec3 light = smoothed(at).rgb;
+        vec3 c = clamp(toned(clamp(mix(light, vec3(0.0), isnan(light)), 0.0, 1.0e30)), 0.0, 1.0);
+        color = vec3(linear_to_srgb(c.r), linear_to_srgb(c.g), linear_to_srgb(c.b));
+    } else {
+        vec4 value = texel(ivec2(at * vec2(textureSize(u_picture, 0))));
+        if (u_view == 1) color = value.x < 0.0 ? vec3(0.0) : mapped(u_scale / value.x, 0);
+        else if (u_view == 2) color = mapped(value.w / u_scale, 1);
+        else color = value.xyz == vec3(0.0) ? vec3(0.0) : 0.5 + 0.5 * value.xyz;
+    }
+    out_color = vec4(color, 1.0);
+}
+"""
+
+
+def page_text(scene: Scene, values: Values) -> str:
+    """The page. Raises PlanError for many lights or a sky light that change."""
+    made = plan(alone(scene), ("samples", "geometry"), standalone=True)
+    shader = assemble(made)
+    lines = {name: f"{kind.partition('[')[0]} {name};" for name, kind in shader.uniforms.items() if is_own(name)}
+    lines.pop("u_sample", None)  # the page sets it
+    lines |= sky_light(made)
+    pose = scene.pose(values)
+    data = {
+        "shader": _text(_short(shader.text("samples", "300 es", lines))),
+        "display": _DISPLAY.replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}"),
+        "params": _params(made, shader, values),
+        "time": values.time if TIME in shader.uniforms else None,
+        "elevation": _elevation(scene, values),
+        "tan_half_fov": pose.tan_half_fov,
+        "textures": list(_textures(made, shader, values)),
+        "maps": _packed("maps", _maps()),
+        "source": _source(scene),
+    }
+    template = files("raymarch.export").joinpath("page.html").read_text(encoding="utf-8")
+    name = Path(scene.where.file).stem if scene.where else "raymarch"
+    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    # no markup can end the script early
+    return template.replace("TITLE", escape(name)).replace("DATA", text.replace("<", "\\u003c"), 1)
+
+
+def _short(text: str) -> str:
+    """The text without indents, empty lines and lines of comments."""
+    lines = map(str.strip, text.split("\n"))
+    return "\n".join(line for line in lines if line and not line.startswith("//")) + "\n"
+
+
+LONG = 24_000
+"""Length of a text in bytes above which a page holds it compressed."""
+
+
+def _text(text: str) -> str | dict[str, str]:
+    """The text, or its compressed bytes if it is long."""
+    content = text.encode()
+    return text if len(content) < LONG else {"bytes": base64.b64encode(zlib.compress(content, 9)).decode("ascii")}
+
+
+def _params(made: Plan, shader: Shader, values: Values) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "uniform": shader.parameters[name],
+            "value": values.params[name],
+            "min": spec.min,
+            "max": spec.max,
+        }
+        for name, spec in made.parameters.items()
+        if shader.parameters.get(name) in shader.uniforms
+    ]
+
+
+def _elevation(scene: Scene, values: Values) -> float:
+    """The angle of the camera above the horizon of its target, in radians."""
+    pose = scene.pose(values)
+    up = values.of(scene.camera.up)
+    away = pose.frame[:, 2]
+    return math.asin(float(np.clip(away @ up / np.linalg.norm(up), -1.0, 1.0)))
+
+
+def _source(scene: Scene) -> str:
+    """The text of the user's file; "" if it cannot be read."""
+    try:
+        return Path(scene.where.file).read_text(encoding="utf-8") if scene.where else ""
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _textures(made: Plan, shader: Shader, values: Values) -> Iterator[dict[str, Any]]:
+    for name, data in shader.samples.items():
+        yield _image(name, data) if isinstance(data, Texels) else _samples(name, data)
+    if made.lights_as_data:
+        for light in made.scene.lights:
+            if find(_expressions(light), "time", "param"):
+                raise PlanError(
+                    f"{len(made.scene.lights)} lights, one of which depends on time or a Param: a page has more than "
+                    f"{lights.AS_TEXT} lights as constants",
+                    legal=f"lights that do not change, or up to {lights.AS_TEXT}",
+                    where=light.where,
+                )
+        yield _packed("u_lights", lights.rows(made.scene, values))
+
+
+def _expressions(light: Any) -> list[Expr]:
+    return list(light.expressions)
+
+
+def _samples(name: str, data: Samples) -> dict[str, Any]:
+    return {**_described(name, data.values.tobytes(), data.size, 1), "type": "float"}
+
+
+def _image(name: str, data: Texels) -> dict[str, Any]:
+    """All mip levels; WebGL computes their sizes."""
+    content = b"".join(level.tobytes() for level in data.levels)
+    found = _described(name, content, data.size, data.channels)
+    return {**found, "type": "half", "levels": len(data.levels), "repeat": data.wrap == "repeat"}
+
+
+def _packed(name: str, values: NDArray[np.float32]) -> dict[str, Any]:
+    """A float32 array (rows, columns, channels) as a texture."""
+    height, width, channels = values.shape
+    return {**_described(name, values.tobytes(), (width, height), channels), "type": "float"}
+
+
+def _described(name: str, content: bytes, size: tuple[int, ...], channels: int) -> dict[str, Any]:
+    packed = base64.b64encode(zlib.compress(content, 9)).decode("ascii")
+    return {"name": name, "bytes": packed, "size": list(size), "channels": channels, "levels": 1, "repeat": False}
+
+
+def _maps() -> NDArray[np.float32]:
+    rows = []
+    for name in ("viridis", "inferno"):
+        rows.append([[int(color[i : i + 2], 16) / 255.0 for i in (0, 2, 4)] + [1.0] for color in MAPS[name].split()])
+    return np.array(rows, np.float32)

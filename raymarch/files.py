@@ -1,0 +1,36 @@
+"""Output files: written whole, or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from raymarch.errors import RaymarchError, SceneError
+
+
+@contextmanager
+def written(file: Path, error: type[RaymarchError] = SceneError) -> Iterator[Path]:
+    """Write atomically: a temporary file beside `file`, renamed at the end and removed after a failure.
+
+    The old file stays until then. Raises `error` if the file cannot be written.
+    """
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent or Path())
+        os.close(handle)
+    except OSError as fault:
+        raise error(f"cannot write '{file}': {fault.strerror or fault}", legal="a writable folder") from None
+    partial = Path(name)
+    try:
+        yield partial
+        mask = os.umask(0)
+        os.umask(mask)
+        partial.chmod(0o666 & ~mask)
+        partial.replace(file)
+    except (OSError, ValueError) as fault:  # a ValueError is a limit of the format
+        reason = getattr(fault, "strerror", None) or fault
+        raise error(f"cannot write '{file}': {reason}", legal="a writable file") from None
+    finally:
+        partial.unlink(missing_ok=True)

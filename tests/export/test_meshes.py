@@ -1,0 +1,206 @@
+"""Exported meshes: closed, near the surface, coloured and oriented, and sampled only where the surface may be."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import raymarch as rm
+from raymarch.errors import RaymarchError
+from raymarch.export.surface import BLOCK, Surface, surface_of
+from raymarch.expr.vocabulary import length, vec2, vec3
+from raymarch.scene.parameter import set_values
+from raymarch.sdf.definition import cube
+from raymarch.sdf.domain import Positive
+from tests.support.commands import files, run
+
+RED, GREEN = rm.Material(color=(0.8, 0.1, 0.05)), rm.Material(color=(0.1, 0.7, 0.2))
+
+
+@rm.shape(exactness="estimate", bounds=lambda major, minor: cube(vec3(major + minor, minor, major + minor)))
+def estimated_torus(p: Any, major: Positive = 1.0, minor: Positive = 0.25) -> Any:
+    """A torus whose field has no known Lipschitz constant."""
+    return length(vec2(length(p.xz) - major, p.y)) - minor
+
+
+def surface(node: rm.Node, cells: int = 40, **options: Any) -> Surface:
+    scene = rm.Scene(node)
+    return surface_of(scene, set_values(scene.parameters), cells, **options)
+
+
+def on_surface(node: rm.Node, count: int) -> NDArray[np.float64]:
+    """Points on the surface of an exact field, by steps along its gradient from points around it."""
+    low, high = node.bounds
+    points = np.random.default_rng(5).uniform(low - 0.2, high + 0.2, (count, 3))
+    for _ in range(8):
+        points = points - node.distance(points)[:, None] * node.gradient(points)
+    return points[np.abs(node.distance(points)) < 1e-9]
+
+
+SMOOTH, SHARP = 0.5 * np.sqrt(3), 1.2
+"""Greatest distance from the surface in cells: half the diagonal of a cell, and 2 / sqrt(3), the
+height of the corner of a cube that marching cubes cuts off, rounded up."""
+
+EXACT = {
+    "sphere": (rm.sphere(1.1).translate((3, 0, 1)), SMOOTH),
+    "torus": (rm.torus(1, 0.3).rotate(0.5, "x"), SMOOTH),
+    "capsule": (rm.capsule((-1, 0, 0), (1, 0.5, 0.2), 0.4), SMOOTH),
+    "far": (rm.torus(1, 0.3).rotate(0.5, "x").translate((1000, 0, 0)), SMOOTH),
+    "box": (rm.box((1, 1.5, 2)).rotate(0.4, (1, 2, 3)), SHARP),
+    "cube": (rm.box(), SHARP),
+}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_mesh_is_closed_and_near_the_surface(name: str) -> None:
+    """By the Hausdorff distance; and all normals are outward."""
+    trimesh = pytest.importorskip("trimesh")
+    node, cells = EXACT[name]
+    made = surface(node)
+    mesh = trimesh.Trimesh(made.vertices, made.faces, process=False)
+    assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
+    limit = cells * made.cell
+    inner = np.concatenate([made.vertices, mesh.triangles_center, mesh.triangles[:, :2].mean(axis=1)])
+    assert np.abs(node.distance(inner)).max() <= limit
+    points = on_surface(node, 400)
+    assert len(points) > 300
+    assert np.abs(trimesh.proximity.closest_point(mesh, points)[1]).max() <= limit
+    assert np.einsum("ij,ij->i", made.normals, mesh.vertex_normals).min() > 0.0
+    np.testing.assert_allclose(np.linalg.norm(made.normals, axis=1), 1.0, atol=1e-9)
+
+
+def test_more_cells_are_nearer() -> None:
+    torus, _ = EXACT["torus"]
+    errors = [np.abs(torus.distance(surface(torus, cells).vertices)).max() for cells in (20, 40)]
+    assert errors[1] < 0.4 * errors[0]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        rm.box() - rm.sphere(0.65),
+        rm.union(*(rm.sphere(0.3).translate((0.4 * i, 0.1 * i * i, 0)) for i in range(4)), k=0.2),
+        rm.gyroid(thickness=0.1) & rm.sphere(1.3),
+        rm.box((1, 0.4, 1)).twist(2.0),
+        rm.box() | rm.box().translate((1, 1, 0)),  # they share an edge
+        rm.sphere(0.5) | rm.sphere(0.5).translate((1, 0, 0)),  # they touch
+    ],
+    ids=["csg", "blend", "gyroid", "twist", "edge", "touch"],
+)
+def test_joined_blocks_stay_closed(node: rm.Node) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    made = surface(node, 3 * BLOCK + 5)
+    mesh = trimesh.Trimesh(made.vertices, made.faces, process=False)
+    edges = np.sort(mesh.edges, axis=1)
+    _, counts = np.unique(edges, axis=0, return_counts=True)
+    assert np.all(counts % 2 == 0) and mesh.is_winding_consistent and mesh.volume > 0
+
+
+def test_blocks_without_the_surface_are_not_sampled() -> None:
+    """All blocks together give the same mesh."""
+    thin = rm.torus(1, 0.05).rotate(0.7, (1, 0, 1))
+    made = surface(thin, 8 * BLOCK)
+    assert made.sampled < 0.3 * made.blocks
+    steep = surface(estimated_torus(1, 0.05).rotate(0.7, (1, 0, 1)), 8 * BLOCK)
+    assert steep.sampled == steep.blocks
+    np.testing.assert_array_equal(made.faces, steep.faces)
+    np.testing.assert_allclose(made.vertices, steep.vertices, atol=1e-6)
+
+
+def test_colors_are_those_of_the_materials() -> None:
+    made = surface(rm.sphere(0.5).material(RED) | rm.sphere(0.5).translate((2, 0, 0)).material(GREEN), 30)
+    left = made.vertices[:, 0] < 1
+    np.testing.assert_allclose(made.colors[left], np.broadcast_to((0.8, 0.1, 0.05), (left.sum(), 3)), atol=1e-12)
+    np.testing.assert_allclose(made.colors[~left], np.broadcast_to((0.1, 0.7, 0.2), ((~left).sum(), 3)), atol=1e-12)
+
+
+def test_a_box_clips_the_solid() -> None:
+    trimesh = pytest.importorskip("trimesh")
+    floor = rm.plane(offset=-0.2).material(GREEN)
+    box = (np.array([-1.0, -1.0, -0.5]), np.array([1.0, 1.0, 0.5]))
+    made = surface(floor | rm.sphere(0.5).material(RED), 30, box=box)
+    mesh = trimesh.Trimesh(made.vertices, made.faces, process=False)
+    assert mesh.is_watertight and mesh.volume == pytest.approx(2 * 0.8 * 1 + 0.39, abs=0.03)
+    side = made.vertices[:, 0] > 1 - 1e-3
+    assert side.sum() > 100 and np.allclose(made.normals[side & (abs(made.vertices[:, 1] + 0.6) < 0.3)], (1, 0, 0))
+
+
+def test_what_has_no_mesh_is_refused(tmp_path: Path) -> None:
+    solid = rm.sphere() | rm.torus().rotate(0.3) | rm.plane(offset=-1).translate((0, 1, 0))
+    for scene, message in (
+        (rm.Scene(solid), r"test_meshes.py:\d+: plane is unbounded, and a mesh is finite"),
+        (rm.Scene(rm.sphere() & rm.sphere().translate((5, 0, 0))), "the solid is empty"),
+        (
+            rm.Scene(
+                rm.glsl_node("float ball(vec3 p) { return length(p) - 1.0; }", "ball", bounds=((-1,) * 3, (1,) * 3))
+            ),
+            "GLSL node",
+        ),
+    ):
+        with pytest.raises(RaymarchError, match=message):
+            rm.export(scene, tmp_path / "made.stl")
+    for options, message in (
+        ({"cells": 1}, "cells = 1"),
+        ({"cells": 2.5}, "cells = 2.5"),
+        ({"box": ((0, 0, 0), (1, 0, 1))}, "box = "),
+        ({"box": 3}, "box = 3"),
+        ({"box": ((5, 5, 5), (6, 6, 6))}, "no part in the box"),
+        ({"shadertoy": True}, "shadertoy = True for a .stl file"),
+    ):
+        with pytest.raises(RaymarchError, match=message):
+            rm.export(rm.Scene(rm.sphere()), tmp_path / "made.stl", **options)  # type: ignore[arg-type]
+    assert not files(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".obj", ".ply"])
+def test_files_hold_the_mesh(suffix: str, tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    solid = rm.sphere(0.5).material(RED) | rm.sphere(0.5).translate((2, 0, 0)).material(GREEN)
+    seen: list[float] = []
+    rm.export(rm.Scene(solid), tmp_path / f"made{suffix}", cells=60, progress=seen.append)
+    assert files(tmp_path) == {f"made{suffix}"} and seen[-1] == 1.0 and seen == sorted(seen)
+    mesh = trimesh.load(tmp_path / f"made{suffix}", force="mesh")
+    assert mesh.is_watertight and mesh.volume == pytest.approx(2 * 0.5236, rel=0.02)
+    if suffix != ".stl":
+        left = mesh.vertices[:, 0] < 1
+        assert np.all(mesh.visual.vertex_colors[left][:, :3] == (231, 89, 63))  # sRGB of RED
+
+
+def test_a_glb_holds_the_mesh(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    file = tmp_path / "made.glb"
+    rm.export(rm.box((1, 2, 3)).material(RED), file, cells=60)
+    data = file.read_bytes()
+    assert struct.unpack_from("<4sII", data) == (b"glTF", 2, len(data))
+    length = struct.unpack_from("<I", data, 12)[0]
+    document = json.loads(data[20 : 20 + length])
+    view = document["bufferViews"][2]
+    colors = np.frombuffer(data[28 + length :], "<u2", view["byteLength"] // 2, view["byteOffset"]).reshape(-1, 4)
+    np.testing.assert_allclose(colors[:, :3] / 65535, np.broadcast_to((0.8, 0.1, 0.05), (len(colors), 3)), atol=1e-5)
+    mesh = trimesh.load(file, force="mesh")
+    assert mesh.is_watertight and mesh.volume == pytest.approx(6, rel=0.02)
+    np.testing.assert_allclose(mesh.bounds, [[-0.5, -1, -1.5], [0.5, 1, 1.5]], atol=0.01)
+
+
+def test_parameters_and_time_change_the_mesh() -> None:
+    ball = rm.sphere(rm.Param("radius", 1.0, 0.5, 2.0)).translate((0.5 * rm.time, 0, 0))
+    scene = rm.Scene(ball)
+    box = (np.full(3, -3.0), np.full(3, 3.0))
+    made = surface_of(scene, set_values(scene.parameters, {"radius": 1.5}, 2.0), 30, box)
+    np.testing.assert_allclose(made.vertices.mean(axis=0), (1, 0, 0), atol=0.02)
+    assert np.linalg.norm(made.vertices - (1, 0, 0), axis=1) == pytest.approx(1.5, abs=0.02)
+
+
+def test_the_command_writes_a_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "scene.py").write_text("import raymarch as rm\nscene = rm.box() | rm.plane(offset=-0.4)\n")
+    scene = str(tmp_path / "scene.py")
+    assert run("export", scene, "-o", str(tmp_path / "made.stl")) == 2
+    assert "scene.py:2: plane is unbounded" in capsys.readouterr().err and files(tmp_path) == {"scene.py"}
+    assert run("export", scene, "-o", str(tmp_path / "made.stl"), "--cells", "16", "--box=-1,-1,-1:1,1,1") == 0
+    assert files(tmp_path) == {"scene.py", "made.stl"}

@@ -1,0 +1,170 @@
+"""Exported pages: their shaders are valid for WebGL 2, and in a browser they draw the picture of the renderer."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import subprocess
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import RaymarchError
+from raymarch.gpu import Renderer
+from raymarch.scene import load
+from tests.export.test_shaders import EXAMPLES, SCENES, compare, picture
+from tests.support import chromium
+from tests.support.commands import files, run
+from tests.support.required import glslang
+
+browsing = [
+    pytest.mark.may_skip,
+    pytest.mark.skipif(chromium.find() is None, reason="no Chromium is installed: install the package chromium"),
+]
+
+LIMIT = 60_000
+"""Largest size of a page in bytes, without the data of textures."""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[chromium.Browser]:
+    with chromium.Browser(800, 450) as made:
+        yield made
+
+
+def page(scene: rm.Scene, folder: Path, **options: Any) -> tuple[Path, dict[str, Any]]:
+    """An exported page, and its data."""
+    file = folder / "made.html"
+    rm.export(scene, file, **options)
+    (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', file.read_text(), re.DOTALL)
+    data = json.loads(text)
+    if isinstance(data["shader"], dict):
+        data["shader"] = zlib.decompress(base64.b64decode(data["shader"]["bytes"])).decode()
+    return file, data
+
+
+CASES = {**SCENES, "textures": load(EXAMPLES / "textures.py"), "columns": load(EXAMPLES / "columns.py")}
+
+
+@pytest.mark.parametrize("name", ["parameters", "paths", "sky", "textures", "columns"])
+def test_the_reference_compiler_takes_the_shaders(name: str, tmp_path: Path) -> None:
+    _, data = page(CASES[name], tmp_path)
+    texts = {
+        "color": data["shader"],
+        "geometry": data["shader"].replace("#define PASS 0", "#define PASS 1"),
+        "display": data["display"],
+    }
+    assert texts["color"] != texts["geometry"]
+    for key, text in texts.items():
+        (tmp_path / f"{key}.frag").write_text(text)
+        assert text.startswith("#version 300 es\n")
+    done = subprocess.run(
+        [glslang(), *(str(tmp_path / f"{key}.frag") for key in texts)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_page_is_small_and_needs_no_network(name: str, tmp_path: Path) -> None:
+    file, data = page(CASES[name], tmp_path)
+    text = file.read_text()
+    assert len(text) - sum(len(t["bytes"]) for t in data["textures"]) - len(data["source"]) < LIMIT
+    assert not re.search(r"(?:src|href|url|import|fetch)\s*[=(]", text.replace(data["source"], "").split("<body>")[0])
+    assert "http" not in text.partition("<body>")[0] and "fetch(" not in text
+
+
+def test_a_structure_is_not_chosen_by_a_conditional_operator(tmp_path: Path) -> None:
+    """WebGL refuses it, though GLSL ES 3.00 and the reference compiler allow it."""
+    solid = rm.sphere().material(rm.Material(color=(1, 0, 0))) | rm.box().translate((1, 0, 0))
+    _, data = page(rm.Scene(solid, lights=[rm.Sun()]), tmp_path)
+    assert "Material chosen(bool condition, Material yes, Material no)" in data["shader"]
+    assert not re.search(r"\? Material\(", data["shader"])
+
+
+def test_a_page_has_the_parameters_the_time_and_the_source(tmp_path: Path) -> None:
+    _, data = page(CASES["columns"], tmp_path, params={"gap": 4.0}, time=1.5)
+    gap = {"name": "gap", "uniform": "u_gap", "value": 4.0, "min": 2.2, "max": 5.0}
+    assert data["params"] == [gap] and data["time"] == 1.5
+    assert data["source"] == (EXAMPLES / "columns.py").read_text()
+    _, data = page(rm.Scene(rm.sphere()), tmp_path)
+    assert data["params"] == [] and data["time"] is None
+
+
+def test_markup_in_the_source_does_not_end_the_data(tmp_path: Path) -> None:
+    source = "import raymarch as rm\n# </script><script>alert(1)</script>\nscene = rm.sphere()\n"
+    (tmp_path / "a & b.py").write_text(source)
+    assert run("export", str(tmp_path / "a & b.py"), "-o", str(tmp_path / "made.html")) == 0
+    text = (tmp_path / "made.html").read_text()
+    assert "alert(1)</script>" not in text and "<title>a &amp; b</title>" in text
+    assert page(load(tmp_path / "a & b.py"), tmp_path)[1]["source"] == source
+
+
+def test_what_a_page_cannot_hold_is_refused(tmp_path: Path) -> None:
+    still = [rm.PointLight((i, 2, 3)) for i in range(9)]
+    _, data = page(rm.Scene(rm.sphere(), lights=still), tmp_path)
+    assert [t["name"] for t in data["textures"]] == ["u_lights"]
+    (tmp_path / "made.html").unlink()
+    moving = rm.Scene(rm.sphere(), lights=[*still, rm.PointLight((rm.time, 2, 3))])
+    with pytest.raises(RaymarchError, match=r"test_pages.py:\d+: 10 lights, one of which depends on time"):
+        rm.export(moving, tmp_path / "made.html")
+    assert not files(tmp_path)
+
+
+class TestInABrowser:
+    pytestmark = browsing
+
+    @pytest.mark.parametrize("name", ["parameters", "framed", "textures", "sky"])
+    def test_a_page_draws_the_picture(
+        self, name: str, browser: chromium.Browser, renderer: Renderer, tmp_path: Path
+    ) -> None:
+        browser.open(page(CASES[name], tmp_path)[0])
+        browser.run("raymarch.play(false), raymarch.state.time = 0.8")
+        compare(browser.picture(64, 48).astype(int), picture(renderer, CASES[name], 0.8))
+        assert not browser.messages
+
+    def test_samples_add_up(self, browser: chromium.Browser, renderer: Renderer, tmp_path: Path) -> None:
+        browser.open(page(CASES["samples"], tmp_path)[0])
+        compare(browser.picture(64, 48, samples=4).astype(int), picture(renderer, CASES["samples"]))
+
+    def test_views_are_those_of_the_renderer(
+        self, browser: chromium.Browser, renderer: Renderer, tmp_path: Path
+    ) -> None:
+        from raymarch.gpu import views
+
+        browser.open(page(CASES["framed"], tmp_path)[0])
+        renderer.forget()
+        frame = renderer.render(CASES["framed"])
+        for number, view in ((1, "depth"), (3, "normal")):
+            wanted = np.asarray(views.picture(frame, view, CASES["framed"]))
+            compare(browser.picture(64, 48, view=number).astype(int), wanted)
+        assert browser.picture(64, 48, view=2).std() > 5
+
+    def test_input_moves_the_picture(self, browser: chromium.Browser, tmp_path: Path) -> None:
+        """A slider, dragging, the wheel, play and reset, by real events."""
+        browser.open(page(CASES["parameters"], tmp_path)[0])
+        browser.run("raymarch.play(false)")
+        browser.run("document.querySelector('input[data-param=size]').focus()")
+        browser.call("Input.dispatchKeyEvent", type="keyDown", key="End", code="End", windowsVirtualKeyCode=35)
+        assert browser.run("raymarch.state.params.u_size") == 2.0
+        browser.drag((400, 200), (460, 180))
+        yaw, pitch, zoom = browser.run("raymarch.state.orbit")
+        assert yaw == pytest.approx(-3.2 * 60 / 450) and pitch == pytest.approx(-3.2 * 20 / 450) and zoom == 0
+        browser.drag((400, 200), (436, 200), modifiers=8)
+        assert browser.run("raymarch.state.pan[0]") < 0
+        browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=400, y=200, deltaX=0, deltaY=100)
+        browser.run("new Promise((done) => setTimeout(done, 300))")
+        assert browser.run("raymarch.state.orbit[2]") == pytest.approx(0.12)
+        browser.run("document.getElementById('play').click()")
+        browser.run("new Promise((done) => setTimeout(done, 600))")
+        assert browser.run("raymarch.state.time") > 0
+        browser.run("raymarch.play(false), document.getElementById('reset').click()")
+        assert browser.run("[raymarch.state.time, ...raymarch.state.orbit, raymarch.state.params.u_size]") == [
+            *(0, 0, 0, 0),
+            1,
+        ]

@@ -1,0 +1,185 @@
+"""Exported fragment shaders: they compile as they are, and draw the picture of the renderer."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import raymarch as rm
+from raymarch.errors import RaymarchError
+from raymarch.expr.vocabulary import sin, vec3
+from raymarch.gpu import Renderer
+from raymarch.gpu.program import FULL_SCREEN, Program
+from raymarch.gpu.targets import Target
+from raymarch.scene import load
+from tests.support.commands import files, run
+from tests.support.required import glslang
+
+EXAMPLES = Path(rm.__file__).parents[1] / "examples"
+
+HOST = """#version 300 es
+precision highp float;
+precision highp int;
+uniform vec3 iResolution;
+uniform float iTime;
+uniform vec4 iMouse;
+out vec4 host_color;
+"""
+"""What Shadertoy writes before a shader."""
+MAIN = "void main() { mainImage(host_color, gl_FragCoord.xy); }\n"
+DESKTOP_HOST = HOST.replace("300 es", "330 core")
+
+SIZE = rm.Param("size", 1.0, 0.5, 2.0)
+TINT = rm.Param("tint", (0.9, 0.2, 0.1), 0.0, 1.0)
+
+
+def scenes() -> dict[str, rm.Scene]:
+    ball = rm.sphere(0.7 * SIZE).material(rm.Material(color=TINT))
+    moving = rm.Camera(position=vec3(4.0 * sin(rm.time), 1.5, 4.0), target=(0, 0.1 * rm.time, 0), fov=40)
+    lit = rm.Sky((0.3, 0.5, 0.7), light=True)
+    return {
+        "framed": rm.Scene(rm.torus(1, 0.3)),
+        "parameters": rm.Scene(ball | rm.plane(offset=-0.8), camera=moving, lights=[rm.Sun(shadow=True)]),
+        "hoisted": rm.Scene(
+            rm.box().rotate(rm.time * 0.5).translate((0, sin(rm.time), 0)),
+            lights=[rm.PointLight((3, 4, 5), intensity=20)],
+        ),
+        "samples": rm.Scene(rm.box().rotate(0.4), quality=rm.Quality(samples=4), tone=rm.ToneMapping("aces", 0.5)),
+        "cones": rm.Scene(rm.box().rotate(0.4), quality=rm.Quality(schedule="cones", temporal="reproject")),
+        "split": rm.Scene(rm.box().rotate(0.4), quality=rm.Quality(steps_per_pass=8, rays="interpolated")),
+        "inside": rm.Scene(rm.sphere(3).shell(0.1), camera=rm.Camera((0, 0.2, 1), (0, 0, 0))),
+        "sky": rm.Scene(rm.sphere().material(rm.Material(albedo=(0.8, 0.5, 0.2), metalness=1.0)), sky=lit),
+        "paths": rm.Scene(ball | rm.plane(offset=-0.8), sky=lit, bounces=2, quality=rm.Quality(samples=3)),
+        "far": rm.Scene(rm.sphere().translate((2e5, 0, 0)), camera=rm.Camera((2e5 + 1, 1, 4), (2e5, 0, 0))),
+    }
+
+
+SCENES = scenes()
+
+
+def drawn(renderer: Renderer, text: str, uniforms: Mapping[str, Any]) -> NDArray[np.int64]:
+    """The 8-bit picture of a fragment shader, (H, W, 3)."""
+    with (
+        Program(renderer.context, FULL_SCREEN, text, lambda line: (f"line {line}", None), "exported") as program,
+        Target(renderer.context, renderer.size) as target,
+    ):
+        program.draw(target, uniforms)
+        return np.rint(255 * target.read()[..., :3]).astype(int)
+
+
+def picture(renderer: Renderer, scene: rm.Scene, *values: Any) -> NDArray[Any]:
+    """The renderer's picture, without earlier frames."""
+    renderer.forget()
+    return np.asarray(renderer.render(scene, *values).image())
+
+
+def compare(found: NDArray[np.int64], wanted: NDArray[Any]) -> None:
+    """Equal to 2 of 255, but for pixels on edges, where a ray of float32 may fall on either side."""
+    off = np.abs(found - wanted.astype(int)).max(axis=2) > 2
+    assert wanted.std() > 5 and np.mean(off) <= 0.005
+
+
+def export_text(folder: Path, scene: rm.Scene, **options: Any) -> str:
+    rm.export(scene, folder / "made.glsl", **options)
+    return (folder / "made.glsl").read_text()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_shader_draws_the_picture_of_the_renderer(name: str, renderer: Renderer, tmp_path: Path) -> None:
+    """Without any uniform but the size: its initial values are those of the scene."""
+    scene = SCENES[name]
+    text = export_text(tmp_path, scene)
+    compare(drawn(renderer, text, {"u_resolution": (64, 48)}), picture(renderer, scene))
+
+
+def test_uniforms_are_parameters_and_time(renderer: Renderer, tmp_path: Path) -> None:
+    scene = SCENES["parameters"]
+    text = export_text(tmp_path, scene)
+    given = {"size": 1.4, "tint": (0.1, 0.3, 0.9)}
+    wanted = picture(renderer, scene, 0.8, given)
+    uniforms = {"u_resolution": (64, 48), "u_time": 0.8, "u_size": 1.4, "u_tint": (0.1, 0.3, 0.9)}
+    compare(drawn(renderer, text, uniforms), wanted)
+    initial = export_text(tmp_path, scene, time=0.8, params=given)
+    compare(drawn(renderer, initial, {"u_resolution": (64, 48)}), wanted)
+    assert "//   float u_size = 1.0: parameter 'size' from 0.5 to 2.0" in text.splitlines()
+
+
+def test_an_orbit_turns_the_camera_about_its_target(renderer: Renderer, tmp_path: Path) -> None:
+    solid = rm.box((1, 1.5, 2)).rotate(0.3, "x")
+    before = rm.Scene(solid, camera=rm.Camera((0, 0, 5), (0, 0, 0)))
+    angle, height, factor = 0.7, 0.4, 1.2
+    place = 5 * factor * np.array([np.sin(angle) * np.cos(height), np.sin(height), np.cos(angle) * np.cos(height)])
+    after = before.replace(camera=rm.Camera(tuple(place), (0, 0, 0)))
+    text = export_text(tmp_path, before)
+    found = drawn(renderer, text, {"u_resolution": (64, 48), "u_orbit": (angle, height, np.log(factor))})
+    compare(found, picture(renderer, after))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_shader_for_shadertoy_draws_the_picture(name: str, renderer: Renderer, tmp_path: Path) -> None:
+    scene = SCENES[name]
+    text = export_text(tmp_path, scene, shadertoy=True)
+    uniforms = {"iResolution": (64.0, 48.0, 1.0), "iTime": 0.6, "iMouse": (0.0,) * 4}
+    found = drawn(renderer, DESKTOP_HOST + text + MAIN, uniforms)
+    compare(found, picture(renderer, scene, 0.6))
+
+
+@pytest.mark.parametrize("name", ["parameters", "samples", "paths", "sky"])
+def test_the_reference_compiler_takes_both_forms(name: str, tmp_path: Path) -> None:
+    desktop, web = tmp_path / "desktop.frag", tmp_path / "web.frag"
+    desktop.write_text(export_text(tmp_path, SCENES[name]))
+    web.write_text(HOST + export_text(tmp_path, SCENES[name], shadertoy=True) + MAIN)
+    done = subprocess.run([glslang(), str(desktop), str(web)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def refused(scene: rm.Scene, folder: Path, **options: Any) -> str:
+    """The message of a refusal, which leaves no file."""
+    with pytest.raises(RaymarchError) as caught:
+        rm.export(scene, folder / "made.glsl", **options)
+    assert not files(folder)
+    return str(caught.value)
+
+
+def test_what_a_shader_cannot_hold_is_refused_with_its_line(tmp_path: Path) -> None:
+    textures = load(EXAMPLES / "textures.py")
+    assert "textures.py:48: array of 256 x 256 x 3: a .glsl file holds no textures" in refused(textures, tmp_path)
+    assert "Shadertoy file holds no textures" in refused(textures, tmp_path, shadertoy=True)
+    lights = [rm.PointLight((i, 2, 3)) for i in range(9)]
+    assert "9 lights" in refused(rm.Scene(rm.sphere(), lights=lights), tmp_path)
+    sky = rm.Sky(TINT, light=True)
+    message = refused(rm.Scene(rm.sphere(), sky=sky), tmp_path)
+    assert "Sky(light=True) depends on time or a Param" in message and "test_shaders.py" in message
+    field = rm.grid(np.linalg.norm(np.mgrid[-1:1:8j, -1:1:8j, -1:1:8j], axis=0) - 0.5)
+    assert "samples of 8 x 8 x 8" in refused(rm.Scene(field), tmp_path)
+
+
+def test_options_of_other_forms_are_refused(tmp_path: Path) -> None:
+    ball = rm.Scene(rm.sphere())
+    assert "cells = 8 for a .glsl file (with .stl" in refused(ball, tmp_path, cells=8)
+    assert "unknown parameter 'x'" in refused(ball, tmp_path, params={"x": 1})
+    with pytest.raises(RaymarchError, match=r"cannot export '.*made.xyz' \(a file ending in .glsl"):
+        rm.export(ball, tmp_path / "made.xyz")
+    with pytest.raises(RaymarchError, match=r"no/made.glsl': No such file or directory"):
+        rm.export(ball, tmp_path / "no" / "made.glsl")
+    with pytest.raises(RaymarchError, match="export of 3"):
+        rm.export(3, tmp_path / "made.glsl")  # type: ignore[arg-type]
+
+
+def test_the_command_writes_a_shader(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "columns.glsl"
+    assert run("export", str(EXAMPLES / "columns.py"), "-o", str(file), "--set", "gap=4") == 0
+    assert "uniform float u_gap = 4.0;" in file.read_text()
+    assert run("export", str(EXAMPLES / "columns.py"), "-o", str(file), "--set", "gap=4", "--shadertoy") == 0
+    assert "const float u_gap = 4.0;" in file.read_text() and "mainImage" in file.read_text()
+    before = file.read_bytes()
+    assert run("export", str(EXAMPLES / "textures.py"), "-o", str(file)) == 2
+    assert "textures.py:48" in capsys.readouterr().err and file.read_bytes() == before
+    assert run("export", str(EXAMPLES / "csg.py"), "-o", str(file), "--box", "1,2") == 2
+    assert "--box 1,2 (two corners" in capsys.readouterr().err
