@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import shutil
 import time as clock_time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from PIL import Image
 
 from raymarch.cli.choice import choose_quality
 from raymarch.cli.common import SIZE, CommandError, SceneFile, errors, parse_settings, parse_size, written
+from raymarch.cli.progress import bar
 from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.errors import RenderError, RenderWarning
+from raymarch.export import stills
+from raymarch.export.film import FILMS, check_film, write_film
+from raymarch.export.layers import write_layers, write_npz
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.images import exr_package, write_exr
@@ -44,7 +50,7 @@ def run(
     time: Annotated[float | None, typer.Option(help="Value of `time` in seconds.", show_default="0")] = None,
     frames: Annotated[
         str | None,
-        typer.Option(metavar="A:B", help="Render frames A to B-1; the output name needs a field such as {:04d}."),
+        typer.Option(metavar="A:B", help="Render frames A to B-1: to a film, or to names with a field such as {:04d}."),
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames per second, with --frames.")] = 30.0,
     set_: Annotated[
@@ -74,6 +80,9 @@ def run(
         bool,
         typer.Option("--strict", help="If a picture may be wrong, write no file and exit with code 2 and the reason."),
     ] = False,
+    layers: Annotated[
+        bool, typer.Option("--layers", help=".exr: also write depth, normals and the other arrays, as named layers.")
+    ] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[
         int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
@@ -87,12 +96,20 @@ def run(
         found = found.replace(quality=found.quality.replace(samples=samples))
     params = parse_settings(set_ or [])
     target = output if output is not None else Path(scene.with_suffix(".png").name)
-    instants = _instants(target, time, frames, fps)
     if alpha:
         _check_alpha(target, view)
+    instants = _instants(target, time, frames, fps, (width, height))
+    suffix = target.suffix.lower()
+    if layers and suffix != ".exr":
+        raise CommandError(f"--layers with the output '{target}'", legal="a file ending in .exr")
+    if (layers or suffix == ".npz") and view != "final":
+        raise CommandError(f"--view {view} with all arrays", legal="no --view")
+    sequence = frames is not None
+    if target.suffix.lower() in FILMS:
+        instants[0][1].parent.mkdir(exist_ok=True)
     with (
         Renderer((width, height), backend, device) as renderer,
-        _progress(len(instants)) as progress,
+        bar("drawing", len(instants)) as progress,
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
@@ -100,17 +117,27 @@ def run(
         for i, (instant, file) in enumerate(instants):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
+            key = None
+            if file.suffix.lower() == ".png":
+                key = stills.key_of(renderer, found, instant, params, CHOICES[view], cut, f"{view} {alpha}")
+                if sequence and stills.is_whole(file, key):
+                    errors.print(f"{file}  is already drawn", markup=False)
+                    continue
             frame = renderer.render(found, instant, params, CHOICES[view], tell, cut=cut)
             doubts = frame.doubts(steps=True) if view == "final" else list(frame.warnings)
             if strict and doubts:
                 raise RenderError(doubts)
             view_result = shown(renderer, frame, view, found, params, tell)
             with written(file) as unfinished:
-                if file.suffix.lower() == ".exr":
+                if file.suffix.lower() == ".npz":
+                    write_npz(unfinished, frame)
+                elif layers:
+                    write_layers(unfinished, frame)
+                elif file.suffix.lower() == ".exr":
                     write_exr(unfinished, view_result.numbers())
                 else:
                     picture = frame.image(alpha=True) if alpha else view_result.image()
-                    picture.save(unfinished, FORMATS[file.suffix.lower()])
+                    picture.save(unfinished, FORMATS[file.suffix.lower()], **stills.with_key(key))
             spent = 1e3 * (clock_time.perf_counter() - start)
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
@@ -121,6 +148,18 @@ def run(
                 errors.print(f"raymarch: {doubt}", markup=False)
             for line in view_result.lines:
                 typer.echo(line)
+    if target.suffix.lower() in FILMS:
+        _join(target, [file for _, file in instants], fps)
+
+
+def _join(target: Path, pictures: Sequence[Path], fps: float) -> None:
+    """Write a film of pictures, and remove the pictures."""
+    start = clock_time.perf_counter()
+    with written(target) as unfinished:
+        write_film(unfinished, target.suffix.lower(), map(Image.open, pictures), fps)
+    shutil.rmtree(pictures[0].parent)
+    spent = clock_time.perf_counter() - start
+    errors.print(f"{target}  {len(pictures)} frames, {len(pictures) / fps:g} s, {spent:.1f} s to encode", markup=False)
 
 
 def _check_alpha(target: Path, view: str) -> None:
@@ -135,13 +174,19 @@ def _later(progress: Callable[[float], None], before: int, share: float) -> None
     progress(before + share)
 
 
-def _instants(target: Path, time: float | None, frames: str | None, fps: float) -> list[tuple[float, Path]]:
-    """The times to render, each with its output file."""
-    if target.suffix.lower() not in (*FORMATS, ".exr"):
-        raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {', '.join((*FORMATS, '.exr'))}")
+def _instants(
+    target: Path, time: float | None, frames: str | None, fps: float, size: tuple[int, int]
+) -> list[tuple[float, Path]]:
+    """The times to render, each with its output file. The pictures of a film are in a folder beside it."""
+    film = target.suffix.lower() in FILMS
+    if not film and target.suffix.lower() not in (*FORMATS, ".exr", ".npz"):
+        known = ", ".join((*FORMATS, ".exr", ".npz", *FILMS))
+        raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {known}")
     if target.suffix.lower() == ".exr":
         exr_package(target)
     if frames is None:
+        if film:
+            raise CommandError(f"a film '{target}' without --frames", legal="--frames A:B, such as 0:90")
         return [(0.0 if time is None else time, target)]
     if time is not None:
         raise CommandError("--time together with --frames", legal="one of them")
@@ -150,43 +195,27 @@ def _instants(target: Path, time: float | None, frames: str | None, fps: float) 
         raise CommandError(f"--frames {frames}", legal="A:B with 0 <= A < B, such as 0:90")
     if not 0 < fps < float("inf"):
         raise CommandError(f"--fps {fps}", legal="a number > 0")
-    files = []
-    for i in range(int(first), int(last)):
-        try:
-            name = target.name.format(i)
-        except (IndexError, KeyError, ValueError):
-            name = target.name
-        if name == target.name:
-            raise CommandError(
-                f"--frames with the output '{target}'", legal="a field for the frame number: frame-{:04d}.png"
-            )
-        files.append((i / fps, target.with_name(name)))
-    return files
+    numbers = range(int(first), int(last))
+    if film:
+        check_film(target, size, fps)
+        if not target.parent.is_dir():
+            raise CommandError(f"cannot write '{target}': no such folder", legal="a writable folder")
+        folder = target.with_name(f"{target.name}.frames")
+        return [(i / fps, folder / f"frame_{i:06d}.png") for i in numbers]
+    return [(i / fps, target.with_name(_numbered(target, i))) for i in numbers]
 
 
-@contextmanager
-def _progress(frames: int) -> Iterator[Callable[[float], None]]:
-    """A progress bar on the error stream, if that is a terminal; it appears after one second of drawing."""
-    start = clock_time.perf_counter()
-    with ExitStack() as stack:
-        update: Callable[[float], None] | None = None
-
-        def report(done: float) -> None:
-            nonlocal update
-            slow = clock_time.perf_counter() - start > 1.0 and done < frames
-            if update is None and slow and errors.is_interactive:
-                update = stack.enter_context(_bar(frames))
-            if update is not None:
-                update(done)
-
-        yield report
-
-
-@contextmanager
-def _bar(frames: int) -> Iterator[Callable[[float], None]]:
-    from rich.progress import Progress, TextColumn  # takes time, and most pictures are drawn before it is needed
-
-    columns = (*Progress.get_default_columns()[:-1], TextColumn("{task.elapsed:.0f} s"))
-    with Progress(*columns, console=errors, transient=True) as bar:
-        task = bar.add_task("drawing", total=frames)
-        yield lambda done: bar.update(task, completed=done)
+def _numbered(target: Path, number: int) -> str:
+    """The file name of a frame: with a field of `str.format` or of `%`."""
+    name = target.name
+    with suppress(IndexError, KeyError, ValueError):
+        name = target.name.format(number)
+    if name == target.name:
+        with suppress(TypeError, ValueError):
+            name = target.name % number
+    if name == target.name:
+        raise CommandError(
+            f"--frames with the output '{target}'",
+            legal="a film (.mp4, .webm, .gif), or a field for the frame number: frame-{:04d}.png",
+        )
+    return name

@@ -1,0 +1,50 @@
+"""All arrays of a frame in one file: NumPy's .npz, or OpenEXR with named layers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.gpu.frame import Frame
+from raymarch.scene.images import exr_package
+
+ARRAYS = (
+    *("color", "depth", "normal", "iterations", "evaluations", "residual", "material", "fallbacks", "done", "reach"),
+)
+"""The arrays of a frame that every driver can draw."""
+
+
+def write_npz(file: Path, frame: Frame) -> None:
+    """A compressed .npz with all arrays by name, the time, and the pose of the camera."""
+    arrays: dict[str, NDArray[np.generic]] = {name: frame.array(name) for name in ARRAYS}
+    arrays["time"] = np.float64(frame.time)  # type: ignore[assignment]
+    if frame.pose is not None:
+        arrays |= {"camera_position": frame.pose.position, "camera_frame": frame.pose.frame}
+        arrays["camera_tan_half_fov"] = np.float64(frame.pose.tan_half_fov)  # type: ignore[assignment]
+    with file.open("wb") as out:
+        np.savez_compressed(out, **arrays)  # type: ignore[arg-type]
+
+
+def write_layers(file: Path, frame: Frame) -> None:
+    """An OpenEXR file with linear colour in R, G, B, depth in Z, and the other arrays as layers, float32.
+
+    Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
+    """
+    OpenEXR = exr_package(file)
+    channels = {"RGB": np.ascontiguousarray(frame.color, np.float32), "Z": np.ascontiguousarray(frame.depth)}
+    for name in ARRAYS:
+        if name in ("color", "depth"):
+            continue
+        values = np.asarray(frame.array(name), np.float32)
+        if values.ndim == 3:
+            channels |= {f"{name}.{axis}": np.ascontiguousarray(values[..., k]) for k, axis in enumerate("XYZ")}
+        else:
+            channels[f"{name}.Y"] = np.ascontiguousarray(values)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    try:
+        with OpenEXR.File(header, channels) as made:
+            made.write(str(file))
+    except RuntimeError as fault:  # the library raises it for every fault of a file
+        raise OSError(" ".join(str(fault).split())) from fault

@@ -1,0 +1,130 @@
+"""Films and sequences: the same bytes each time, and a rerun draws only what is missing or not whole."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import raymarch as rm
+from tests.support.commands import files, run
+
+SCENE = """import raymarch as rm
+glow = rm.Param("glow", 0.5, 0, 1)
+ball = rm.sphere(0.5).translate((rm.time - 1, 0, 0)).material(rm.Material(color=(1, glow, 0)))
+scene = rm.Scene(ball | rm.plane(offset=-0.5), camera=rm.Camera((0, 1, 5), (0, 0, 0)))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ball.py").write_text(SCENE)
+    return tmp_path
+
+
+def draw(output: str, *more: str, frames: str = "0:6") -> int:
+    return run("render", "ball.py", "-o", output, "--frames", frames, "--fps", "3", "--size", "32x20", *more)
+
+
+def drawn(capsys: pytest.CaptureFixture[str]) -> int:
+    """The number of pictures that a command has drawn."""
+    return capsys.readouterr().err.count("ms to draw")
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.webm", "film.gif"])
+def test_a_film_has_all_frames_and_the_same_bytes(name: str, folder: Path) -> None:
+    av = pytest.importorskip("av")
+    assert draw(name) == 0
+    first = (folder / name).read_bytes()
+    assert files(folder) == {"ball.py", name}
+    assert draw(name) == 0 and (folder / name).read_bytes() == first
+    with av.open(str(folder / name)) as film:
+        pictures = [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
+        assert film.duration / 1e6 == pytest.approx(2.0, abs=0.02)
+    assert len(pictures) == 6 and pictures[0].shape == (20, 32, 3)
+    with rm.Renderer((32, 20)) as renderer:
+        wanted = renderer.render(rm.Scene(rm.sphere(), camera=rm.Camera((0, 1, 5), (0, 0, 0)))).image()
+    assert np.abs(pictures[0][0] - np.asarray(wanted)[0]).mean() < 6  # the sky, in both
+
+
+def test_colors_of_a_film_are_those_of_the_pictures(folder: Path) -> None:
+    av = pytest.importorskip("av")
+    camera = "rm.Camera((0, 0, 20), (0, 0, 40))"
+    flat = f"import raymarch as rm\nscene = rm.Scene(rm.sphere(9), camera={camera}, lights=[], sky=(0.5, 0.1, 0.02))\n"
+    (folder / "ball.py").write_text(flat)
+    assert draw("film.mp4", frames="0:2") == 0 and draw("f%d.png", frames="0:1") == 0
+    with av.open("film.mp4") as film:
+        found = next(film.decode(video=0)).to_ndarray(format="rgb24").astype(int)
+    assert np.abs(found - np.asarray(Image.open("f0.png")).astype(int)).max() <= 3
+
+
+def test_a_rerun_draws_only_what_is_missing_or_not_whole(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert draw("f_%04d.png") == 0 and drawn(capsys) == 6
+    before = {name: (folder / name).read_bytes() for name in files(folder)}
+    (folder / "f_0001.png").unlink()
+    (folder / "f_0003.png").write_bytes(before["f_0003.png"][:-40])
+    (folder / "f_0004.png").write_bytes(b"no picture")
+    assert draw("f_%04d.png") == 0 and drawn(capsys) == 3
+    assert {name: (folder / name).read_bytes() for name in files(folder)} == before
+    assert draw("f_%04d.png", frames="4:8") == 0 and drawn(capsys) == 2
+
+
+@pytest.mark.parametrize("change", ["--set glow=0.9", "--size 34x20", "--view normal", "--samples 2", "--quality fine"])
+def test_another_picture_is_drawn_again(
+    change: tuple[str, str], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert draw("f_%04d.png", frames="0:1") == 0 and draw("f_%04d.png", *change.split(), frames="0:1") == 0
+    assert drawn(capsys) == 2
+
+
+def test_an_edited_scene_is_drawn_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert draw("f_%04d.png", frames="0:1") == 0
+    for old, new in (("sphere(0.5)", "sphere(0.6)"), ("(0, 1, 5)", "(0, 1, 4)"), ("glow, 0)", "glow, 0.2)")):
+        (folder / "ball.py").write_text(SCENE.replace(old, new))
+        assert draw("f_%04d.png", frames="0:1") == 0
+    assert drawn(capsys) == 4
+
+
+def test_a_film_that_was_killed_continues_to_the_same_bytes(folder: Path) -> None:
+    pytest.importorskip("av")
+    command = [sys.executable, "-m", "raymarch", "render", "ball.py", "-o", "film.mp4", "--frames", "0:8"]
+    command += ["--size", "32x20", "--fps", "3"]
+    environment = os.environ | {"PYTHONPATH": str(Path(rm.__file__).parents[1])}
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    whole = (folder / "film.mp4").read_bytes()
+    (folder / "film.mp4").unlink()
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 60
+    while not list(folder.glob("film.mp4.frames/frame_*.png")) and time.monotonic() < end:
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not (folder / "film.mp4").exists() and (folder / "film.mp4.frames").is_dir()
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    assert (folder / "film.mp4").read_bytes() == whole and files(folder) == {"ball.py", "film.mp4"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("-o", "film.mp4"), "a film 'film.mp4' without --frames (--frames A:B"),
+        (("-o", "film.mp4", "--frames", "0:2", "--size", "33x20"), "33x20 for a .mp4 film (even width and height"),
+        (("-o", "film.gif", "--frames", "0:2", "--fps", "120"), "fps = 120 for a .gif (up to 100"),
+        (("-o", "no/film.mp4", "--frames", "0:2"), "cannot write 'no/film.mp4': no such folder"),
+        (("-o", "film.avi", "--frames", "0:2"), "cannot write 'film.avi' (a file ending in .png"),
+        (("-o", "film.png", "--frames", "0:2"), "--frames with the output 'film.png' (a film (.mp4, .webm, .gif), or"),
+    ],
+)
+def test_what_is_no_film_is_refused(
+    options: tuple[str, ...], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("render", "ball.py", *options) == 2
+    assert message in capsys.readouterr().err and files(folder) == {"ball.py"}
