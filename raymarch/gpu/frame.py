@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -171,6 +172,12 @@ class Frame:
             assert self._transparency is not None
             self._arrays["alpha"], self._arrays["behind"] = self._transparency()
         return self._arrays["alpha"]
+
+    def _repr_png_(self) -> bytes:
+        """The picture as a PNG file, for notebooks."""
+        out = BytesIO()
+        self.image().save(out, "PNG")
+        return out.getvalue()
 
     def image(self, alpha: bool = False) -> Image.Image:
         """The picture as 8-bit sRGB, after tone mapping by `tone`.

@@ -137,6 +137,11 @@ class Scene(Value):
             bounces=count,
         )
 
+    def _repr_png_(self) -> bytes:
+        """The picture of the scene, for notebooks; drawn by `raymarch.export`, a layer above this package."""
+        drawn: bytes = import_module("raymarch.export.notebook").png(self)
+        return drawn
+
     @property
     def planned(self) -> tuple[Any, ...]:
         """The key of a plan: all fields except those marked `planned=False`, and the user's line for messages."""

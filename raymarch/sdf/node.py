@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,6 +82,11 @@ class Node:
                 raise AttributeError(f"'Node' object has no attribute '{name}'")
             public = [known for known in dir(Node) if not known.startswith("_")]
             raise unknown_attribute(f"a node ({self.name})", name, public, methods=True)
+
+    def _repr_png_(self) -> bytes:
+        """The picture of the node, for notebooks; drawn by `raymarch.export`, a layer above this package."""
+        drawn: bytes = import_module("raymarch.export.notebook").png(self)
+        return drawn
 
     # Facts
 

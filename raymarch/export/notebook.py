@@ -1,0 +1,90 @@
+"""Scenes, nodes and frames in notebooks: as pictures, and as pages that can be turned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from typing import Any
+
+from PIL import Image
+
+from raymarch.errors import PlanError, SceneError
+from raymarch.expr.convert import integer, short
+from raymarch.gpu.renderer import render
+from raymarch.scene.parameter import Values, set_values
+from raymarch.scene.scene import Scene, check_scene, scene_of
+from raymarch.sdf.node import Node
+
+SIZE = (400, 300)
+"""Size of the pictures of scenes and nodes."""
+
+FLAT = 0.1
+"""Height to which a flat shape is extruded for its picture, over its larger extent."""
+
+
+def png(shown: Scene | Node) -> bytes:
+    """The picture of a scene or a node as a PNG file; a flat shape is extruded."""
+    return encoded(render(as_scene(shown), SIZE))
+
+
+def encoded(image: Image.Image) -> bytes:
+    """An image as a PNG file."""
+    out = BytesIO()
+    image.save(out, "PNG")
+    return out.getvalue()
+
+
+def as_scene(shown: Scene | Node) -> Scene:
+    """The scene itself, or a default scene of a node."""
+    if not isinstance(shown, Node):
+        check_scene("show", shown)
+        return shown
+    if shown.dimension == 3:
+        return scene_of(shown)
+    low, high = shown.bounds
+    extent = float(max((high - low)[:2]))
+    return scene_of(shown.extrude(FLAT * extent if 0 < extent < float("inf") else FLAT))
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """A scene as a page in a cell of a notebook. Where no page can be shown, it is a picture."""
+
+    scene: Scene
+    values: Values
+    size: tuple[int, int]
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        from raymarch.export.page import page_text
+
+        image = render(self.scene, self.size, self.values.time, self.values.params)
+        found: dict[str, Any] = {"image/png": encoded(image), "text/plain": repr(self)}
+        try:
+            page = escape(page_text(self.scene, self.values), quote=True)
+        except PlanError:
+            return found
+        width, height = self.size
+        style = f"width: 100%; max-width: {width}px; height: {height}px; border: 0"
+        found["text/html"] = f'<iframe srcdoc="{page}" style="{style}" allow="fullscreen"></iframe>'
+        return found
+
+    def __repr__(self) -> str:
+        return f"<raymarch scene, {self.size[0]}x{self.size[1]}>"
+
+
+def show(scene: Scene | Node, size: tuple[int, int] = (640, 400), time: float = 0.0, params: Any = None) -> Live:
+    """A scene or node as the last value of a notebook cell: a page that can be turned, with a slider for each Param.
+
+    Parameters
+    ----------
+    size : (width, height) in pixels. time, params : initial values.
+
+    A scene that a page cannot hold is shown as a picture. Raises SceneError for an unknown parameter or a size that is
+    no pair of integers from 1 to 4096.
+    """
+    given = as_scene(scene)
+    if not isinstance(size, tuple | list) or len(size) != 2:
+        raise SceneError(f"show: size = {short(size)}", legal="(width, height) in pixels")
+    width, height = (integer("show: size", edge, 1, 4096, "integers from 1 to 4096") for edge in size)
+    return Live(given, set_values(given.parameters, params, time, given.where), (width, height))
