@@ -136,7 +136,7 @@ def test_a_picture_that_cannot_be_written_leaves_the_old_one(
 ) -> None:
     (folder / "hello.png").write_bytes(b"old")
 
-    def save(self: Image.Image, file: Path, kind: str) -> None:
+    def save(self: Image.Image, file: Path, kind: str, **_: Any) -> None:
         Path(file).write_bytes(b"half")
         raise fault
 
@@ -192,7 +192,7 @@ def test_frames_are_a_time_apart(folder: Path) -> None:
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit(3)])
 def test_a_stop_on_the_way_leaves_no_half_file(folder: Path, stop: Any, monkeypatch: Any) -> None:
-    def save(self: Image.Image, file: Path, kind: str) -> None:
+    def save(self: Image.Image, file: Path, kind: str, **_: Any) -> None:
         Path(file).write_bytes(b"half")
         raise stop
 
