@@ -16,7 +16,7 @@ from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from raymarch.expr import hashing, raw, samples, textures
+from raymarch.expr import hashing, raw, samples, tables, textures
 from raymarch.expr.evaluate import Program, Rule, Step
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
@@ -201,6 +201,7 @@ RULES: Mapping[str, Rule] = {
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,
     "texture": textures.evaluate,
+    "fetch": tables.evaluate,
     "hash": hashing.evaluate,
     "record": lambda _node, *values: values,
     "field": lambda node, value: value[[name for name, _ in node.args[0].type.fields].index(node.data)],

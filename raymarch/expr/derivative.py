@@ -95,6 +95,7 @@ PARTIALS: Mapping[str, Partials] = {
     "round": (None,),
     "fract": (lambda e: ONE,),
     "hash": (None,),
+    "fetch": (None,),
     "texture": (None, None, None, None),  # height maps are read as gradients, see `raymarch.scene.relief`
     "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
     "exp": (lambda e: e,),

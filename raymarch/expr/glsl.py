@@ -19,6 +19,8 @@ from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr, const, make, var
 from raymarch.expr.raw import RawFunction, slope_text
 from raymarch.expr.samples import GLSL_HELPERS, Samples
+from raymarch.expr.tables import Table
+from raymarch.expr.tables import glsl_helper as table_helper
 from raymarch.expr.texels import Texels
 from raymarch.expr.textures import glsl_helper, helper_of
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
@@ -387,6 +389,14 @@ def _texture(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> P
     return Piece(f"{call.text}.{'xyz'[: node.data.channels]}", POSTFIX, call.depth)
 
 
+def _fetch(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    """A texel of a table."""
+    name, text = table_helper(node.data.channels)
+    printer.helpers[name, ""] = text
+    printer.text.samples[node.data.name] = node.data
+    return call_text(name, [Piece(node.data.name, ATOM, 0), *pieces], [node, *node.args])
+
+
 def _hash(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     for name, text in hashing.GLSL_HELPERS.items():
         printer.helpers[name, ""] = text
@@ -481,6 +491,7 @@ TEMPLATES: Mapping[str, Template] = {
     "sample_slope": _sample("slope"),
     "texture": _texture,
     "hash": _hash,
+    "fetch": _fetch,
     "raw": _raw,
     "raw_slope": _raw,
     "finite": _finite,
@@ -499,7 +510,7 @@ static extern external interface long short half fixed unsigned superp input out
 packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
 atan sinh cosh tanh interpolated cell_hash pcg is_finite
-filtered filtered_mirrored
+filtered filtered_mirrored texel1 texel2 texel4
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
 not lessThan greaterThan equal dFdx dFdy fwidth uint field asinh acosh atanh roundEven faceforward outerProduct
@@ -540,7 +551,7 @@ class Text:
     helpers: dict[tuple[str, str], str]
     uniforms: dict[str, Expr]
     uses_time: bool
-    samples: dict[str, Samples | Texels] = field(default_factory=dict)
+    samples: dict[str, Samples | Texels | Table] = field(default_factory=dict)
     uniform_names: dict[Expr, str] = field(default_factory=dict)
     needs: set[str] = field(default_factory=set)
     """Functions that it calls and that the shader must define."""

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr import samples, textures
+from raymarch.expr import samples, tables, textures
 from raymarch.expr.arrays import SHORTEST, SMALLEST, lift
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
@@ -236,6 +236,7 @@ RULES: Mapping[str, Rule] = {
     "sample": samples.interval,
     "sample_slope": _unknown,
     "texture": textures.interval,
+    "fetch": tables.interval,
     "raw": _unknown,
     "raw_slope": _unknown,
     "finite": lambda _node, _x: (np.asarray(False), np.asarray(True)),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import PlanError, SceneError, warn
 from raymarch.expr.samples import Samples
+from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
 from raymarch.gpu.prepare import Prepared
@@ -154,7 +155,7 @@ class ResourceCache:
                 self._counter.draw(march.back, {"u_march": (march.front, 0)})
             return int(query.samples)
 
-    def texture(self, data: Samples | Texels) -> moderngl.Texture | moderngl.Texture3D:
+    def texture(self, data: Samples | Texels | Table) -> moderngl.Texture | moderngl.Texture3D:
         """The texture of sampled data or of an image; uploaded if it is not cached."""
         if data.key not in self._textures:
             made = upload_pyramid(self.context, data) if isinstance(data, Texels) else upload(self.context, data)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.errors import DeviceError
 from raymarch.expr.convert import plain, short
 from raymarch.expr.samples import Samples
+from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
 
@@ -207,16 +208,17 @@ class PingPong:
         self.release()
 
 
-def upload(context: Context, data: Samples) -> moderngl.Texture | moderngl.Texture3D:
-    """Upload sampled data as a one-channel float32 texture for texelFetch. DeviceError if it does not fit."""
+def upload(context: Context, data: Samples | Table) -> moderngl.Texture | moderngl.Texture3D:
+    """Upload sampled data or a table as a float32 texture for texelFetch. DeviceError if it does not fit."""
+    content = data.texels() if isinstance(data, Table) else data.values.tobytes()
     with context.bound():
         try:
             make: Any = context.gl.texture if data.dimension == 2 else context.gl.texture3d
             texture: moderngl.Texture | moderngl.Texture3D = make(
-                data.size, 1, data.values.tobytes(), alignment=1, dtype="f4"
+                data.size, data.channels, content, alignment=1, dtype="f4"
             )
         except moderngl.Error as fault:
-            raise DeviceError(f"no texture for samples of {data.size}: {fault}", legal="smaller data") from fault
+            raise DeviceError(f"no texture for {data.label}, {data.size}: {fault}", legal="smaller data") from fault
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
     return texture
 

@@ -29,6 +29,7 @@ NEVER_HOISTED = {
     "mark",
     "sample",
     "sample_slope",
+    "fetch",
     "texture",
     "raw",
     "raw_slope",

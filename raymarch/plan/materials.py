@@ -5,20 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import TypeAlias
+from typing import Any, TypeAlias
+
+import numpy as np
 
 from raymarch.expr.choices import merge_calls, operations_of
 from raymarch.expr.derivative import add_choices, map_choices, opened, raw_gradient, saving, share_values
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr, const, construct, swizzle, var
-from raymarch.expr.types import FLOAT, VEC3, struct
-from raymarch.expr.vocabulary import get, normalize, record, where
+from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.tables import Table, fetch
+from raymarch.expr.types import FLOAT, VEC3, Type, struct
+from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
 from raymarch.expr.walk import find, rebuild, rewrite, substitute
 from raymarch.plan.hoisting import hoist
+from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
 from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, RELIEF, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import SCENE_INTERACTION, Group, Lowering, material_expressions
+from raymarch.sdf.node import Node
+from raymarch.sdf.rows import Packing, Slot, gradient_at
 from raymarch.sdf.weights import weights_of
 
 Hoisted: TypeAlias = dict[str, Expr]
@@ -44,15 +50,16 @@ class Evaluation:
 
 
 def materials_of(
-    scene: Scene, lowering: Lowering, shaded: bool, index: bool, field: Function | None, hoisted: Hoisted
+    scene: Scene, solid: Node, lowering: Lowering, shaded: bool, index: bool, field: Function | None, hoisted: Hoisted
 ) -> Evaluation:
     """The functions that evaluate materials at a hit. Smooth blends mix materials with the weights of normals.
 
+    solid : the node of the scene with its objects as rows.
     shaded : True if the functions that shade are needed. index : True if the index of the material is needed.
     field : where given, the function of the material also returns the gradient of this field.
     hoisted : time-only expressions of the field, by the name of their parameter; others are added.
     """
-    parts = _Parts(scene, lowering, hoisted)
+    parts = _Parts(scene, solid, lowering, hoisted)
     chosen = parts.materials
     kinds = {m.physical for m in chosen}
     made = Evaluation("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
@@ -82,6 +89,9 @@ Wanted: TypeAlias = Callable[[dict[str, Expr]], Expr]
 OfGroup: TypeAlias = Callable[[Group, Expr], Expr]
 """What is wanted of a group at a point."""
 
+OfMany: TypeAlias = Callable[[Many, Expr, Expr], Expr]
+"""What is wanted of many objects at a point; their materials are evaluated at the second point."""
+
 Term: TypeAlias = tuple[Expr, Expr]
 """The weight of a part and its value."""
 
@@ -105,12 +115,13 @@ class _Parts:
     """
 
     scene: Scene
+    solid: Node
     lowering: Lowering
     hoisted: Hoisted
     marked: Function = field(init=False)
 
     def __post_init__(self) -> None:
-        marked = self.lowering.again().field(self.scene.node, label=self.scene.materials[0], groups=True)
+        marked = self.lowering.again().field(self.solid, label=self.scene.materials[0], groups=True)
         self.marked, hoisted = hoist(marked, self.lowering.origins, self.hoisted)
         self.hoisted.update(hoisted)
 
@@ -121,7 +132,9 @@ class _Parts:
         pending, seen = [self.marked], {self.marked}
         while pending:
             for mark in find([pending.pop().body], "mark"):
-                if not isinstance(mark.data, Group):
+                if isinstance(mark.data, Many):
+                    found.update((mark.data.inherited if m is None else m, None) for m in mark.data.rows.labels)
+                elif not isinstance(mark.data, Group):
                     found[mark.data] = None
                 elif mark.data.marked not in seen:
                     seen.add(mark.data.marked)
@@ -134,14 +147,21 @@ class _Parts:
 
         def of_group(group: Group, at: Expr) -> Expr:
             if group not in made:
-                (body,) = shared([self._body(group.marked, wanted, of_group)])
+                (body,) = shared([self._body(group.marked, wanted, of_group, of_many)])
                 made[group] = Function(f"{group.name}_{name.removesuffix('_at')}", group.marked.params, body)
             return made[group](at)
+
+        many: dict[Many, Function] = {}
+
+        def of_many(label: Many, point: Expr, at: Expr) -> Expr:
+            if label not in many:
+                many[label] = self._of_many(label, f"objects_{name.removesuffix('_at')}", wanted)
+            return many[label](point, at)
 
         def shared(roots: Sequence[Expr]) -> list[Expr]:
             return share_values(merge_calls(roots, lambda f: operations_of(f) if f in made.values() else 0))
 
-        (body,) = shared([self._body(self.marked, wanted, of_group)])
+        (body,) = shared([self._body(self.marked, wanted, of_group, of_many)])
         return Function(name, (*self.marked.params, *extra), body)
 
     def with_gradient(self, name: str, wanted: Wanted, field: Function, inner: bool) -> Function:
@@ -168,6 +188,19 @@ class _Parts:
                 made[group.field] = part(f"{group.name}_part", group.field, group.marked, None)
             return get(made[group.field](at), "material")
 
+        many: dict[Many, Function] = {}
+        joint: dict[Many, Function] = {}
+
+        def of_many(label: Many, point: Expr, at: Expr) -> Expr:
+            distance = self.lowering.objects.distance(label.rows)  # type: ignore[union-attr]
+            if point is at and label not in joint and distance not in made:
+                joint[label] = made[distance] = self._part_of_many(label, wanted)
+            if point is at and label in joint:
+                return get(joint[label](point), "material")
+            if label not in many:
+                many[label] = self._of_many(label, "objects_material", wanted)
+            return many[label](point, at)
+
         def with_stand_in(node: Expr, args: tuple[Expr, ...]) -> Expr:
             known = node.op == "call" and node.data in made
             return stand_in(node.data)(*args) if known else rebuild(node, args)
@@ -181,7 +214,8 @@ class _Parts:
 
         def part(name: str, field: Function, marked: Function, depth: Expr | None) -> Function:
             (p,) = field.params
-            material = self._body(marked, wanted, of_group, p if depth is None else var("inner", VEC3))
+            inner = None if depth is None else var("inner", VEC3)
+            material = self._body(marked, wanted, of_group, of_many, inner)
             material = opened(material, p)
             replaced = rewrite([field.body], with_stand_in)[field.body]
             slope = raw_gradient(replaced, p)
@@ -197,13 +231,23 @@ class _Parts:
 
         return part(name, field, self.marked, var("depth", FLOAT) if inner else None)
 
-    def _body(self, marked: Function, wanted: Wanted | None, of_group: OfGroup, inner: Expr | None = None) -> Expr:
+    def _body(
+        self,
+        marked: Function,
+        wanted: Wanted | None,
+        of_group: OfGroup,
+        of_many: OfMany,
+        inner: Expr | None = None,
+    ) -> Expr:
         """What is wanted of the parts of a field, as a choice. inner : the point where materials are evaluated."""
         marks, weights = weights_of(marked)
         terms = []
         for mark, weight in zip(marks, weights, strict=True):
             if isinstance(mark.data, Group):
                 value = of_group(mark.data, mark.args[1])
+            elif isinstance(mark.data, Many):
+                at = mark.args[1]
+                value = of_many(mark.data, at, at if inner is None else substitute([at], {marked.params[0]: inner})[0])
             else:
                 value = self._wanted(mark.data, _read_where(material_expressions(mark), weight), wanted)
                 if inner is not None:
@@ -214,10 +258,156 @@ class _Parts:
             return terms[0][1] if terms else default
         return _chosen(terms, _largest if wanted is None else _mean, default)
 
-    def _wanted(self, material: Material, values: Sequence[Expr], wanted: Wanted | None) -> Expr:
+    def _of_many(self, label: Many, name: str, wanted: Wanted | None) -> Function:
+        """A function of a point and of the point where materials are evaluated, for many objects."""
+        found = _ManyMaterials(self, label, wanted)
+        p, at = found.located.point, var("at", VEC3)
+        if found.single is not None:
+            return Function(name, (p, at), found.single)
+        if not label.rows.family:
+            _, winner = found.located.nearest(found.located.place, p)
+            return Function(name, (p, at), found.of_row(p, at, winner))
+        return Function(name, (p, at), found.blended(p, at)[1])
+
+    def _part_of_many(self, label: Many, wanted: Wanted) -> Function:
+        """A function of a point that returns the struct Part, for many objects."""
+        found = _ManyMaterials(self, label, wanted)
+        located = found.located
+        p, place = located.point, located.place
+        if not label.rows.family:
+            _, winner = located.nearest(place, p)
+            slope = swizzle(gradient_at(label.rows, p, winner), "xyz")
+            material = found.of_row(p, p, winner) if found.single is None else found.single
+        else:
+            slope, material = found.blended(p, p)
+        type = struct("Part", (("gradient", VEC3), ("material", material.type)))
+        return Function("objects_part", (p,), record(type, place.slope_otherwise(slope), material))
+
+    def _wanted(self, material: Any, values: Sequence[Expr], wanted: Wanted | None) -> Expr:
+        if wanted is None and isinstance(material, RowMaterial):
+            return material.number
         if wanted is None:
             return const(float(self.scene.materials.index(material)))
         return wanted(dict(zip(FIELDS, values, strict=True)))
+
+
+class _ManyMaterials:
+    """The materials of many objects.
+
+    located : the objects and their cells. single : what is wanted, if it is the same for all; else None.
+    """
+
+    def __init__(self, parts: _Parts, label: Many, wanted: Wanted | None) -> None:
+        objects = parts.lowering.objects
+        assert isinstance(objects, ObjectsInCells)
+        self.parts, self.label, self.wanted = parts, label, wanted
+        self.rows = label.rows
+        self.located = objects.located(self.rows)
+        self.single: Expr | None = None
+        default = label.inherited
+        labels = list(dict.fromkeys(default if m is None else m for m in self.rows.labels))
+        materials = [default if m is None else m for m in self.rows.materials]
+        index = {material: i for i, material in enumerate(parts.scene.materials)}
+        if len(labels) == 1 and not labels[0].patterned and not labels[0].textured:
+            self.single = parts._wanted(labels[0], labels[0].expressions, wanted)
+            return
+        numbers = [index.get(m, 0) for m in materials]
+        palette = Palette([m.expressions for m in materials], numbers) if len(materials) > 1 else None
+        self.functions = [self._function(i, palette, materials) for i in range(len(self.rows.forms))]
+
+    def _function(self, i: int, palette: Palette | None, materials: Sequence[Material]) -> Function:
+        """What is wanted of an object of a form: a function of the point, the place of materials, columns and slots."""
+        form, varying = self.rows.forms[i], self.rows.stored.varying[i]
+        slots = [var(f"material {j}", FLOAT) for j in varying]
+        at = var("at", VEC3)
+        marked = form.columns.function("marked", form.marked(Slot(0)))
+        known = {}
+        for mark in find([marked.body], "mark"):
+            if isinstance(mark.data, Slot):
+                j = mark.data.index
+                material: Any
+                if j in varying:
+                    assert palette is not None
+                    material = RowMaterial(palette, slots[varying.index(j)])
+                else:
+                    material = materials[form.slots[0, j]]
+                known[mark] = make("mark", FLOAT, mark.args, material)
+        (body,) = substitute([marked.body], known)
+
+        def refuse(*_: Any) -> Expr:
+            raise AssertionError("a group inside a row")
+
+        inner = Function("marked", marked.params, body)
+        value = self.parts._body(inner, self.wanted, refuse, refuse, at)
+        return Function("object_material", (inner.params[0], at, *inner.params[1:], *slots), value)
+
+    def of_row(self, p: Expr, at: Expr, entry: Expr) -> Expr:
+        """What is wanted of the object whose row begins at `entry`."""
+        stored = self.rows.stored
+        found = [f(p, at, *stored.read(i, entry)) for i, f in enumerate(self.functions)]
+        return stored.choose(entry, found)
+
+    def blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
+        """The gradient of a blend, and the mean of what is wanted."""
+        located, place = self.located, self.located.place
+
+        def carried(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
+            if self.single is not None:
+                return (pair[1],)
+            value = self.functions[i](p, at, *read)
+            return (pair[1], *([value, const(1.0)] if self.wanted is None else parts_of(value)))
+
+        def larger(wa: Expr, wb: Expr, left: Sequence[Expr], right: Sequence[Expr]) -> Sequence[Expr]:
+            slope = wa * left[0] + wb * right[0]
+            a, b = wa * left[2], wb * right[2]
+            same = abs(left[1] - right[1]) < 0.5
+            return slope, where(a < b, right[1], left[1]), where(same, a + b, where(a < b, b, a))
+
+        if self.single is not None:
+            _, slope = located.blend(place, p, carried)
+            return slope, self.single
+        _, slope, *values = located.blend(place, p, carried, larger if self.wanted is None else None)
+        if self.wanted is None:
+            return slope, values[0]
+        return slope, _record_of(self.functions[0].type, values)
+
+
+def _record_of(type: Type, values: Sequence[Expr]) -> Expr:
+    """A struct of its parts in order; the inverse of `parts_of` for structs without structs inside."""
+    return record(type, *values) if type.fields else values[0]
+
+
+class Palette:
+    """The constant materials of many objects, as rows of a table."""
+
+    def __init__(self, materials: Sequence[Sequence[Expr]], numbers: Sequence[int]) -> None:
+        self.fixed: dict[int, Expr] = {}
+        names, values = [], []
+        for i, first in enumerate(materials[0]):
+            given = [m[i] for m in materials]
+            if any(not value.is_constant for value in given) or all(value is first for value in given):
+                self.fixed[i] = first
+                continue
+            names.append(var(f"value {i}", first.type))
+            values.append(np.array([value.data for value in given], np.float64))
+        self.count = len(materials[0])
+        self.packing = Packing(names, 1)
+        values.append(np.array(numbers, np.float64))
+        self.table = Table(self.packing.table(values, len(materials)), f"{len(materials):,} materials")
+
+    def read(self, row: Expr) -> list[Expr]:
+        """The values of a material in order, and its number in the scene."""
+        first = row * float(self.packing.texels)
+        texels = [fetch(self.table, first + float(i)) for i in range(self.packing.texels)]
+        read = iter(self.packing.read(texels))
+        return [*(self.fixed[i] if i in self.fixed else next(read) for i in range(self.count)), next(read)]
+
+
+class RowMaterial:
+    """The label of a part whose material is a row of a palette."""
+
+    def __init__(self, palette: Palette, row: Expr) -> None:
+        *self.expressions, self.number = palette.read(row)
 
 
 def _chosen(terms: Sequence[Term], leaf: Callable[[Sequence[Term]], Expr], default: Expr) -> Expr:

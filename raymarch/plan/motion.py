@@ -24,6 +24,7 @@ from raymarch.scene.camera import Camera
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import PARTS, Lowering
+from raymarch.sdf.node import Node
 from raymarch.sdf.weights import weights_of
 
 STILL = const((0.0, 0.0, 0.0))
@@ -41,14 +42,14 @@ def changes(scene: Scene) -> bool:
 
 
 def motion_of(
-    scene: Scene, lowering: Lowering, hoisted: Mapping[str, Expr], origins: dict[Expr, Location]
+    solid: Node, lowering: Lowering, hoisted: Mapping[str, Expr], origins: dict[Expr, Location]
 ) -> tuple[Function, dict[str, Expr], dict[str, Expr]]:
     """`vec3 previous_position(vec3 p)`: where the point p of this frame was in the previous frame, by transforms alone.
 
     Also returns the time-only expressions, including those of this function, and the leaf that each twin stands for,
     by the twin's name.
     """
-    marked, hoisted = hoist(lowering.again().field(scene.node, label=PARTS), origins, hoisted)
+    marked, hoisted = hoist(lowering.again().field(solid, label=PARTS), origins, hoisted)
     (p,) = marked.params
     twins = {leaf: _twin(leaf) for leaf in find([marked.body], "param", "time")}
     plain = {twin: leaf for leaf, twin in twins.items()}

@@ -19,13 +19,16 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.operations import operations as count_operations
 from raymarch.expr.samples import Samples
+from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import lights, marching, shading
+from raymarch.plan.gather import Gathered, gather
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
+from raymarch.plan.objects import ObjectsInCells, exact_distance
 from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
 from raymarch.plan.shading import Feature
 from raymarch.scene.extent import InReach, refuse_extent
@@ -67,9 +70,10 @@ class Plan:
     parameters: dict[str, Spec]
     marching: Marching
     shapes: int
+    gathered: Gathered
     nodes: int
     operations: int
-    textures: list[Samples | Texels] = default(default_factory=list)
+    textures: list[Samples | Texels | Table] = default(default_factory=list)
     warnings: list[str] = default(default_factory=list)
     twins: dict[str, Expr] = default(default_factory=dict)
     """Leaves whose current values the motion pass reads, by the name of their twin; see `raymarch.plan.motion`."""
@@ -139,7 +143,11 @@ def plan(
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
     lowering = lowering or Lowering()
-    definition, hoisted = hoist(lowering.field(scene.node), lowering.origins)
+    gathered = gather(scene.node, scene.quality.objects, exact_distance(scene))
+    if gathered.rows:
+        lowering.objects = ObjectsInCells(gathered.rows)
+    solid = gathered.node
+    definition, hoisted = hoist(lowering.field(solid), lowering.origins)
     refuse_extent(given, origin, definition)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
@@ -173,6 +181,7 @@ def plan(
         parameters=scene.parameters,
         marching=chosen,
         shapes=shapes,
+        gathered=gathered,
         nodes=len(all_nodes(scene.node)),
         operations=operations,
         standalone=standalone,
@@ -185,11 +194,11 @@ def plan(
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
     if shaded or geometry:
-        found = materials_of(scene, lowering, shaded, geometry, definition if joint else None, hoisted)
+        found = materials_of(scene, solid, lowering, shaded, geometry, definition if joint else None, hoisted)
         made.model, made.material, made.emission = found.model, found.record, found.emission
         made.material_index, made.glass, made.relief = found.index, found.glass, found.relief
     if BEFORE in drawn:
-        place, made.hoisted, made.twins = motion_of(scene, lowering, hoisted, lowering.origins)
+        place, made.hoisted, made.twins = motion_of(solid, lowering, hoisted, lowering.origins)
         made.further.append(place)
     made.choices = _choices_of(made, joint)
     made.textures = _textures_of(made)
@@ -201,13 +210,13 @@ def plan(
     return made
 
 
-def _textures_of(made: Plan) -> list[Samples | Texels]:
+def _textures_of(made: Plan) -> list[Samples | Texels | Table]:
     """The pictures and sampled data that the field and the materials read, each once."""
     functions = (made.field, made.material, made.relief, made.emission, made.glass)
     roots = [root for function in functions if function is not None for root in function.inner]
     if any(p.shades for p in made.passes):
         roots.append(made.scene.sky.radiance)
-    return list(dict.fromkeys(node.data for node in find(roots, "texture", "sample", "sample_slope")))
+    return list(dict.fromkeys(node.data for node in find(roots, "texture", "sample", "sample_slope", "fetch")))
 
 
 def _choices_of(made: Plan, joint: bool) -> dict[str, str]:

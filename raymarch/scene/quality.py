@@ -18,6 +18,7 @@ REFINEMENTS = ("proven", "slope", "none")
 TEMPORAL = ("off", "accumulate", "reproject")
 RAYS = ("computed", "interpolated")
 INTEGRATORS = ("path", "whitted")
+OBJECTS = ("auto", "text", "data")
 
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 """Defaults of `omega`: the values of the tracers' authors; for "enhanced", the value that was measured best."""
@@ -47,6 +48,7 @@ NOT_MARCHING = (
     "integrator",
     "shadow_steps",
     "light_samples",
+    "objects",
 )
 """A preset does not change these fields. A preset is defined by the error of hits, which they do not affect."""
 
@@ -139,6 +141,9 @@ class Quality(Value):
         straight line from its last two samples. None is eight times `max_steps`.
     light_samples : number of points on a light per camera ray, with penumbra="sampled" or a RectLight, 1 to 64. Each
         costs one shadow ray; each of `samples` costs a camera ray too.
+    objects : how the objects of a union are compiled. "text": each is lines of the shader. "data": objects that differ
+        in numbers and materials only are rows of a texture, found through a grid of cells. "auto": data from 32 such
+        objects on.
 
     Notes
     -----
@@ -165,6 +170,7 @@ class Quality(Value):
     integrator: str = "path"
     shadow_steps: int | None = None
     light_samples: int = 1
+    objects: str = "auto"
 
     def __post_init__(self) -> None:
         self._begin()
@@ -272,6 +278,7 @@ _CHOICES = {
     "rays": RAYS,
     "masking": MASKINGS,
     "integrator": INTEGRATORS,
+    "objects": OBJECTS,
 }
 _WHOLE = {
     "max_steps": (1, 60000),

@@ -25,7 +25,7 @@ from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.labels import seen_labels
+from raymarch.sdf.labels import rows_of, seen_labels
 from raymarch.sdf.node import Node
 
 if TYPE_CHECKING:
@@ -111,8 +111,10 @@ class Scene(Value):
         for light in given:
             sample_of(light)
         for part in all_nodes(solid):
-            if part.label is not None:
-                _instance("material", part.label, Material, "Material(...)", part.where)
+            rows = rows_of(part)
+            for label in (part.label,) if rows is None else rows.labels:
+                if label is not None:
+                    _instance("material", label, Material, "Material(...)", part.where)
         chosen = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
         count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["path"], "an integer from 0 to 16, or None")
         deepest = DEEPEST[chosen.integrator]
@@ -229,7 +231,12 @@ class Scene(Value):
 
 def _labels(root: Node) -> list[Any]:
     seen = seen_labels(root)
-    return [label for label in dict.fromkeys(n.label for n in all_nodes(root)) if label in seen]
+    given: dict[Any, None] = {}
+    for node in all_nodes(root):
+        given[node.label] = None
+        if (rows := rows_of(node)) is not None:
+            given.update(dict.fromkeys(rows.labels))
+    return [label for label in given if label in seen]
 
 
 def scene_of(node: Node) -> Scene:

@@ -21,6 +21,11 @@ def flattened(node: Node) -> list[Node]:
     return flat
 
 
+def rows_of(node: Node) -> Any:
+    """The rows of a node that is many objects; None for any other node."""
+    return node.params.get("rows") if node.definition.arity == "none" else None
+
+
 def cutting(children: Sequence[Node]) -> Sequence[Node]:
     """The operands of a cut that decide the material: a subtracted solid without a material is left out."""
     return [child for child in children if child.labelled] if children[0].labelled else children
@@ -40,6 +45,8 @@ def seen_labels(root: Node) -> set[Any]:
             pending.append((node.children[0], node.label))
         elif not node.labelled:
             found.add(label)
+        elif (rows := rows_of(node)) is not None:
+            found.update(label if material is None else material for material in rows.labels)
         else:
             children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
             pending += [(child, label) for child in (cutting(children) if node.definition.cuts else children)]

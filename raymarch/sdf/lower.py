@@ -6,10 +6,10 @@ function. The rest is one expression, in which equal subtrees are one object.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from raymarch.expr.types import FLOAT, VEC3, vector
 from raymarch.expr.vocabulary import cross, dot, normalize, stop_gradient, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
 from raymarch.sdf.definition import FLOOR
-from raymarch.sdf.labels import cutting, flattened
+from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 from raymarch.sdf.variables import assignment_of
@@ -120,6 +120,16 @@ class Group:
     marked: Function
 
 
+class Objects(Protocol):
+    """How objects that are rows of a table are evaluated in a field and its materials."""
+
+    def distance(self, rows: Any) -> Function:
+        """The distance to the nearest of the rows, a function of the point."""
+
+    def label(self, rows: Any, inherited: Any) -> Any:
+        """The label of a mark that stands for all rows; `inherited` is that of rows without a material."""
+
+
 @dataclass(slots=True)
 class Lowering:
     """One pass over a tree of nodes.
@@ -135,6 +145,10 @@ class Lowering:
     origins: dict[Expr, Location] = field(default_factory=dict)
     shapes: set[Expr] = field(default_factory=set)
     sites: list[Node] | None = None
+    divisors: Mapping[int, Expr] = field(default_factory=dict)
+    """Divisors of nodes that are not those of their facts, by the id of the node."""
+    objects: Objects | None = None
+    """How objects that are rows of a table are evaluated; None asks every row."""
     _numbers: dict[int, int] = field(default_factory=dict)
     names: dict[Expr, str] = field(default_factory=dict)
     _sites: dict[Any, int] = field(default_factory=dict)
@@ -152,6 +166,8 @@ class Lowering:
             self.origins,
             self.shapes,
             self.sites,
+            self.divisors,
+            self.objects,
             self._numbers,
             self.names,
             _functions=self._functions,
@@ -243,6 +259,15 @@ class Lowering:
         if node.label is not None:
             inner = (node.label, point) if marking and label is not PARTS else label
             return (yield from self._ask(node.children[0], point, inner))
+        rows = rows_of(node)
+        if rows is not None and self.objects is not None:
+            distance = self.objects.distance(rows)(point)
+            self.shapes.add(distance)
+            if not marking or label is PARTS:
+                return distance
+            return make("mark", FLOAT, (distance, point), self.objects.label(rows, label[0]))
+        if rows is not None and marking and label is not PARTS:
+            return rows.spelled(label, point)
         children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
         if marking and label is not PARTS and node.definition.cuts and len(cutting(children)) < len(children):
             # The distance is that of the cut solid. The marks are those of the operands that decide the material.
@@ -294,6 +319,8 @@ class Lowering:
                 distance = yield from self._ask(node, point, UNMARKED)
                 weight = value / stop_gradient(scale)
                 return distance + (weight - stop_gradient(weight))
+        if id(node) in self.divisors:
+            return value / self.divisors[id(node)]
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value
 
     def _ask(self, child: Node, point: Expr, label: Any) -> Work:

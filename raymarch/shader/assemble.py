@@ -20,6 +20,7 @@ from raymarch.expr.glsl import Line, Text, literal, print_functions
 from raymarch.expr.hashing import PCG_GLSL
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
+from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import Plan
@@ -67,7 +68,7 @@ class Shader:
     heads: tuple[tuple[str, ...], ...]
     parameters: Mapping[str, str]
     uses_time: bool
-    samples: Mapping[str, Samples | Texels]
+    samples: Mapping[str, Samples | Texels | Table]
     modules: Mapping[str, str]
 
     def text(

@@ -1,0 +1,119 @@
+"""Tables: numbers in rows of texels, fetched by index."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.node import Expr, Operand, expr, make
+from raymarch.expr.types import FLOAT, Type, vector
+
+Array = NDArray[Any]
+
+WIDTH = 4096
+"""Texels in a line of a table's texture; a power of two."""
+
+MOST = 1 << 24
+"""Maximum number of texels: float32 holds every index up to here."""
+
+
+class Table:
+    """Texels of 1, 2 or 4 float32 numbers, addressed by one index. Equal tables are equal.
+
+    Attributes
+    ----------
+    values : shape (texels, channels).
+    label : name in messages; it is ignored in comparisons.
+    """
+
+    __slots__ = ("key", "label", "values")
+
+    def __init__(self, values: ArrayLike, label: str) -> None:
+        array = np.ascontiguousarray(values, np.float32)
+        if array.ndim != 2 or array.shape[1] not in (1, 2, 4) or not 1 <= len(array) <= MOST:
+            raise SceneError(f"a table of shape {array.shape}", legal=f"(1 to {MOST:,}, 1, 2 or 4)")
+        array.setflags(write=False)
+        self.values = array
+        self.label = label
+        self.key = hashlib.sha256(f"{array.shape}".encode() + memoryview(array).cast("B")).hexdigest()[:12]
+
+    def __repr__(self) -> str:
+        return f"Table({self.label}, {len(self.values)} texels of {self.channels})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Table) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    @property
+    def name(self) -> str:
+        """The GLSL name of the texture."""
+        return f"u_table_{self.key}"
+
+    @property
+    def dimension(self) -> int:
+        """2, the dimension of the GLSL sampler."""
+        return 2
+
+    @property
+    def channels(self) -> int:
+        """1, 2 or 4."""
+        return int(self.values.shape[1])
+
+    @property
+    def type(self) -> Type:
+        """Type of one texel."""
+        return vector(self.channels)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the texture in texels; the last line may be filled up."""
+        return min(WIDTH, len(self.values)), -(-len(self.values) // WIDTH)
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the texture in bytes."""
+        width, height = self.size
+        return 4 * self.channels * width * height
+
+    def texels(self) -> bytes:
+        """The content of the texture, line by line."""
+        return self.values.tobytes() + bytes(self.nbytes - self.values.nbytes)
+
+
+def fetch(data: Table, index: Operand) -> Expr:
+    """The texel of an index, a number that is rounded down; an index outside reads any texel."""
+    given = expr(index)
+    if given.type is not FLOAT:
+        raise SceneError(f"fetch at a {given.type}", legal="one number")
+    return make("fetch", data.type, (given,), data)
+
+
+def evaluate(node: Expr, index: Array) -> Array:
+    """NumPy row of "fetch"."""
+    values = node.data.values
+    found = values[np.clip(np.nan_to_num(index), 0, len(values) - 1).astype(np.int64)].astype(index.dtype)
+    return found[..., 0] if node.type is FLOAT else found
+
+
+def interval(node: Expr, _index: Any) -> tuple[Array, Array]:
+    """Interval row of "fetch": the smallest and the largest number of each channel."""
+    low, high = (ends.astype(np.float64) for ends in (node.data.values.min(axis=0), node.data.values.max(axis=0)))
+    return (low[0], high[0]) if node.type is FLOAT else (low, high)
+
+
+def glsl_helper(channels: int) -> tuple[str, str]:
+    """Name and text of the GLSL function that fetches a texel."""
+    type, picked = vector(channels), "xyzw"[:channels]
+    name = f"texel{channels}"
+    suffix = "" if channels == 4 else f".{picked}"
+    return name, (
+        f"{type} {name}(sampler2D data, float index) {{\n"
+        f"    int i = int(index);\n"
+        f"    return texelFetch(data, ivec2(i & {WIDTH - 1}, i >> {WIDTH.bit_length() - 1}), 0){suffix};\n}}"
+    )

@@ -1,0 +1,439 @@
+"""A grid of cells, each with the objects that can decide the field in it (Lipschitz pruning; Barbier et al. 2025).
+
+In a cell with centre c and half diagonal R, object i can be the nearest only if f_i(c) - L_i R <= f_j(c) + L_j R for
+every other object j. In a blend, one of two operands a, b decides alone if |a - b| > 2 R + reach at the centre. Cells
+are halved level by level, and a cell inherits the list of its parent.
+
+A cell in which no field value is needed stores a lower bound only: f(p) >= f(c) - |p - c|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.node import var
+from raymarch.expr.types import FLOAT
+from raymarch.sdf.blends import FAMILIES
+from raymarch.sdf.booleans import smooth_min
+from raymarch.sdf.rows import Rows
+
+Array: TypeAlias = NDArray[np.float64]
+Whole: TypeAlias = NDArray[np.int64]
+
+CROWDED = 4
+"""A cell with more objects is halved, if its children have fewer."""
+
+WORTH = 0.75
+"""A cell is halved if its children have at most this fraction of its objects on average."""
+
+FINEST = 4
+"""Maximum number of times that a cell of the grid is halved."""
+
+CELLS = 1 << 22
+"""Maximum number of cells of the grid, and of lists of objects after refinement."""
+
+PAIRS = 1 << 20
+"""Pairs of a cell and an object that are evaluated at once."""
+
+ROUNDING = 2.0**-20
+"""Allowance for float32, relative to the largest coordinate: a point may count to the neighbouring cell."""
+
+BRANCH = 0.0
+"""In the second channel of a cell: its children begin at the index in the first channel. Above 0 it is the number of
+objects, and the first channel is the start of their list. Below 0 the first channel is the field at the centre."""
+FAR = -1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells:
+    """A grid of cells.
+
+    Attributes
+    ----------
+    low : corner of the grid, shape (3,). size : edge of a cell. counts : cells along each axis.
+    depth : number of times that cells are halved at most.
+    texels : shape (n, 2), see `BRANCH`; the cells of the grid, x first, then blocks of eight children.
+    lists : the objects of each list, as numbers of rows, ascending by form, or by their order in a blend.
+    merges : for each entry of a list, the number of folds that follow it; empty for a hard union.
+    most : length of the longest list. stack : number of values that a blend holds at once.
+    inner_low, inner_high, steepness : outside the grid the field is at least steepness * distance to this box - less.
+    """
+
+    low: Array
+    size: float
+    counts: Whole
+    depth: int
+    texels: NDArray[np.float32]
+    lists: NDArray[np.int64]
+    merges: NDArray[np.int64]
+    most: int
+    stack: int
+    inner_low: Array
+    inner_high: Array
+    steepness: float
+    less: float
+
+    @property
+    def near(self) -> int:
+        """Number of cells with a list."""
+        return int(np.sum(self.texels[:, 1] > 0))
+
+
+@dataclass(slots=True)
+class _Level:
+    """Cells of one size: indices (n, 3), and the list of each, items[starts[i] : starts[i + 1]]."""
+
+    cells: Whole
+    starts: Whole
+    items: NDArray[np.int32]
+
+
+def build(rows: Rows, exact: float) -> Cells:
+    """The cells of some rows. exact : distance to surfaces up to which the field must be exact."""
+    return _Builder(rows, exact).run()
+
+
+class _Builder:
+    def __init__(self, rows: Rows, exact: float) -> None:
+        self.rows = rows
+        self.forms = rows.forms
+        self.firsts = np.cumsum([0, *map(len, rows.forms)])
+        self.lower = np.concatenate([form.lower for form in self.forms])
+        self.upper = np.concatenate([form.upper for form in self.forms])
+        self.lipschitz = np.concatenate([form.lipschitz for form in self.forms])
+        self.spread = np.concatenate([form.spread for form in self.forms])
+        self.exactly = np.concatenate([np.full(len(form), form.exact) for form in self.forms])
+        self.order = np.concatenate([form.order for form in self.forms])
+        self.blended = bool(rows.family)
+        self.bounded = np.all(np.isfinite(self.lower) & np.isfinite(self.upper), axis=1)
+        self.reach, self.lowers = 0.0, 0.0
+        if self.blended:
+            from raymarch.plan.gather import REACH
+
+            self.reach = REACH[rows.family] * rows.k
+            self.lowers = 0.25 * rows.k * np.ceil(np.log2(max(len(rows), 2)))
+            a, b, k = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)
+            folded = smooth_min(a, b, k) if rows.family == "quadratic" else FAMILIES[rows.family](4).fold(a, b, k)
+            self._fold = evaluator([folded], [a, b, k])
+        low, high = self.lower[self.bounded].min(axis=0), self.upper[self.bounded].max(axis=0)
+        extent = high - low
+        edges = np.maximum(extent, 0.02 * extent.max())
+        n = int(self.bounded.sum())
+        self.steepness = 1.0 if bool(np.all(self.exactly[self.bounded])) else 1.0 / (
+            np.sqrt(3.0) * float(self.spread[self.bounded].max())
+        )
+        self.less = (self.reach + self.lowers) if self.blended else 0.0
+        # A cell is about as large as the room of one object.
+        size = float(np.cbrt(np.prod(edges) / n))
+        size = max(size, float(np.cbrt(np.prod(edges) / CELLS)), float(extent.max()) / 1024.0)
+        self.need = exact
+        pad = 0.5 * size + (exact + self.less) / self.steepness
+        self.inner_low, self.inner_high = low, high
+        counts = np.ceil((extent + 2.0 * pad) / size).astype(np.int64)
+        while np.prod(counts.astype(float)) > CELLS:
+            size *= 1.26
+            counts = np.ceil((extent + 2.0 * pad) / size).astype(np.int64)
+        self.size, self.counts = size, counts
+        self.low = 0.5 * (low + high) - 0.5 * size * counts
+        self.largest = float(np.max(np.abs([self.low, self.low + size * counts])))
+        centre = 0.5 * (self.lower + self.upper)
+        self.middle = np.where(self.bounded[:, None], centre, 0.0)
+        self.half = np.where(self.bounded[:, None], 0.5 * (self.upper - self.lower), np.inf)
+        self.at_middle = self.values(self.middle, np.arange(len(rows)))
+        if self.blended:
+            self.ranked = np.argsort(self.order, kind="stable")
+
+    # Values
+
+    def values(self, points: Array, items: NDArray[np.integer]) -> Array:
+        """The distance of each point to its object, float64."""
+        if len(self.forms) == 1:
+            return np.broadcast_to(self.forms[0].columns.distance(points, items), len(items)).astype(np.float64)
+        result = np.empty(len(items))
+        form_of = np.searchsorted(self.firsts, items, side="right") - 1
+        for i, form in enumerate(self.forms):
+            mine = np.nonzero(form_of == i)[0]
+            if len(mine):
+                result[mine] = form.columns.distance(points[mine], items[mine] - self.firsts[i])
+        return result
+
+    def bounds(self, points: Array, items: NDArray[np.integer]) -> tuple[Array, Array]:
+        """Lower and upper bounds of these distances, from boxes and the value at the middle of each."""
+        away = points - self.middle[items]
+        out = np.maximum(np.abs(away) - self.half[items], 0.0)
+        chebyshev = out.max(axis=1)
+        euclidean = np.sqrt(np.einsum("ij,ij->i", out, out))
+        lower = np.where(self.exactly[items], euclidean, chebyshev / self.spread[items])
+        lower = np.where(chebyshev > 0.0, lower, -np.inf)
+        reach = np.sqrt(np.einsum("ij,ij->i", away, away))
+        return lower, self.lipschitz[items] * reach + self.at_middle[items]
+
+    def radius(self, size: float) -> float:
+        """Half the diagonal of a cell, with an allowance for rounding."""
+        return float(0.5 * np.sqrt(3.0) * size + ROUNDING * self.largest)
+
+    # Levels
+
+    def run(self) -> Cells:
+        halvings = int(np.ceil(np.log2(max(1, self.counts.max()))))
+        halvings = max(0, halvings - 1)
+        coarse = np.ceil(self.counts / 2**halvings).astype(np.int64)
+        grid = np.stack(np.meshgrid(*map(np.arange, coarse), indexing="ij"), axis=-1).reshape(-1, 3)
+        ranks = self.ranked if self.blended else np.arange(len(self.rows))
+        items = np.tile(ranks.astype(np.int32), len(grid))
+        level = _Level(grid, np.arange(len(grid) + 1) * len(ranks), items)
+        texels = np.zeros((int(np.prod(self.counts)), 2), np.float32)
+        for step in range(halvings + 1):
+            left = halvings - step
+            given = level.cells
+            level, _, far, value = self.pruned(level, self.size * 2**left, precise=left <= 1)
+            self.paint(texels, given[far], value, left)
+            if left:
+                level = self.halved(level, np.ceil(self.counts / 2 ** (left - 1)).astype(np.int64))
+        return self.refined(texels, level)
+
+    def paint(self, texels: NDArray[np.float32], far: Whole, value: Array, left: int) -> None:
+        """Store the bound of far cells in all cells of the grid that they cover."""
+        width = 2**left
+        offsets = np.stack(np.meshgrid(*[np.arange(width)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        distance = self.size * np.linalg.norm(offsets + 0.5 - 0.5 * width, axis=1)
+        block = max(1, PAIRS // len(offsets))
+        for i in range(0, len(far), block):
+            cells = far[i : i + block, None, :] * width + offsets
+            bound = self.rounded_down(value[i : i + block, None] - distance)
+            inside = np.all(cells < self.counts, axis=2)
+            index = self.index(cells[inside])
+            texels[index, 0] = bound[inside]
+            texels[index, 1] = FAR
+
+    def rounded_down(self, bound: Array) -> Array:
+        return bound - (2.0**-22 * np.abs(bound) + 2.0**-22 * self.largest)
+
+    def index(self, cells: Whole) -> Whole:
+        return cells[..., 0] + self.counts[0] * (cells[..., 1] + self.counts[1] * cells[..., 2])
+
+    def halved(self, level: _Level, limit: Whole) -> _Level:
+        """The eight children of each cell that lie within the grid, with its list."""
+        corners = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
+        cells = (2 * level.cells[:, None, :] + corners).reshape(-1, 3)
+        parent = np.repeat(np.arange(len(level.cells)), 8)
+        inside = np.all(cells < limit, axis=1)
+        cells, parent = cells[inside], parent[inside]
+        counts = np.diff(level.starts)[parent]
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        items = level.items[_ranges(level.starts[parent], counts, starts)]
+        return _Level(cells, starts, items)
+
+    def pruned(self, level: _Level, size: float, precise: bool) -> tuple[_Level, Whole, Whole, Array]:
+        """The near cells with shorter lists, and which they are; which are far, and a lower bound of the field at the
+        centre of each."""
+        lengths: list[Whole] = [np.empty(0, np.int64)]
+        items: list[NDArray[np.int32]] = [np.empty(0, np.int32)]
+        far = [np.empty(0, bool)]
+        values = [np.empty(0)]
+        for part in _parts(level):
+            centres = self.low + size * (part.cells + 0.5)
+            kept, floor = self.pruned_part(part, centres, size, precise)
+            lonely = floor >= max(2.0 * self.radius(size), self.need + self.radius(size))
+            far.append(lonely)
+            values.append(floor[lonely])
+            owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
+            kept &= ~lonely[owner]
+            lengths.append(np.bincount(owner[kept], minlength=len(part.cells))[~lonely])
+            items.append(part.items[kept])
+        starts = np.concatenate([[0], np.cumsum(np.concatenate(lengths))]).astype(np.int64)
+        is_far = np.concatenate(far)
+        kept_level = _Level(level.cells[~is_far], starts, np.concatenate(items))
+        return kept_level, np.nonzero(~is_far)[0], np.nonzero(is_far)[0], np.concatenate(values)
+
+    def pruned_part(
+        self, part: _Level, centres: Array, size: float, precise: bool
+    ) -> tuple[NDArray[np.bool_], Array]:
+        """Which entries can decide in their cell, and a lower bound of the field at each centre."""
+        radius = self.radius(size)
+        owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
+        points, first = centres[owner], part.starts[:-1]
+        if self.blended:
+            value = self.values(points, part.items)
+            return self.pruned_blend(part, owner, value, radius)
+        slack = self.lipschitz[part.items] * radius
+        lower, upper = self.bounds(points, part.items)
+        limit = np.minimum.reduceat(upper + slack, first)
+        kept = lower - slack <= limit[owner]
+        floor = np.minimum.reduceat(lower, first)
+        if not precise:
+            return kept, floor
+        chosen = np.nonzero(kept)[0]
+        value = self.values(points[chosen], part.items[chosen])
+        starts = np.searchsorted(owner[chosen], np.arange(len(part.cells)))
+        slack = slack[chosen]
+        limit = np.minimum.reduceat(value + slack, starts)
+        kept[chosen] = value - slack <= limit[owner[chosen]] + ROUNDING * self.largest
+        return kept, np.minimum.reduceat(value, starts)
+
+    def pruned_blend(
+        self, part: _Level, owner: Whole, value: Array, radius: float
+    ) -> tuple[NDArray[np.bool_], Array]:
+        """The same for a blend: the losing side of each fold of the balanced tree is left out."""
+        alive = np.ones(len(owner), bool)
+        entry = np.arange(len(owner))
+        cell, rank, current = owner, self.order[part.items], value
+        margin = 2.0 * radius + self.reach + ROUNDING * self.largest
+        k = np.asarray(self.rows.k)
+        while len(cell) > len(part.cells):
+            rank = rank >> 1
+            left = np.nonzero((rank[1:] == rank[:-1]) & (cell[1:] == cell[:-1]))[0]
+            if not len(left):
+                continue
+            a, b = current[left], current[left + 1]
+            dead = np.zeros(len(cell), bool)
+            dead[left] = a - b > margin
+            dead[left + 1] = b - a > margin
+            alive &= ~dead[entry]
+            current = current.copy()
+            current[left] = self._fold(a, b, k)[0]
+            stays = np.ones(len(cell), bool)
+            stays[left + 1] = False
+            moved = np.cumsum(stays) - 1
+            entry = moved[entry]
+            cell, rank, current = cell[stays], rank[stays], current[stays]
+        return alive, current
+
+    # Refinement and storage
+
+    def refined(self, texels: NDArray[np.float32], level: _Level) -> Cells:
+        """Halve crowded cells, and store all lists."""
+        place = self.index(level.cells)
+        blocks: list[NDArray[np.float32]] = [texels]
+        written: list[tuple[Whole, Whole, NDArray[np.int32]]] = []
+        total, size, depth, entries = len(texels), self.size, 0, len(level.items)
+        while True:
+            counts = np.diff(level.starts)
+            crowded = counts > CROWDED
+            split = np.zeros(len(counts), bool)
+            if depth < FINEST and crowded.any() and total < CELLS and entries < 2 * CELLS:
+                parents = np.nonzero(crowded)[0]
+                children = self.halved(_taken(level, parents), np.full(3, np.iinfo(np.int64).max))
+                near, near_at, far_at, value = self.pruned(children, 0.5 * size, precise=True)
+                lengths = np.zeros(len(children.cells), np.int64)
+                lengths[near_at] = np.diff(near.starts)
+                gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
+                split[parents[gain]] = True
+                block = np.full((len(children.cells), 2), 0.0, np.float32)
+                block[far_at, 0] = self.rounded_down(value)
+                block[far_at, 1] = FAR
+                wins = np.repeat(gain, 8)
+                at = total + np.cumsum(wins) - 1
+                _write(blocks, place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
+                rest = _taken(level, np.nonzero(~split)[0])
+                written.append((place[~split], np.diff(rest.starts), rest.items))
+                blocks.append(block[wins])
+                chosen = np.nonzero(wins[near_at])[0]
+                level = _taken(near, chosen)
+                place = at[near_at[chosen]]
+                total += int(wins.sum())
+                entries += len(level.items) - int(counts[split].sum())
+                size *= 0.5
+                depth += 1
+                if len(level.cells):
+                    continue
+                depth_used = depth
+                break
+            written.append((place, counts, level.items))
+            depth_used = depth
+            break
+        places = np.concatenate([w[0] for w in written])
+        counts = np.concatenate([w[1] for w in written])
+        items = np.concatenate([w[2] for w in written]).astype(np.int64)
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        merges, stack = self.program(starts, items) if self.blended else (np.empty(0, np.int64), 0)
+        _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
+        return Cells(
+            self.low,
+            self.size,
+            self.counts,
+            depth_used,
+            np.concatenate(blocks),
+            items,
+            merges,
+            int(counts.max(initial=0)),
+            stack,
+            self.inner_low,
+            self.inner_high,
+            self.steepness,
+            self.less,
+        )
+
+    def program(self, starts: Whole, items: Whole) -> tuple[Whole, int]:
+        """The folds after each entry: those nodes of the tree whose last operand it is; and the depth of the stack.
+
+        The operands i and i + 1 of a list meet at the level of the highest bit in which their ranks differ.
+        """
+        counts = np.diff(starts)
+        rank = self.order[items]
+        merges = np.zeros(len(items), np.int64)
+        most = int(counts.max(initial=1))
+        open_levels = np.zeros((len(counts), most + 1), np.int64)
+        height = np.zeros(len(counts), np.int64)
+        deepest = 1
+        for position in range(most):
+            cells = np.nonzero(counts > position)[0]
+            at = starts[cells] + position
+            last = counts[cells] == position + 1
+            following = np.minimum(at + 1, len(items) - 1)
+            level = np.where(last, np.iinfo(np.int64).max, _bits(rank[at] ^ rank[following]))
+            while True:
+                top = open_levels[cells, np.maximum(height[cells] - 1, 0)]
+                popping = (height[cells] > 0) & (top < level)
+                if not popping.any():
+                    break
+                merges[at[popping]] += 1
+                height[cells[popping]] -= 1
+            more = ~last
+            open_levels[cells[more], height[cells[more]]] = level[more]
+            height[cells[more]] += 1
+            deepest = max(deepest, int(height.max(initial=0)))
+        return merges, deepest
+
+
+def _bits(numbers: Whole) -> Whole:
+    """Number of bits of positive integers."""
+    return np.frexp(numbers.astype(np.float64))[1].astype(np.int64)
+
+
+def _ranges(starts: Whole, counts: Whole, firsts: Whole) -> Whole:
+    """The indices starts[i], ..., starts[i] + counts[i] - 1 for all i in order; firsts : running sum of the counts."""
+    return np.arange(firsts[-1]) + np.repeat(starts - firsts[:-1], counts)
+
+
+def _taken(level: _Level, chosen: Whole) -> _Level:
+    """Some cells of a level."""
+    counts = np.diff(level.starts)[chosen]
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return _Level(level.cells[chosen], starts, level.items[_ranges(level.starts[:-1][chosen], counts, starts)])
+
+
+def _parts(level: _Level) -> Iterator[_Level]:
+    """The level in parts of a limited number of entries."""
+    first = 0
+    while first < len(level.cells):
+        last = int(np.searchsorted(level.starts, level.starts[first] + PAIRS, side="right")) - 1
+        last = min(max(last, first + 1), len(level.cells))
+        begin, end = level.starts[first], level.starts[last]
+        yield _Level(level.cells[first:last], level.starts[first : last + 1] - begin, level.items[begin:end])
+        first = last
+
+
+def _write(blocks: list[NDArray[np.float32]], places: Whole, values: Array) -> None:
+    """Write texels by their index in the concatenated blocks."""
+    first = 0
+    for block in blocks:
+        mine = (places >= first) & (places < first + len(block))
+        block[places[mine] - first] = values[mine]
+        first += len(block)

@@ -1,0 +1,360 @@
+"""Find the objects of a scene that can be rows of a table: operands of unions that have one form.
+
+Two trees have the same form if they differ in numbers and materials only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from dataclasses import replace as changed
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import PlanError
+from raymarch.expr.node import Expr, var
+from raymarch.expr.types import FLOAT
+from raymarch.expr.walk import find
+from raymarch.sdf.booleans import hard_union
+from raymarch.sdf.instances import of_rows
+from raymarch.sdf.labels import rows_of
+from raymarch.sdf.node import Node
+from raymarch.sdf.placing import labelled
+from raymarch.sdf.rows import Form, Rows, Slot
+
+AS_DATA = 32
+"""Number of objects from which a union is data. Measured: see docs/scale.md."""
+
+ALIKE = 8
+"""Least number of objects of one form that are worth rows; fewer stay text."""
+
+FORMS = 12
+"""Maximum number of forms in a blend: each is evaluated for each object that is asked."""
+
+REACH = {"": 0.0, "quadratic": 1.0, "cubic": 1.5, "quartic": 4.0 / 3.0, "circular": 0.25 / (1.0 - math.sqrt(0.5))}
+"""Difference of two distances, over k, beyond which a blend is the smaller of the two. Families that are not listed
+act at all distances."""
+
+DEEPEST = 200
+"""Maximum number of operators above a union that becomes data."""
+
+Signature: TypeAlias = tuple[int, tuple[float, ...], tuple[Any, ...]]
+"""The form of a tree, its numbers, and the materials of its slots."""
+
+
+@dataclass(slots=True)
+class Gathered:
+    """A tree whose objects are rows.
+
+    node : the tree. rows : the rows in it, and the distance up to which the field of each must be exact.
+    text, data : number of objects that are text, and that are rows. reason : why.
+    """
+
+    node: Node
+    rows: dict[Rows, float] = field(default_factory=dict)
+    text: int = 0
+    reason: str = ""
+
+    @property
+    def data(self) -> int:
+        """Number of objects that are rows."""
+        return sum(map(len, self.rows))
+
+
+def gather(root: Node, choice: str, exact: float) -> Gathered:
+    """The tree with its objects as rows.
+
+    choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact.
+    """
+    made = Gathered(root)
+    if choice != "text":
+        made.node = _Gatherer(made, choice).visit(root, exact, 0)
+    largest = max((len(node.children) for node in _unions(root)), default=0)
+    if made.rows:
+        made.reason = "Quality(objects='data')" if choice == "data" else f"{AS_DATA} or more objects of few forms"
+    elif choice == "text":
+        made.reason = "Quality(objects='text')"
+    else:
+        made.reason = f"no union of {AS_DATA} or more objects of few forms; the largest has {largest} operands"
+    return made
+
+
+def _unions(root: Node) -> list[Node]:
+    found, pending, seen = [], [root], {id(root)}
+    while pending:
+        node = pending.pop()
+        if node.definition.arity == "many":
+            found.append(node)
+        for child in node.children:
+            if id(child) not in seen:
+                seen.add(id(child))
+                pending.append(child)
+    return found
+
+
+class _Gatherer:
+    def __init__(self, made: Gathered, choice: str) -> None:
+        self.made = made
+        self.least = 2 if choice == "data" else AS_DATA
+        self.alike = 1 if choice == "data" else ALIKE
+        self.forms: dict[Any, int] = {}
+        self.known: dict[int, Signature | None] = {}
+        self.plain: dict[Any, bool] = {}
+        self.materials: dict[int, bool] = {}
+        self.kept: list[Node] = []  # alive, because they are identified by their ids
+
+    def visit(self, node: Node, exact: float, depth: int) -> Node:
+        """The tree with objects as rows; `exact` as for `gather`, in the units of this tree."""
+        if (rows := rows_of(node)) is not None:
+            self._keep(rows, exact)
+            return node
+        name, params = node.definition.name, node.params
+        if name == "hard_union":
+            return self._union(node, exact, depth)
+        if name in ("smooth_union", "blended_union") and params["k"].is_constant:
+            family = "quadratic" if name == "smooth_union" else str(params["family"])
+            if family in REACH:
+                k = float(params["k"].data)
+                rows = self._blend(node, family, k)
+                if rows is not None:
+                    self._keep(rows, exact)
+                    return self._placed(of_rows(rows), node)
+                return self._below(node, exact + _margin(family, k, len(node.children)), depth)
+        if name in ("labelled", "translate", "rotate_about", "mirror_across", "hard_intersection", "hard_difference"):
+            return self._below(node, exact, depth)
+        scale = {"scale_evenly": "factor", "affine": "stretch"}.get(name)
+        if scale is not None and params[scale].is_constant:
+            return self._below(node, exact / float(params[scale].data), depth)
+        self._refuse_instances(node)
+        return node
+
+    def _keep(self, rows: Rows, exact: float) -> None:
+        self.made.rows[rows] = max(exact, self.made.rows.get(rows, 0.0))
+
+    def _below(self, node: Node, exact: float, depth: int) -> Node:
+        if depth > DEEPEST or not node.children:
+            self._refuse_instances(node)
+            return node
+        children = tuple(self.visit(child, exact, depth + 1) for child in node.children)
+        if all(a is b for a, b in zip(children, node.children, strict=True)):
+            return node
+        return self._placed(Node(node.definition, children, node.params, node.facts, node.label), node)
+
+    def _placed(self, made: Node, old: Node) -> Node:
+        made.where, made.variable = old.where, old.variable
+        return made
+
+    def _refuse_instances(self, node: Node) -> None:
+        pending, seen = list(node.children), {id(node)}
+        while pending:
+            each = pending.pop()
+            if rows_of(each) is not None:
+                raise PlanError(
+                    f"{node.name} of instances",
+                    legal="unions, intersections, differences, blends that end at a distance, and rigid transforms",
+                    where=node.where,
+                )
+            for child in each.children:
+                if id(child) not in seen:
+                    seen.add(id(child))
+                    pending.append(child)
+
+    # Unions
+
+    def _union(self, node: Node, exact: float, depth: int) -> Node:
+        operands = self._operands(node)
+        given = [rows for operand in operands if (rows := rows_of(operand)) is not None]
+        groups: dict[int, list[int]] = {}
+        for i, operand in enumerate(operands):
+            if rows_of(operand) is None and operand.facts.bounded and not operand.facts.empty:
+                signature = self.signature(operand)
+                if signature is not None:
+                    groups.setdefault(signature[0], []).append(i)
+        groups = {form: members for form, members in groups.items() if len(members) >= self.alike}
+        count = sum(map(len, groups.values()))
+        if count + sum(map(len, given)) < self.least or (count < self.least and not given):
+            groups = {}
+        if not groups and not given:
+            return self._below(node, exact, depth)
+        chosen = {i for members in groups.values() for i in members}
+        rest = [i for i, operand in enumerate(operands) if i not in chosen and rows_of(operand) is None]
+        forms = [self._form([operands[i] for i in members], members) for members in groups.values()]
+        rows = self._rows(forms, given, len(operands))
+        self._keep(rows, exact)
+        children = [self.visit(operands[i], exact, depth + 1) for i in rest]
+        self.made.text += len(rest)
+        data = self._placed(of_rows(rows), node)
+        if not children:
+            return data
+        return self._placed(Node(hard_union.definition, (*children, data), {}, node.facts), node)  # type: ignore[attr-defined]
+
+    def _operands(self, node: Node) -> list[Node]:
+        """The operands of nested hard unions; the label of a union becomes that of its operands."""
+        found: list[Node] = []
+        pending: list[tuple[Node, Any]] = [(node, None)]
+        while pending:
+            each, label = pending.pop()
+            if each.definition is node.definition and each.label is None:
+                pending.extend((child, label) for child in reversed(each.children))
+            elif each.label is not None and each.children[0].definition is node.definition:
+                pending.append((each.children[0], each.label))
+            elif label is not None and each.label is None:
+                made = Node(labelled.definition, (each,), {}, each.facts, label)  # type: ignore[attr-defined]
+                self.kept.append(made)
+                found.append(self._placed(made, each))
+            else:
+                found.append(each)
+        return found
+
+    def _blend(self, node: Node, family: str, k: float) -> Rows | None:
+        """A smooth union as rows, if all its operands can be."""
+        signatures = []
+        for child in node.children:
+            signature = self.signature(child) if rows_of(child) is None else None
+            if signature is None:
+                return None
+            signatures.append(signature)
+        groups: dict[int, list[int]] = {}
+        for i, signature in enumerate(signatures):
+            groups.setdefault(signature[0], []).append(i)
+        alike = sum(len(members) for members in groups.values() if len(members) >= self.alike)
+        if alike < self.least or len(groups) > FORMS or not any(c.facts.bounded for c in node.children):
+            return None
+        forms = [self._form([node.children[i] for i in members], members) for members in groups.values()]
+        made = self._rows(forms, [], len(node.children))
+        return changed(made, k=k, family=family, _made={})
+
+    def _rows(self, forms: list[tuple[Form, list[tuple[Any, ...]]]], given: Sequence[Rows], first: int) -> Rows:
+        """The rows of some forms, and of instances that stand in the same union."""
+        materials: dict[Any, int] = {None: 0}
+        made = []
+        for form, slots in forms:
+            known = {id(m): materials.setdefault(m, len(materials)) for row in slots for m in row}
+            indices = [[0, *(known[id(m)] for m in row)] for row in slots]
+            made.append(changed(form, slots=np.array(indices, np.int64)))
+        for rows in given:
+            index = np.array([materials.setdefault(m, len(materials)) for m in rows.materials])
+            for form in rows.forms:
+                made.append(changed(form, slots=index[form.slots], order=form.order + first))
+            first += len(rows)
+        return Rows(tuple(made), tuple(materials))
+
+    # Forms
+
+    def signature(self, node: Node) -> Signature | None:
+        """The form of a tree; None if it cannot be a row."""
+        if id(node) in self.known:
+            return self.known[id(node)]
+        stack = [node]
+        while stack:
+            each = stack[-1]
+            waiting = [child for child in each.children if id(child) not in self.known]
+            if waiting:
+                stack += waiting
+                continue
+            stack.pop()
+            self.known[id(each)] = self._signature(each)
+        return self.known[id(node)]
+
+    def _signature(self, node: Node) -> Signature | None:
+        below = [self.known[id(child)] for child in node.children]
+        if any(s is None for s in below) or node.facts.exactness == "estimate" or rows_of(node) is not None:
+            return None
+        statics: list[Any] = []
+        own: list[float] = []
+        for value in node.params.values():
+            if not isinstance(value, Expr):
+                statics.append(value)
+            elif value.op != "const":
+                return None
+            else:
+                statics.append(value.type.name)
+                data = value.data
+                own += [float(data)] if data.ndim == 0 else data.ravel().tolist()
+        key = (node.definition, len(node.children), tuple(statics))
+        if key not in self.plain:
+            body = node.definition.template(len(node.children), node.params).body
+            self.plain[key] = not find([body], "param", "time", "cell", "raw", "raw_slope")
+        if not self.plain[key]:
+            return None
+        steep = node.facts.divisor > 1.0
+        if steep:
+            own.append(node.facts.divisor)
+        slots: tuple[Any, ...] = ()
+        label: Any = None
+        if node.label is not None:
+            label = "slot" if self._is_constant(node.label) else node.label
+            slots = (node.label,) if label == "slot" else ()
+        form = (key, steep, label, tuple(s[0] for s in below if s is not None))
+        number = self.forms.setdefault(form, len(self.forms))
+        numbers = tuple(own)
+        for s in below:
+            if s is not None:
+                numbers += s[1]
+                slots += s[2]
+        return number, numbers, slots
+
+    def _is_constant(self, material: Any) -> bool:
+        if id(material) not in self.materials:
+            self.materials[id(material)] = all(value.is_constant for value in material.expressions)
+        return self.materials[id(material)]
+
+    def _form(self, members: Sequence[Node], order: Sequence[int]) -> tuple[Form, list[tuple[Any, ...]]]:
+        """The form of some trees, and the materials of its slots for each."""
+        signatures = [self.known[id(member)] for member in members]
+        values = np.array([s[1] for s in signatures if s is not None], np.float64).reshape(len(members), -1)
+        leaves: list[Expr] = []
+        numbers: list[NDArray[np.float64]] = []
+        divisors: dict[int, Expr] = {}
+        used = [0, 0]
+
+        def leaf(value: Any) -> Expr:
+            size = int(np.size(value.data)) if isinstance(value, Expr) else 1
+            type = value.type if isinstance(value, Expr) else FLOAT
+            column = values[:, used[0] : used[0] + size].reshape(len(members), *type.shape)
+            used[0] += size
+            if np.all(column == column[:1]) and isinstance(value, Expr):
+                return value
+            made = var(f"number {len(leaves)}", type)
+            leaves.append(made)
+            numbers.append(column)
+            return made
+
+        def symbolic(node: Node) -> Node:
+            params = {n: leaf(v) if isinstance(v, Expr) else v for n, v in node.params.items()}
+            divisor = leaf(node.facts.divisor) if node.facts.divisor > 1.0 else None
+            label = node.label
+            if label is not None and self._is_constant(label):
+                used[1] += 1
+                label = Slot(used[1])
+            children = tuple(symbolic(child) for child in node.children)
+            made = Node(node.definition, children, params, node.facts, label)
+            made.where, made.variable = node.where, node.variable
+            if divisor is not None:
+                divisors[id(made)] = divisor
+            return made
+
+        template = symbolic(members[0])
+        facts = [member.facts for member in members]
+        form = Form(
+            template,
+            tuple(leaves),
+            divisors,
+            tuple(numbers),
+            np.zeros((len(members), 1), np.int64),
+            np.array(order, np.int64),
+            np.array([f.lower for f in facts]),
+            np.array([f.upper for f in facts]),
+            np.array([f.spread for f in facts]),
+            np.array([f.lipschitz for f in facts]),
+            all(f.exactness == "exact" for f in facts),
+        )
+        return form, [s[2] for s in signatures if s is not None]
+
+
+def _margin(family: str, k: float, n: int) -> float:
+    """Distance beyond a surface up to which operands of a blend must be exact."""
+    return k * (REACH[family] + 0.25 * math.ceil(math.log2(max(n, 2))))

@@ -1,0 +1,190 @@
+"""Instances: one solid at many places, given as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.convert import holdable, numbers, short
+from raymarch.expr.node import Expr, const, var
+from raymarch.expr.types import FLOAT, MAT3, VEC3
+from raymarch.expr.walk import find
+from raymarch.sdf.definition import shape
+from raymarch.sdf.domain import Domain
+from raymarch.sdf.lower import lower
+from raymarch.sdf.node import Node
+from raymarch.sdf.placing import affine, material, translate
+from raymarch.sdf.rows import Form, Rows, Slot
+from raymarch.sdf.solids import sphere
+
+__all__ = ["instances"]
+
+Array = NDArray[np.float64]
+
+LEGAL = "(N, 3) positions, (N, 4, 4) matrices for row vectors, or (N, 3, 4) matrices for column vectors"
+RIGID = "rotations times one factor > 0, and an offset"
+
+
+def _placements(transforms: ArrayLike) -> tuple[Array | None, Array]:
+    """Linear parts for column vectors, (N, 3, 3), or None for translations; and offsets, (N, 3)."""
+    given = numbers("instances: transforms", transforms, LEGAL)
+    if given.ndim == 2 and given.shape[1] == 3:
+        linear, offsets = None, given
+    elif given.ndim == 3 and given.shape[1:] == (4, 4):
+        if not np.array_equal(given[:, :, 3], np.broadcast_to((0.0, 0.0, 0.0, 1.0), given.shape[:2])):
+            row = int(np.argmax(np.any(given[:, :, 3] != (0.0, 0.0, 0.0, 1.0), axis=1)))
+            turned = np.array_equal(given[row, 3], (0.0, 0.0, 0.0, 1.0))
+            hint = ", for column vectors, it seems: pass its transpose" if turned else ""
+            raise SceneError(
+                f"instances: transforms[{row}] has the last column {given[row, :, 3].tolist()}{hint}",
+                legal="last column (0, 0, 0, 1)",
+            )
+        linear, offsets = np.swapaxes(given[:, :3, :3], 1, 2), given[:, 3, :3]
+    elif given.ndim == 3 and given.shape[1:] == (3, 4):
+        linear, offsets = given[:, :, :3], given[:, :, 3]
+    else:
+        raise SceneError(f"instances: transforms of shape {given.shape}", legal=LEGAL)
+    if not len(given):
+        raise SceneError("instances: no transforms", legal="one or more")
+    if not holdable(given):
+        row = int(np.argmax(~np.isfinite(given.reshape(len(given), -1)).all(axis=1)))
+        raise SceneError(f"instances: transforms[{row}] = {short(given[row].tolist())}", legal="finite numbers")
+    return linear, np.ascontiguousarray(offsets)
+
+
+def _factors(linear: Array) -> Array:
+    """The scale of each matrix, (N,). SceneError for one that is no rotation times a factor."""
+    squared = np.einsum("nki,nkj->nij", linear, linear)
+    factors = np.sqrt(np.trace(squared, axis1=1, axis2=2) / 3.0)
+    off = np.abs(squared - (factors**2)[:, None, None] * np.eye(3)).max(axis=(1, 2))
+    wrong = ~((factors > 0.0) & (off <= 1e-6 * factors**2) & (np.linalg.det(linear) > 0.0))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise SceneError(f"instances: transforms[{row}] = {short(linear[row].tolist())}", legal=RIGID)
+    return np.asarray(factors, np.float64)
+
+
+def _materials(given: Any, n: int) -> tuple[tuple[Any, ...], NDArray[np.int64]]:
+    """The distinct materials, and the index of each instance's among them."""
+    if given is None:
+        return (None,), np.zeros(n, np.int64)
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        return (given,), np.zeros(n, np.int64)
+    if len(given) == 2 and isinstance(given[1], np.ndarray):
+        palette, chosen = list(given[0]), np.asarray(given[1])
+        if chosen.shape != (n,) or chosen.dtype.kind not in "iu":
+            what = f"instances: materials with indices of shape {chosen.shape}, {chosen.dtype}"
+            raise SceneError(what, legal=f"{n} integers")
+        if len(palette) == 0 or chosen.min() < 0 or chosen.max() >= len(palette):
+            what = f"instances: materials with indices from {chosen.min()} to {chosen.max()}"
+            raise SceneError(what, legal=f"from 0 to {len(palette) - 1}, of {len(palette)} materials")
+    else:
+        if len(given) != n:
+            raise SceneError(f"instances: {len(given)} materials for {n} transforms", legal="as many as transforms")
+        palette, chosen = list(given), np.arange(n)
+    unique: dict[Any, int] = {}
+    known = np.array([unique.setdefault(each, len(unique)) for each in palette])
+    return tuple(unique), known[chosen].astype(np.int64)
+
+
+def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"instances of {short(node)} ({type(node).__name__})", legal="a solid such as sphere()")
+    facts = node.facts
+    if not facts.bounded or facts.empty or facts.exactness == "estimate":
+        what = "an estimate" if facts.exactness == "estimate" else "unbounded" if not facts.bounded else "empty"
+        raise SceneError(f"instances of {node.name}, which is {what}", legal="a bounded solid that is exact or a bound")
+    body = lower(node).body
+    if find([body], "param", "time", "cell", "raw", "raw_slope"):
+        raise SceneError(f"instances of {node.name}", legal="a solid without Param, time and GLSL of its own")
+    linear, offsets = _placements(transforms)
+    n = len(offsets)
+    offset = var("offset", VEC3)
+    identity = linear is not None and bool(np.all(linear == np.eye(3)))
+    half, middle = 0.5 * (facts.upper - facts.lower), 0.5 * (facts.upper + facts.lower)
+    template: Node
+    if linear is None or identity:
+        placed = translate(node, (0.0, 0.0, 0.0))
+        params: dict[str, Any] = {"offset": offset}
+        leaves, values = (offset,), (offsets,)
+        centre, reach = middle + offsets, np.broadcast_to(half, (n, 3))
+        spread = np.full(n, facts.spread)
+    else:
+        factors = _factors(linear)
+        inverse = np.swapaxes(linear, 1, 2) / (factors**2)[:, None, None]
+        placed = affine(node, np.eye(3), np.eye(3), (0.0, 0.0, 0.0), 1.0)
+        leaves = (var("inverse", MAT3), offset, var("factor", FLOAT))
+        values = (inverse, offsets, factors)
+        params = {"linear": const(np.eye(3)), "inverse": leaves[0], "offset": offset, "stretch": leaves[2]}
+        centre, reach = linear @ middle + offsets, np.abs(linear) @ half
+        wider = np.abs(linear).sum(axis=2).max(axis=1) / factors
+        spread = np.full(n, 1.0) if facts.exactness == "exact" else facts.spread * wider
+    template = Node(placed.definition, (node,), params, placed.facts)
+    palette, chosen = _materials(materials, n)
+    if palette != (None,):
+        template = material(template, Slot(0))
+    form = Form(
+        template,
+        leaves,
+        {},
+        values,
+        chosen[:, None],
+        np.arange(n),
+        centre - reach,
+        centre + reach,
+        spread,
+        np.full(n, facts.lipschitz),
+        facts.exactness == "exact",
+    )
+    return Rows((form,), palette, given=(node, np.asarray(transforms, np.float64), materials))
+
+
+SOME = _rows(sphere(0.4), [(-0.6, 0.0, 0.0), (0.6, 0.0, 0.0), (0.0, 0.8, 0.0)], None)
+
+
+@shape(
+    exactness=lambda rows: "exact" if len(rows) == 1 and rows.forms[0].exact else "bound",
+    bounds=lambda rows: (const(rows.lower), const(rows.upper)),
+    lipschitz=lambda rows: max(float(form.lipschitz.max()) for form in rows.forms),
+    spread=lambda rows: max(float(form.spread.max()) for form in rows.forms),
+    called="instances",
+)
+def instanced(p: Expr, rows: Annotated[Any, Domain(None, holds=Rows)] = SOME) -> Expr:
+    """Many objects, as rows of numbers."""
+    return rows.field(p)
+
+
+def of_rows(rows: Rows) -> Node:
+    """The union of rows as a node."""
+    made = instanced(rows)
+    made.labelled = rows.labelled
+    return made
+
+
+def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
+    """One solid at many places, from arrays: a union of N copies, which takes no longer to write than one.
+
+    Parameters
+    ----------
+    node : the solid: bounded, exact or a bound, without `Param` and `time`.
+    transforms : shape (N, 3): positions, in units of length; or (N, 4, 4): matrices for row vectors, as `transform`
+        takes them, the offset in the last row; or (N, 3, 4): matrices for column vectors, the offset in the last
+        column. A matrix is a rotation times one factor > 0, and an offset. N is 1 or more.
+    materials : a Material for all; a sequence of N; or (materials, indices): a sequence of materials and the index of
+        each instance's, integers of shape (N,). Parts of the node that have their own material keep it. None leaves
+        the material to the node.
+
+    Returns
+    -------
+    a Node: the hard union of all copies. It may be combined by unions, intersections, differences and rigid
+    transforms. A bound, because inside overlapping solids it is not exact.
+
+    Notes
+    -----
+    Raises SceneError for arrays of another shape, for numbers that are not finite, and for matrices that stretch.
+    """
+    return of_rows(_rows(node, transforms, materials))

@@ -1,0 +1,465 @@
+"""Objects as rows of numbers: one form for all, and for each object the numbers that differ.
+
+A form is a tree of nodes in which numbers are variables, its leaves. Its field is one function of the point and some
+columns: numbers of an object that do not depend on the point, such as a rotation matrix. The columns are computed once,
+in float64, and stored in a table, from which the shader reads them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import SceneError
+from raymarch.expr.arrays import FLOAT32, FLOAT64, evaluator
+from raymarch.expr.derivative import companion
+from raymarch.expr.function import Function, loop
+from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.tables import Table, fetch
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import columns, where
+from raymarch.expr.vocabulary import min as minimum
+from raymarch.expr.walk import depends_on, find, substitute, topological
+from raymarch.sdf.booleans import balanced
+from raymarch.sdf.labels import seen_labels
+from raymarch.sdf.lower import UNMARKED, Lowering
+from raymarch.sdf.node import Node
+
+Array: TypeAlias = NDArray[np.float64]
+
+FARTHEST = 1e30
+"""The distance to nothing, which float32 holds."""
+
+SPELLED = 2000
+"""Maximum number of objects whose materials the reference evaluates: each is a part of the expression."""
+
+PAIRS = 1 << 18
+"""Pairs of a point and an object that are evaluated at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """The label of a part whose material differs from object to object."""
+
+    index: int
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """Objects of one form.
+
+    Attributes
+    ----------
+    template : the tree, whose numbers are the variables `leaves`.
+    divisors : the divisors of the template's nodes that are leaves, by the id of the node.
+    numbers : the value of each leaf for each object, shape (n, ...) each.
+    slots : the material of each slot for each object, an index of `Rows.materials`, shape (n, slots).
+    order : position of each object among the operands of the union, shape (n,).
+    lower, upper : box of each object, shape (n, 3). spread, lipschitz : facts of each, shape (n,).
+    exact : True if all are exact.
+    """
+
+    template: Node
+    leaves: tuple[Expr, ...]
+    divisors: Mapping[int, Expr]
+    numbers: tuple[Array, ...]
+    slots: NDArray[np.int64]
+    order: NDArray[np.int64]
+    lower: Array
+    upper: Array
+    spread: Array
+    lipschitz: Array
+    exact: bool
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+    @cached_property
+    def key(self) -> tuple[Any, ...]:
+        """The content, hashable."""
+        digest = hashlib.sha256()
+        for array in (*self.numbers, self.slots, self.order):
+            digest.update(np.ascontiguousarray(array))
+        return self.template, self.leaves, len(self), digest.hexdigest()
+
+    def marked(self, label: Any) -> Expr:
+        """The field with its labels, over the leaves; see `Lowering.field`."""
+        return Lowering(divisors=self.divisors).field(self.template, label=label).body
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The numbers of each object on which the field depends."""
+        lowered = Lowering(divisors=self.divisors).field(self.template, label=UNMARKED)
+        parts = [lowered.body]
+        if self.template.labelled:  # the points at which labels are evaluated depend on the same numbers
+            parts.append(self.marked(Slot(0)))
+        return Columns(self, lowered, parts)
+
+
+def _invariant(roots: Sequence[Expr], point: Expr, leaves: Sequence[Expr]) -> list[Expr]:
+    """The largest subexpressions that depend on leaves, but not on the point."""
+    moving, own = depends_on(roots, [point]), depends_on(roots, leaves)
+    found: dict[Expr, None] = {}
+    for node in topological(roots):
+        if node in moving or node not in own:
+            found.update((arg, None) for arg in node.args if arg in own and arg not in moving and node in moving)
+    found.update((root, None) for root in roots if root in own and root not in moving)
+    return list(found)
+
+
+class Columns:
+    """The columns of a form and its field as a function of them.
+
+    Attributes
+    ----------
+    field : float field(vec3 p, columns...).
+    known : what replaces a subexpression over the leaves: a column, or a constant if all objects have the same value.
+    values : the value of each column for each object, shape (n, ...) each.
+    """
+
+    def __init__(self, form: Form, lowered: Function, roots: Sequence[Expr]) -> None:
+        (self.point,) = lowered.params
+        fixed = _invariant(roots, self.point, form.leaves)
+        self.known: dict[Expr, Expr] = {}
+        self.values: list[Array] = []
+        made: list[Expr] = []
+        computed = evaluator(fixed, form.leaves)(*form.numbers) if fixed else ()
+        for node, given in zip(fixed, computed, strict=True):
+            value = np.broadcast_to(given, (len(form), *node.type.shape))
+            if np.all(value == value[:1]):
+                self.known[node] = const(value[0], node.type)
+                continue
+            same = next((k for k, other in enumerate(self.values) if np.array_equal(other, value)), None)
+            if same is None:
+                self.values.append(np.ascontiguousarray(value, np.float64))
+                made.append(var(f"column {len(made)}", node.type))
+            self.known[node] = made[-1 if same is None else same]
+        self.params = tuple(made)
+        self.field = self.function(lowered.name, lowered.body, lowered)
+
+    def function(self, name: str, body: Expr, like: Function | None = None) -> Function:
+        """A function of the point and the columns; the body is over the leaves."""
+        (replaced,) = substitute([body], self.known)
+        where = like.where if like is not None else None
+        return Function(name, (self.point, *self.params), replaced, {}, where)
+
+    @cached_property
+    def _distance(self) -> Callable[..., tuple[Any, ...]]:
+        return evaluator([self.field.body], self.field.params)
+
+    @cached_property
+    def _gradient(self) -> Callable[..., tuple[Any, ...]]:
+        made = companion(self.field)
+        return evaluator([made.body], made.params)
+
+    def distance(self, points: Array, rows: Any) -> Array:
+        """Distances in float64; points (..., 3) and rows, integers or a slice, are broadcast."""
+        (value,) = self._distance(points, *(column[rows] for column in self.values))
+        return np.asarray(value, np.float64)
+
+    def gradient(self, points: Array, rows: Any) -> Array:
+        """Gradient and distance, (..., 4)."""
+        (value,) = self._gradient(points, *(column[rows] for column in self.values))
+        return np.asarray(value, np.float64)
+
+
+class Packing:
+    """Where the columns of a form lie in the texels of one row."""
+
+    def __init__(self, params: Sequence[Expr], extra: int = 0) -> None:
+        self.params = params
+        self.starts: list[int] = []
+        used = 0
+        for size in [*(p.type.size**2 if p.type.is_matrix else p.type.size for p in params), *[1] * extra]:
+            if size <= 4 and used % 4 + size > 4:
+                used += 4 - used % 4  # a vector does not straddle texels
+            self.starts.append(used)
+            used += size
+        self.texels = max(1, -(-used // 4))
+
+    def table(self, values: Sequence[Array], n: int) -> NDArray[np.float32]:
+        """The rows, shape (n * texels, 4); matrices by columns."""
+        flat = np.zeros((n, 4 * self.texels), np.float32)
+        for start, value in zip(self.starts, values, strict=True):
+            numbers = np.swapaxes(value, -1, -2).reshape(n, -1) if value.ndim == 3 else value.reshape(n, -1)
+            flat[:, start : start + numbers.shape[1]] = numbers
+        return flat.reshape(-1, 4)
+
+    def read(self, texels: Sequence[Expr]) -> list[Expr]:
+        """The columns as expressions of the texels of a row, and the extra numbers."""
+        kinds = [p.type for p in self.params] + [FLOAT] * (len(self.starts) - len(self.params))
+        found: list[Expr] = []
+        for start, kind in zip(self.starts, kinds, strict=True):
+            if kind.is_matrix:
+                size = kind.size
+                numbers = [swizzle(texels[i // 4], "xyzw"[i % 4]) for i in range(start, start + size * size)]
+                found.append(columns(*[construct(*numbers[i * size : (i + 1) * size]) for i in range(size)]))
+            else:
+                texel, first = texels[start // 4], start % 4
+                found.append(swizzle(texel, "xyzw"[first : first + kind.size]) if kind.size < 4 else texel)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Objects in a union, as rows of some forms.
+
+    Attributes
+    ----------
+    forms : the forms; the rows of the first come first.
+    materials : the materials that objects may have; None stands for the material that is inherited.
+    k, family : width and kind of the blend; 0 and "" for a hard union.
+    given : the arguments from which `instances` made the rows; None for other rows.
+    """
+
+    forms: tuple[Form, ...]
+    materials: tuple[Any, ...] = (None,)
+    k: float = 0.0
+    family: str = ""
+    given: tuple[Any, ...] | None = None
+    _made: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def key(self) -> tuple[Any, ...]:
+        """The content, hashable."""
+        return tuple(form.key for form in self.forms), self.materials, self.k, self.family
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Rows) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __repr__(self) -> str:
+        return f"Rows({len(self)})"
+
+    def __len__(self) -> int:
+        return sum(map(len, self.forms))
+
+    @property
+    def labelled(self) -> bool:
+        """True if objects have materials of their own."""
+        return self.materials != (None,) or any(form.template.labelled for form in self.forms)
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower corner of the box around all objects, shape (3,)."""
+        return np.min([form.lower.min(axis=0) for form in self.forms], axis=0)
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper corner."""
+        return np.max([form.upper.max(axis=0) for form in self.forms], axis=0)
+
+    @cached_property
+    def labels(self) -> tuple[Any, ...]:
+        """The materials of all objects, each once; None if some inherit theirs."""
+        inner = (seen_labels(form.template) for form in self.forms)
+        fixed = [label for found in inner for label in found if not isinstance(label, Slot)]
+        return tuple(dict.fromkeys([*self.materials, *fixed]))
+
+    def spelled(self, label: tuple[Any, Expr], point: Expr) -> Expr:
+        """The distance with a mark for each part of each object; `label` is the inherited one and its point.
+
+        Raises SceneError for many objects.
+        """
+        if len(self) > SPELLED:
+            raise SceneError(f"materials of {len(self):,} instances on the CPU", legal=f"up to {SPELLED:,} instances")
+        return _spelled(self, label, point)
+
+    @cached_property
+    def stored(self) -> Stored:
+        """The table of all rows."""
+        return Stored(self)
+
+    @property
+    def field(self) -> Function:
+        """The distance to all objects, which asks each of them: slow, and independent of cells."""
+        if "field" not in self._made:
+            self._made["field"] = _every_row(self)
+        result: Function = self._made["field"]
+        return result
+
+
+class Stored:
+    """The table of rows, and how to read it.
+
+    Attributes
+    ----------
+    packings : of each form; each has one extra number for each slot of materials that vary.
+    first : index of the first texel of each form, and the number of texels.
+    """
+
+    def __init__(self, rows: Rows) -> None:
+        self.rows = rows
+        self.packings: list[Packing] = []
+        self.varying: list[list[int]] = []
+        self.first = [0]
+        tables = []
+        for form in rows.forms:
+            varying = [j for j in range(form.slots.shape[1]) if np.any(form.slots[:, j] != form.slots[0, j])]
+            packing = Packing(form.columns.params, len(varying))
+            extra = [form.slots[:, j].astype(np.float64) for j in varying]
+            tables.append(packing.table([*form.columns.values, *extra], len(form)))
+            self.varying.append(varying)
+            self.packings.append(packing)
+            self.first.append(self.first[-1] + len(tables[-1]))
+        self.table = Table(np.concatenate(tables), f"{len(rows):,} objects")
+
+    def read(self, form: int, entry: Expr) -> list[Expr]:
+        """Columns and varying slots of the row whose first texel has the index `entry`."""
+        packing = self.packings[form]
+        return packing.read([fetch(self.table, entry + float(i)) for i in range(packing.texels)])
+
+    def texel_of(self, form: int, rows: Any) -> Any:
+        """Index of the first texel of some rows of a form."""
+        return self.first[form] + self.packings[form].texels * rows
+
+    def called(self, form: int, function: Function, point: Expr, entry: Expr) -> Expr:
+        """A function of the point and the columns, for the row at `entry`."""
+        read = self.read(form, entry)[: len(function.params) - 1]
+        return function(point, *read)
+
+    def choose(self, entry: Expr, values: Sequence[Expr]) -> Expr:
+        """The value of the form to which the row at `entry` belongs."""
+        result = values[-1]
+        for form in reversed(range(len(values) - 1)):
+            result = where(entry < float(self.first[form + 1]), values[form], result)
+        return result
+
+
+def gradient_at(rows: Rows, point: Expr, entry: Expr) -> Expr:
+    """Gradient and distance of the object at `entry`, a vec4."""
+    stored = rows.stored
+    return stored.choose(
+        entry,
+        [
+            stored.called(i, companion(form.columns.field), point, entry)
+            for i, form in enumerate(rows.forms)
+        ],
+    )
+
+
+MOST_TURNS = 1 << 15
+
+
+def _every_row(rows: Rows) -> Function:
+    """The function that asks every object, with its gradient and its evaluation in NumPy."""
+    p, stored = var("p", VEC3), rows.stored
+    nearest: tuple[Expr, Expr] = (const(FARTHEST), const(0.0))
+    for i, form in enumerate(rows.forms):
+        nearest = _nearest_of(stored, i, len(form), form.columns.field, p, nearest)
+    made = Function("instances_field", (p,), nearest[0])
+    slope = Function("instances_field_gradient", (p,), gradient_at(rows, p, nearest[1]))
+    slope.derived["gradient of"] = made
+    made.derived["companion", 0] = slope
+    for reading in (FLOAT64, FLOAT32):
+        made.derived["program", reading] = lambda points, t=reading.dtype: (_distances(rows, points).astype(t),)
+        slope.derived["program", reading] = lambda points, t=reading.dtype: (_gradients(rows, points).astype(t),)
+    return made
+
+
+def _nearest_of(
+    stored: Stored, form: int, n: int, field: Function, p: Expr, first: tuple[Expr, Expr]
+) -> tuple[Expr, Expr]:
+    """The smallest distance to rows of a form or `first`, and where its row begins."""
+    base, stride = float(stored.first[form]), float(stored.packings[form].texels)
+
+    def step(entry: Expr, best: Expr, winner: Expr) -> tuple[Expr, Expr]:
+        d = stored.called(form, field, p, entry)
+        return where(d < best, d, best), where(d < best, entry, winner)
+
+    if n <= MOST_TURNS:
+        return loop(n, first, lambda i, best, winner: step(base + stride * i, best, winner))  # type: ignore[return-value]
+
+    def block(b: Expr, best: Expr, winner: Expr) -> Sequence[Expr]:
+        start = base + (stride * MOST_TURNS) * b
+        return loop(
+            MOST_TURNS,
+            (best, winner),
+            lambda i, best, winner: step(start + stride * i, best, winner),
+            lambda i, *_: start + stride * i >= base + stride * n,
+        )
+
+    return loop(-(-n // MOST_TURNS), first, block)  # type: ignore[return-value]
+
+
+def nearest_rows(rows: Rows, points: Array) -> tuple[Array, NDArray[np.int64]]:
+    """The distance to the nearest object in float64, and its number; points (m, 3)."""
+    best = np.full(len(points), np.inf)
+    winner = np.zeros(len(points), np.int64)
+    start = 0
+    for form in rows.forms:
+        n = len(form)
+        width = max(1, min(n, PAIRS // max(1, min(len(points), 256))))
+        for low in range(0, n, width):
+            chosen = np.arange(low, min(low + width, n))
+            height = max(1, PAIRS // len(chosen))
+            for i in range(0, len(points), height):
+                d = np.broadcast_to(
+                    form.columns.distance(points[i : i + height, None, :], chosen[None]),
+                    (len(points[i : i + height]), len(chosen)),
+                )
+                k = np.argmin(d, axis=1)
+                value = np.take_along_axis(d, k[:, None], 1)[:, 0]
+                nearer = value < best[i : i + height]
+                best[i : i + height] = np.where(nearer, value, best[i : i + height])
+                winner[i : i + height] = np.where(nearer, start + chosen[k], winner[i : i + height])
+        start += n
+    return best, winner
+
+
+def _distances(rows: Rows, points: Any) -> Array:
+    flat = np.asarray(points, np.float64).reshape(-1, 3)
+    return nearest_rows(rows, flat)[0].reshape(np.shape(points)[:-1])
+
+
+def _gradients(rows: Rows, points: Any) -> Array:
+    flat = np.asarray(points, np.float64).reshape(-1, 3)
+    _, winner = nearest_rows(rows, flat)
+    found = np.empty((len(flat), 4))
+    start = 0
+    for form in rows.forms:
+        mine = (winner >= start) & (winner < start + len(form))
+        if mine.any():
+            found[mine] = form.columns.gradient(flat[mine], winner[mine] - start)
+        start += len(form)
+    return found.reshape(*np.shape(points)[:-1], 4)
+
+
+def is_plain(body: Expr) -> bool:
+    """True if a field depends on the point alone and can be evaluated in NumPy."""
+    return not find([body], "param", "time", "cell", "raw", "raw_slope")
+
+
+def _spelled(rows: Rows, label: tuple[Any, Expr], point: Expr) -> Expr:
+    """The union of all objects as one expression with marks, each object by itself: for few objects."""
+    terms: list[tuple[int, Expr]] = []
+    for form in rows.forms:
+        bodies: dict[Any, Expr] = {}
+        for row in range(len(form)):
+            key = tuple(form.slots[row])
+            if key not in bodies:
+                bodies[key] = _with_materials(form.marked(Slot(0)), [rows.materials[m] for m in key], label)
+            known = {leaf: const(value[row], leaf.type) for leaf, value in zip(form.leaves, form.numbers, strict=True)}
+            known[form.columns.point] = point
+            terms.append((int(form.order[row]), substitute([bodies[key]], known)[0]))
+    terms.sort(key=lambda term: term[0])
+    return balanced([value for _, value in terms], minimum)
+
+
+def _with_materials(body: Expr, own: Sequence[Any], inherited: tuple[Any, Expr]) -> Expr:
+    """A marked field with materials in place of slots; None stands for the inherited material, at its point."""
+    known = {}
+    for mark in find([body], "mark"):
+        if isinstance(mark.data, Slot):
+            material = own[mark.data.index]
+            args, data = (mark.args, material) if material is not None else ((mark.args[0], inherited[1]), inherited[0])
+            known[mark] = make("mark", FLOAT, args, data)
+    return substitute([body], known)[0] if known else body
