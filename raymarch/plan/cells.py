@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from raymarch.sdf.rows import Rows
 
 Array: TypeAlias = NDArray[np.float64]
 Whole: TypeAlias = NDArray[np.int64]
+Narrow: TypeAlias = NDArray[np.float32]
 
 CROWDED = 4
 """A cell with more objects is halved, if its children have fewer."""
@@ -32,13 +33,13 @@ CROWDED = 4
 WORTH = 0.75
 """A cell is halved if its children have at most this fraction of its objects on average."""
 
-FINEST = 4
+FINEST = 2
 """Maximum number of times that a cell of the grid is halved."""
 
 CELLS = 1 << 22
 """Maximum number of cells of the grid, and of lists of objects after refinement."""
 
-PAIRS = 1 << 20
+PAIRS = 1 << 16
 """Pairs of a cell and an object that are evaluated at once."""
 
 ROUNDING = 2.0**-20
@@ -125,11 +126,13 @@ class _Builder:
         extent = high - low
         edges = np.maximum(extent, 0.02 * extent.max())
         n = int(self.bounded.sum())
-        self.steepness = 1.0 if bool(np.all(self.exactly[self.bounded])) else 1.0 / (
-            np.sqrt(3.0) * float(self.spread[self.bounded].max())
+        self.steepness = (
+            1.0
+            if bool(np.all(self.exactly[self.bounded]))
+            else 1.0 / (np.sqrt(3.0) * float(self.spread[self.bounded].max()))
         )
         self.less = (self.reach + self.lowers) if self.blended else 0.0
-        # A cell is about as large as the room of one object.
+        # There are about as many cells as objects.
         size = float(np.cbrt(np.prod(edges) / n))
         size = max(size, float(np.cbrt(np.prod(edges) / CELLS)), float(extent.max()) / 1024.0)
         self.need = exact
@@ -142,10 +145,17 @@ class _Builder:
         self.size, self.counts = size, counts
         self.low = 0.5 * (low + high) - 0.5 * size * counts
         self.largest = float(np.max(np.abs([self.low, self.low + size * counts])))
-        centre = 0.5 * (self.lower + self.upper)
-        self.middle = np.where(self.bounded[:, None], centre, 0.0)
-        self.half = np.where(self.bounded[:, None], 0.5 * (self.upper - self.lower), np.inf)
-        self.at_middle = self.values(self.middle, np.arange(len(rows)))
+        held = self.bounded
+        self.middle = np.zeros_like(self.lower)
+        self.middle[held] = 0.5 * (self.lower[held] + self.upper[held])
+        radii = np.full(len(held), np.inf)
+        radii[held] = 0.5 * np.linalg.norm(self.upper[held] - self.lower[held], axis=1)
+        self.spheres = np.concatenate([self.middle, radii[:, None]], axis=1).astype(np.float32)
+        self.at_middle = self.values(self.middle, np.arange(len(rows))).astype(np.float32)
+        self.all_exact = bool(np.all(self.exactly))
+        self.flatness = (1.0 / (np.sqrt(3.0) * self.spread)).astype(np.float32)
+        self.slopes = self.lipschitz.astype(np.float32)
+        self.sloped = bool(np.any(self.lipschitz != 1.0))
         if self.blended:
             self.ranked = np.argsort(self.order, kind="stable")
 
@@ -163,16 +173,18 @@ class _Builder:
                 result[mine] = form.columns.distance(points[mine], items[mine] - self.firsts[i])
         return result
 
-    def bounds(self, points: Array, items: NDArray[np.integer]) -> tuple[Array, Array]:
-        """Lower and upper bounds of these distances, from boxes and the value at the middle of each."""
-        away = points - self.middle[items]
-        out = np.maximum(np.abs(away) - self.half[items], 0.0)
-        chebyshev = out.max(axis=1)
-        euclidean = np.sqrt(np.einsum("ij,ij->i", out, out))
-        lower = np.where(self.exactly[items], euclidean, chebyshev / self.spread[items])
-        lower = np.where(chebyshev > 0.0, lower, -np.inf)
+    def bounds(self, points: Array, owner: Whole, items: NDArray[np.integer]) -> tuple[Narrow, Narrow]:
+        """Lower and upper bounds of the distance of each point, by its number, to its object: from the sphere around
+        the object's box, and from the value at the middle of the box. In float32, exact to `ROUNDING`."""
+        away = points.astype(np.float32)[owner]
+        away -= self.spheres[items, :3]
         reach = np.sqrt(np.einsum("ij,ij->i", away, away))
-        return lower, self.lipschitz[items] * reach + self.at_middle[items]
+        lower = reach - self.spheres[items, 3]
+        if not self.all_exact:
+            lower = np.where(lower > 0.0, lower * self.flatness[items], -np.inf)
+        return lower, reach * self.slopes[items] + self.at_middle[items] if self.sloped else reach + self.at_middle[
+            items
+        ]
 
     def radius(self, size: float) -> float:
         """Half the diagonal of a cell, with an allowance for rounding."""
@@ -192,7 +204,7 @@ class _Builder:
         for step in range(halvings + 1):
             left = halvings - step
             given = level.cells
-            level, _, far, value = self.pruned(level, self.size * 2**left, precise=left <= 1)
+            level, _, far, value = self.pruned(level, self.size * 2**left, precise=left == 0)
             self.paint(texels, given[far], value, left)
             if left:
                 level = self.halved(level, np.ceil(self.counts / 2 ** (left - 1)).astype(np.int64))
@@ -252,34 +264,31 @@ class _Builder:
         kept_level = _Level(level.cells[~is_far], starts, np.concatenate(items))
         return kept_level, np.nonzero(~is_far)[0], np.nonzero(is_far)[0], np.concatenate(values)
 
-    def pruned_part(
-        self, part: _Level, centres: Array, size: float, precise: bool
-    ) -> tuple[NDArray[np.bool_], Array]:
+    def pruned_part(self, part: _Level, centres: Array, size: float, precise: bool) -> tuple[NDArray[np.bool_], Array]:
         """Which entries can decide in their cell, and a lower bound of the field at each centre."""
         radius = self.radius(size)
         owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
-        points, first = centres[owner], part.starts[:-1]
+        first = part.starts[:-1]
         if self.blended:
-            value = self.values(points, part.items)
+            value = self.values(centres[owner], part.items)
             return self.pruned_blend(part, owner, value, radius)
-        slack = self.lipschitz[part.items] * radius
-        lower, upper = self.bounds(points, part.items)
-        limit = np.minimum.reduceat(upper + slack, first)
+        allowance = ROUNDING * self.largest
+        lower, upper = self.bounds(centres, owner, part.items)
+        slack: Any = radius if not self.sloped else self.slopes[part.items] * np.float32(radius)
+        limit = np.minimum.reduceat(upper + slack, first) + np.float32(2.0 * allowance)
         kept = lower - slack <= limit[owner]
-        floor = np.minimum.reduceat(lower, first)
         if not precise:
-            return kept, floor
+            return kept, np.minimum.reduceat(lower, first).astype(np.float64) - 2.0 * allowance
         chosen = np.nonzero(kept)[0]
-        value = self.values(points[chosen], part.items[chosen])
-        starts = np.searchsorted(owner[chosen], np.arange(len(part.cells)))
-        slack = slack[chosen]
+        mine, items = owner[chosen], part.items[chosen]
+        value = self.values(centres[mine], items)
+        starts = np.searchsorted(mine, np.arange(len(part.cells)))
+        slack = radius if not self.sloped else self.lipschitz[items] * radius
         limit = np.minimum.reduceat(value + slack, starts)
-        kept[chosen] = value - slack <= limit[owner[chosen]] + ROUNDING * self.largest
+        kept[chosen] = value - slack <= limit[mine] + allowance
         return kept, np.minimum.reduceat(value, starts)
 
-    def pruned_blend(
-        self, part: _Level, owner: Whole, value: Array, radius: float
-    ) -> tuple[NDArray[np.bool_], Array]:
+    def pruned_blend(self, part: _Level, owner: Whole, value: Array, radius: float) -> tuple[NDArray[np.bool_], Array]:
         """The same for a blend: the losing side of each fold of the balanced tree is left out."""
         alive = np.ones(len(owner), bool)
         entry = np.arange(len(owner))

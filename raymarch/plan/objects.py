@@ -95,10 +95,7 @@ class Located:
         for i in range(len(rows.forms)):
             mine = form_of == i
             entries[mine] = rows.stored.texel_of(i, cells.lists[mine] - firsts[i])
-        if rows.family:
-            listed = np.stack([entries, cells.merges], axis=1)
-        else:
-            listed = entries[:, None]
+        listed = np.stack([entries, cells.merges], axis=1) if rows.family else entries[:, None]
         self.listed = Table(listed if len(listed) else np.zeros((1, listed.shape[1])), "lists of objects")
         self.texels = Table(cells.texels, "cells of objects")
         p = var("p", VEC3)
@@ -256,7 +253,9 @@ class _Place:
         self.bound_slope = where(inside, -normalize(away), normalize(out) * cells.steepness)
         outer = [form for form in located.rows.forms if not np.all(np.isfinite(form.lower))]
         self.open = [
-            (form.columns.field(p), swizzle(companion(form.columns.field)(p), "xyz")) for form in outer if len(form) == 1
+            (form.columns.field(p), swizzle(companion(form.columns.field)(p), "xyz"))
+            for form in outer
+            if len(form) == 1
         ]
 
     def otherwise(self, value: Expr) -> Expr:
@@ -273,4 +272,3 @@ class _Place:
             bound_slope = where(d < bound, g, bound_slope)
             bound = min(d, bound)
         return where(self.near, slope, bound_slope)
-

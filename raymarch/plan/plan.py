@@ -28,7 +28,7 @@ from raymarch.plan.hoisting import hoist
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
-from raymarch.plan.objects import ObjectsInCells, exact_distance
+from raymarch.plan.objects import Located, ObjectsInCells, exact_distance
 from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
 from raymarch.plan.shading import Feature
 from raymarch.scene.extent import InReach, refuse_extent
@@ -71,6 +71,7 @@ class Plan:
     marching: Marching
     shapes: int
     gathered: Gathered
+    located: list[Located]
     nodes: int
     operations: int
     textures: list[Samples | Texels | Table] = default(default_factory=list)
@@ -144,8 +145,9 @@ def plan(
     scene = seen_from(given, origin)
     lowering = lowering or Lowering()
     gathered = gather(scene.node, scene.quality.objects, exact_distance(scene))
+    objects = ObjectsInCells(gathered.rows)
     if gathered.rows:
-        lowering.objects = ObjectsInCells(gathered.rows)
+        lowering.objects = objects
     solid = gathered.node
     definition, hoisted = hoist(lowering.field(solid), lowering.origins)
     refuse_extent(given, origin, definition)
@@ -182,6 +184,7 @@ def plan(
         marching=chosen,
         shapes=shapes,
         gathered=gathered,
+        located=[objects.located(rows) for rows in gathered.rows],
         nodes=len(all_nodes(scene.node)),
         operations=operations,
         standalone=standalone,
@@ -250,6 +253,16 @@ def _describe_effects(made: Plan) -> None:
     )
     geometry = any(p.name == "geometry" for p in made.passes)
     feature("geometry pass", geometry, "arrays besides colour were requested", "only the picture was requested")
+    gathered = made.gathered
+    counted = f"{gathered.data:,} object{'s' * (gathered.data != 1)}"
+    beside = f", {gathered.text} beside them as text" if gathered.text else ""
+    feature("objects as data", bool(gathered.rows), f"{counted}{beside}: {gathered.reason}", gathered.reason)
+    for found in made.located:
+        cells = found.cells
+        listed = cells.texels[cells.texels[:, 1] > 0, 1]
+        mean = f"{listed.mean():.1f}" if listed.size else "0"
+        shown = " x ".join(map(str, cells.counts.tolist()))
+        feature("cells", True, f"{shown}, halved up to {cells.depth} times; {mean} objects a cell on average", "")
     moved = bool(np.any(made.origin))
     place = ", ".join(f"{v:.8g}" for v in made.origin)
     feature(

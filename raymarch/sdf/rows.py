@@ -339,10 +339,7 @@ def gradient_at(rows: Rows, point: Expr, entry: Expr) -> Expr:
     stored = rows.stored
     return stored.choose(
         entry,
-        [
-            stored.called(i, companion(form.columns.field), point, entry)
-            for i, form in enumerate(rows.forms)
-        ],
+        [stored.called(i, companion(form.columns.field), point, entry) for i, form in enumerate(rows.forms)],
     )
 
 

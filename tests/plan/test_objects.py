@@ -1,0 +1,199 @@
+"""Objects as rows of a table: which objects, and the field that cells give against that of all objects."""
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.derivative import companion
+from raymarch.plan import plan
+from raymarch.plan.gather import AS_DATA, gather
+from raymarch.plan.objects import ObjectsInCells
+from raymarch.sdf.rows import Rows
+from raymarch.shader import assemble
+
+
+def objects(n, seed=0, size=1.0, materials=False, extra=0.0):
+    """Boxes and spheres about the origin, one to a unit cube, in units of `size`."""
+    rng = np.random.default_rng(seed)
+    side = n ** (1 / 3)
+    made = []
+    for i in range(n):
+        place = size * (rng.uniform(0.0, side, 3) - side / 2 + extra)
+        if i % 2:
+            each = rm.sphere(size * rng.uniform(0.15, 0.35))
+        else:
+            each = rm.box(size * rng.uniform(0.3, 0.6, 3)).rotate(rng.uniform(0, 3), rng.normal(size=3))
+        each = each.translate(place)
+        made.append(each.material(rm.Material(color=rng.uniform(0, 1, 3))) if materials else each)
+    return made
+
+
+def points(n, side, seed=1):
+    return np.random.default_rng(seed).uniform(-side, side, (n, 3))
+
+
+def located(node, exact=0.0):
+    """The cells of the only rows of a node."""
+    gathered = gather(node, "data", exact)
+    (rows,) = gathered.rows
+    return ObjectsInCells(gathered.rows).located(rows)
+
+
+def compared(node, at, exact=0.0):
+    """The field through cells in float64, that of all objects, and where the first is exact."""
+    found = located(node, exact)
+    value = evaluator([found.field.body], found.field.params)(at)[0]
+    near = evaluator([found.place.near], found.field.params)(at)[0]
+    return value, node.distance(at), near
+
+
+def assert_same(node, at, scale=1.0, exact=0.0):
+    value, true, near = compared(node, at, exact)
+    np.testing.assert_allclose(value[near], true[near], atol=2e-6 * scale, rtol=0)
+    rest, known = value[~near], true[~near]
+    assert np.all(np.sign(rest) == np.sign(known))
+    assert np.all(np.abs(rest) <= np.abs(known) + 2e-6 * scale)
+    if not np.isinf(node.facts.lower).any():
+        assert np.all(near[true <= exact])
+    return near
+
+
+@pytest.mark.parametrize("n", [2, 17, 200])
+def test_a_cell_asks_every_object_that_decides_in_it(n):
+    at = points(4000, 1.2 * n ** (1 / 3))
+    near = assert_same(rm.union(*objects(n)), at)
+    assert 0.05 < near.mean() < 0.95
+
+
+@pytest.mark.parametrize("blend", ["quadratic", "cubic", "quartic", "circular"])
+def test_blends_are_folded_in_the_order_of_the_text(blend):
+    for n in (7, 90):
+        node = rm.union(*objects(n), k=0.4, blend=blend)
+        assert_same(node, points(3000, 0.7 * n ** (1 / 3)))
+
+
+def test_a_wide_blend_of_many_objects():
+    """All objects of a cell decide together, so that the order of folds matters most."""
+    assert_same(rm.union(*objects(60), k=1.5), points(2000, 3.0))
+
+
+def test_a_blend_holds_an_unbounded_solid():
+    node = rm.union(rm.plane(), *objects(40), k=0.3)
+    assert_same(node, points(3000, 6.0))
+
+
+def test_fields_are_exact_up_to_the_distance_that_effects_need():
+    node = rm.union(*objects(60))
+    for exact in (0.0, 0.5, 2.0):
+        assert_same(node, points(2000, 4.0), exact=exact)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_other_units(size):
+    node = rm.union(*objects(60, size=size))
+    assert_same(node, size * points(2000, 3.0), scale=size)
+
+
+def test_objects_on_the_borders_of_cells():
+    """A regular lattice, asked on the borders of its cells in float32, where rounding decides on the cell."""
+    node = rm.union(*[rm.sphere(0.3).translate((x, y, z)) for x in range(4) for y in range(4) for z in range(4)])
+    cells = located(node).cells
+    lines = [cells.low[i] + cells.size * np.arange(2, cells.counts[i] - 1) for i in range(3)]
+    at = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
+    for shift in (-1e-6, 0.0, 1e-6):
+        assert_same(node, (at + shift).astype(np.float32).astype(np.float64))
+
+
+def test_forms_of_any_operators():
+    rng = np.random.default_rng(2)
+    made = []
+    for i in range(24):
+        tree = rm.cylinder(0.1, rng.uniform(0.5, 1.0)) | rm.sphere(rng.uniform(0.2, 0.3)).translate((0, 0.5, 0))
+        tree = tree - rm.box(0.2).translate((0.1, 0.5, 0))
+        bent = rm.box((0.4, 1.0, 0.3)).twist(rng.uniform(0.5, 2.0)).scale(rng.uniform(0.4, 0.9))
+        made.append((bent if i % 3 else tree).translate(rng.uniform(-2, 2, 3)))
+    assert any(node.children[0].children[0].facts.divisor > 1.0 for node in made if node.children[0].name == "scale")
+    near = assert_same(rm.union(*made), points(3000, 3.0))
+    assert near.any()
+
+
+def test_gradients_are_those_of_the_text():
+    node = rm.union(*objects(50), k=0.2)
+    at = points(2000, 2.5)
+    found = located(node)
+    slope = evaluator([companion(found.field).body], found.field.params)(at)[0][:, :3]
+    near = evaluator([found.place.near], found.field.params)(at)[0]
+    away = np.abs(slope - node.gradient(at)).max(axis=1)[near]
+    assert np.mean(away < 1e-4) > 0.99
+
+
+# Which objects
+
+
+def count(node, choice="auto"):
+    gathered = gather(node, choice, 0.0)
+    return gathered.data
+
+
+def test_few_objects_stay_text():
+    assert count(rm.union(*objects(AS_DATA - 2))) == 0
+    assert count(rm.union(*objects(AS_DATA))) == AS_DATA
+    assert count(rm.union(*objects(AS_DATA)), "text") == 0
+    assert count(rm.union(*objects(6)), "data") == 6
+
+
+def test_a_scene_of_few_objects_has_the_same_shader():
+    node = rm.union(*objects(6, materials=True)) | rm.plane()
+    texts = [assemble(plan(rm.Scene(node, quality=rm.Quality(objects=choice)))).text() for choice in ("auto", "text")]
+    assert texts[0] == texts[1]
+    assert "texelFetch" not in texts[0]
+
+
+def test_a_chain_of_bars_is_one_union():
+    node = rm.plane()
+    for each in objects(50):
+        node |= each
+    gathered = gather(node, "auto", 0.0)
+    assert (gathered.data, gathered.text) == (50, 1)
+    (rows,) = gathered.rows
+    assert len(rows.forms) == 2
+
+
+def test_animated_objects_stay_text():
+    moving = rm.sphere(rm.Param("radius", 0.3, 0.1, 1.0)).translate((0, 3, 0))
+    turning = rm.box(0.3).rotate(rm.time).translate((2, 0, 0))
+    gathered = gather(rm.union(*objects(40), moving, turning), "auto", 0.0)
+    assert (gathered.data, gathered.text) == (40, 2)
+    assert count(rm.union(*objects(40), moving, k=0.2)) == 0  # the order of the folds would change
+
+
+def test_unions_below_other_operators():
+    many = rm.union(*objects(40))
+    assert count(many.translate((1, 2, 3)).rotate(0.3).scale(2.0) - rm.box()) == 40
+    assert count(many.material(rm.Material()) & rm.sphere(3)) == 40
+    assert count(many.round(0.1)) == 0
+    assert count(rm.union(many, rm.plane(), k=0.2)) == 40
+    assert count(rm.union(many, rm.plane(), k=0.2, blend="chamfer")) == 0
+    assert count(rm.union(*objects(40), k=0.2, blend="exponential")) == 0
+
+
+def test_equal_rows_are_equal():
+    def rows(seed):
+        (found,) = gather(rm.union(*objects(40, seed)), "auto", 0.0).rows
+        return found
+
+    first, again, other = rows(0), rows(0), rows(1)
+    assert isinstance(first, Rows)
+    assert first == again and hash(first) == hash(again)
+    assert first != other
+
+
+def test_the_plan_says_which_and_why():
+    from raymarch.plan.explain import as_dict
+
+    for choice, used in (("auto", True), ("text", False)):
+        scene = rm.Scene(rm.union(*objects(40)) | rm.plane(), quality=rm.Quality(objects=choice))
+        (found,) = [f for f in as_dict(plan(scene))["features"] if f["name"] == "objects as data"]
+        assert found["used"] is used
+        assert ("40 objects" in found["reason"]) is used

@@ -1,0 +1,133 @@
+"""Pictures of objects that are rows of a table equal those with all objects as text."""
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+
+SIZE = (64, 48)
+OUTPUTS = ("color", "depth", "normal", "material")
+
+
+def objects(n, materials=True, size=1.0, origin=(0.0, 0.0, 0.0)):
+    rng = np.random.default_rng(5)
+    made = []
+    for i in range(n):
+        if i % 2:
+            each = rm.sphere(size * rng.uniform(0.3, 0.5))
+        else:
+            each = rm.box(size * rng.uniform(0.5, 0.9, 3)).rotate(rng.uniform(0, 3), rng.normal(size=3))
+        each = each.translate(size * rng.uniform(-1.2, 1.2, 3) + origin)
+        made.append(each.material(rm.Material(color=rng.uniform(0.1, 1, 3))) if materials and i % 3 else each)
+    return made
+
+
+def frames(renderer, node, **scene):
+    """The same scene as data and as text."""
+    quality = scene.pop("quality", rm.Quality())
+    made = rm.Scene(node, **scene)
+    return [
+        renderer.render(made.replace(quality=quality.replace(objects=choice)), outputs=OUTPUTS)
+        for choice in ("data", "text")
+    ]
+
+
+def assert_equal(data, text, edges=3, levels=1):
+    """No pixel differs but by rounding; on `edges` silhouettes a ray may pass on the other side."""
+    other = np.abs(np.asarray(data.image(), int) - np.asarray(text.image(), int)).max(axis=2)
+    assert np.sum(other > levels) <= edges
+    assert np.sum(np.isfinite(data.depth) != np.isfinite(text.depth)) <= edges
+    hit = np.isfinite(data.depth) & np.isfinite(text.depth)
+    assert np.sum(np.abs(data.depth[hit] - text.depth[hit]) > 1e-3 * text.depth[hit]) <= edges
+    assert np.sum(np.abs(data.normal[hit] - text.normal[hit]).max(axis=-1) > 0.02) <= edges
+    assert np.sum(data.material != text.material) <= edges
+    assert hit.any()
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    with rm.Renderer(size=SIZE) as made:
+        yield made
+
+
+CAMERA = rm.Camera(position=(3.5, 2.5, 4.5), target=(0, 0, 0))
+FLOOR = rm.plane(offset=-1.5).material(rm.Material(color=(0.6, 0.6, 0.7)))
+
+
+def test_hard_union_with_materials_on_a_floor_in_shadow(renderer):
+    node = FLOOR | rm.union(*objects(14))
+    assert_equal(*frames(renderer, node, camera=CAMERA, lights=[rm.Sun(shadow=True)]))
+
+
+def test_blend_with_materials(renderer):
+    node = rm.union(*objects(10), k=0.3)
+    assert_equal(*frames(renderer, node, camera=CAMERA))
+
+
+def test_ambient_occlusion_reads_the_exact_field(renderer):
+    node = FLOOR | rm.union(*objects(10, materials=False))
+    sky = rm.Sky((0.5, 0.6, 0.8), light=True)
+    assert_equal(*frames(renderer, node, camera=CAMERA, occlusion=rm.AmbientOcclusion(reach=0.6), sky=sky))
+
+
+def test_soft_shadows(renderer):
+    """The penumbra depends on where a ray samples the field; the steps in far cells are shorter."""
+    node = FLOOR | rm.union(*objects(10, materials=False))
+    assert_equal(*frames(renderer, node, camera=CAMERA, lights=[rm.Sun(shadow=True, softness=0.1)]), levels=8)
+
+
+def test_objects_in_a_mirror(renderer):
+    mirror = rm.plane((0, 0, 1), -2.0).material(rm.Material(albedo=(0.9, 0.9, 0.9), metalness=1.0, roughness=0.0))
+    parts = [each.material(rm.Material(albedo=(0.7, 0.4, 0.2))) for each in objects(8, materials=False)]
+    node = mirror | rm.union(*parts)
+    quality = rm.Quality(integrator="whitted")
+    assert_equal(*frames(renderer, node, camera=CAMERA, bounces=1, quality=quality), edges=8)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_other_units_far_from_the_origin(renderer, size):
+    origin = np.array([3e3, 0.0, -2e3]) * size
+    node = rm.union(*objects(8, size=size, origin=origin))
+    camera = rm.Camera(position=origin + size * np.array([3.5, 2.5, 4.5]), target=origin)
+    assert_equal(*frames(renderer, node, camera=camera))
+
+
+def test_a_distant_camera(renderer):
+    camera = rm.Camera(position=(2000.0, 1500.0, 2500.0), target=(0, 0, 0), fov=0.08)
+    assert_equal(*frames(renderer, rm.union(*objects(8)), camera=camera), edges=6)
+
+
+def test_patterns_move_with_their_objects(renderer):
+    checked = rm.Material(color=rm.checker((0.9, 0.9, 0.9), (0.1, 0.1, 0.6), 0.2))
+    node = rm.union(*[rm.box(0.8).material(checked).rotate(i).translate((i - 2.0, 0, 0)) for i in range(5)])
+    assert_equal(*frames(renderer, node, camera=rm.Camera(position=(1, 2, 6), target=(0, 0, 0))))
+
+
+def test_instances_equal_nodes(renderer):
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-1.2, 1.2, (9, 3))
+    colors = [rm.Material(color=rng.uniform(0.1, 1, 3)) for _ in range(3)]
+    tree = rm.cylinder(0.1, 0.6).material(rm.Material(color=(0.4, 0.2, 0.1))) | rm.sphere(0.3).translate((0, 0.4, 0))
+    made = rm.instances(tree, places, (colors, np.arange(9) % 3))
+    node = rm.union(*[tree.translate(p).material(colors[i % 3]) for i, p in enumerate(places)])
+    scene = {"camera": CAMERA, "quality": rm.Quality(objects="text")}
+    text = renderer.render(rm.Scene(node, **scene), outputs=OUTPUTS)
+    data = renderer.render(rm.Scene(made, camera=CAMERA), outputs=OUTPUTS)
+    assert_equal(data, text)
+    truth = rm.truth(rm.Scene(made, camera=CAMERA), size=(16, 12))
+    other = rm.truth(rm.Scene(node, camera=CAMERA), size=(16, 12))
+    np.testing.assert_allclose(truth.depth, other.depth, rtol=1e-9)
+    assert np.array_equal(truth.material, other.material)
+
+
+def test_the_cache_notices_changed_data(renderer):
+    """Equal objects compile nothing; other numbers give another picture."""
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-1, 1, (40, 3))
+
+    def picture(given):
+        return np.asarray(renderer.render(rm.Scene(rm.instances(rm.box(0.3), given), camera=CAMERA)).image())
+
+    first = picture(places)
+    assert np.array_equal(picture(places.copy()), first)
+    assert not np.array_equal(picture(places + np.array([0.3, 0.0, 0.0])), first)
