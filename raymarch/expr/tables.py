@@ -39,7 +39,7 @@ class Table:
         array.setflags(write=False)
         self.values = array
         self.label = label
-        self.key = hashlib.sha256(f"{array.shape}".encode() + memoryview(array).cast("B")).hexdigest()[:12]
+        self.key = hashlib.sha256(f"{array.shape}".encode() + array.tobytes()).hexdigest()[:12]
 
     def __repr__(self) -> str:
         return f"Table({self.label}, {len(self.values)} texels of {self.channels})"

@@ -19,7 +19,7 @@ from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.walk import find
 from raymarch.sdf.booleans import hard_union
-from raymarch.sdf.instances import of_rows
+from raymarch.sdf.instancing import of_rows
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import labelled

@@ -22,9 +22,10 @@ from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
 from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, RELIEF, Material
 from raymarch.scene.scene import Scene
+from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import SCENE_INTERACTION, Group, Lowering, material_expressions
 from raymarch.sdf.node import Node
-from raymarch.sdf.rows import Packing, Slot, gradient_at
+from raymarch.sdf.rows import Packing, Slot
 from raymarch.sdf.weights import weights_of
 
 Hoisted: TypeAlias = dict[str, Expr]
@@ -262,26 +263,15 @@ class _Parts:
         """A function of a point and of the point where materials are evaluated, for many objects."""
         found = _ManyMaterials(self, label, wanted)
         p, at = found.located.point, var("at", VEC3)
-        if found.single is not None:
-            return Function(name, (p, at), found.single)
-        if not label.rows.family:
-            _, winner = found.located.nearest(found.located.place, p)
-            return Function(name, (p, at), found.of_row(p, at, winner))
-        return Function(name, (p, at), found.blended(p, at)[1])
+        return Function(name, (p, at), found.evaluated(p, at)[1])
 
     def _part_of_many(self, label: Many, wanted: Wanted) -> Function:
         """A function of a point that returns the struct Part, for many objects."""
         found = _ManyMaterials(self, label, wanted)
-        located = found.located
-        p, place = located.point, located.place
-        if not label.rows.family:
-            _, winner = located.nearest(place, p)
-            slope = swizzle(gradient_at(label.rows, p, winner), "xyz")
-            material = found.of_row(p, p, winner) if found.single is None else found.single
-        else:
-            slope, material = found.blended(p, p)
+        p = found.located.point
+        slope, material = found.evaluated(p, p)
         type = struct("Part", (("gradient", VEC3), ("material", material.type)))
-        return Function("objects_part", (p,), record(type, place.slope_otherwise(slope), material))
+        return Function("objects_part", (p,), record(type, found.located.place.slope_otherwise(slope), material))
 
     def _wanted(self, material: Any, values: Sequence[Expr], wanted: Wanted | None) -> Expr:
         if wanted is None and isinstance(material, RowMaterial):
@@ -313,6 +303,10 @@ class _ManyMaterials:
             return
         numbers = [index.get(m, 0) for m in materials]
         palette = Palette([m.expressions for m in materials], numbers) if len(materials) > 1 else None
+        self.slots = [_only_slot(form.template) for form in self.rows.forms]
+        self.common = palette if all(slot is not None for slot in self.slots) else None
+        if self.common is not None and not label.rows.family:
+            return
         self.functions = [self._function(i, palette, materials) for i in range(len(self.rows.forms))]
 
     def _function(self, i: int, palette: Palette | None, materials: Sequence[Material]) -> Function:
@@ -341,19 +335,37 @@ class _ManyMaterials:
         value = self.parts._body(inner, self.wanted, refuse, refuse, at)
         return Function("object_material", (inner.params[0], at, *inner.params[1:], *slots), value)
 
-    def of_row(self, p: Expr, at: Expr, entry: Expr) -> Expr:
-        """What is wanted of the object whose row begins at `entry`."""
+    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
+        """The gradient at p, and what is wanted, with materials evaluated at another point.
+
+        Of a hard union, the row of the nearest object is found first. If the material is a row of a palette, it is
+        enough to remember which.
+        """
+        located, place = self.located, self.located.place
+        if self.single is not None:
+            _, slope = located.walk(place, p, lambda i, entry, pair, read: (pair[1],))
+            return slope, self.single
+        if self.rows.family:
+            return self._blended(p, at)
+        if self.common is not None:
+
+            def slots(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
+                varying = self.rows.stored.varying[i]
+                fixed = const(float(self.rows.forms[i].slots[0, self.slots[i]]))
+                return pair[1], read[-1] if varying else fixed
+
+            _, slope, row = located.walk(place, p, slots)
+            material = RowMaterial(self.common, row)
+            return slope, self.parts._wanted(material, material.expressions, self.wanted)
+        _, slope, entry = located.walk(place, p, lambda i, entry, pair, read: (pair[1], entry))
         stored = self.rows.stored
         found = [f(p, at, *stored.read(i, entry)) for i, f in enumerate(self.functions)]
-        return stored.choose(entry, found)
+        return slope, stored.choose(entry, found)
 
-    def blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
-        """The gradient of a blend, and the mean of what is wanted."""
-        located, place = self.located, self.located.place
+    def _blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
+        """The same for a blend: the mean of what is wanted."""
 
         def carried(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
-            if self.single is not None:
-                return (pair[1],)
             value = self.functions[i](p, at, *read)
             return (pair[1], *([value, const(1.0)] if self.wanted is None else parts_of(value)))
 
@@ -363,10 +375,9 @@ class _ManyMaterials:
             same = abs(left[1] - right[1]) < 0.5
             return slope, where(a < b, right[1], left[1]), where(same, a + b, where(a < b, b, a))
 
-        if self.single is not None:
-            _, slope = located.blend(place, p, carried)
-            return slope, self.single
-        _, slope, *values = located.blend(place, p, carried, larger if self.wanted is None else None)
+        located = self.located
+        mixed = larger if self.wanted is None else None
+        _, slope, *values = located.walk(located.place, p, carried, mixed)
         if self.wanted is None:
             return slope, values[0]
         return slope, _record_of(self.functions[0].type, values)
@@ -375,6 +386,15 @@ class _ManyMaterials:
 def _record_of(type: Type, values: Sequence[Expr]) -> Expr:
     """A struct of its parts in order; the inverse of `parts_of` for structs without structs inside."""
     return record(type, *values) if type.fields else values[0]
+
+
+def _only_slot(template: Node) -> int | None:
+    """The slot that all parts of a form have; None if they differ."""
+    labels = seen_labels(template) if template.labelled else {Slot(0)}
+    if template.labelled and template.label is None:
+        return None  # some parts may have no label
+    (first, *others) = labels
+    return first.index if not others and isinstance(first, Slot) else None
 
 
 class Palette:

@@ -17,11 +17,14 @@ from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, min, normalize, where
 from raymarch.expr.walk import substitute
-from raymarch.plan.cells import Cells, build
+from raymarch.plan.cells import BRANCH, FAR, Cells, build
 from raymarch.scene.scene import Scene
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.booleans import balanced, smooth_min
-from raymarch.sdf.rows import FARTHEST, Rows, gradient_at
+from raymarch.sdf.rows import FARTHEST, Rows
+
+TOGETHER = 4
+"""Forms that share a loop: a form costs less than reading a list twice. Compilers take long for each texture fetch."""
 
 _KEPT = 4
 _built: OrderedDict[tuple[Rows, float], Located] = OrderedDict()
@@ -100,111 +103,121 @@ class Located:
         self.texels = Table(cells.texels, "cells of objects")
         p = var("p", VEC3)
         place = _Place(self, p)
-        if rows.family:
-            value, slope = self._blended(place, p, False)[0], None
-            slope = self._blended(place, p, True)[1]
-        else:
-            value, winner = self.nearest(place, p)
-            slope = swizzle(gradient_at(rows, p, winner), "xyz")
+        self.point, self.place = p, place
+        (value,) = self.walk(place, p, None)
         self.field = Function("objects", (p,), place.otherwise(value))
+        value, slope = self.walk(place, p, lambda i, entry, pair, read: (pair[1],))
         both = construct(place.slope_otherwise(slope), place.otherwise(value))
         made = Function("objects_gradient", (p,), both)
         made.derived["gradient of"] = self.field
         self.field.derived["companion", 0] = made
-        self.point, self.place = p, place
+
+    def walk(self, place: _Place, p: Expr, carried: Carried | None, mixed: Mixed | None = None) -> tuple[Expr, ...]:
+        """The union of the objects in the cell of a point: the distance, and what else is carried.
+
+        carried : further values of an object: a function of its form, the start of its row, its distance and gradient,
+            and its columns and slots. They are those of the nearest object, or mixed in a blend. None for none.
+        mixed : how a blend mixes the further values of two operands, from the partial derivatives of the fold by each;
+            None for their sum with the derivatives as weights.
+        """
+        if self.rows.family:
+            return self._blended(place, p, carried, mixed)
+        return self._nearest(place, p, carried)
+
+    def _leaf(self, p: Expr, entry: Expr, carried: Carried | None, forms: Sequence[int]) -> list[Expr]:
+        """The distance of the object whose row begins at `entry`, and what else is carried; of one of some forms."""
+        stored, per_form = self.rows.stored, []
+        for i in forms:
+            field, read = self.rows.forms[i].columns.field, stored.read(i, entry)
+            columns = read[: len(field.params) - 1]
+            if carried is None:
+                per_form.append([field(p, *columns)])
+            else:
+                both = companion(field)(p, *columns)
+                pair = (swizzle(both, "w"), swizzle(both, "xyz"))
+                per_form.append([pair[0], *carried(i, entry, pair, read)])
+        last = per_form[-1]
+        for i, values in zip(reversed(forms[:-1]), reversed(per_form[:-1]), strict=True):
+            mine = entry < float(stored.first[i + 1])
+            last = [where(mine, one, other) for one, other in zip(values, last, strict=True)]
+        return last
 
     # Hard unions
 
-    def nearest(self, place: _Place, p: Expr) -> tuple[Expr, Expr]:
-        """The smallest distance of the objects in the cell of a point, and where the row of that object begins."""
-        stored = self.rows.stored
-        first = fetch(self.listed, place.start)
-        state: tuple[Expr, ...] = (place.start, first, const(FARTHEST), first)
-        for i, form in enumerate(self.rows.forms):
-            most = float(stored.first[i + 1]) if i + 1 < len(self.rows.forms) else None
+    def _nearest(self, place: _Place, p: Expr, carried: Carried | None) -> tuple[Expr, ...]:
+        """One loop over the list. Forms beyond the first `TOGETHER` have loops of their own, with as many each: all
+        forms of a loop are evaluated for each object."""
+        count = len(self.rows.forms)
+        groups = [range(i, i + TOGETHER)[: count - i] for i in range(0, count, TOGETHER)]
+        zeros = self._zeros(p, carried)
+        if len(groups) == 1:
 
-            def step(_turn: Expr, at: Expr, entry: Expr, best: Expr, winner: Expr, i: int = i, form: Any = form) -> Any:
-                d = stored.called(i, form.columns.field, p, entry)
-                nearer = d < best
-                return at + 1.0, fetch(self.listed, at + 1.0), where(nearer, d, best), where(nearer, entry, winner)
+            def step(_turn: Expr, at: Expr, *best: Expr) -> Sequence[Expr]:
+                found = self._leaf(p, fetch(self.listed, at), carried, groups[0])
+                return at + 1.0, *_nearer(found, best)
 
-            def until(_turn: Expr, at: Expr, entry: Expr, *_: Expr, most: float | None = most) -> Expr:
-                done = at >= place.end
-                return done if most is None else done | (entry >= most)
+            return loop(max_turns(self.cells), (place.start, *zeros), step, lambda _turn, at, *_: at >= place.end)[1:]
+        state: tuple[Expr, ...] = (place.start, fetch(self.listed, place.start), *zeros)
+        for group in groups:
+            most = float(self.rows.stored.first[group[-1] + 1])
 
-            state = loop(max_turns(self.cells), state, step, until)
-        return state[2], state[3]
+            def turn(_turn: Expr, at: Expr, entry: Expr, *best: Expr, group: Sequence[int] = group) -> Sequence[Expr]:
+                found = self._leaf(p, entry, carried, group)
+                return at + 1.0, fetch(self.listed, at + 1.0), *_nearer(found, best)
+
+            def until(_turn: Expr, at: Expr, entry: Expr, *_: Expr, most: float = most) -> Expr:
+                return (at >= place.end) | (entry >= most)
+
+            state = loop(max_turns(self.cells), state, turn, until)
+        return state[2:]
+
+    def _zeros(self, p: Expr, carried: Carried | None) -> list[Expr]:
+        """The values of no object."""
+        values = self._leaf(p, const(0.0), carried, range(len(self.rows.forms)))
+        return [const(FARTHEST), *(const(np.zeros(value.type.shape)) for value in values[1:])]
 
     # Blends
 
-    def _blended(self, place: _Place, p: Expr, slopes: bool) -> tuple[Expr, Expr]:
-        value = self.blend(place, p, (lambda i, entry, d, read: (d[1],)) if slopes else None)
-        return value[0], value[1] if slopes else value[0]
-
-    def blend(
-        self,
-        place: _Place,
-        p: Expr,
-        carried: Carried | None,
-        mixed: Mixed | None = None,
-    ) -> tuple[Expr, ...]:
-        """The blend of the objects in the cell of a point.
-
-        carried : further values of an object, of its form, its row, its distance and gradient, and its columns. They
-        are mixed by the partial derivatives of each fold. None for the distance alone.
-        mixed : how further values are mixed; None for the sum with the derivatives as weights.
-        """
-        stored, rows = self.rows.stored, self.rows
-        k = rows.k
+    def _blended(self, place: _Place, p: Expr, carried: Carried | None, mixed: Mixed | None) -> tuple[Expr, ...]:
+        """One loop over the list, with a stack of the values that wait for their partner. After an object, as many
+        values are folded as end with it."""
+        rows, forms = self.rows, range(len(self.rows.forms))
         a, b, width = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)
         fold = smooth_min if rows.family == "quadratic" else FAMILIES[rows.family](4).fold
         folded = fold(a, b, width)
         by_a, by_b = gradient(folded, a), gradient(folded, b)
-        depth = self.cells.stack
-
-        def leaf(entry: Expr) -> list[Expr]:
-            per_form: list[list[Expr]] = []
-            for i, form in enumerate(rows.forms):
-                read = stored.read(i, entry)
-                columns = read[: len(form.columns.params)]
-                if carried is None:
-                    per_form.append([form.columns.field(p, *columns)])
-                else:
-                    both = companion(form.columns.field)(p, *columns)
-                    pair = (swizzle(both, "w"), swizzle(both, "xyz"))
-                    per_form.append([pair[0], *carried(i, entry, pair, read)])
-            return [stored.choose(entry, [values[j] for values in per_form]) for j in range(len(per_form[0]))]
 
         def merge(left: Sequence[Expr], right: Sequence[Expr]) -> list[Expr]:
-            known = {a: left[0], b: right[0], width: expr(k)}
+            known = {a: left[0], b: right[0], width: expr(rows.k)}
             value, wa, wb = substitute([folded, by_a, by_b], known)
             if mixed is not None:
                 return [value, *mixed(wa, wb, left[1:], right[1:])]
             return [value, *(wa * x + wb * y for x, y in zip(left[1:], right[1:], strict=True))]
 
-        first = fetch(self.listed, place.start)
-        size = len(leaf(swizzle(first, "x")))
-        zeros = [const(np.zeros(value.type.shape)) for value in leaf(swizzle(first, "x"))]
-        zeros[0] = const(FARTHEST)
+        zeros = self._zeros(p, carried)
+        size = len(zeros)
 
         def step(_turn: Expr, at: Expr, *held: Expr) -> Sequence[Expr]:
             texel = fetch(self.listed, at)
-            top, stack = held[:size], held[size:]
-            del top
-            value = leaf(swizzle(texel, "x"))
-            folds = swizzle(texel, "y")
+            value, folds = self._leaf(p, swizzle(texel, "x"), carried, forms), swizzle(texel, "y")
 
-            def join(_i: Expr, *state: Expr) -> Sequence[Expr]:
+            def join(_turn: Expr, *state: Expr) -> Sequence[Expr]:
                 merged = merge(state[size : 2 * size], state[:size])
                 return (*merged, *state[2 * size :], *zeros)
 
-            done = loop(max_folds(self.cells), (*value, *stack), join, lambda i, *_: i >= folds)
-            # The last value lies on top; the next object pushes it.
+            done = loop(max_folds(self.cells), (*value, *held[size:]), join, lambda turn, *_: turn >= folds)
+            # The result lies on top of the stack of the next turn.
             return (at + 1.0, *done[:size], *done[:size], *done[size : len(done) - size])
 
-        start = (place.start, *zeros, *(zeros * depth))
+        start = (place.start, *zeros, *(zeros * self.cells.stack))
         final = loop(max_turns(self.cells), start, step, lambda _turn, at, *_: at >= place.end)
         return final[1 : 1 + size]
+
+
+def _nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:
+    """The values of the nearer of two objects; distances come first."""
+    nearer = found[0] < best[0]
+    return [where(nearer, one, other) for one, other in zip(found, best, strict=True)]
 
 
 def max_turns(cells: Cells) -> int:
@@ -230,20 +243,27 @@ class _Place:
         q = (p - tuple(cells.low)) * (1.0 / cells.size)
         inside = all_of(*[condition for i in range(3) for condition in (q[i] >= 0.0, q[i] < float(counts[i]))])
         cell = clamp(floor(q), 0.0, tuple(counts - 1.0))
-        texel = fetch(texels, dot(cell, (1.0, float(counts[0]), float(counts[0] * counts[1]))))
+        index = dot(cell, (1.0, float(counts[0]), float(counts[0] * counts[1])))
         fine: Expr = const(1.0)
         if cells.depth:
-            state = (swizzle(texel, "x"), swizzle(texel, "y"), cell, fine)
+            # Outside, the loop ends at once. (If it began with a constant, compilers would copy its first turn.)
+            state = (index, cell, fine, const(0.0), where(inside, BRANCH, FAR))
 
-            def step(_turn: Expr, x: Expr, y: Expr, at: Expr, scale: Expr) -> tuple[Expr, ...]:
+            def step(_turn: Expr, index: Expr, at: Expr, scale: Expr, *_: Expr) -> tuple[Expr, ...]:
+                found = fetch(texels, index)
+                x, y = swizzle(found, "x"), swizzle(found, "y")
+                branch = abs(y) < 0.5
                 child = clamp(floor(q * (2.0 * scale)) - 2.0 * at, 0.0, 1.0)
-                found = fetch(texels, x + dot(child, (1.0, 2.0, 4.0)))
-                return swizzle(found, "x"), swizzle(found, "y"), 2.0 * at + child, 2.0 * scale
+                finer = where(branch, 2.0 * scale, scale)
+                return x + dot(child, (1.0, 2.0, 4.0)), where(branch, 2.0 * at + child, at), finer, x, y
 
-            x, y, cell, fine = loop(cells.depth, state, step, lambda _turn, x, y, *_: abs(y) > 0.5)
+            turns = cells.depth + 1
+            _, cell, fine, x, y = loop(turns, state, step, lambda _turn, i, c, s, x, y: abs(y) > 0.5)
+            self.near = y > 0.5
         else:
-            x, y = swizzle(texel, "x"), swizzle(texel, "y")
-        self.near = inside & (y > 0.5)
+            found = fetch(texels, index)
+            x, y = swizzle(found, "x"), swizzle(found, "y")
+            self.near = inside & (y > 0.5)
         self.start = where(self.near, x, 0.0)
         self.end = where(self.near, x + y, 0.0)
         away = p - ((cell + 0.5) * (cells.size / fine) + tuple(cells.low))

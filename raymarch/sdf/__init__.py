@@ -34,7 +34,7 @@ from raymarch.sdf.flat import (
 from raymarch.sdf.flat_curves import arc, bezier, egg, ellipse, flat_vesica, heart, moon, pie, ring
 from raymarch.sdf.folds import ball_fold, box_fold, fold_fractal, plane_fold
 from raymarch.sdf.fractals import apollonian, julia, mandelbox, mandelbulb, menger, sierpinski
-from raymarch.sdf.instances import instances
+from raymarch.sdf.instancing import instances
 from raymarch.sdf.joints import complement, engrave, groove, morph, pipe, tongue, xor
 from raymarch.sdf.lettering import image, text
 from raymarch.sdf.node import Node

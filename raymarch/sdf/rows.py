@@ -85,7 +85,7 @@ class Form:
         """The content, hashable."""
         digest = hashlib.sha256()
         for array in (*self.numbers, self.slots, self.order):
-            digest.update(np.ascontiguousarray(array))
+            digest.update(array.tobytes())
         return self.template, self.leaves, len(self), digest.hexdigest()
 
     def marked(self, label: Any) -> Expr:

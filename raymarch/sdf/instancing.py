@@ -107,6 +107,8 @@ def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
     identity = linear is not None and bool(np.all(linear == np.eye(3)))
     half, middle = 0.5 * (facts.upper - facts.lower), 0.5 * (facts.upper + facts.lower)
     template: Node
+    leaves: tuple[Expr, ...]
+    values: tuple[Array, ...]
     if linear is None or identity:
         placed = translate(node, (0.0, 0.0, 0.0))
         params: dict[str, Any] = {"offset": offset}
