@@ -39,11 +39,14 @@ FINEST = 2
 CELLS = 1 << 22
 """Maximum number of cells of the grid, and of lists of objects after refinement."""
 
-PAIRS = 1 << 16
+PAIRS = 1 << 15
 """Pairs of a cell and an object that are evaluated at once."""
 
 ROUNDING = 2.0**-20
 """Allowance for float32, relative to the largest coordinate: a point may count to the neighbouring cell."""
+
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
+"""The children of a cell, in the order of their texels."""
 
 BRANCH = 0.0
 """In the second channel of a cell: its children begin at the index in the first channel. Above 0 it is the number of
@@ -163,14 +166,18 @@ class _Builder:
 
     def values(self, points: Array, items: NDArray[np.integer]) -> Array:
         """The distance of each point to its object, float64."""
-        if len(self.forms) == 1:
-            return np.broadcast_to(self.forms[0].columns.distance(points, items), len(items)).astype(np.float64)
         result = np.empty(len(items))
-        form_of = np.searchsorted(self.firsts, items, side="right") - 1
-        for i, form in enumerate(self.forms):
-            mine = np.nonzero(form_of == i)[0]
-            if len(mine):
-                result[mine] = form.columns.distance(points[mine], items[mine] - self.firsts[i])
+        for begin in range(0, len(items), PAIRS):
+            some = slice(begin, begin + PAIRS)
+            at, rows = points[some], items[some]
+            if len(self.forms) == 1:
+                result[some] = self.forms[0].columns.distance(at, rows)
+                continue
+            form_of = np.searchsorted(self.firsts, rows, side="right") - 1
+            for i, form in enumerate(self.forms):
+                mine = np.nonzero(form_of == i)[0]
+                if len(mine):
+                    result[begin + mine] = form.columns.distance(at[mine], rows[mine] - self.firsts[i])
         return result
 
     def bounds(self, points: Array, owner: Whole, items: NDArray[np.integer]) -> tuple[Narrow, Narrow]:
@@ -201,13 +208,13 @@ class _Builder:
         items = np.tile(ranks.astype(np.int32), len(grid))
         level = _Level(grid, np.arange(len(grid) + 1) * len(ranks), items)
         texels = np.zeros((int(np.prod(self.counts)), 2), np.float32)
-        for step in range(halvings + 1):
-            left = halvings - step
-            given = level.cells
-            level, _, far, value = self.pruned(level, self.size * 2**left, precise=left == 0)
+        given = level.cells
+        level, _, far, value = self.pruned(level, self.size * 2**halvings, precise=halvings == 0)
+        self.paint(texels, given[far], value, halvings)
+        for left in reversed(range(halvings)):
+            limit = np.ceil(self.counts / 2**left).astype(np.int64)
+            given, level, _, far, value = self.divided(level, self.size * 2**left, limit, precise=left == 0)
             self.paint(texels, given[far], value, left)
-            if left:
-                level = self.halved(level, np.ceil(self.counts / 2 ** (left - 1)).astype(np.int64))
         return self.refined(texels, level)
 
     def paint(self, texels: NDArray[np.float32], far: Whole, value: Array, left: int) -> None:
@@ -232,8 +239,7 @@ class _Builder:
 
     def halved(self, level: _Level, limit: Whole) -> _Level:
         """The eight children of each cell that lie within the grid, with its list."""
-        corners = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
-        cells = (2 * level.cells[:, None, :] + corners).reshape(-1, 3)
+        cells = (2 * level.cells[:, None, :] + CORNERS).reshape(-1, 3)
         parent = np.repeat(np.arange(len(level.cells)), 8)
         inside = np.all(cells < limit, axis=1)
         cells, parent = cells[inside], parent[inside]
@@ -263,6 +269,98 @@ class _Builder:
         is_far = np.concatenate(far)
         kept_level = _Level(level.cells[~is_far], starts, np.concatenate(items))
         return kept_level, np.nonzero(~is_far)[0], np.nonzero(is_far)[0], np.concatenate(values)
+
+    def divided(
+        self, level: _Level, size: float, limit: Whole | None, precise: bool
+    ) -> tuple[Whole, _Level, Whole, Whole, Array]:
+        """The children of cells, each with a shorter list: the indices of all eight children of each; then as
+        `pruned`, with numbers of children. Those beyond the limit are neither near nor far."""
+        if self.blended:
+            whole = self.halved(level, limit if limit is not None else np.full(3, np.iinfo(np.int64).max))
+            return whole.cells, *self.pruned(whole, size, precise)
+        cells, near, far = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        lengths, items, values = [np.empty(0, np.int64)], [np.empty(0, np.int32)], [np.empty(0)]
+        count = 0
+        for part in _parts(level):
+            below = (2 * part.cells[:, None, :] + CORNERS).reshape(-1, 3)
+            inside = np.ones(len(below), bool) if limit is None else np.all(below < limit, axis=1)
+            centres = self.low + size * (below + 0.5)
+            counts, kept, floor = self.children(part, size, inside)
+            if precise:
+                owner = np.repeat(np.arange(len(below)), counts)
+                counts, kept, floor = self.decided(owner, counts, kept, centres, size, floor)
+            radius = self.radius(size)
+            lonely = inside & (floor >= max(2.0 * radius, self.need + radius))
+            listed = inside & ~lonely
+            near.append(count + np.nonzero(listed)[0])
+            far.append(count + np.nonzero(lonely)[0])
+            values.append(floor[lonely])
+            items.append(kept[np.repeat(listed, counts)])
+            lengths.append(counts[listed])
+            cells.append(below)
+            count += len(below)
+        whole_cells, is_near = np.concatenate(cells), np.concatenate(near)
+        starts = np.concatenate([[0], np.cumsum(np.concatenate(lengths))]).astype(np.int64)
+        made = _Level(whole_cells[is_near], starts, np.concatenate(items))
+        return whole_cells, made, is_near, np.concatenate(far), np.concatenate(values)
+
+    def children(self, part: _Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
+        """The lists of the eight children of cells by bounds from spheres: lengths, items, and a lower bound of the
+        field at each centre.
+
+        With a from the parent's centre to that of the object, and a child's centre at h s, s a corner of the cube:
+        |a - h s|^2 = |a|^2 - 2 h a s + 3 h^2. So the arrays are gathered once for all children.
+        """
+        first, parents = part.starts[:-1], len(part.cells)
+        owner = np.repeat(np.arange(parents), np.diff(part.starts))
+        spheres = self.spheres[part.items]
+        middles = (self.low + 2.0 * size * (part.cells + 0.5)).astype(np.float32)
+        away = np.ascontiguousarray((spheres[:, :3] - middles[owner]).T)
+        radii, at_middle, h = spheres[:, 3], self.at_middle[part.items], np.float32(0.5 * size)
+        squares = (away * away).sum(axis=0) + 3.0 * h * h
+        allowance = np.float32(2e-3 * size + 4.0 * ROUNDING * self.largest)
+        slopes = self.slopes[part.items] if self.sloped else np.float32(1.0)
+        slack = slopes * np.float32(self.radius(size)) + allowance
+        counts = np.empty((parents, 8), np.int64)
+        floors = np.empty((parents, 8))
+        chosen = []
+        for k, (x, y, z) in enumerate(CORNERS):
+            along = sum((axis if s else -axis) for axis, s in zip(away, (x, y, z), strict=True))
+            reach = np.sqrt(np.maximum(squares - (2.0 * h) * along, 0.0))
+            lower = reach - radii
+            if not self.all_exact:
+                lower = np.where(lower > 0.0, lower * self.flatness[part.items], -np.inf).astype(np.float32)
+            limit = np.minimum.reduceat(reach * slopes + at_middle + slack, first)
+            kept = (lower - slack <= limit[owner]) & inside[8 * owner + k]
+            chosen.append(np.nonzero(kept)[0])
+            counts[:, k] = np.add.reduceat(kept, first)
+            floors[:, k] = np.minimum.reduceat(lower, first) - allowance
+        starts = np.concatenate([[0], np.cumsum(counts.ravel())])
+        items = np.empty(starts[-1], np.int32)
+        for k, rows in enumerate(chosen):
+            before = np.cumsum(counts[:, k]) - counts[:, k]
+            mine = owner[rows]
+            items[starts[8 * mine + k] + np.arange(len(rows)) - before[mine]] = part.items[rows]
+        return counts.ravel(), items, floors.ravel()
+
+    def decided(
+        self, owner: Whole, counts: Whole, items: NDArray[np.int32], centres: Array, size: float, floor: Array
+    ) -> tuple[Whole, NDArray[np.int32], Array]:
+        """Lists by the values at the centres: lengths, items, and the field at each centre; cells without a list keep
+        their bound."""
+        if not len(items):
+            return counts, items, floor
+        radius = self.radius(size)
+        value = self.values(centres[owner], items)
+        held = np.nonzero(counts)[0]
+        first = (np.cumsum(counts) - counts)[held]
+        slack: Any = self.lipschitz[items] * radius if self.sloped else radius
+        limit = np.full(len(counts), np.inf)
+        limit[held] = np.minimum.reduceat(value + slack, first) + ROUNDING * self.largest
+        kept = value - slack <= limit[owner]
+        floor = floor.copy()
+        floor[held] = np.minimum.reduceat(value, first)
+        return np.bincount(owner[kept], minlength=len(counts)), items[kept], floor
 
     def pruned_part(self, part: _Level, centres: Array, size: float, precise: bool) -> tuple[NDArray[np.bool_], Array]:
         """Which entries can decide in their cell, and a lower bound of the field at each centre."""
@@ -328,13 +426,13 @@ class _Builder:
             split = np.zeros(len(counts), bool)
             if depth < FINEST and crowded.any() and total < CELLS and entries < 2 * CELLS:
                 parents = np.nonzero(crowded)[0]
-                children = self.halved(_taken(level, parents), np.full(3, np.iinfo(np.int64).max))
-                near, near_at, far_at, value = self.pruned(children, 0.5 * size, precise=True)
-                lengths = np.zeros(len(children.cells), np.int64)
+                crowd = _taken(level, parents)
+                children, near, near_at, far_at, value = self.divided(crowd, 0.5 * size, None, precise=True)
+                lengths = np.zeros(len(children), np.int64)
                 lengths[near_at] = np.diff(near.starts)
                 gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
                 split[parents[gain]] = True
-                block = np.full((len(children.cells), 2), 0.0, np.float32)
+                block = np.full((len(children), 2), 0.0, np.float32)
                 block[far_at, 0] = self.rounded_down(value)
                 block[far_at, 1] = FAR
                 wins = np.repeat(gain, 8)

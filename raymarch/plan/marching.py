@@ -54,17 +54,22 @@ class Marching:
         return bool(self.schedule.levels)
 
 
-def choose(scene: Scene, operations: int, size: tuple[int, int] | None, standalone: bool = False) -> Marching:
+def choose(
+    scene: Scene, operations: int, size: tuple[int, int] | None, standalone: bool = False, cells: bool = False
+) -> Marching:
     """Choose the tracer and the schedule for a scene.
 
     operations : arithmetic operations in one evaluation of the field.
     size : (width, height) of the picture in pixels, None if not known.
     standalone : True for a shader that draws the picture in one pass, without cones.
+    cells : True if objects are found through cells.
     """
     quality = scene.quality
     certified = trusted(scene)
     tracer, tracer_reason = _choose_tracer(quality, certified)
-    schedule, schedule_reason = _choose_schedule(quality, certified, operations, size)
+    schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size)
+    if cells and schedule is SINGLE and certified and quality.schedule == "auto" and not quality.shortened:
+        schedule_reason = "cells skip empty space, so cones would save less than their program takes to compile"
     if standalone:
         schedule, schedule_reason = SINGLE, "a standalone shader draws the picture in one pass"
     elif (

@@ -159,8 +159,8 @@ def plan(
             where=scene.node.where,
         )
     lit = shading.lit(scene)
-    operations = count_operations([definition.body])
-    chosen = marching.choose(scene, operations, size, standalone)
+    operations = count_operations([definition.body], turns=not gathered.rows)
+    chosen = marching.choose(scene, operations, size, standalone, cells=bool(gathered.rows))
     drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene))
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
