@@ -37,7 +37,11 @@ FINEST = 2
 """Maximum number of times that a cell of the grid is halved."""
 
 CELLS = 1 << 22
-"""Maximum number of cells of the grid, and of lists of objects after refinement."""
+"""Number of cells beyond which none is halved."""
+
+MANY, ENTRIES = 1 << 22, 12 << 20
+"""Number of entries in all lists beyond which only cells with twice as many objects are halved, and beyond which none
+is. Float32 holds every index up to 16 << 20; halving adds less than a third."""
 
 PAIRS = 1 << 15
 """Pairs of a cell and an object that are evaluated at once."""
@@ -164,20 +168,20 @@ class _Builder:
 
     # Values
 
-    def values(self, points: Array, items: NDArray[np.integer]) -> Array:
-        """The distance of each point to its object, float64."""
-        result = np.empty(len(items))
+    def values(self, points: Array, items: NDArray[np.integer], dtype: Any = np.float64) -> Array:
+        """The distance of each point to its object; in float32 the error is below `ROUNDING`."""
+        result = np.empty(len(items), dtype)
         for begin in range(0, len(items), PAIRS):
             some = slice(begin, begin + PAIRS)
             at, rows = points[some], items[some]
             if len(self.forms) == 1:
-                result[some] = self.forms[0].columns.distance(at, rows)
+                result[some] = self.forms[0].columns.distance(at, rows, dtype)
                 continue
             form_of = np.searchsorted(self.firsts, rows, side="right") - 1
             for i, form in enumerate(self.forms):
                 mine = np.nonzero(form_of == i)[0]
                 if len(mine):
-                    result[begin + mine] = form.columns.distance(at[mine], rows[mine] - self.firsts[i])
+                    result[begin + mine] = form.columns.distance(at[mine], rows[mine] - self.firsts[i], dtype)
         return result
 
     def bounds(self, points: Array, owner: Whole, items: NDArray[np.integer]) -> tuple[Narrow, Narrow]:
@@ -351,15 +355,15 @@ class _Builder:
         if not len(items):
             return counts, items, floor
         radius = self.radius(size)
-        value = self.values(centres[owner], items)
+        value = self.values(centres.astype(np.float32)[owner], items, np.float32)
         held = np.nonzero(counts)[0]
         first = (np.cumsum(counts) - counts)[held]
         slack: Any = self.lipschitz[items] * radius if self.sloped else radius
         limit = np.full(len(counts), np.inf)
-        limit[held] = np.minimum.reduceat(value + slack, first) + ROUNDING * self.largest
+        limit[held] = np.minimum.reduceat(value + slack, first) + 2.0 * ROUNDING * self.largest
         kept = value - slack <= limit[owner]
         floor = floor.copy()
-        floor[held] = np.minimum.reduceat(value, first)
+        floor[held] = np.minimum.reduceat(value, first) - ROUNDING * self.largest
         return np.bincount(owner[kept], minlength=len(counts)), items[kept], floor
 
     def pruned_part(self, part: _Level, centres: Array, size: float, precise: bool) -> tuple[NDArray[np.bool_], Array]:
@@ -422,9 +426,9 @@ class _Builder:
         total, size, depth, entries = len(texels), self.size, 0, len(level.items)
         while True:
             counts = np.diff(level.starts)
-            crowded = counts > CROWDED
+            crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED)
             split = np.zeros(len(counts), bool)
-            if depth < FINEST and crowded.any() and total < CELLS and entries < 2 * CELLS:
+            if depth < FINEST and crowded.any() and total < CELLS and entries < ENTRIES:
                 parents = np.nonzero(crowded)[0]
                 crowd = _taken(level, parents)
                 children, near, near_at, far_at, value = self.divided(crowd, 0.5 * size, None, precise=True)

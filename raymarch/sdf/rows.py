@@ -154,12 +154,21 @@ class Columns:
         return evaluator([self.field.body], self.field.params)
 
     @cached_property
+    def _single(self) -> Callable[..., Any]:
+        run = evaluator([self.field.body], self.field.params, np.float32)
+        narrow = [column.astype(np.float32) for column in self.values]
+        return lambda points, rows: run(points, *(column[rows] for column in narrow))[0]
+
+    @cached_property
     def _gradient(self) -> Callable[..., tuple[Any, ...]]:
         made = companion(self.field)
         return evaluator([made.body], made.params)
 
-    def distance(self, points: Array, rows: Any) -> Array:
-        """Distances in float64; points (..., 3) and rows, integers or a slice, are broadcast."""
+    def distance(self, points: Array, rows: Any, dtype: Any = np.float64) -> Array:
+        """Distances; points (..., 3) and rows, integers or a slice, are broadcast."""
+        if dtype is np.float32:
+            narrow: Array = self._single(points, rows)
+            return narrow
         (value,) = self._distance(points, *(column[rows] for column in self.values))
         return np.asarray(value, np.float64)
 
