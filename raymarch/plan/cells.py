@@ -156,7 +156,7 @@ class _Builder:
         self.middle = np.zeros_like(self.lower)
         self.middle[held] = 0.5 * (self.lower[held] + self.upper[held])
         radii = np.full(len(held), np.inf)
-        radii[held] = 0.5 * np.linalg.norm(self.upper[held] - self.lower[held], axis=1)
+        radii[held] = np.concatenate([form.radius for form in self.forms])[held]
         self.spheres = np.concatenate([self.middle, radii[:, None]], axis=1).astype(np.float32)
         self.at_middle = self.values(self.middle, np.arange(len(rows))).astype(np.float32)
         self.all_exact = bool(np.all(self.exactly))

@@ -348,11 +348,26 @@ class _Gatherer:
             np.array(order, np.int64),
             np.array([f.lower for f in facts]),
             np.array([f.upper for f in facts]),
+            np.array([_radius(member) for member in members]),
             np.array([f.spread for f in facts]),
             np.array([f.lipschitz for f in facts]),
             all(f.exactness == "exact" for f in facts),
         )
         return form, [s[2] for s in signatures if s is not None]
+
+
+def _radius(node: Node) -> float:
+    """Radius of a sphere about the centre of the node's box that holds the solid: smaller than that of the box where
+    the solid is rotated."""
+    factor = 1.0
+    while True:
+        name = node.definition.name
+        if name == "scale_evenly":
+            factor *= float(node.params["factor"].data)
+        elif name not in ("translate", "rotate_about", "labelled"):
+            break
+        node = node.children[0]
+    return factor * 0.5 * float(np.linalg.norm(node.facts.size))
 
 
 def _margin(family: str, k: float, n: int) -> float:

@@ -114,7 +114,7 @@ def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
         params: dict[str, Any] = {"offset": offset}
         leaves, values = (offset,), (offsets,)
         centre, reach = middle + offsets, np.broadcast_to(half, (n, 3))
-        spread = np.full(n, facts.spread)
+        spread, factors = np.full(n, facts.spread), np.ones(n)
     else:
         factors = _factors(linear)
         inverse = np.swapaxes(linear, 1, 2) / (factors**2)[:, None, None]
@@ -138,6 +138,7 @@ def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
         np.arange(n),
         centre - reach,
         centre + reach,
+        np.linalg.norm(half) * factors,
         spread,
         np.full(n, facts.lipschitz),
         facts.exactness == "exact",

@@ -61,7 +61,8 @@ class Form:
     numbers : the value of each leaf for each object, shape (n, ...) each.
     slots : the material of each slot for each object, an index of `Rows.materials`, shape (n, slots).
     order : position of each object among the operands of the union, shape (n,).
-    lower, upper : box of each object, shape (n, 3). spread, lipschitz : facts of each, shape (n,).
+    lower, upper : box of each object, shape (n, 3). radius : of a sphere about the centre of the box that holds it,
+        shape (n,). spread, lipschitz : facts of each, shape (n,).
     exact : True if all are exact.
     """
 
@@ -73,6 +74,7 @@ class Form:
     order: NDArray[np.int64]
     lower: Array
     upper: Array
+    radius: Array
     spread: Array
     lipschitz: Array
     exact: bool
