@@ -70,7 +70,7 @@ def scene(n: int, objects: str = "auto", **more: Any) -> Any:
     )
 
 
-def measure(n: int, objects: str, million: bool = False) -> dict[str, Any]:
+def measure(n: int, objects: str) -> dict[str, Any]:
     """One row of the table."""
     import raymarch as rm
     from raymarch.plan import plan
@@ -102,7 +102,7 @@ def measure(n: int, objects: str, million: bool = False) -> dict[str, Any]:
         frame.color  # noqa: B018
         found["first s"] = clock() - begin
         spent = []
-        for _ in range(5 if n <= 128 or objects != "text" else 2):
+        for _ in range(3):
             begin = clock()
             renderer.render(made).color  # noqa: B018
             spent.append(clock() - begin)
@@ -110,6 +110,62 @@ def measure(n: int, objects: str, million: bool = False) -> dict[str, Any]:
         counted = renderer.render(made, outputs=("evaluations",))
         found["evaluations"] = float(counted.evaluations.mean())
         frame.image().save(f"/tmp/scale-{objects}-{n}.png") if os.environ.get("RAYMARCH_SHOW") else None
+    return found
+
+
+def asking_all() -> Any:
+    """Brute force: the same shader with one cell whose list holds every object."""
+    from raymarch.plan import cells, objects
+
+    class Whole(cells._Builder):
+        def run(self) -> Any:
+            ranks = self.ranked if self.blended else np.arange(len(self.rows))
+            self.size = float(np.max(self.size * self.counts))
+            self.low = self.low - self.size
+            self.size, self.counts = 3.0 * self.size, np.ones(3, np.int64)
+            level = cells._Level(np.zeros((1, 3), np.int64), np.array([0, len(ranks)]), ranks.astype(np.int32))
+            finest, cells.FINEST = cells.FINEST, 0
+            try:
+                return self.refined(np.zeros((1, 2), np.float32), level)
+            finally:
+                cells.FINEST = finest
+
+    objects._built.clear()
+    kept, objects.build = objects.build, lambda rows, exact: Whole(rows, exact).run()
+    return kept
+
+
+def blended(n: int, k: float = 0.25, crop: tuple[int, int] = (24, 16)) -> dict[str, Any]:
+    """n blended objects, the whole picture and a crop through its middle, against brute force on the crop."""
+    import raymarch as rm
+    from raymarch.plan import objects
+
+    made = scene(n, k=k, nodes=True)
+    near = made.replace(camera=made.camera.replace(fov=45.0 * crop[1] / SIZE[1]))
+    found: dict[str, Any] = {"objects": n, "k": k}
+    pictures = []
+    for name in ("cells", "brute force"):
+        if name == "brute force":
+            asking_all()
+        with rm.Renderer(size=crop) as renderer:
+            begin = time.process_time()
+            renderer.render(near).color  # noqa: B018
+            found[f"{name}: crop, first s"] = time.process_time() - begin
+            begin = time.process_time()
+            pictures.append(np.asarray(renderer.render(near).image(), int))
+            found[f"{name}: crop ms"] = 1e3 * (time.process_time() - begin)
+        if name == "cells":
+            with rm.Renderer(size=SIZE) as renderer:
+                renderer.render(made).color  # noqa: B018
+                begin = time.process_time()
+                frame = renderer.render(made)
+                frame.color  # noqa: B018
+                found["cells: frame ms"] = 1e3 * (time.process_time() - begin)
+    away = np.abs(pictures[0] - pictures[1])
+    found["times faster"] = found["brute force: crop ms"] / found["cells: crop ms"]
+    found["largest difference of 255"] = int(away.max())
+    found["pixels that differ by more than 1"] = int((away.max(axis=2) > 1).sum())
+    objects._built.clear()
     return found
 
 
@@ -142,8 +198,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--counts", type=int, nargs="*", default=list(COUNTS))
     parser.add_argument("--text", type=int, nargs="*", default=[])
-    parser.add_argument("--one", nargs=2)
+    parser.add_argument("--blend", type=int)
+    parser.add_argument("--million", action="store_true")
+    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.blend:
+        show([blended(given.blend)])
+        return
+    if given.million:
+        show([in_process(1_000_000, "data")])
+        return
     if given.one:
         print(measure(int(given.one[0]), given.one[1]))
         return

@@ -59,23 +59,22 @@ def assert_same(node, at, scale=1.0, exact=0.0):
     return near
 
 
-@pytest.mark.parametrize("n", [2, 17, 200])
+@pytest.mark.parametrize("n", [2, 17, 100])
 def test_a_cell_asks_every_object_that_decides_in_it(n):
-    at = points(4000, 1.2 * n ** (1 / 3))
+    at = points(2000, 1.2 * n ** (1 / 3))
     near = assert_same(rm.union(*objects(n)), at)
     assert 0.05 < near.mean() < 0.95
 
 
 @pytest.mark.parametrize("blend", ["quadratic", "cubic", "quartic", "circular"])
 def test_blends_are_folded_in_the_order_of_the_text(blend):
-    for n in (7, 90):
-        node = rm.union(*objects(n), k=0.4, blend=blend)
-        assert_same(node, points(3000, 0.7 * n ** (1 / 3)))
+    node = rm.union(*objects(40), k=0.4, blend=blend)
+    assert_same(node, points(1000, 2.4))
 
 
 def test_a_wide_blend_of_many_objects():
     """All objects of a cell decide together, so that the order of folds matters most."""
-    assert_same(rm.union(*objects(60), k=1.5), points(2000, 3.0))
+    assert_same(rm.union(*objects(40), k=1.5), points(1000, 3.0))
 
 
 def test_a_blend_holds_an_unbounded_solid():
@@ -84,15 +83,15 @@ def test_a_blend_holds_an_unbounded_solid():
 
 
 def test_fields_are_exact_up_to_the_distance_that_effects_need():
-    node = rm.union(*objects(60))
-    for exact in (0.0, 0.5, 2.0):
-        assert_same(node, points(2000, 4.0), exact=exact)
+    node = rm.union(*objects(40))
+    for exact in (0.5, 2.0):
+        assert_same(node, points(1000, 4.0), exact=exact)
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e3])
 def test_other_units(size):
-    node = rm.union(*objects(60, size=size))
-    assert_same(node, size * points(2000, 3.0), scale=size)
+    node = rm.union(*objects(40, size=size))
+    assert_same(node, size * points(1000, 3.0), scale=size)
 
 
 def test_objects_on_the_borders_of_cells():
@@ -119,8 +118,8 @@ def test_forms_of_any_operators():
 
 
 def test_gradients_are_those_of_the_text():
-    node = rm.union(*objects(50), k=0.2)
-    at = points(2000, 2.5)
+    node = rm.union(*objects(30), k=0.2)
+    at = points(1000, 2.0)
     found = located(node)
     slope = evaluator([companion(found.field).body], found.field.params)(at)[0][:, :3]
     near = evaluator([found.place.near], found.field.params)(at)[0]
