@@ -81,7 +81,10 @@ def shadertoy_text(scene: Scene, values: Values) -> str:
 
 def _planned(scene: Scene, chosen: str, form: str) -> Plan:
     check_scene("export", scene)
-    made = plan(alone(scene), (chosen,), standalone=True)
+    scene = alone(scene)
+    if scene.quality.objects == "auto":  # a text holds no rows of a texture
+        scene = scene.replace(quality=scene.quality.replace(objects="text"))
+    made = plan(scene, (chosen,), standalone=True)
     refuse_textures(made, form)
     return made
 

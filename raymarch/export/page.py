@@ -20,6 +20,7 @@ from raymarch.export.glsl import alone, is_own, sky_light
 from raymarch.expr.glsl import TIME
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
+from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.gpu.colormaps import MAPS
@@ -155,7 +156,7 @@ def _source(scene: Scene) -> str:
 
 def _textures(made: Plan, shader: Shader, values: Values) -> Iterator[dict[str, Any]]:
     for name, data in shader.samples.items():
-        yield _image(name, data) if isinstance(data, Texels) else _samples(name, data)
+        yield _image(name, data) if isinstance(data, Texels) else _numbers(name, data)
     if made.lights_as_data:
         for light in made.scene.lights:
             if find(_expressions(light), "time", "param"):
@@ -172,8 +173,9 @@ def _expressions(light: Any) -> list[Expr]:
     return list(light.expressions)
 
 
-def _samples(name: str, data: Samples) -> dict[str, Any]:
-    return {**_described(name, data.values.tobytes(), data.size, 1), "type": "float"}
+def _numbers(name: str, data: Samples | Table) -> dict[str, Any]:
+    content = data.texels() if isinstance(data, Table) else data.values.tobytes()
+    return {**_described(name, content, data.size, data.channels), "type": "float"}
 
 
 def _image(name: str, data: Texels) -> dict[str, Any]:

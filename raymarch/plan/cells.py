@@ -168,7 +168,7 @@ class _Builder:
 
     # Values
 
-    def values(self, points: Array, items: NDArray[np.integer], dtype: Any = np.float64) -> Array:
+    def values(self, points: NDArray[Any], items: NDArray[np.integer], dtype: Any = np.float64) -> Array:
         """The distance of each point to its object; in float32 the error is below `ROUNDING`."""
         result = np.empty(len(items), dtype)
         for begin in range(0, len(items), PAIRS):
