@@ -193,6 +193,6 @@ def test_the_plan_says_which_and_why():
 
     for choice, used in (("auto", True), ("text", False)):
         scene = rm.Scene(rm.union(*objects(40)) | rm.plane(), quality=rm.Quality(objects=choice))
-        (found,) = [f for f in as_dict(plan(scene))["features"] if f["name"] == "objects as data"]
+        (found,) = [f for f in as_dict(plan(scene), {})["features"] if f["name"] == "objects as data"]
         assert found["used"] is used
         assert ("40 objects" in found["reason"]) is used
