@@ -155,7 +155,8 @@ def plan(
     if shapes > LARGEST:
         raise PlanError(
             f"the field has {shapes} shapes, too many to compile as text",
-            legal=f"up to {LARGEST} distinct shapes; `repeat` makes copies of one",
+            legal=f"up to {LARGEST} distinct shapes; objects of equal form can be data (docs/scale.md), and `repeat` "
+            "makes copies of one",
             where=scene.node.where,
         )
     lit = shading.lit(scene)
