@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from raymarch.expr.types import FLOAT, MAT3, VEC3
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain
+from raymarch.sdf.labels import relabelled
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import affine, material, translate
@@ -163,9 +164,39 @@ def instanced(p: Expr, rows: Annotated[Any, Domain(None, holds=Rows)] = SOME) ->
 
 def of_rows(rows: Rows) -> Node:
     """The union of rows as a node."""
-    made = instanced(rows)
-    made.labelled = rows.labelled
-    return made
+    return instanced(rows)
+
+
+def moved(rows: Rows, by: Array) -> Rows:
+    """The same instances moved by a vec3, in float64."""
+    node, transforms, materials = given(rows)
+    shifted = transforms.copy()
+    if transforms.ndim == 2:
+        shifted += by
+    elif transforms.shape[1] == 4:
+        shifted[:, 3, :3] += by
+    else:
+        shifted[:, :, 3] += by
+    return _rows(node, shifted, materials)
+
+
+def with_labels(rows: Rows, change: Callable[[Any], Any]) -> Rows:
+    """The same instances with materials mapped by a function."""
+    node, transforms, materials = given(rows)
+    if rows.materials != (None,):
+        materials = [change(m) for m in rows.materials], rows.forms[0].slots[:, 0]
+    return _rows(relabelled(node, change), transforms, materials)
+
+
+def given(rows: Rows) -> tuple[Any, ...]:
+    """The arguments from which `instances` made rows."""
+    assert rows.given is not None, "only the plan makes other rows, and does not change them"
+    return rows.given
+
+
+def remade(*arguments: Any) -> Rows:
+    """Unpickle rows."""
+    return _rows(*arguments)
 
 
 def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:

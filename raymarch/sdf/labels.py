@@ -66,6 +66,13 @@ def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
         pending.pop()
         children = tuple(made[id(child)] for child in node.children)
         label = None if node.label is None else change(node.label)
+        rows = rows_of(node)
+        if rows is not None and rows.labelled:
+            from raymarch.sdf.instancing import of_rows, with_labels
+
+            made[id(node)] = of_rows(with_labels(rows, change))
+            made[id(node)].where = node.where
+            continue
         if all(a is b for a, b in zip(children, node.children, strict=True)) and label is node.label:
             made[id(node)] = node
         else:

@@ -50,6 +50,8 @@ class Node:
         self.facts = facts
         self.label = label
         self.labelled: bool = label is not None or any(child.labelled for child in children)
+        if not self.labelled and "rows" in params:  # many objects, with materials of their own
+            self.labelled = bool(params["rows"].labelled)
         self.where: Location | None = user_location()
         self.variable: str | None = None  # the name of the scene file's variable that holds it
         self._same: Same = same(definition, tuple(child._same for child in children), tuple(params.items()), label)

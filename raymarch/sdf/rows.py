@@ -247,6 +247,11 @@ class Rows:
     def __hash__(self) -> int:
         return hash(self.key)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        from raymarch.sdf.instancing import given, remade
+
+        return remade, given(self)
+
     def __repr__(self) -> str:
         return f"Rows({len(self)})"
 

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from raymarch.expr.arrays import value_of
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find, topological
+from raymarch.sdf.instancing import moved
+from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import POSITION
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import rotation_matrix, translate
@@ -53,7 +55,7 @@ def _shift(node: Node, by: Vector) -> Work:
         return node
     name, params = node.definition.name, node.params
     if _reads_place(node.label):
-        return _moved(node, by)
+        return _translated(node, by)
     if name == "translate" and params["offset"].is_constant:
         return (yield node.children[0], _key(by - params["offset"].data))
     if name == "translate":
@@ -65,11 +67,13 @@ def _shift(node: Node, by: Vector) -> Work:
         return _again(node, ((yield node.children[0], _key(turn.T @ by)),), params)
     if name == "scale_evenly" and params["factor"].is_constant:
         return _again(node, ((yield node.children[0], _key(by / float(params["factor"].data))),), params)
+    if (rows := rows_of(node)) is not None:
+        return _again(node, (), {"rows": moved(rows, -by)})
     if name == "repeat_cells" and params["spacing"].is_constant:
-        return _moved(node, _within_a_cell(params, by))
+        return _translated(node, _within_a_cell(params, by))
     if node.children and _pointwise(node):
         return (yield from _below(node, by))
-    return _moved(node, by)
+    return _translated(node, by)
 
 
 def _below(node: Node, by: Vector) -> Work:
@@ -102,7 +106,7 @@ def _again(node: Node, children: tuple[Node, ...], params: Any) -> Node:
     return made
 
 
-def _moved(node: Node, by: Vector) -> Node:
+def _translated(node: Node, by: Vector) -> Node:
     if not np.any(by):
         return node
     made: Node = translate(node, tuple(-float(v) for v in by))

@@ -1,0 +1,97 @@
+"""`rm.instances`: arrays against nodes, and what is refused."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import PlanError, SceneError
+from raymarch.plan import plan
+from raymarch.sdf.labels import relabelled
+from raymarch.sdf.shifted import shifted
+
+PLACES = np.random.default_rng(0).uniform(-2, 2, (12, 3))
+AT = np.random.default_rng(1).uniform(-3, 3, (500, 3))
+RED, BLUE = rm.Material(color=(1, 0, 0)), rm.Material(color=(0, 0, 1))
+
+
+def matrices(n, seed=2):
+    """Rotations times factors with offsets, for row vectors."""
+    random = np.random.default_rng(seed)
+    turns = np.linalg.qr(random.normal(size=(n, 3, 3)))[0]
+    turns *= np.linalg.det(turns)[:, None, None]
+    made = np.zeros((n, 4, 4))
+    made[:, :3, :3] = turns * random.uniform(0.5, 2.0, n)[:, None, None]
+    made[:, 3, :3] = random.uniform(-2, 2, (n, 3))
+    made[:, 3, 3] = 1.0
+    return made
+
+
+def test_positions_and_matrices_equal_nodes():
+    box = rm.box((0.3, 0.5, 0.2)).round(0.05)
+    given = matrices(9)
+    columns = np.swapaxes(given, 1, 2)[:, :3]
+    moved = rm.union(*[box.translate(p) for p in PLACES])
+    turned = rm.union(*[box.transform(m) for m in given])
+    for made, node in (
+        (rm.instances(box, PLACES), moved),
+        (rm.instances(box, given), turned),
+        (rm.instances(box, columns), turned),
+    ):
+        np.testing.assert_allclose(made.distance(AT), node.distance(AT), atol=1e-12)
+        np.testing.assert_allclose(made.gradient(AT), node.gradient(AT), atol=1e-9)
+        np.testing.assert_allclose(made.bounds, node.bounds, atol=1e-12)
+        assert made.exactness == node.exactness
+
+
+def test_equal_arrays_are_equal_and_pickled():
+    made = rm.instances(rm.box(), PLACES, ([RED, BLUE], np.arange(12) % 2))
+    assert made == rm.instances(rm.box(), PLACES.copy(), ([RED, BLUE], np.arange(12) % 2))
+    assert made != rm.instances(rm.box(), PLACES + 0.1)
+    again = pickle.loads(pickle.dumps(made))
+    assert again == made and again.labelled
+
+
+def test_materials():
+    each = rm.instances(rm.sphere(0.2), PLACES[:2], [RED, BLUE])
+    assert rm.Scene(each).materials[1:] == (RED, BLUE)
+    one = rm.instances(rm.sphere(0.2), PLACES, RED)
+    assert rm.Scene(one).materials[1:] == (RED,)
+    assert rm.Scene(relabelled(each, lambda m: BLUE)).materials[1:] == (BLUE,)
+    kept = rm.instances(rm.sphere(0.2).material(BLUE) | rm.box(0.1), PLACES, RED)
+    assert set(rm.Scene(kept).materials[1:]) == {RED, BLUE}
+
+
+def test_a_shift_is_exact_far_from_the_origin():
+    far = PLACES + 1e7
+    near = shifted(rm.instances(rm.box(0.3), far), np.full(3, 1e7))
+    np.testing.assert_allclose(near.distance(AT), rm.instances(rm.box(0.3), far - 1e7).distance(AT), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: rm.instances(rm.plane(), PLACES), "unbounded"),
+        (lambda: rm.instances(rm.circle(), PLACES), "a solid"),
+        (lambda: rm.instances(3, PLACES), "a solid"),
+        (lambda: rm.instances(rm.sphere(rm.Param("r", 1, 0.1, 2)), PLACES), "without Param"),
+        (lambda: rm.instances(rm.box(), PLACES[:, :2]), r"\(12, 2\)"),
+        (lambda: rm.instances(rm.box(), np.zeros((0, 3))), "one or more"),
+        (lambda: rm.instances(rm.box(), [(0, 0, np.nan)]), "finite"),
+        (lambda: rm.instances(rm.box(), np.swapaxes(matrices(3), 1, 2)), "transpose"),
+        (lambda: rm.instances(rm.box(), matrices(3) * np.array([1, 2, 1, 1])), "rotations"),
+        (lambda: rm.instances(rm.box(), PLACES, [RED]), "1 materials for 12"),
+        (lambda: rm.instances(rm.box(), PLACES, ([RED], np.ones(12, int))), "from 0 to 0"),
+        (lambda: rm.Scene(rm.instances(rm.box(), PLACES, "red")), "Material"),
+    ],
+)
+def test_wrong_arguments_are_refused(make, words):
+    with pytest.raises(SceneError, match=words) as caught:
+        make()
+    assert __file__ in str(caught.value)
+
+
+def test_operators_that_need_the_exact_field_are_refused():
+    with pytest.raises(PlanError, match="round of instances"):
+        plan(rm.Scene(rm.instances(rm.box(), PLACES).round(0.1)))
