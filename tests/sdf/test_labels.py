@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import Enum
+
 import numpy as np
 import pytest
 
@@ -12,21 +14,29 @@ from raymarch.sdf import Node, box, material, sphere, union
 from raymarch.sdf.lower import Lowering
 
 POINTS = np.random.default_rng(4).uniform(-2, 2, (500, 3))
-RED, BLUE, BASE = "red", "blue", "base"
 
 
-def weights_at(node: Node, points: np.ndarray) -> dict[str, np.ndarray]:
+class Label(Enum):
+    """Labels that are no materials."""
+
+    RED, BLUE, BASE = range(3)
+
+
+RED, BLUE, BASE = Label
+
+
+def weights_at(node: Node, points: np.ndarray) -> dict[Label, np.ndarray]:
     """How much of each label there is at some points."""
     definition = Lowering().field(node, label=BASE)
     marks = find([definition.body], "mark")
     weights = evaluator(partial_derivatives(definition.body, marks), definition.params)(points)
-    total: dict[str, np.ndarray] = {}
+    total: dict[Label, np.ndarray] = {}
     for mark, weight in zip(marks, weights, strict=True):
         total[mark.data] = total.get(mark.data, 0.0) + np.broadcast_to(weight, len(points))
     return total
 
 
-def label_at(node: Node, point: tuple[float, float, float]) -> str:
+def label_at(node: Node, point: tuple[float, float, float]) -> Label:
     weights = weights_at(node, np.array([point]))
     return max(weights, key=lambda name: abs(weights[name][0]))
 

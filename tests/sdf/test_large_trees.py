@@ -105,8 +105,9 @@ def test_a_shared_part_is_written_once() -> None:
 def test_the_text_does_not_depend_on_the_process() -> None:
     code = (
         "from raymarch.sdf import *\n"
+        "from raymarch.scene import Material\n"
         "part = (sphere(.5) | box((1, 2, 3)).rotate(.3)).repeat((4, None, 5)) - torus().translate((1, 0, 0))\n"
-        "print((part.material('a') | part.mirror('x').union(capsule(), k=.2)).glsl())"
+        "print((part.material(Material((1, 0, 0))) | part.mirror('x').union(capsule(), k=.2)).glsl())"
     )
     texts = set()
     for seed in ("0", "99"):

@@ -51,7 +51,7 @@ def test_translate() -> None:
         (np.array([0, 0, -3]), (0, 0, -1)),
     ],
 )
-@pytest.mark.parametrize("angle", [0.0, 0.7, -2.5, np.pi / 2, 40.0])
+@pytest.mark.parametrize("angle", [0.0, 0.7, -2.5, np.pi / 2, 40.5])
 def test_rotate_turns_counter_clockwise_seen_from_the_tip(axis: Any, vector: Any, angle: float) -> None:
     turned = BRICK.rotate(angle, axis)
     unit = np.array(vector) / np.linalg.norm(vector)
