@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from raymarch.errors import SceneError, warn
+from raymarch.errors import Location, SceneError, user_location, warn
 from raymarch.expr.convert import holdable, numbers, plain, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
@@ -111,13 +111,23 @@ def turn(p: Expr, child: Child, angle: Angle) -> Expr:
     return child(vec2(c * p.x + s * p.y, c * p.y - s * p.x))
 
 
+DEGREES = frozenset({30, 45, 60, 90, 120, 135, 150, 180, 225, 270, 315, 360})
+"""Usual angles in degrees. None of them is a usual angle in radians."""
+
+_suspected: set[Location | None] = set()
+"""The lines that were warned of; a line of a loop warns once."""
+
+
 def _warn_of_degrees(what: str, angle: Any) -> None:
-    """A SceneWarning for a number that is likely an angle in degrees: a multiple of 5, and more than a turn."""
+    """A SceneWarning for a number that is likely an angle in degrees."""
     given = plain(angle)
-    if isinstance(given, int | float) and not isinstance(given, bool) and math.fabs(given) >= 10 and given % 5 == 0:
+    if isinstance(given, bool) or not isinstance(given, int | float) or math.fabs(given) not in DEGREES:
+        return
+    where = user_location()
+    if where not in _suspected:
+        _suspected.add(where)
         turns = f"{math.fabs(given) / math.tau:.1f}"
-        cure = f"for degrees, math.radians({given:g})"
-        warn(f"{what}: angle = {given:g} radians is {turns} turns ({cure})")
+        warn(f"{what}: angle = {given:g} radians is {turns} turns (for degrees, math.radians({given:g}))", where)
 
 
 @method

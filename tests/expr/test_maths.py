@@ -191,3 +191,7 @@ def test_degrees_are_suspected_but_not_refused() -> None:
     rm.sphere().rotate(7.5)
     rm.sphere().rotate(4 * math.pi)
     rm.sphere().rotate(5)
+    with pytest.warns(UserWarning) as caught:
+        for angle in range(400):
+            rm.sphere().rotate(angle)
+    assert len(caught) == 1, "a line of a loop warns once"
