@@ -4,7 +4,6 @@ python -m tests.lab.scale                     the table of docs/scale.md
 python -m tests.lab.scale --counts 32 2048    some numbers of objects
 python -m tests.lab.scale --text 8 32 128     the same scenes with all objects as text
 python -m tests.lab.scale --blend 6000        blended objects, against brute force on crops
-python -m tests.lab.scale --million           1,000,000 instances
 
 Each row is measured in a process of its own, without the driver's shader cache. Times are those of the CPU.
 """
@@ -209,14 +208,10 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs="*", default=list(COUNTS))
     parser.add_argument("--text", type=int, nargs="*", default=[])
     parser.add_argument("--blend", type=int)
-    parser.add_argument("--million", action="store_true")
     parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.blend:
         show([blended(given.blend)])
-        return
-    if given.million:
-        show([in_process(1_000_000, "data")])
         return
     if given.one:
         print(measure(int(given.one[0]), given.one[1]))
