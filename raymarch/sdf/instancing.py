@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from raymarch.sdf.domain import Domain
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node
-from raymarch.sdf.placing import affine, material, translate
+from raymarch.sdf.placing import affine, material, refuse_label, translate
 from raymarch.sdf.rows import Form, Rows, Slot
 from raymarch.sdf.solids import sphere
 
@@ -73,7 +73,7 @@ def _materials(given: Any, n: int) -> tuple[tuple[Any, ...], NDArray[np.int64]]:
     """The distinct materials, and the index of each instance's among them."""
     if given is None:
         return (None,), np.zeros(n, np.int64)
-    if not isinstance(given, Sequence) or isinstance(given, str):
+    if not isinstance(given, list | tuple):
         return (given,), np.zeros(n, np.int64)
     if len(given) == 2 and isinstance(given[1], np.ndarray):
         palette, chosen = list(given[0]), np.asarray(given[1])
@@ -221,4 +221,10 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     -----
     Raises SceneError for arrays of another shape, for numbers that are not finite, and for matrices that stretch.
     """
+    given = [] if materials is None else [materials]
+    if isinstance(materials, list | tuple):
+        indexed = len(materials) == 2 and isinstance(materials[1], np.ndarray)
+        given = list(materials[0]) if indexed and isinstance(materials[0], list | tuple) else list(materials)
+    for each in given:
+        refuse_label("instances: material", each)
     return of_rows(_rows(node, transforms, materials))

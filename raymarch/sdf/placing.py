@@ -120,8 +120,8 @@ _suspected: set[Location | None] = set()
 
 def _warn_of_degrees(what: str, angle: Any) -> None:
     """A SceneWarning for a number that is likely an angle in degrees."""
-    given = plain(angle)
-    if isinstance(given, bool) or not isinstance(given, int | float) or math.fabs(given) not in DEGREES:
+    given: Any = plain(angle)
+    if isinstance(given, bool) or not isinstance(given, int | float) or abs(given) not in DEGREES:
         return
     where = user_location()
     if where not in _suspected:
@@ -307,8 +307,21 @@ def labelled(p: Expr, child: Child) -> Expr:
 @method
 def material(node: Node, material: Any) -> Node:
     """Assign a material. Parts that have their own material keep it."""
-    if material is None or isinstance(material, str | int | float | tuple | list | dict | np.ndarray | Node | Expr):
-        given = "a node" if isinstance(material, Node) else short(material)
-        raise SceneError(f"material = {given} ({type(material).__name__})", legal="rm.Material(color=...)")
+    refuse_label("material", material)
+    return with_label(node, material)
+
+
+_NO_LABEL = (str, int, float, tuple, list, dict, set, frozenset, np.ndarray, np.generic, Node, Expr)
+
+
+def refuse_label(what: str, label: Any) -> None:
+    """SceneError for a value that is no material."""
+    if label is None or isinstance(label, _NO_LABEL):
+        given = "a node" if isinstance(label, Node) else short(label)
+        raise SceneError(f"{what} = {given} ({type(label).__name__})", legal="rm.Material(color=...)")
+
+
+def with_label(node: Node, label: Any) -> Node:
+    """The node with a label of any kind, which determines its material."""
     made = labelled(node)
-    return Node(made.definition, made.children, made.params, made.facts, label=material)
+    return Node(made.definition, made.children, made.params, made.facts, label=label)

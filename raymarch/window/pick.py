@@ -18,6 +18,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
+from raymarch.sdf.placing import with_label
 from raymarch.sdf.weights import weights_of
 from raymarch.truth import truth
 from raymarch.window.control import View
@@ -210,7 +211,7 @@ def _labelled(root: Node) -> Node:
             children = tuple(made[id(child)] for child in node.children)
             made[id(node)] = Node(node.definition, children, node.params, node.facts)
         else:
-            made[id(node)] = node.material(node)  # the field accepts any label as a material
+            made[id(node)] = with_label(node, node)
     return made[id(root)]
 
 

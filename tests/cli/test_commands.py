@@ -206,7 +206,8 @@ BAD_SCENES = {
         "'a'",
     ),
     "too many shapes": (
-        "scene = rm.union(*[rm.sphere(0.1).translate((i, 0, 0)) for i in range(3000)])",
+        "scene = rm.Scene(rm.union(*[rm.sphere(0.1).translate((i, 0, 0)) for i in range(3000)]), "
+        "quality=rm.Quality(objects='text'))",
         3,
         "3000",
     ),

@@ -163,6 +163,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "SpotLight": {"position": (0, 3, 0)},
     "SphereLight": {"position": (0, 3, 0)},
     "RectLight": {"position": (0, 3, 0)},
+    "instances": {"transforms": [(0, 0, 0), (2, 0, 0)]},
     "Param": {"name": "p", "value": 0.5, "min": 0.0, "max": 1.0},
     "checker": {"a": 0.1, "b": 0.9},
     "grid_lines": {"a": 0.1, "b": 0.9},
