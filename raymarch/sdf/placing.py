@@ -121,7 +121,7 @@ _suspected: set[Location | None] = set()
 def _warn_of_degrees(what: str, angle: Any) -> None:
     """A SceneWarning for a number that is likely an angle in degrees."""
     given: Any = plain(angle)
-    if isinstance(given, bool) or not isinstance(given, int | float) or abs(given) not in DEGREES:
+    if isinstance(given, bool) or not isinstance(given, int | float) or not {given, -given} & DEGREES:
         return
     where = user_location()
     if where not in _suspected:
