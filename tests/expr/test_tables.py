@@ -15,7 +15,7 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.gpu.context import Context
 from tests.support.glsl_harness import evaluate
 
-I = var("i", FLOAT)
+INDEX = var("i", FLOAT)
 COUNT = WIDTH + 904  # the second line of the texture is not full
 
 
@@ -29,8 +29,8 @@ def test_a_texel_is_that_of_its_index(egl: Context, channels: int) -> None:
     index = np.array([0.0, 1.0, 7.9, WIDTH - 1, WIDTH, COUNT - 1])
     wanted = data.values[index.astype(int)]
     wanted = wanted[:, 0] if channels == 1 else wanted
-    function = Function("read", (I,), fetch(data, I))
-    np.testing.assert_array_equal(evaluator([function.body], [I])(index)[0], wanted)
+    function = Function("read", (INDEX,), fetch(data, INDEX))
+    np.testing.assert_array_equal(evaluator([function.body], [INDEX])(index)[0], wanted)
     np.testing.assert_array_equal(evaluate(egl, function, [index]), wanted)
 
 
