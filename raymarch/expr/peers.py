@@ -70,7 +70,7 @@ FUNCTIONS = _keys(
         "clouds": "rm.noise(first, second, size)",
         "checkerboard chessboard": 'rm.checker(first, second, size, axis="y")',
         "gridtexture lines": 'rm.grid_lines(first, second, size, width, axis="y")',
-        "show display view": "scene.show(), or the command `raymarch view SCENE.py`",
+        "display view": "rm.show(scene), or the command `raymarch view SCENE.py`",
         "rgb color colour hex": 'a tuple (r, g, b) of linear RGB, or a string: "#ff8800", "orange"',
         "hsv hsl hsvtorgb": "colorsys.hsv_to_rgb(h, s, v), of Python",
         "save write": 'rm.render(scene).save("picture.png")',

@@ -167,7 +167,7 @@ def test_a_name_of_other_tools_leads_to_the_name_here(name: str) -> None:
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
     assert not hasattr(rm, "spher") and not hasattr(rm.sphere(), "move") and not hasattr(rm.Sun(), "colour")
-    assert getattr(rm.sphere(), "_repr_png_", None) is None and not hasattr(rm, "__wrapped__")
+    assert getattr(rm.sphere(), "_repr_svg_", None) is None and not hasattr(rm, "__wrapped__")
 
 
 def test_what_the_tables_recommend_exists() -> None:
