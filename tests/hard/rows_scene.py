@@ -278,7 +278,7 @@ def shell_of_bound(world: World) -> Iterator[Figure]:
     yield Figure("offsets of a bound without a warning, of 2", 2 - warned, 0, "exactness is a fact")
     quiet = plan(rm.Scene(rm.box().shell(0.1))).warnings
     yield Figure("warnings about an exact one", len(quiet), 0, "the offset of an exact field is exact")
-    known = json.loads(json.dumps(explain.as_dict(plan(rm.Scene(cut.shell(0.1))))))["warnings"]
+    known = json.loads(json.dumps(explain.as_dict(plan(rm.Scene(cut.shell(0.1))), {})))["warnings"]
     yield Figure("warnings missing in --json", 1 - len(known), 0, "both say the same")
 
 
