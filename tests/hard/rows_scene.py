@@ -422,4 +422,4 @@ def large_graph(world: World) -> Iterator[Figure]:
         "error of a chain of 3,000 unions", abs(float(node.distance([(3.0, 0, 0)])[0]) - 1.91), 1e-12, "no recursion"
     )
     shaken = rm.union(*[rm.sphere(0.1).translate((0.1 * i, 0.01 * (i % 7), 0)) for i in range(1100)])
-    yield refusals((lambda: plan(rm.Scene(shaken)), ("1100 shapes", "1024")))
+    yield refusals((lambda: plan(rm.Scene(shaken, quality=rm.Quality(objects="text"))), ("1100 shapes", "1024")))
