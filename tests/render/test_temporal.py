@@ -50,7 +50,7 @@ def mean(egl: Context) -> np.ndarray:
     with pytest.MonkeyPatch.context() as patch, Renderer(SIZE, "egl") as made:
         patch.setattr(draw_calls, "r2", places.__getitem__)
         choose = marching.choose
-        patch.setattr(marching, "choose", lambda *given: replace(choose(*given), schedule=SINGLE))
+        patch.setattr(marching, "choose", lambda *given, **named: replace(choose(*given, **named), schedule=SINGLE))
         return made.render(scene(samples=256)).color
 
 
