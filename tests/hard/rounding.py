@@ -315,7 +315,7 @@ RULES: Mapping[str, Rule] = {
     **{name: _compare(name) for name in ("lt", "le")},
     **{name: _logic(name) for name in ("and", "or", "not")},
     **{name: _picked(name) for name in ("swizzle", "construct", "columns", "transpose")},
-    **{name: _exact(name) for name in ("hash", "sample_slope")},
+    **{name: _exact(name) for name in ("hash", "sample_slope", "fetch")},
     "atan2": _angle,
     "fract": _fract,
     "where": _where,
@@ -327,7 +327,7 @@ RULES: Mapping[str, Rule] = {
     "sample": _sample,
     "raw": _raw,
 }
-"""The edge of a step, the slope of sampled data and a hash are taken as exact."""
+"""The edge of a step, the slope of sampled data, a texel and a hash are taken as exact."""
 
 
 @dataclass(frozen=True, slots=True)

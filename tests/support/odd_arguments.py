@@ -159,6 +159,8 @@ class Call:
 
 NEEDED: dict[str, dict[str, Any]] = {
     "Scene": {"node": rm.box()},
+    "DirectionSample": {"direction": (0, 1, 0), "distance": 1.0, "radiance": (1, 1, 1)},
+    "Light": {"color": (1, 1, 1), "intensity": 1.0, "shadow": False, "softness": 0.0, "penumbra": "cone"},
     "PointLight": {"position": (0, 3, 0)},
     "SpotLight": {"position": (0, 3, 0)},
     "SphereLight": {"position": (0, 3, 0)},
