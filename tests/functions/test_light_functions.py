@@ -76,8 +76,8 @@ def test_a_spot_without_a_soft_edge_rises_within_a_millionth_of_the_cosine(egl: 
         direction, _, radiance = sampled(egl, spot, points)
         rise = np.clip((direction[:, 2].astype(float) - 0.5) / width, 0.0, 1.0) ** 2
         far2 = np.sum(points.astype(np.float32).astype(float) ** 2, axis=1)
-        # the cosines of point and edge are known to an ulp each
-        np.testing.assert_allclose(radiance[:, 0], rise / far2, rtol=16 * ULP, atol=6 * ULP / width)
+        # the direction is that of the shader, so its cosine is exact; that of `blend` is rounded
+        np.testing.assert_allclose(radiance[:, 0], rise / far2, rtol=16 * ULP / (1.0 if blend == 0 else 0.25), atol=ULP)
 
 
 def test_a_part_of_a_lamp_lies_on_its_disc(egl: Context) -> None:
