@@ -67,7 +67,8 @@ def _componentwise(function: Callable[P, Expr], called: str = "") -> Callable[P,
         # One number for all elements stays a constant, so that the function can check it.
         symbols = [var(f"argument {i}", FLOAT) if a.shape else None for i, a in enumerate(arrays)]
         places = [float(a) if s is None else s for s, a in zip(symbols, arrays, strict=True)]
-        made = function(*places[: len(args)], **dict(zip(kwargs, places[len(args) :], strict=True)))  # type: ignore
+        named = dict(zip(kwargs, places[len(args) :], strict=True))  # other types than those of P, which it takes too
+        made = function(*places[: len(args)], **named)  # type: ignore[arg-type]
         inputs = [(s, np.broadcast_to(a, shape).ravel()) for s, a in zip(symbols, arrays, strict=True) if s is not None]
         (result,) = evaluator([made], [s for s, _ in inputs])(*[a for _, a in inputs])
         return _number(np.broadcast_to(result, (math.prod(shape),)).reshape(shape))
@@ -104,7 +105,8 @@ def _of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, An
             raise SceneError(f"{name} of shapes {shapes}", legal=legal)
         arrays = [a[..., 0] if a.shape and a.shape[-1] == 1 else a for a in arrays]
         symbols = [var(f"argument {i}", vector(size)) for i, size in enumerate(sizes)]
-        made = function(*symbols[: len(args)], **dict(zip(kwargs, symbols[len(args) :], strict=True)))  # type: ignore
+        named = dict(zip(kwargs, symbols[len(args) :], strict=True))  # other types than those of P, which it takes too
+        made = function(*symbols[: len(args)], **named)  # type: ignore[arg-type]
         try:
             return _number(evaluator([made], symbols)(*arrays)[0])
         except ValueError:
