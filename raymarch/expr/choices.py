@@ -12,7 +12,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.operations import operations
 from raymarch.expr.vocabulary import where
-from raymarch.expr.walk import rebuild, rewrite, substitute, topological
+from raymarch.expr.walk import attribute, rebuild, rewrite, substitute, topological
 
 Saving: TypeAlias = Callable[[Function], int]
 """Operations that each avoided call of a function saves; 0 if its calls stay apart."""
@@ -21,9 +21,13 @@ Saving: TypeAlias = Callable[[Function], int]
 def merge_calls(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
     """The roots, with calls of one function on exclusive sides of a choice merged where this saves operations."""
     done: dict[Expr, Expr] = {}
+    calling: dict[Expr, bool] = {}
+
+    def calls(node: Expr) -> bool:
+        return any(calling[arg] for arg in node.args) or (node.op == "call" and saving(node.data) > 0)
 
     def chosen(value: Expr) -> Expr:
-        if value.op != "where":
+        if value.op != "where" or not attribute(value, calling, calls):
             return value
         if value not in done:
             done[value] = _merge_in(value, saving)
@@ -36,13 +40,14 @@ def merge_calls(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
     return [chosen(new[root]) for root in roots]
 
 
-def _sides(node: Expr) -> tuple[Expr, ...]:
+def sides(node: Expr) -> tuple[Expr, ...]:
+    """The values between which a choice chooses; none of any other expression."""
     return node.args[1:] if node.op == "where" else ()
 
 
 def _merge_in(tree: Expr, saving: Saving) -> Expr:
     """The same for the leaves of one tree of choices."""
-    order = topological([tree], _sides)
+    order = topological([tree], sides)
     leaves = [node for node in order if node.op != "where"]
     calls: dict[Function, dict[Expr, Expr]] = {}
     for leaf in leaves:
@@ -55,7 +60,7 @@ def _merge_in(tree: Expr, saving: Saving) -> Expr:
         if distinct < 2:
             continue
         args = _chosen_args(order, by_leaf)
-        selects = [node for node in topological(args, _sides) if node.op == "where"]
+        selects = [node for node in topological(args, sides) if node.op == "where"]
         if sum(node.type.size for node in selects) >= (distinct - 1) * saving(definition):
             continue
         call = definition(*args)

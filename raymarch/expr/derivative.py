@@ -22,13 +22,13 @@ import numpy as np
 import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.choices import merge_calls, operations_of
+from raymarch.expr.choices import merge_calls, operations_of, sides
 from raymarch.expr.function import Function, close_loop, sum_of
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import sample_slope
 from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
-from raymarch.expr.walk import depends_on, rebuild, rewrite, substitute, topological
+from raymarch.expr.walk import attribute, depends_on, rebuild, rewrite, substitute, topological
 
 Partial: TypeAlias = Callable[[Expr], Expr]
 Partials: TypeAlias = tuple[Partial | None, ...]
@@ -335,18 +335,20 @@ def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
     adjoints: dict[Expr, Expr] = {root: ONE}
     order = topological([root])
     partials = _one_sided(order, dependent)
+    masks = _Masks()
     for node in reversed(order):
         adjoint = adjoints.get(node)
         if adjoint is None or node not in dependent or node in variables:
             continue
-        inner = _taken(adjoint)
+        mask = masks.of(adjoint)
+        inner = _taken(adjoint, mask) if mask else adjoint
         if node.op == "item":
             for variable in variables:
-                _accumulate(adjoints, variable, _back_through_loop(node, variable, inner), adjoint)
+                _accumulate(adjoints, variable, _back_through_loop(node, variable, inner), adjoint, mask)
             continue
         for i, arg in enumerate(node.args):
             if arg in dependent:
-                _accumulate(adjoints, arg, _backward(inner, node, i, partials), adjoint)
+                _accumulate(adjoints, arg, _backward(inner, node, i, partials), adjoint, mask)
     return adjoints
 
 
@@ -356,20 +358,39 @@ LEAVES = 256
 
 def _choices(tree: Expr) -> list[Expr]:
     """The nested choices of a value and their leaves, arguments first; the value alone if there are too many."""
-    order = topological([tree], lambda node: node.args[1:] if node.op == "where" else ())
-    return order if len(order) <= 2 * LEAVES else [tree]
+    return topological([tree], sides, limit=2 * LEAVES) or [tree]
 
 
-def _taken(adjoint: Expr) -> Expr:
-    """The choice between those leaves of an adjoint that are not 0.
+class _Masks:
+    """The adjoints that are 0 on a side of a choice.
 
     The side that is not taken has the adjoint 0, but derivatives there may be infinite, and the product is NaN.
-    Derivatives are therefore multiplied by the other sides, and the choice is applied to the products (see `_masked`).
+    Derivatives are therefore multiplied by the other sides, and the choice is applied to the products.
     """
-    nothing, order = zero(adjoint.type), _choices(adjoint)
+
+    def __init__(self) -> None:
+        self._partly_zero: dict[Expr, bool] = {}
+        self._large: set[Expr] = set()
+
+    def of(self, adjoint: Expr) -> list[Expr]:
+        """The nested choices of an adjoint and their leaves, arguments first; none if no leaf is 0 or all are."""
+        if adjoint.op != "where" or not attribute(adjoint, self._partly_zero, self._is_partly_zero, sides):
+            return []
+        order = [] if any(side in self._large for side in sides(adjoint)) else topological([adjoint], sides, 2 * LEAVES)
+        if not order:
+            self._large.add(adjoint)
+        return order
+
+    def _is_partly_zero(self, value: Expr) -> bool:
+        return any(self._partly_zero[side] for side in sides(value)) or value is zero(value.type)
+
+
+def _taken(adjoint: Expr, mask: Sequence[Expr]) -> Expr:
+    """The choice between those leaves of an adjoint that are not 0."""
+    nothing = zero(adjoint.type)
     taken: dict[Expr, Expr | None] = {}
-    for node in order:
-        if node.op != "where" or len(order) == 1:
+    for node in mask:
+        if node.op != "where":
             taken[node] = None if node is nothing else node
             continue
         yes, no = taken[node.args[1]], taken[node.args[2]]
@@ -378,14 +399,11 @@ def _taken(adjoint: Expr) -> Expr:
     return nothing if inner is None else inner
 
 
-def _masked(term: Expr, adjoint: Expr) -> Expr:
+def _masked(term: Expr, adjoint: Expr, mask: Sequence[Expr]) -> Expr:
     """The term where an adjoint is not 0, else 0."""
-    order = _choices(adjoint)
-    if len(order) == 1:
-        return term
     nothing, nowhere = zero(term.type), zero(adjoint.type)
     new: dict[Expr, Expr] = {}
-    for node in order:
+    for node in mask:
         if node.op == "where":
             new[node] = v.where(node.args[0], new[node.args[1]], new[node.args[2]])
         else:
@@ -393,10 +411,13 @@ def _masked(term: Expr, adjoint: Expr) -> Expr:
     return new[adjoint]
 
 
-def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoint: Expr) -> None:
+def _accumulate(
+    adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoint: Expr, mask: Sequence[Expr]
+) -> None:
     if term is None:
         return
-    term = _masked(term, adjoint)
+    if mask:
+        term = _masked(term, adjoint, mask)
     adjoints[node] = add_choices(adjoints[node], term) if node in adjoints else term
 
 
@@ -404,8 +425,8 @@ def map_choices(change: Callable[[Expr], Expr], tree: Expr) -> Expr:
     """A function of a value; of a choice, the choice between the function's values."""
     new: dict[Expr, Expr] = {}
     for node in _choices(tree):
-        sides = [new[side] for side in node.args[1:] if side in new] if node.op == "where" else []
-        new[node] = v.where(node.args[0], *sides) if sides else change(node)
+        changed = [new[side] for side in sides(node) if side in new]
+        new[node] = v.where(node.args[0], *changed) if changed else change(node)
     return new[tree]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar, overload
 
@@ -14,15 +15,24 @@ _UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop", "item", "apply
 @overload
 def topological(roots: Iterable[Expr]) -> list[Expr]: ...
 @overload
-def topological(roots: Iterable[Below], arguments: Callable[[Below], tuple[Below, ...]]) -> list[Below]: ...
 def topological(
-    roots: Iterable[Any], arguments: Callable[[Any], tuple[Any, ...]] = lambda node: node.args
+    roots: Iterable[Below], arguments: Callable[[Below], tuple[Below, ...]], limit: float = ...
+) -> list[Below]: ...
+def topological(
+    roots: Iterable[Any],
+    arguments: Callable[[Any], tuple[Any, ...]] = lambda node: node.args,
+    limit: float = math.inf,
 ) -> list[Any]:
-    """All expressions below the roots (or other graph nodes), each once, arguments before their users."""
+    """All expressions below the roots (or other graph nodes), each once, arguments before their users.
+
+    An empty list if there are more than `limit` of them.
+    """
     order: list[Any] = []
     seen: set[Any] = set()
     stack: list[tuple[Any, bool]] = [(root, False) for root in reversed(list(roots))]
     while stack:
+        if len(seen) > limit:
+            return []
         node, arguments_done = stack.pop()
         if arguments_done:
             order.append(node)
@@ -31,6 +41,26 @@ def topological(
             stack.append((node, True))
             stack.extend((arg, False) for arg in reversed(arguments(node)) if arg not in seen)
     return order
+
+
+def attribute(
+    node: Expr,
+    known: dict[Expr, Below],
+    rule: Callable[[Expr], Below],
+    arguments: Callable[[Expr], tuple[Expr, ...]] = lambda node: node.args,
+) -> Below:
+    """What `rule` says of an expression, asked of its arguments first; `known` keeps all answers for the next call."""
+    stack = [node]
+    while stack:
+        top = stack[-1]
+        missing = [] if top in known else [arg for arg in arguments(top) if arg not in known]
+        if missing:
+            stack.extend(missing)
+        else:
+            stack.pop()
+            if top not in known:
+                known[top] = rule(top)
+    return known[node]
 
 
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
