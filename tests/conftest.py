@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Generator, Iterator
+from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +19,35 @@ settings.register_profile(
     "repeatable", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("repeatable")
+
+
+LONG = Path(__file__).parent / "long.txt"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--all", action="store_true", help="also run the tests marked `long` and those of tests/long.txt")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave long tests out, but for those that the command line names by their id."""
+    lines = LONG.read_text(encoding="utf-8").splitlines()
+    patterns = [line for line in lines if line and not line.startswith("#")]
+    whole = not config.args or config.args == config.getini("testpaths")
+    unknown = [p for p in patterns if whole and not any(fnmatchcase(item.nodeid, p) for item in items)]
+    if unknown:
+        raise pytest.UsageError(f"{LONG.name}: no test is called {', '.join(unknown)}")
+    if config.getoption("--all"):
+        return
+
+    def is_left_out(item: pytest.Item) -> bool:
+        named = any("::" in argument and item.nodeid.startswith(argument) for argument in config.args)
+        long = item.get_closest_marker("long") or any(fnmatchcase(item.nodeid, p) for p in patterns)
+        return bool(long) and not named
+
+    left_out = {item for item in items if is_left_out(item)}
+    config.hook.pytest_deselected(items=list(left_out))
+    items[:] = [item for item in items if item not in left_out]
 
 
 @pytest.hookimpl(wrapper=True)

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold: style, types, the rule of who imports whom, and the tests.
 # Installs what it needs: Debian packages where it may, and the project with its `test` extra.
+# Arguments go to pytest; `--all` adds the long tests (tests/long.txt).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -25,9 +26,13 @@ python -m pip install --quiet --disable-pip-version-check -e '.[test]'
 
 ruff check .
 ruff format --check .
-mypy
 lint-imports
+mypy &  # on a core of its own while the tests are collected
+types=$!
 # A process draws with one thread: there are as many processes as cores. Each takes neighbouring tests, which share
 # what their fixtures made, until it has none left; then it takes some of another's.
 export LP_NUM_THREADS=${LP_NUM_THREADS:-1}
-python -m pytest -n 2 --dist worksteal "$@"
+status=0
+python -m pytest -n 2 --dist worksteal "$@" || status=$?
+wait "$types" || exit 1
+exit "$status"

@@ -411,9 +411,7 @@ def _masked(term: Expr, adjoint: Expr, mask: Sequence[Expr]) -> Expr:
     return new[adjoint]
 
 
-def _accumulate(
-    adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoint: Expr, mask: Sequence[Expr]
-) -> None:
+def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoint: Expr, mask: Sequence[Expr]) -> None:
     if term is None:
         return
     if mask:

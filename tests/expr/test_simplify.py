@@ -168,7 +168,7 @@ any_size = st.sampled_from([1, 2, 3, 4]).flatmap(lambda n: recipes(n, 4))
 
 
 @given(any_size)
-@settings(max_examples=500)
+@settings(max_examples=250)
 def test_simplified_values_are_the_values(recipe: Recipe) -> None:
     with unsimplified():
         plain = build(recipe)

@@ -18,7 +18,7 @@ from tests.support.glsl_harness import run
 
 def test_random_trees_are_within_it(egl: Context) -> None:
     @given(random_trees.trees)
-    @settings(max_examples=25)
+    @settings(max_examples=16)
     def look(node: rm.Node) -> None:
         field, points, values = random_trees.looked_at(node)
         points = points[:300].astype(np.float32).astype(np.float64)

@@ -5,6 +5,8 @@ Each test reads a fact from the node and holds it against the field itself, eval
 
 from __future__ import annotations
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -18,14 +20,24 @@ from raymarch.gpu.context import Context
 from raymarch.sdf import Node
 from raymarch.sdf.lower import lower
 from tests.support.glsl_harness import assert_es, run
-from tests.support.node_samples import POINTS, Field, Seen, definitions, look_at, samples
+from tests.support.node_samples import POINTS, SPECIAL, Field, Seen, definitions, look_at, samples
 from tests.support.records import measured
 from tests.support.surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance, unit
 
 ULP = float(np.finfo(np.float32).eps)
 
 
-@pytest.fixture(scope="module", params=samples(), ids=lambda sample: sample.id)
+def brief() -> list[object]:
+    """The samples; drawn ones between the first and the last of a definition are long."""
+    chosen: list[object] = []
+    for definition, some in groupby(samples(), key=lambda sample: sample.definition):
+        drawn = list(some)
+        between = () if definition.name in SPECIAL else drawn[1:-1]
+        chosen += [pytest.param(sample, marks=[pytest.mark.long] * (sample in between)) for sample in drawn]
+    return chosen
+
+
+@pytest.fixture(scope="module", params=brief(), ids=lambda sample: sample.id)
 def s(request: pytest.FixtureRequest) -> Seen:
     """One sample after the other; all tests look at it before the next one comes."""
     return look_at(request.param)
@@ -118,7 +130,7 @@ def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
 
 def test_normals_on_the_surface_survive_float32(s: Seen) -> None:
     """On the surface itself, where sign * sqrt(d^2) and the like would divide rounding errors by rounding errors."""
-    points = s.surface[:1000].astype(np.float32).astype(np.float64)
+    points = s.surface[:400].astype(np.float32).astype(np.float64)
     gradient = s.field.gradient(points)
     smooth = np.linalg.norm(gradient, axis=1) > 0.1  # of a shorter one the direction is lost in float32 anyway
     random = np.random.default_rng(17)

@@ -17,7 +17,8 @@ from raymarch.sdf.definition import REGISTRY
 from raymarch.truth import compare, silhouettes, truth
 from tests.support.node_samples import NodeSample, definitions, samples
 
-SIZE = (64, 64)
+SIZE, SMALL = (64, 64), (32, 32)
+"""The smaller for estimates, whose truth takes long."""
 FOOTPRINT = 0.25
 """How far a hit may be from the surface, in widths of its pixel."""
 
@@ -55,9 +56,11 @@ parameters may be dust."""
 def test_its_picture_is_true(sample: NodeSample, renderer: Renderer) -> None:
     node = solid(sample.build())
     shown = scene(node)
+    size = SMALL if node.exactness == "estimate" else SIZE
+    renderer.resize(size)
     frame = renderer.render(shown, outputs=("depth", "normal"))
-    known = truth(shown, size=SIZE, outputs=("depth", "normal"))
-    footprint = shown.pose(set_values({}, {}, 0.0)).pixel(SIZE[1]) * FOOTPRINT
+    known = truth(shown, size=size, outputs=("depth", "normal"))
+    footprint = shown.pose(set_values({}, {}, 0.0)).pixel(size[1]) * FOOTPRINT
 
     hit = np.isfinite(frame.depth)
     assert hit.sum() >= 10, "nothing to see"

@@ -17,7 +17,7 @@ from tests.support.random_trees import deep_trees, looked_at
 
 
 @given(deep_trees)
-@settings(max_examples=80)
+@settings(max_examples=50)
 def test_facts_hold(node: Node) -> None:
     field, points, values = looked_at(node)
     assert np.all(np.isfinite(values))
@@ -52,7 +52,7 @@ def test_promised_slopes_are_met() -> None:
     loose, depths = [], []
 
     @given(deep_trees)
-    @settings(max_examples=60)
+    @settings(max_examples=40)
     def look(node: Node) -> None:
         depths.append(depth(node))
         if node.exactness != "estimate":
