@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from html import escape
+from importlib.util import find_spec
 from io import BytesIO
 from typing import Any
 
@@ -73,18 +75,34 @@ class Live:
         return f"<raymarch scene, {self.size[0]}x{self.size[1]}>"
 
 
-def show(scene: Scene | Node, size: tuple[int, int] = (640, 400), time: float = 0.0, params: Any = None) -> Live:
+def in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return hasattr(shell, "kernel")
+
+
+def show(scene: Scene | Node, size: tuple[int, int] = (640, 400), time: float = 0.0, params: Any = None) -> Any:
     """A scene or node as the last value of a notebook cell: a page that can be turned, with a slider for each Param.
 
     Parameters
     ----------
     size : (width, height) in pixels. time, params : initial values.
 
-    A scene that a page cannot hold is shown as a picture. Raises SceneError for an unknown parameter or a size that is
-    no pair of integers from 1 to 4096.
+    Returns a widget if the package anywidget is installed and this is a notebook: `params`, `time`, `view`, `orbit` and
+    `pan` of the widget are those of the page, in both directions (see `raymarch.export.widget`). Else an object that
+    shows the page alone. A scene that a page cannot hold is shown as a picture. Raises SceneError for an unknown
+    parameter or a size that is no pair of integers from 1 to 4096.
     """
     given = as_scene(scene)
     if not isinstance(size, tuple | list) or len(size) != 2:
         raise SceneError(f"show: size = {short(size)}", legal="(width, height) in pixels")
     width, height = (integer("show: size", edge, 1, 4096, "integers from 1 to 4096") for edge in size)
-    return Live(given, set_values(given.parameters, params, time, given.where), (width, height))
+    live = Live(given, set_values(given.parameters, params, time, given.where), (width, height))
+    if not in_notebook() or find_spec("anywidget") is None:
+        return live
+    from raymarch.export.widget import widget_class
+
+    try:
+        return widget_class()(live)
+    except PlanError:
+        return live
