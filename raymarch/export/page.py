@@ -102,7 +102,8 @@ def page_text(scene: Scene, values: Values) -> str:
         "source": _source(scene),
     }
     template = files("raymarch.export").joinpath("page.html").read_text(encoding="utf-8")
-    name = Path(scene.where.file).stem if scene.where else "raymarch"
+    file = Path(scene.where.file) if scene.where else None
+    name = file.stem if file and file.exists() else "raymarch"  # a notebook's cell is no file
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     # no markup can end the script early
     return template.replace("TITLE", escape(name)).replace("DATA", text.replace("<", "\\u003c"), 1)

@@ -17,13 +17,12 @@ from pathlib import Path
 from tests.support.chromium import Browser
 
 CELLS = [
-    "import raymarch as rm\n"
-    'size = rm.Param("size", 1.0, 0.5, 2.0)\n'
-    "view = rm.show(rm.sphere(size), (720, 400))\nview",
+    'import raymarch as rm\nsize = rm.Param("size", 1.0, 0.5, 2.0)\nview = rm.show(rm.sphere(size), (720, 400))\nview',
     "from pathlib import Path\n"
     'view.observe(lambda change: Path("seen.txt").write_text(str(change["new"]["size"])), "params")\n'
     'view.params = {"size": 1.5}',
 ]
+EDITORS = "document.querySelectorAll('.jp-Notebook .jp-CodeCell .cm-content')"
 FRAME = "document.querySelector('iframe[srcdoc]')"
 
 
@@ -53,9 +52,9 @@ def main(arguments: list[str]) -> int:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
         probe.close()
-        options = [f"--port={port}", "--no-browser", "--ServerApp.token=", "--allow-root", f"--ServerApp.root_dir={name}"]
+        options = [f"--port={port}", "--no-browser", "--ServerApp.token=", f"--ServerApp.root_dir={name}"]
         server = subprocess.Popen(
-            [python, "-m", "jupyterlab", "--ip=127.0.0.1", *options],
+            [python, "-m", "jupyterlab", "--ip=127.0.0.1", "--allow-root", *options],
             env={**os.environ, "JUPYTER_CONFIG_DIR": f"{name}/config", "PYTHONPATH": ""},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -68,13 +67,14 @@ def main(arguments: list[str]) -> int:
                 time.sleep(0.3)
             with Browser(1280, 900) as browser:
                 browser.call("Page.navigate", url=f"http://127.0.0.1:{port}/lab/tree/trial.ipynb?reset")
-                until(browser, "document.querySelectorAll('.jp-Notebook .jp-CodeCell').length === 2", "the notebook opens")
-                browser.run("document.querySelector('.jp-Notebook .jp-CodeCell .cm-content').focus()")
-                until(browser, "document.querySelector('.jp-Notebook-ExecutionIndicator[data-status=idle]')", "a kernel runs")
+                until(browser, f"{EDITORS}.length === 2", "the notebook opens")
+                browser.run(f"{EDITORS}[0].focus()")
+                idle = "document.querySelector('.jp-Notebook-ExecutionIndicator[data-status=idle]')"
+                until(browser, idle, "a kernel runs")
                 time.sleep(5)
                 press(browser, "Enter", 13, modifiers=8)
                 until(browser, f"{FRAME}.contentWindow.raymarch.state.params.u_size === 1", "the page shows the scene")
-                browser.run("document.querySelectorAll('.jp-Notebook .jp-CodeCell .cm-content')[1].focus()")
+                browser.run(f"{EDITORS}[1].focus()")
                 press(browser, "Enter", 13, modifiers=8)
                 until(browser, f"{FRAME}.contentWindow.raymarch.state.params.u_size === 1.5", "Python moves the slider")
                 slider = f"{FRAME}.contentDocument.querySelector('input[data-param=size]')"
