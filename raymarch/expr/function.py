@@ -90,17 +90,17 @@ def trace(
     name: str,
     definition: Callable[..., Any],
     params: Sequence[tuple[str, Type]],
-    code: CodeType | None = None,
+    *code: CodeType,
 ) -> Function:
     """Run a Python definition once on symbolic parameters.
 
     The local variables of `code` (by default the definition's own) name temporaries in the generated GLSL.
     """
-    return Function(name, *_trace(name, definition, params, code or definition.__code__))
+    return Function(name, *_trace(name, definition, params, *(code or (definition.__code__,))))
 
 
 def _trace(
-    name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], code: CodeType
+    name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], *codes: CodeType
 ) -> tuple[tuple[Expr, ...], Expr, dict[Expr, str], Location]:
     """The parameters, the body, the names and the line of a function."""
     symbols = tuple(var(param, type) for param, type in params)
@@ -112,7 +112,7 @@ def _trace(
                 if isinstance(value, Expr):
                     names.setdefault(value, local)
 
-    family = _code_family(code)
+    family = set[CodeType]().union(*map(_code_family, codes))
     previous, around = sys.getprofile(), _loops.open
     _loops.open = []
     sys.setprofile(keep_locals)
@@ -121,7 +121,7 @@ def _trace(
     finally:
         _resume(previous)
         _loops.open = around
-    where = Location(code.co_filename, code.co_firstlineno)
+    where = Location(codes[0].co_filename, codes[0].co_firstlineno)
     try:
         body = expr(body)
     except SceneError:

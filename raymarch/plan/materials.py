@@ -20,7 +20,8 @@ from raymarch.expr.walk import find, rebuild, rewrite, substitute
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
-from raymarch.scene.material import FIELDS, GLASS, MIXED, PHONG, PHYSICAL, RELIEF, Material
+from raymarch.scene.bsdf import BSDF, Phong, bsdf_of
+from raymarch.scene.material import FIELDS, GLASS, RELIEF, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import SCENE_INTERACTION, Group, Lowering, material_expressions
@@ -36,13 +37,14 @@ Hoisted: TypeAlias = dict[str, Expr]
 class Evaluation:
     """The generated functions that evaluate materials. Each is None if it is not needed.
 
-    model : how materials are shaded: "phong", "physical", or "mixed" if there are both.
+    model : how materials are shaded: "phong", "physical", or "mixed" if there are both. bsdf : that of all materials.
     record : returns the struct Material, or Part with the gradient of the field. emission : emitted radiance.
     glass : returns the struct Glass. relief : returns the struct Relief.
     index : index of the material with the largest weight.
     """
 
     model: str = "phong"
+    bsdf: BSDF = field(default_factory=Phong)
     record: Function | None = None
     emission: Function | None = None
     glass: Function | None = None
@@ -63,12 +65,12 @@ def materials_of(
     parts = _Parts(scene, solid, lowering, hoisted)
     chosen = parts.materials
     kinds = {m.physical for m in chosen}
-    made = Evaluation("mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong")
+    model = "mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong"
+    made = Evaluation(model, bsdf_of(chosen, scene.quality))
     if shaded:
         extra = SCENE_INTERACTION if mapped(scene) and needs_surface(scene) else ()
         if needs_surface(scene):
-            names = {"phong": PHONG, "physical": PHYSICAL, "mixed": MIXED}[made.model]
-            wanted = _fields("Material", names)
+            wanted = _fields("Material", made.bsdf.fields)
             if field is not None:
                 made.record = parts.with_gradient("part_at", wanted, field, patterned(scene))
             else:

@@ -31,6 +31,7 @@ from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.objects import Located, ObjectsInCells, exact_distance
 from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
 from raymarch.plan.shading import Feature
+from raymarch.scene.bsdf import BSDF, Phong
 from raymarch.scene.extent import InReach, refuse_extent
 from raymarch.scene.legal import Condition, conditions_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
@@ -63,6 +64,7 @@ class Plan:
     glass: Function | None
     relief: Function | None
     model: str
+    bsdf: BSDF
     origins: dict[Expr, Location]
     passes: list[Pass]
     choices: dict[str, str]
@@ -177,6 +179,7 @@ def plan(
         glass=None,
         relief=None,
         model="phong",
+        bsdf=Phong(),
         origins=lowering.origins,
         passes=drawn,
         choices={},
@@ -199,7 +202,7 @@ def plan(
         made.gradient = companion(definition)
     if shaded or geometry:
         found = materials_of(scene, solid, lowering, shaded, geometry, definition if joint else None, hoisted)
-        made.model, made.material, made.emission = found.model, found.record, found.emission
+        made.model, made.bsdf, made.material, made.emission = found.model, found.bsdf, found.record, found.emission
         made.material_index, made.glass, made.relief = found.index, found.glass, found.relief
     if BEFORE in drawn:
         place, made.hoisted, made.twins = motion_of(solid, lowering, hoisted, lowering.origins)

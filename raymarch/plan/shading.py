@@ -81,10 +81,7 @@ def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
 
     model : "phong", "physical" or "mixed". joint : True if one function finds both gradient and material.
     """
-    masking = f"Quality(masking={scene.quality.masking!r})"
-    names = ("light/{}", "light/missing_{}", "light/missing_mean_{}")
-    found = {name.format(scene.quality.masking): masking for name in names}
-    found[f"material/{model}"] = _MODELS[model]
+    found: dict[str, str] = {}
     if mapped(scene):
         kind, why = "_mapped", "a material has a texture or relief"
     elif patterned(scene):
@@ -97,16 +94,7 @@ def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
     else:
         found[f"light/interaction{kind}"] = "the normal is found before the material"
     found["light/geometric_normal" + "_mapped" * mapped(scene)] = "rays are offset along the geometric normal"
-    glass = (scene.path_traced or scene.whitted) and any(m.transmits for m in scene.materials)
-    found["light/mixed" + "_dielectric" * glass] = _MODELS["mixed"]
     return found
-
-
-_MODELS = {
-    "phong": "all materials are Phong",
-    "physical": "all materials are physical",
-    "mixed": "some materials are physical and some are Phong",
-}
 
 
 def features(scene: Scene) -> list[Feature]:

@@ -27,6 +27,7 @@ from raymarch.plan import Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
 from raymarch.shader.bounds import scene_box, scene_cone
+from raymarch.shader.bsdf import material_struct
 from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.lights import light_rows
 from raymarch.shader.link import link, module
@@ -129,6 +130,7 @@ def assemble(plan: Plan, inputs: Mapping[str, str] = MappingProxyType({})) -> Sh
         "scene_box": partial(scene_box, plan),
         "scene_cone": partial(scene_cone, plan),
         "u_lights": light_rows,
+        "Material": partial(material_struct, plan),
         "pcg": _pcg,
         **(setup.promised() if setup is not None else {}),
     }
@@ -229,8 +231,9 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
 
 
 def _records(roots: Sequence[Function]) -> frozenset[str]:
-    """The structs that functions return."""
-    return frozenset(root.type.name for root in roots if root.type.fields)
+    """The structs that functions take or return."""
+    types = [type for root in roots for type in (root.type, *(p.type for p in root.params))]
+    return frozenset(type.name for type in types if type.fields)
 
 
 def _promised(roots: Sequence[Function]) -> Chunk:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
-from raymarch.plan.shading import compensated
 from raymarch.scene.light import FAR, POINT, SAMPLE, Light
 from raymarch.scene.scene import Scene
+from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 
 SHADOW = {
@@ -21,41 +21,20 @@ SHADOW = {
 }
 """The GLSL function of each kind of shadow."""
 
-BSDF = {"phong": "eval_phong", "physical": "eval_microfacet", "mixed": "eval_bsdf"}
-"""The GLSL functions that reflect a light, by model."""
 
-
-def metal_bsdf(text: Lines, plan: Plan) -> None:
-    """The function that reflects a light if some materials are metallic: the model's BSDF plus multiple scattering."""
-    bsdf = BSDF[plan.model]
-    for line in (
-        "vec3 eval_bsdf_of_metal(Surface surface, vec3 ms_albedo, Light light, float visibility) {",
-        f"    return {bsdf}(surface, light, visibility) + multiscatter(ms_albedo, surface, light, visibility);",
-        "}",
-        "",
-    ):
-        text.add(line, by="a metal")
-
-
-def _bsdf_of(plan: Plan) -> str:
-    """The start of a call that reflects a light, up to the light."""
-    return "eval_bsdf_of_metal(surface, ms_albedo" if compensated(plan.scene) else f"{BSDF[plan.model]}(surface"
-
-
-def all_lights(text: Lines, plan: Plan, values: Values) -> None:
+def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """Add the light of all sources to the colour of a surface."""
     values.functions += [form.function for form in lights.forms(plan.scene).values()]
     if lights.as_data(plan.scene):
-        _loop(text, plan)
+        _loop(text, plan, reflection)
         return
     for i, light in enumerate(plan.scene.lights):
-        _light(text, i, light, values, plan)
+        _light(text, i, light, values, plan, reflection)
 
 
-def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> None:
+def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflection: Reflection) -> None:
     """The lines of one light, with its values as literals where constant."""
     by, where = type(light).__name__, light.where
-    call = _bsdf_of(plan)
 
     def value(name: str, of: Expr) -> str:
         return values.text(f"light_{i}_{name}", of, where)
@@ -77,7 +56,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
         add(f"{declared}light = {sample};")
         if disc:
             add(f"light = sample_disc(light, {width}, {dimension});")
-        add(f"color += {call}, light, {visibility});")
+        add(f"color += {reflection.light(visibility)};")
         return
     if disc:
         add(f"{declared}light = {sample};")
@@ -87,7 +66,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan) -> Non
         add("Light light;")
     add(f"for (int k = 0; k < {samples}; k++) {{")
     add(f"    light = {sample};")
-    add(f"    color += {call}, light, {visibility}) / {literal(samples)};")
+    add(f"    color += {reflection.light(visibility)} / {literal(samples)};")
     add("}")
 
 
@@ -128,9 +107,9 @@ def _visibility(light: Light, value: Callable[[str, Expr], str]) -> str:
     return shown if radius is None else f"light.distance < {value('shadow_radius', radius)} ? {shown} : 1.0"
 
 
-def _loop(text: Lines, plan: Plan) -> None:
+def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     """The loop over all lights, which reads their values from the rows of a texture."""
-    scene, call = plan.scene, _bsdf_of(plan)
+    scene = plan.scene
     forms = list(lights.forms(scene).values())
 
     def add(line: str) -> None:
@@ -153,7 +132,7 @@ def _loop(text: Lines, plan: Plan) -> None:
         add(f"if ({condition}) {{")
         add(f"    for (int k = 0; k < {samples}; k++) {{")
         add(f"        light = {sample};")
-        add(f"        color += {call}, light, {shown}) / {literal(samples)};")
+        add(f"        color += {reflection.light(shown)} / {literal(samples)};")
         add("    }")
         add("    continue;")
         add("}")
@@ -189,7 +168,7 @@ def _loop(text: Lines, plan: Plan) -> None:
                 add(f"if ({condition}) light = sample_disc(light, {width}, {first});")
             given = "" if kind in ("hard", "sampled") else f", {width}"
             add(f"if ({near}{condition}) visibility = {SHADOW[kind]}(surface, light{given});")
-        add(f"color += {call}, light, {visibility});")
+        add(f"color += {reflection.light(visibility)};")
     text.add("    }")
 
 

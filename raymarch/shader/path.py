@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from raymarch.plan import Plan
-from raymarch.plan.shading import compensated
-from raymarch.shader.chunk import Lines
+from raymarch.scene.bsdf import fresnel_dielectric, sample_rough_dielectric
+from raymarch.shader.bsdf import Reflection
+from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import add_fog, keep_direction
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
-def path_tracing(text: Lines, plan: Plan) -> None:
+def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """The colour of a hit: a random path over up to n bounces, with direct light at each surface."""
     scene, add, glass = plan.scene, text.add, plan.glass is not None
     shines = bool(scene.lights) and plan.model != "phong"
@@ -43,7 +44,8 @@ def path_tracing(text: Lines, plan: Plan) -> None:
         _into_glass(text, plan)
     if shines:
         add(f"{indent}Surface regularized = surface;")
-        add(f"{indent}regularized.material.roughness = max(surface.material.roughness, min_roughness);")
+        for name in plan.bsdf.rough:
+            add(f"{indent}regularized.material.{name} = max(surface.material.{name}, min_roughness);")
     shaded = "regularized" if shines else "surface"
     if glass and shines:
         add(f"{indent}if (side > 0.0) color += weight * direct_light({shaded}, glass, enters ? 1.0 : 0.0);")
@@ -54,18 +56,14 @@ def path_tracing(text: Lines, plan: Plan) -> None:
                 f"{indent}else if (side > 0.0) color += weight * emission_at({material_arguments(plan)});",
             )
     if glass:
-        _glass(text, plan, shines)
+        _glass(text, plan, shines, values)
         indent += "    "
     last = f"bounce == {scene.bounces}"
-    physical = "from_metal" if compensated(scene) else "sample_microfacet"
-    sample = "sample_diffuse" if plan.model == "phong" else physical
-    given = "(surface, dimension, direction, weight)"
-    if plan.model == "mixed":
-        add(f"{indent}bool sampled = random_of_pixel(dimension + 5) < surface.material.physical")
-        add(f"{indent}    ? {physical}{given} : sample_diffuse{given};")
-        add(f"{indent}if ({last} || !sampled) break;")
-    else:
-        add(f"{indent}if ({last} || !{sample}{given}) break;")
+    add(f"{indent}if ({last}) break;")
+    add(f"{indent}BsdfSample found = {reflection.sample()};")
+    add(f"{indent}if (found.weight == vec3(0.0)) break;")
+    add(f"{indent}weight *= found.weight;")
+    add(f"{indent}direction = found.direction;")
     if shines:
         matte = "surface.material.metalness < 1.0 ? max(surface.material.roughness, 0.4) : surface.material.roughness"
         add(f"{indent}min_roughness = max(min_roughness, {matte});")
@@ -92,9 +90,10 @@ def _into_glass(text: Lines, plan: Plan) -> None:
     text.add("        bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;")
 
 
-def _glass(text: Lines, plan: Plan, shines: bool) -> None:
+def _glass(text: Lines, plan: Plan, shines: bool, values: Values) -> None:
     """The next direction of a path that meets glass, up to the opening brace of the other case."""
     frosted = any(material.frosted for material in plan.scene.materials)
+    values.functions.append(sample_rough_dielectric if frosted else fresnel_dielectric)
     for line in (
         "if (enters) {",
         f"    if (bounce == {plan.scene.bounces}) {{",  # the sky's radiance, so that glass does not turn black
@@ -122,8 +121,17 @@ CLEAR = (
 """The next direction at smooth glass."""
 
 FROSTED = (
-    "float inside = side;",
-    "if (!sample_rough_dielectric(surface, glass, dimension, side, direction, weight)) break;",
-    "if (side != inside) absorption = glass.absorption;",
+    "vec2 u = vec2(random_of_pixel(dimension + 1), random_of_pixel(dimension + 2));",
+    "float choice = random_of_pixel(dimension + 4);",
+    "float roughness = surface.material.roughness;",
+    "BsdfSample found =",
+    "    sample_rough_dielectric(surface.normal, surface.view, glass.ior, side, roughness, u, choice);",
+    "if (found.weight == vec3(0.0)) break;",
+    "weight *= found.weight;",
+    "direction = found.direction;",
+    "if (dot(direction, surface.normal) < 0.0) {",
+    "    side = -side;",
+    "    absorption = glass.absorption;",
+    "}",
 )
 """The next direction if some glass is rough."""

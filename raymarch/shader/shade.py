@@ -5,11 +5,12 @@ from __future__ import annotations
 from raymarch.expr.function import Function
 from raymarch.expr.vocabulary import get
 from raymarch.plan import Plan
-from raymarch.plan.shading import ambient, ambient_sky, compensated, occluded, patterned
+from raymarch.plan.shading import ambient, ambient_sky, occluded, patterned
 from raymarch.scene.sky import DIRECTION
+from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Values
 from raymarch.shader.fog import add_fog
-from raymarch.shader.lights import all_lights, metal_bsdf
+from raymarch.shader.lights import all_lights
 from raymarch.shader.path import path_tracing
 from raymarch.shader.surface import material_arguments, surface_interaction_call
 from raymarch.shader.whitted import tree
@@ -22,18 +23,16 @@ def shading(plan: Plan, values: Values) -> Chunk:
     """
     scene = plan.scene
     text = Lines("the scene's lights")
-    if plan.material is not None and compensated(scene) and scene.lights:
-        metal_bsdf(text, plan)
     if plan.material is not None and (scene.path_traced or scene.whitted):
-        _lit(text, plan, values)
+        reflection = Reflection(plan, values)
+        _lit(text, plan, values, reflection)
         if scene.path_traced:
-            path_tracing(text, plan)
+            path_tracing(text, plan, values, reflection)
         else:
-            tree(text, plan)
+            tree(text, plan, values, reflection)
         return _chunk(text, plan, values)
     text.add("vec3 shade(Ray ray, Hit hit) {")
     needs_surface = plan.material is not None
-    lit = needs_surface and bool(scene.lights)
     if needs_surface:
         call = surface_interaction_call(plan, "ray", "hit.t")
         text.add(f"    Surface surface = {call};")
@@ -43,41 +42,44 @@ def shading(plan: Plan, values: Values) -> Chunk:
     else:
         text.add("    vec3 color = vec3(0.0);")
     if needs_surface:
-        _ambient(text, plan, values)
-    if lit:
-        all_lights(text, plan, values)
+        reflection = Reflection(plan, values)
+        _ambient(text, plan, values, reflection)
+        if scene.lights:
+            all_lights(text, plan, values, reflection)
     add_fog(text, scene, "hit.t", "ray.direction")
     text.add("    return color;")
     text.add("}")
     return _chunk(text, plan, values)
 
 
-def _lit(text: Lines, plan: Plan, values: Values) -> None:
+def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """The function `direct_light`: emission, ambient light and lights at one vertex of a path or ray tree.
 
-    In GLSL, `traced` is the fraction of the reflection that secondary rays trace. `transmission` is the fraction of
+    In GLSL, `traced` is the fraction of each lobe that secondary rays trace. `transmission` is the fraction of
     the surface that is glass; glass reflects lights too.
     """
-    traced = ", float traced" if plan.scene.whitted else ""
+    traced = f", {reflection.per_lobe} traced" if plan.scene.whitted else ""
     dielectric = plan.glass is not None and bool(plan.scene.lights)
     glass = ", Glass glass, float transmission" if dielectric else ""
     text.add(f"vec3 direct_light(Surface surface{traced}{glass}) {{")
     text.add(
         f"    vec3 color = {f'emission_at({material_arguments(plan)})' if plan.emission is not None else 'vec3(0.0)'};"
     )
-    _ambient(text, plan, values)
+    _ambient(text, plan, values, reflection)
     if dielectric:
         kept = f" + transmission * emission_at({material_arguments(plan)})" if plan.emission is not None else ""
         text.add(f"    color = (1.0 - transmission) * color{kept};")
-        if compensated(plan.scene):
-            text.add("    ms_albedo *= 1.0 - transmission;")
+        share = "transmission"
         if plan.model == "mixed":  # the Phong part keeps its colour
+            share = "share"
             text.add("    surface.material.physical = mix(surface.material.physical, 1.0, transmission);")
-            text.add("    set_dielectric(glass, transmission / max(surface.material.physical, 1.0e-6));")
-        else:
-            text.add("    surface.material = as_dielectric(surface.material, glass, transmission);")
+            text.add("    float share = transmission / max(surface.material.physical, 1.0e-6);")
+        for name in reflection.prepared:
+            text.add(f"    {name} *= 1.0 - {share};")
+        changed = "Material outside" if plan.model == "mixed" else "surface.material"
+        text.add(f"    {changed} = {reflection.over_dielectric(share)};")
     if plan.scene.lights:
-        all_lights(text, plan, values)
+        all_lights(text, plan, values, reflection)
     for line in ("    return color;", "}", ""):
         text.add(line)
 
@@ -96,21 +98,12 @@ def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
     return text.chunk("shade")
 
 
-FROM_SKY = {
-    "phong": "diffuse_sky(surface)",
-    "physical": "specular_sky(surface, {traced})",
-    "mixed": "mix(diffuse_sky(surface), specular_sky(surface, {traced}), surface.material.physical)",
-}
-"""The sky's light on a surface by model, without the fraction of its reflection that secondary rays trace."""
-
-
-def _ambient(text: Lines, plan: Plan, values: Values) -> None:
+def _ambient(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """Ambient light: that of the sky, and ambient visibility for the ambient term of Phong materials."""
     scene = plan.scene
-    multiple = compensated(scene) and (ambient_sky(scene) or bool(scene.lights))
-    if multiple:
-        share = "surface.material.physical * " if plan.model == "mixed" else ""
-        text.add(f"    vec3 ms_albedo = {share}multiscatter_albedo(surface);", by="a metal")
+    if ambient_sky(scene) or scene.lights:
+        for line in reflection.prepare():
+            text.add(f"    {line}", by="a metal")
     shares = _occluded_by_map(plan)
     dimmed = shares or occluded(scene, plan.model)
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
@@ -130,10 +123,7 @@ def _ambient(text: Lines, plan: Plan, values: Values) -> None:
         text.add("    surface.material.ambient *= ambient_visibility;", by=by, where=scene.where)
     if ambient_sky(scene):
         factor = "ambient_visibility * " if dimmed else ""
-        light = FROM_SKY[plan.model].format(traced="traced" if scene.whitted else "0.0")
-        if multiple:
-            rest = "(1.0 - traced) * " if scene.whitted else ""
-            light = f"({light} + {rest}ms_albedo * sky_mean(surface.normal))"
+        light = reflection.sky("traced" if scene.whitted else "")
         text.add(f"    color += {factor}{light};", by="the sky's light", where=scene.where)
 
 

@@ -7,14 +7,20 @@ one ray waits for each surface on the current path.
 
 from __future__ import annotations
 
+import numpy as np
+
+from raymarch.expr.glsl import constant
+from raymarch.expr.node import const
 from raymarch.plan import Plan
+from raymarch.scene.bsdf import fresnel_dielectric
 from raymarch.scene.material import SMOOTH
-from raymarch.shader.chunk import Lines
+from raymarch.shader.bsdf import Reflection
+from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import add_fog, keep_direction
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
-def tree(text: Lines, plan: Plan) -> None:
+def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """The colour of a hit: direct light, and the light of reflected and refracted rays over up to n bounces."""
     mirrors = any(m.mirrors for m in plan.scene.materials)
     text.add("vec3 shade(Ray ray, Hit hit) {")
@@ -22,18 +28,19 @@ def tree(text: Lines, plan: Plan) -> None:
     text.add("    float first = hit.t;")
     keep_direction(text, plan.scene)
     if plan.glass is not None:
-        _branches(text, plan, mirrors)
+        values.functions.append(fresnel_dielectric)
+        _branches(text, plan, mirrors, reflection)
     else:
-        _chain(text, plan)
+        _chain(text, plan, reflection)
     add_fog(text, plan.scene, "first", "view")
     text.add("    return color;")
     text.add("}")
 
 
-def _chain(text: Lines, plan: Plan) -> None:
+def _chain(text: Lines, plan: Plan, reflection: Reflection) -> None:
     """The ray without glass: a single chain from mirror to mirror."""
     surface = surface_interaction_call(plan, "ray", "travelled")
-    solid = geometric_normal_of(plan)
+    solid, none = geometric_normal_of(plan), constant(const(np.zeros(reflection.per_lobe.shape)))
     for line in (
         "vec3 weight = vec3(1.0);",
         "float travelled = 0.0;",
@@ -41,8 +48,8 @@ def _chain(text: Lines, plan: Plan) -> None:
         "    travelled += hit.t;",
         f"    Surface surface = {surface};",
         "    surface.t = travelled;",
-        f"    float traced = bounce < {plan.scene.bounces} ? mirror_weight(surface.material) : 0.0;",
-        f"    vec3 reflection = {_traced(plan)} * mirror_reflectance(surface);",
+        f"    {reflection.per_lobe} traced = bounce < {plan.scene.bounces} ? {reflection.traced()} : {none};",
+        f"    vec3 reflection = {reflection.mirrored()};",
         *_regularized(plan, "    ", "bounce"),
         "    color += weight * direct_light(surface, traced);",
         "    weight *= reflection;",
@@ -60,7 +67,7 @@ def _chain(text: Lines, plan: Plan) -> None:
         text.add(f"    {line}")
 
 
-def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
+def _branches(text: Lines, plan: Plan, mirrors: bool, reflection: Reflection) -> None:
     """All rays of the tree, the newest first."""
     deepest = plan.scene.bounces
     surface = surface_interaction_call(plan, "at.ray", "at.travelled")
@@ -87,10 +94,11 @@ def _branches(text: Lines, plan: Plan, mirrors: bool) -> None:
         "    float transmission = at.side < 0.0 ? 1.0 : glass.transmission;",
     ):
         text.add(f"    {line}")
-    traced = f"at.bounce < {deepest} ? mirror_weight(surface.material) : 0.0" if mirrors else "0.0"
-    text.add(f"        float traced = {traced};")
+    none = constant(const(np.zeros(reflection.per_lobe.shape)))
+    traced = f"at.bounce < {deepest} ? {reflection.traced()} : {none}" if mirrors else none
+    text.add(f"        {reflection.per_lobe} traced = {traced};")
     if mirrors:
-        text.add(f"        vec3 reflection = {_traced(plan)} * mirror_reflectance(surface);")
+        text.add(f"        vec3 reflection = {reflection.mirrored()};")
     for line in _regularized(plan, "        ", "at.bounce"):
         text.add(line)
     if plan.scene.lights:
@@ -144,10 +152,5 @@ def _regularized(plan: Plan, indent: str, bounce: str) -> list[str]:
     """A light reflected by two mirrors would be a highlight far below a pixel. A larger roughness widens it."""
     if not plan.scene.lights or plan.model == "phong":
         return []
-    rough = "surface.material.roughness"
-    return [f"{indent}if ({bounce} > 0) {rough} = max({rough}, {2.0 * SMOOTH});"]
-
-
-def _traced(plan: Plan) -> str:
-    """The fraction of a surface's reflection that is traced, as GLSL text."""
-    return "traced * surface.material.physical" if plan.model == "mixed" else "traced"
+    rough = [f"surface.material.{name}" for name in plan.bsdf.rough]
+    return [f"{indent}if ({bounce} > 0) {name} = max({name}, {2.0 * SMOOTH});" for name in rough]

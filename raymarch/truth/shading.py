@@ -1,7 +1,8 @@
-"""Shading of surfaces in float64: Phong and microfacet models, shadows, emission, ambient occlusion, fog."""
+"""Shading of surfaces in float64: lights and sky on the scene's BSDF, shadows, emission, ambient occlusion, fog."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -9,20 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.scene.bsdf import BSDF, bsdf_of
 from raymarch.scene.light import Light, PointLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
+from raymarch.truth.bsdf import mirrored, reflect_light, reflect_sky, traced_lobes
 from raymarch.truth.field import Field
 from raymarch.truth.light import (
     DISC_SAMPLES,
     Incoming,
     area_samples,
-    directional_albedo,
     disc_samples,
     incoming,
-    microfacets,
-    multiscatter_albedo,
     soft_visibility,
 )
 from raymarch.truth.march import GAP, NOISE
@@ -82,10 +82,15 @@ class Surface:
         """Index of the material with the largest weight, (N,)."""
         return np.argmax(self.weights, axis=1)
 
-    def light(self, traced: Any = 0.0) -> Array:
+    @cached_property
+    def bsdf(self) -> BSDF:
+        """The BSDF of all materials."""
+        return bsdf_of(self.scene.materials, self.scene.quality)
+
+    def light(self, traced: Sequence[Array] | None = None) -> Array:
         """Outgoing radiance: emission and reflected light of emitters and sky, (N, 3).
 
-        traced : fraction of the specular reflection that a traced ray replaces, so the sky does not add it, (N, 1).
+        traced : fraction of each lobe that a traced ray replaces, so the sky does not add it, (N,); None for 0.
         """
         color = self.material_values["emission"] + self._from_sky(traced)
         for light in self.scene.lights:
@@ -130,32 +135,32 @@ class Surface:
             weights += decay**i
         return np.clip(1.0 - strength * missing / weights, 0.0, 1.0)[:, None]
 
-    def _from_sky(self, traced: Any) -> Array:
+    def _from_sky(self, traced: Sequence[Array] | None) -> Array:
         """Reflected light of the sky, see `Sky(light=True)`, (N, 3)."""
         sky, material, n = self.scene.sky, self.material_values, self.shading_normals
         if not sky.light:
             return np.zeros((len(self.depth), 3))
         light = sky.harmonics(self.values)
-        irradiance = np.maximum(harmonics_at(n) @ light, 0.0)
         n_dot_v = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
         reflected = self.directions + 2.0 * n_dot_v * n
-        masking = self.scene.quality.masking
-        rough, metal, color, f0 = self._roughness, material["metalness"], material["color"], material["f0"]
-        around = (
-            sky.radiance_along(reflected, self.values) * (1.0 - rough)
-            + np.maximum(harmonics_at(reflected) @ light, 0.0) * rough
+        skies = (
+            np.maximum(harmonics_at(n) @ light, 0.0),
+            np.broadcast_to(sky.radiance_along(reflected, self.values), n.shape),
+            np.maximum(harmonics_at(reflected) @ light, 0.0),
         )
-        base = f0 * (1.0 - metal) + color * metal
-        scale, bias = directional_albedo(n_dot_v, rough, masking)
-        albedo = base * scale + bias
-        transmitted = (1.0 - bias) * (1.0 - f0) * (1.0 - metal)
-        multiscatter: Any = 0.0
-        if self.scene.quality.energy_compensation:
-            multiscatter = irradiance * multiscatter_albedo(n_dot_v, color, metal, rough, masking)
-        glossy = (1.0 - traced) * (around * albedo + multiscatter) + irradiance * transmitted * color
-        ambient = material["ambient_visibility"] * self._ambient_occlusion
-        result: Array = ambient * (material["physical"] * glossy + (1.0 - material["physical"]) * color * irradiance)
+        if traced is None:
+            traced = [np.zeros(len(n)) for _ in self.traced_lobes()]
+        found = reflect_sky(self.bsdf, self._regularized, n, -self.directions, skies, traced)
+        result: Array = material["ambient_visibility"] * self._ambient_occlusion * found
         return result
+
+    def traced_lobes(self) -> list[Array]:
+        """Fraction of each lobe that Whitted ray tracing replaces by a mirror, (N,)."""
+        return traced_lobes(self.bsdf, self.material_values, self.shading_normals, -self.directions)
+
+    def mirrored(self, traced: Sequence[Array]) -> Array:
+        """Reflectance of the traced fractions of the lobes, (N, 3)."""
+        return mirrored(self.bsdf, self.material_values, self.shading_normals, -self.directions, traced)
 
     @cached_property
     def material_values(self) -> dict[str, Array]:
@@ -179,9 +184,10 @@ class Surface:
         return self.points - self.offset[:, None] * self.normals
 
     @property
-    def _roughness(self) -> Array:
-        """Roughness towards lights and sky, (N, 1)."""
-        return np.maximum(self.material_values["roughness"], self.min_roughness)
+    def _regularized(self) -> dict[str, Array]:
+        """The material values towards lights and sky, with their roughness bounded from below."""
+        material = self.material_values
+        return material | {name: np.maximum(material[name], self.min_roughness) for name in self.bsdf.rough}
 
     @cached_property
     def shading_normals(self) -> Array:
@@ -222,38 +228,13 @@ class Surface:
         )
 
     def _reflected(self, light: Light, incident: Incoming) -> Array:
-        """Reflected light from one direction: Phong and microfacets, blended by the weight of the physical model."""
+        """Reflected light from one direction, and the light that arrives from all directions."""
         n_dot_l = np.einsum("ij,ij->i", self.shading_normals, incident.direction)
         visible = self._visibility(light, incident, (n_dot_l > 0.0) & incident.radiance.any(axis=1))[:, None]
-        weight = self.material_values["physical"]
-        added = np.zeros_like(self.points)
-        if np.any(weight < 1.0):
-            added += (1.0 - weight) * self._phong(incident, n_dot_l[:, None], visible)
-        if np.any(weight > 0.0):
-            material = self.material_values
-            brdf = microfacets(
-                self.shading_normals,
-                -self.directions,
-                incident.direction,
-                material["color"],
-                material["metalness"],
-                self._roughness,
-                material["f0"],
-                self.scene.quality.masking,
-                self.scene.quality.energy_compensation,
-            )
-            added += weight * incident.radiance * visible * brdf
-        return added
-
-    def _phong(self, incident: Incoming, n_dot_l: Array, visible: Array) -> Array:
-        material = self.material_values
-        reflected = 2.0 * n_dot_l * self.shading_normals - incident.direction
-        r_dot_v = np.maximum(np.einsum("ij,ij->i", reflected, -self.directions)[:, None], 0.0)
-        specular = material["specular"] * r_dot_v ** material["shininess"] * (n_dot_l > 0.0)
-        direct = visible * (material["color"] * np.maximum(n_dot_l, 0.0) + specular)
-        result: Array = incident.radiance * (
-            material["ambient_visibility"] * self._ambient_occlusion * material["ambient"] * material["color"] + direct
-        )
+        frame = self.shading_normals, -self.directions, incident.direction
+        value, ambient = reflect_light(self.bsdf, self._regularized, *frame)
+        dimmed = self.material_values["ambient_visibility"] * self._ambient_occlusion * ambient
+        result: Array = incident.radiance * (dimmed + visible * value)
         return result
 
     def _visibility(self, light: Light, incident: Incoming, needed: NDArray[Any]) -> Array:

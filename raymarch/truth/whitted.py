@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.scene.bsdf import fresnel_dielectric
 from raymarch.scene.material import SMOOTH
+from raymarch.truth.bsdf import values_of
 from raymarch.truth.rays import Rays
 from raymarch.truth.shading import Surface
 from raymarch.truth.visibility import first_hits
@@ -22,20 +24,6 @@ MIN_ROUGHNESS = 2.0 * SMOOTH
 than a pixel."""
 
 
-def reflectance(cosine: Array, ratio: Array) -> Array:
-    """Fresnel reflectance of a dielectric interface for unpolarised light, (N,).
-
-    cosine : of the angle of incidence. ratio : index of refraction on the side of incidence over that on the other
-    side. Beyond the critical angle the reflectance is 1.
-    """
-    sine = ratio**2 * (1.0 - cosine**2)
-    beyond = np.sqrt(np.maximum(1.0 - sine, 0.0))
-    perpendicular = (ratio * cosine - beyond) / (ratio * cosine + beyond)
-    parallel = (cosine - ratio * beyond) / (cosine + ratio * beyond)
-    result: Array = np.where(sine >= 1.0, 1.0, 0.5 * (perpendicular**2 + parallel**2))
-    return result
-
-
 def radiance(surface: Surface, weight: Array | None = None, depth: int = 0) -> Array:
     """Outgoing radiance of a surface with its reflected and refracted rays, without fog, (N, 3).
 
@@ -46,24 +34,21 @@ def radiance(surface: Surface, weight: Array | None = None, depth: int = 0) -> A
     n, material, last = len(surface.depth), surface.material_values, depth == surface.scene.bounces
     weight = np.ones((n, 3)) if weight is None else weight
     transmission = np.ones(n) if surface.in_glass else material["transmission"][:, 0]
-    traced = np.zeros(n) if last else np.clip(2.0 - material["roughness"][:, 0] / SMOOTH, 0.0, 1.0)
+    traced = [np.zeros(n) if last else part for part in surface.traced_lobes()]
     color = np.zeros((n, 3))
     if np.any(transmission < 1.0):
-        color += (1.0 - transmission)[:, None] * surface.light(traced[:, None])
+        color += (1.0 - transmission)[:, None] * surface.light(traced)
     if np.any(transmission > 0.0) and not surface.in_glass:
         color += transmission[:, None] * (material["emission"] + surface.dielectric_highlights())
     if last:
         return color + transmission[:, None] * surface.scene.sky.radiance_along(surface.directions, surface.values)
     cosine = np.clip(-np.einsum("ij,ij->i", surface.shading_normals, surface.directions), 0.0, 1.0)
     ratio = material["ior"][:, 0] if surface.in_glass else 1.0 / material["ior"][:, 0]
-    fresnel = reflectance(cosine, ratio)
+    fresnel = values_of(fresnel_dielectric, cosine, ratio)
     throughput = weight.max(axis=1)
     fresnel = np.where(fresnel * throughput < THROUGHPUT_CUTOFF, 0.0, fresnel)
     fresnel = np.where((1.0 - fresnel) * throughput < THROUGHPUT_CUTOFF, 1.0, fresnel)
-    base = material["f0"] * (1.0 - material["metalness"]) + material["color"] * material["metalness"]
-    schlick = base + (1.0 - base) * ((1.0 - cosine) ** 5)[:, None]
-    specular_weight = (1.0 - transmission) * traced * material["physical"][:, 0]
-    reflected = (transmission * fresnel)[:, None] + specular_weight[:, None] * schlick
+    reflected = (transmission * fresnel)[:, None] + (1.0 - transmission)[:, None] * surface.mirrored(traced)
     refracted = np.broadcast_to((transmission * (1.0 - fresnel))[:, None], (n, 3))
     color += reflected * _trace_secondary(surface, weight * reflected, _reflect(surface, cosine), depth, crosses=False)
     directions = _refract(surface, cosine, ratio)

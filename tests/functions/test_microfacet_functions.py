@@ -2,38 +2,44 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from raymarch.expr.function import Function
+from raymarch.expr.node import const, expr, var
 from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import clamp, vec2
 from raymarch.gpu.context import Context
-from raymarch.truth.light import albedo_f90, microfacets
+from raymarch.scene.bsdf import (
+    Microfacets,
+    Phong,
+    albedo_f90,
+    fresnel_schlick,
+    mean_missing_albedo,
+    mean_missing_albedo_separable,
+    missing_albedo,
+    missing_albedo_separable,
+)
+from raymarch.truth.bsdf import values_of
 from tests.functions.directions import slanted
-from tests.support.glsl_harness import modules, run
+from tests.support.bsdf import VIEW, evaluated, material
+from tests.support.glsl_harness import evaluate, modules, run
 
 ULP = 2.0**-24
 ABOVE_ONE = 1 + 2.0**-22
 """A cosine of two unit vectors in float32, by rounding."""
 
-SEEN = "struct Surface { vec3 p; vec3 normal; vec3 view; float t; Material material; };\n"
-LIGHT = "struct Light { vec3 direction; float distance; vec3 radiance; };\n"
-PHYSICAL = (
-    "light/fresnel",
-    "light/d_ggx",
-    "light/correlated",
-    "light/albedo_f90",
-    "light/interface_transmittance",
-    "light/physical",
-)
 Z = np.array([0.0, 0.0, 1.0])
 
 
 def test_no_more_is_mirrored_than_comes(egl: Context) -> None:
     """Also for a normal that faces away from the eye, and a cosine that rounding has made more than 1."""
     cosine = np.array([-1.0, -0.5, 0.0, 0.25, 0.5, 1.0, ABOVE_ONE])
-    found = run(egl, modules("light/fresnel"), "fresnel_schlick(vec3(0.04, 0.5, 1.0), {0})", [(FLOAT, cosine)], 3)
     base = np.array([0.04, 0.5, 1.0])
+    found = evaluate(egl, fresnel_schlick, [np.tile(base, (len(cosine), 1)), cosine])
     known = base + (1 - base) * (np.clip(1 - cosine, 0, 1) ** 5)[:, None]
     np.testing.assert_allclose(found, known, rtol=16 * ULP)
 
@@ -41,50 +47,26 @@ def test_no_more_is_mirrored_than_comes(egl: Context) -> None:
 def test_grazing_light_is_a_share_up_to_a_cosine_above_one(egl: Context) -> None:
     for rough in (0.0, 0.5, 1.0):
         cosine = np.array([0.0, 1e-4, 0.1, 0.5, 1.0, ABOVE_ONE])
-        found = run(egl, modules("light/albedo_f90"), f"albedo_f90({{0}}, {rough})", [(FLOAT, cosine)])
-        np.testing.assert_allclose(
-            found, albedo_f90(cosine, np.full(6, rough)), rtol=1e-5, atol=1e-12
-        )  # pow is the driver's
+        found = evaluate(egl, albedo_f90, [cosine, np.full(6, rough)])
+        known = np.maximum(1 - cosine, 0) ** (5 + rough * (6.06 * rough - 7.04)) / (
+            1 + rough**2 * (6.6 + 17.43 * rough)
+        )
+        np.testing.assert_allclose(found, known, rtol=1e-5, atol=1e-12)  # pow is the driver's
 
 
 def test_facets_give_back_a_share_of_even_light(egl: Context) -> None:
     """Not less than nothing, and not more than all."""
     v, r = (a.ravel() for a in np.meshgrid([0.0, 1e-4, 0.01, 0.1, 0.5, 1.0, ABOVE_ONE], np.linspace(0, 1, 65)))
-    found = run(
-        egl,
-        modules("light/albedo_f90", "light/missing_correlated", "light/directional_albedo"),
-        "directional_albedo({0}, {1})",
-        [(FLOAT, v), (FLOAT, r)],
-        2,
-    )
+    symbols = var("v", FLOAT), var("r", FLOAT)
+    made = Function("both", symbols, vec2(*Microfacets().directional_albedo(*symbols)))
+    found = evaluate(egl, made, [v, r])
     assert np.all(np.isfinite(found)) and found.min() >= 0.0
     assert found.sum(axis=1).max() <= 1 + 4 * ULP
 
 
-def answer(
-    egl: Context, material: str, lights: ArrayLike, views: ArrayLike, visibility: float = 1.0
-) -> NDArray[np.float32]:
-    """What a surface whose normal is z sends to the eye of white light, by microfacets."""
-    text = modules("material/physical", before="") + modules(*PHYSICAL, before=SEEN + LIGHT)
-    surface = f"Surface(vec3(0), vec3(0, 0, 1), {{1}}, 1.0, {material})"
-    call = f"eval_microfacet({surface}, Light({{0}}, 1.0, vec3(1)), {visibility})"
-    return run(egl, text, call, [(VEC3, lights), (VEC3, views)], 3)
-
-
-def truth(
-    lights: NDArray[np.float64],
-    views: NDArray[np.float64],
-    color: ArrayLike,
-    metal: float,
-    rough: float,
-    f0: float,
-    several: bool = False,
-) -> NDArray[np.float64]:
-    """The same in float64."""
-    one, three = np.ones((len(lights), 1)), np.ones((len(lights), 3))
-    return microfacets(
-        three * Z, views, lights, three * color, metal * one, rough * one, three * f0, "correlated", several
-    )
+def values(color: ArrayLike, metalness: float, roughness: float, f0: float = 0.04) -> dict[str, Any]:
+    color = tuple(np.broadcast_to(color, 3).tolist())
+    return material(color=color, metalness=metalness, roughness=roughness, f0=(f0, f0, f0))
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.3, 1.0])
@@ -93,14 +75,12 @@ def test_microfacets_are_those_of_float64(egl: Context, roughness: float, metaln
     """A mirror too has a highlight: that of an alpha of 0.001."""
     lights = np.concatenate([slanted([1.0, 0.6, 0.28, 1e-3]), slanted([1.0, 0.6, 0.28], np.pi)])
     views = np.concatenate([slanted([1.0, 0.28, 0.6, 0.8], np.pi), slanted([1.0, 0.28, 0.96], 2.0)])
-    found = answer(egl, f"Material(vec3(0.8, 0.5, 0.2), {metalness}, {roughness}, vec3(0.04))", lights, views)
-    known = truth(lights, views, (0.8, 0.5, 0.2), metalness, roughness, 0.04)
+    given = values((0.8, 0.5, 0.2), metalness, roughness)
+    found = evaluated(egl, Microfacets(), given, lights, views)
+    known = evaluated(None, Microfacets(), given, lights, views)
     # Near a mirror the highlight's density follows the square of the facet's sine over alpha, known to some ulps.
     alpha = max(roughness**2, 1e-3)
     np.testing.assert_allclose(found, known, rtol=1e-5 + 16 * ULP / alpha, atol=1e-6)
-
-
-METAL = ("light/missing_correlated", "light/missing_mean_correlated", "light/multiscatter_albedo", "light/multiscatter")
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.3, 1.0])
@@ -108,12 +88,13 @@ def test_what_several_facets_mirror_is_that_of_float64(egl: Context, roughness: 
     """Up to light and eyes at the horizon, and of what is a metal in part."""
     lights = slanted([1.0, 0.6, 0.28, 1e-3, 0.0, -0.5])
     views = np.concatenate([slanted([1.0, 0.28, 0.6, 0.8], np.pi), slanted([0.5, 0.5])])
-    text = modules("material/physical") + modules(*METAL, before=SEEN + LIGHT)
-    made = f"Surface(vec3(0), vec3(0, 0, 1), {{1}}, 1.0, Material(vec3(1.0, 0.5, 0.2), 0.7, {roughness}, vec3(0.04)))"
-    call = f"multiscatter(multiscatter_albedo({made}), {made}, Light({{0}}, 1.0, vec3(1)), 1.0)"
-    found = run(egl, text, call, [(VEC3, lights), (VEC3, views)], 3)
-    every, once = (truth(lights, views, (1.0, 0.5, 0.2), 0.7, roughness, 0.04, several) for several in (True, False))
-    np.testing.assert_allclose(found, every - once, rtol=1e-3, atol=2e-6)
+    given = values((1.0, 0.5, 0.2), 0.7, roughness)
+    every, once = (evaluated(egl, Microfacets(compensated=several), given, lights, views) for several in (True, False))
+    known, alone = (
+        evaluated(None, Microfacets(compensated=several), given, lights, views) for several in (True, False)
+    )
+    found = every - once
+    np.testing.assert_allclose(found, known - alone, rtol=1e-3, atol=2e-6 + 1e-6 * once.max())
     assert not found[4:].any()
 
 
@@ -125,15 +106,22 @@ def test_what_facets_keep_is_the_integral_but_for_the_fit(
     roughness = np.array([0.07, 0.12, 0.2, 0.33, 0.5, 0.66, 0.8, 0.93, 1.0])
     cosine = np.array([1e-3, 0.004, 0.01, 0.03, 0.07, 0.15, 0.3, 0.5, 0.75, 1.0])
     c, r = (a.ravel() for a in np.meshgrid(cosine, roughness))
-    found = run(egl, modules(f"light/missing_{masking}"), "missing_albedo({0}, {1})", [(FLOAT, c), (FLOAT, r)])
+    missing, mean_of = FITS[masking]
+    found = values_of(missing, c, r)
     off = found.ravel() - [1.0 - given_back(*pair, masking) for pair in zip(c, r**2, strict=True)]
     assert -below <= off.min() and off.max() <= above, (off.min(), off.max())
     at = (np.arange(4000) + 0.5) / 4000
     c, r = (a.ravel() for a in np.meshgrid(at, roughness))
-    fit = run(egl, modules(f"light/missing_{masking}"), "missing_albedo({0}, {1})", [(FLOAT, c), (FLOAT, r)])
-    mean = run(egl, modules(f"light/missing_mean_{masking}"), "mean_missing_albedo({0})", [(FLOAT, roughness)])
+    fit = values_of(missing, c, r)
+    mean = evaluate(egl, mean_of, [roughness])
     known = 2 * np.mean(fit.reshape(len(roughness), -1) * at, axis=1)
     np.testing.assert_allclose(mean.ravel(), known, rtol=0.02)
+
+
+FITS = {
+    "correlated": (missing_albedo, mean_missing_albedo),
+    "separable": (missing_albedo_separable, mean_missing_albedo_separable),
+}
 
 
 def given_back(cosine: float, alpha: float, masking: str) -> float:
@@ -154,29 +142,29 @@ def given_back(cosine: float, alpha: float, masking: str) -> float:
 
 
 def test_a_surface_that_faces_away_from_light_is_dark(egl: Context) -> None:
-    material = "Material(vec3(0.8), 0.0, 0.5, vec3(0.04))"
     lights = np.concatenate([slanted([-1.0, -0.5, -1e-4, 0.0]), slanted([-0.5])])
-    assert not answer(egl, material, lights, np.broadcast_to(slanted([0.6], 1.0), (5, 3))).any()
-    assert not answer(egl, material, [Z], [Z], visibility=0.0).any()
+    views = np.broadcast_to(slanted([0.6], 1.0), (5, 3))
+    assert not evaluated(egl, Microfacets(), values(0.8, 0.0, 0.5), lights, views).any()
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.5])
 def test_a_surface_that_faces_away_from_the_eye_is_lit_as_edge_on(egl: Context, roughness: float) -> None:
     """A bent or numeric normal may; nothing then is less than 0."""
-    material = f"Material(vec3(0.8), 0.0, {roughness}, vec3(0.0))"
+    given = values(0.8, 0.0, roughness, 0.0)
     views = slanted([1e-4, -1e-3, -0.1, -0.3, -0.6], np.pi / 2)
     lights = np.broadcast_to(slanted([0.8]), (5, 3))
-    found = answer(egl, material, lights, views)
+    found = evaluated(egl, Microfacets(), given, lights, views)
     assert np.all(np.isfinite(found)) and found.min() >= 0.0
-    np.testing.assert_allclose(found, truth(lights, views, 0.8, 0.0, roughness, 0.0), rtol=1e-3)
+    np.testing.assert_allclose(found, evaluated(None, Microfacets(), given, lights, views), rtol=1e-3)
 
 
 def phong(egl: Context, lights: ArrayLike, views: ArrayLike) -> NDArray[np.float32]:
     """White light on a surface whose normal is z: ambient 0.125, colour 0.5, highlight 1 of exponent 4."""
-    text = modules("material/phong") + modules("light/phong", before=SEEN + LIGHT)
-    surface = "Surface(vec3(0), vec3(0, 0, 1), {1}, 1.0, Material(vec3(0.5), 4.0, 1.0, 0.125))"
-    call = f"eval_phong({surface}, Light({{0}}, 1.0, vec3(1)), 1.0)"
-    return run(egl, text, call, [(VEC3, lights), (VEC3, views)], 3)[:, 0]
+    given = {name: expr(v) for name, v in {"color": (0.5, 0.5, 0.5), "shininess": 4.0, "specular": 1.0}.items()}
+    given["ambient"] = expr(0.125)
+    ambient = Phong().ambient(given)
+    assert ambient is not None
+    return evaluated(egl, Phong(), given, lights, views)[:, 0] + float(ambient.data[0])
 
 
 def test_phong_has_highlights_where_light_is_only(egl: Context) -> None:
@@ -191,15 +179,12 @@ def test_phong_has_highlights_where_light_is_only(egl: Context) -> None:
 
 def test_a_white_sky_gives_no_more_than_it_has(egl: Context) -> None:
     """Also to what faces away from the eye."""
-    sky = "vec3 sky(vec3 d) { return vec3(1.0); }\nvec3 sky_mean(vec3 d) { return vec3(1.0); }\n"
-    text = modules("material/physical") + modules(
-        "light/albedo_f90", "light/missing_correlated", "light/directional_albedo", "sky/specular", before=SEEN + sky
-    )
     views = slanted([-1.0, -0.5, -1e-3, 0.0, 0.3, 1.0])
+    one = const((1.0, 1.0, 1.0))
     for rough in (0.0, 0.5, 1.0):
-        material = f"Material(vec3(1), 0.0, {rough}, vec3(0.04))"
-        call = f"specular_sky(Surface(vec3(0), vec3(0, 0, 1), {{0}}, 1.0, {material}), 0.0)"
-        found = run(egl, text, call, [(VEC3, views)], 3)
+        n_dot_v = clamp(VIEW.z, 0.0, 1.0)
+        made = Microfacets().reflect_sky(values(1.0, 0.0, rough), n_dot_v, one, one, one, [0.0])
+        found = evaluate(egl, Function("reflected", (VIEW,), made), [views])
         assert found.min() >= 0.0 and found.max() <= 1 + 16 * ULP
 
 

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from raymarch.expr.types import FLOAT, VEC2, VEC3, VEC4
+from raymarch.expr.function import Function
+from raymarch.expr.node import const, var
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import clamp
 from raymarch.gpu.context import Context
-from raymarch.truth.light import microfacets
-from raymarch.truth.whitted import THROUGHPUT_CUTOFF, reflectance
+from raymarch.scene.bsdf import Microfacets, fresnel_dielectric, sample_cosine, sample_visible_normal, to_world
+from raymarch.truth.whitted import THROUGHPUT_CUTOFF
 from tests.functions.directions import slanted
-from tests.support.glsl_harness import modules, run
+from tests.support.bsdf import VIEW, even, material, microfacets, sampled
+from tests.support.glsl_harness import evaluate, modules, run
 
 ULP = 2.0**-24
 LAST = 1 - ULP
@@ -29,25 +33,25 @@ def test_a_way_is_faint_by_its_brightest_colour(egl: Context) -> None:
 
 def test_all_is_mirrored_beyond_the_critical_angle(egl: Context) -> None:
     cosine, ratio = (a.ravel() for a in np.meshgrid([1e-3, 0.3, 0.6, 0.9, 1.0], [1 / 1.5, 1.5, 4.0]))
-    found = run(
-        egl, modules("path/fresnel_dielectric"), "fresnel_dielectric({0}, {1})", [(FLOAT, cosine), (FLOAT, ratio)]
-    )
-    np.testing.assert_allclose(found, reflectance(cosine, ratio), rtol=1e-5, atol=8 * ULP)
+    found = evaluate(egl, fresnel_dielectric, [cosine, ratio])
+    beyond = np.sqrt(np.maximum(1 - ratio**2 * (1 - cosine**2), 0))
+    upright, lying = ratio * cosine, ratio * beyond
+    known = 0.5 * (((upright - beyond) / (upright + beyond)) ** 2 + ((cosine - lying) / (cosine + lying)) ** 2)
+    np.testing.assert_allclose(found, known, rtol=1e-5, atol=8 * ULP)
     assert np.all(found[(ratio * ratio * (1 - cosine**2)) > 1] == 1.0)
-
-
-SURFACE = "struct Surface { vec3 p; vec3 normal; vec3 view; float t; Material material; };\n"
-DRAWN = "uniform float u_roughness;\nvec3 u_now;\nfloat random_of_pixel(int dimension) { return u_now[dimension]; }\n"
 
 
 def test_a_tree_follows_what_is_smooth(egl: Context) -> None:
     """All up to a roughness of 0.1, nothing from 0.2 on."""
-    text = modules("material/physical") + modules("light/fresnel", "path/mirror", before=SURFACE)
-    rough = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.5, 1.0])
-    found = run(egl, text, "mirror_weight(Material(vec3(1), 0.0, {0}, vec3(0.04)))", [(FLOAT, rough)])
+    rough = var("rough", FLOAT)
+    given = {**material(color=(1.0, 1.0, 1.0), metalness=0.0), "roughness": rough}
+    (share,) = Microfacets().traced(given, const(1.0))
+    found = evaluate(egl, Function("share", (rough,), share), [[0.0, 0.05, 0.1, 0.15, 0.2, 0.5, 1.0]])
     np.testing.assert_allclose(found, [1, 1, 1, 0.5, 0, 0, 0], atol=32 * ULP)
-    call = "mirror_reflectance(Surface(vec3(0), vec3(0, 0, 1), {0}, 1.0, Material(vec3(1), 0.0, 0.0, vec3(0.04))))"
-    found = run(egl, text, call, [(VEC3, slanted([1.0, 0.5, 0.0, -0.1, -1.0]))], 3)
+    made = Microfacets().mirrored(given, clamp(VIEW.z, 0.0, 1.0), [const(1.0)])
+    found = evaluate(
+        egl, Function("mirrored", (VIEW, rough), made), [slanted([1.0, 0.5, 0.0, -0.1, -1.0]), np.zeros(5)]
+    )
     known = 0.04 + 0.96 * np.array([0, 0.5, 1, 1, 1]) ** 5  # away from the eye as edge on
     np.testing.assert_allclose(found, np.repeat(known[:, None], 3, axis=1), rtol=16 * ULP)
 
@@ -55,8 +59,7 @@ def test_a_tree_follows_what_is_smooth(egl: Context) -> None:
 def test_a_basis_is_one_about_each_axis(egl: Context) -> None:
     """Also where one of the two formulas divides by 0."""
     for local in np.eye(3):
-        call = f"to_world({{0}}, vec3({local[0]}, {local[1]}, {local[2]}))"
-        found = run(egl, modules("path/lobes"), call, [(VEC3, AXES)], 3)
+        found = evaluate(egl, to_world, [AXES, np.broadcast_to(local, AXES.shape)])
         np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
         np.testing.assert_allclose(np.sum(found * AXES, axis=1), local[2], atol=8 * ULP)
 
@@ -64,8 +67,7 @@ def test_a_basis_is_one_about_each_axis(egl: Context) -> None:
 def test_a_matte_way_leaves_the_surface(egl: Context) -> None:
     """Up to the last random number; its cosine is sqrt(1 - u)."""
     for u in (0.0, 0.5, LAST):
-        call = f"sample_cosine({{0}}, vec2({u!r}, 0.3))"
-        found = run(egl, modules("path/lobes"), call, [(VEC3, AXES)], 3)
+        found = evaluate(egl, sample_cosine, [AXES, np.broadcast_to([u, 0.3], (len(AXES), 2))])
         np.testing.assert_allclose(np.sum(found * AXES, axis=1), np.sqrt(1 - u), atol=8 * ULP)
         assert np.all(np.sum(found * AXES, axis=1) > 0.0)
 
@@ -78,8 +80,8 @@ def test_a_facet_is_on_the_side_of_the_surface(egl: Context, alpha: float) -> No
     for u in (0.0, 2 * ULP, 0.25, 0.5, LAST):
         for turn in (0.0, 0.3, 0.5):
             drawn = np.broadcast_to([turn, u], (len(views), 2))  # as inputs, lest the compiler know them
-            call = f"sample_visible_normal(vec3(0, 0, 1), {{0}}, {alpha}, {{1}})"
-            found = run(egl, modules("path/lobes"), call, [(VEC3, views), (VEC2, drawn)], 3)
+            up = np.broadcast_to([0.0, 0.0, 1.0], views.shape)
+            found = evaluate(egl, sample_visible_normal, [up, views, np.full(len(views), alpha), drawn])
             np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)
             assert np.all(found[:, 2] > 0.0)
 
@@ -87,42 +89,19 @@ def test_a_facet_is_on_the_side_of_the_surface(egl: Context, alpha: float) -> No
 def test_a_facet_seen_from_behind_is_that_of_the_surface(egl: Context) -> None:
     """There is none to choose from; a mirror's are all along its normal."""
     for view in ([0.0, 0.0, -1.0], [0.6, 0.0, -0.8]):
-        found = run(
-            egl,
-            modules("path/lobes"),
-            "sample_visible_normal(vec3(0, 0, 1), {0}, 0.0001, vec2(0.3, 0.5))",
-            [(VEC3, [view])],
-            3,
-        )
+        found = evaluate(egl, sample_visible_normal, [[[0.0, 0.0, 1.0]], [view], [0.0001], [[0.3, 0.5]]])
         assert found[0, 2] > 0.99
 
 
-GLOSSY = (
-    "light/fresnel",
-    "light/correlated",
-    "light/albedo_f90",
-    "light/interface_transmittance",
-    "path/lobes",
-    "path/glossy",
-)
-
-
 def glossy(
-    egl: Context, material: str, views: ArrayLike, drawn: ArrayLike
+    egl: Context, views: ArrayLike, drawn: ArrayLike, color: float, metalness: float, roughness: float, f0: float = 0.04
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Directions, weights (red) and whether a way goes on, for eyes and random numbers, (N, 3); z is normal."""
-    after = f"""
-        vec4 gone(vec3 view, vec3 drawn) {{
-            u_now = drawn;
-            vec3 direction = vec3(0.0), weight = vec3(1.0);
-            Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), view, 1.0, {material});
-            bool goes = sample_microfacet(surface, 0, direction, weight);
-            return vec4(direction, goes ? weight.r : -1.0);
-        }}"""
-    text = modules("material/physical") + modules(*GLOSSY, before=SURFACE + DRAWN, after=after)
-    inputs = [(VEC3, views), (VEC3, drawn)]
-    found = run(egl, text, "gone({0}, {1})", inputs, 4, {"u_roughness": 0.0}).astype(np.float64)
-    return found[:, :3], found[:, 3], found[:, 3] != -1.0
+    drawn = np.asarray(drawn)
+    given = material(color=(color,) * 3, metalness=metalness, roughness=roughness, f0=(f0,) * 3)
+    u = {"direction": drawn[:, 1:], "lobe": drawn[:, 0]}
+    direction, weight = (part.astype(np.float64) for part in sampled(egl, Microfacets(), given, views, u))
+    return direction, weight[:, 0], weight.any(axis=1)
 
 
 def numbers(n: int, seed: int = 1) -> NDArray[np.float64]:
@@ -138,7 +117,7 @@ def test_a_metal_gives_back_no_more_than_it_gets(egl: Context, roughness: float)
     gives back all, and no sample is lost to a matte part that it does not have."""
     cosines = np.tile([1.0, 0.5, 0.01, 1e-4, 0.0, -0.01, -0.3, -1.0], 256)
     views = slanted(cosines)
-    direction, weight, goes = glossy(egl, f"Material(vec3(1), 1.0, {roughness}, vec3(0.04))", views, numbers(2048))
+    direction, weight, goes = glossy(egl, views, numbers(2048), 1.0, 1.0, roughness)
     assert np.all(np.isfinite(direction)) and np.all(np.isfinite(weight))
     assert np.all(direction[goes, 2] > 0.0)
     assert np.all((weight[goes] >= 0.0) & (weight[goes] <= 1 + 16 * ULP))
@@ -152,7 +131,7 @@ def test_a_metal_gives_back_no_more_than_it_gets(egl: Context, roughness: float)
 
 def test_a_mirror_seen_along_itself_is_one(egl: Context) -> None:
     views = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.8, 0.0]])
-    direction, weight, _ = glossy(egl, "Material(vec3(1), 1.0, u_roughness, vec3(0.04))", views, np.full((3, 3), 0.5))
+    direction, weight, _ = glossy(egl, views, np.full((3, 3), 0.5), 1.0, 1.0, 0.0)
     assert np.all(np.isfinite(direction)) and np.all(np.isfinite(weight))
     np.testing.assert_allclose(direction, -views, atol=1e-3)
 
@@ -161,16 +140,16 @@ def test_both_parts_of_a_surface_are_asked_one_time_in_twenty(egl: Context) -> N
     """Also where a part is nothing at right angles: for other facets it may be more, and its ways weigh too much."""
     drawn = [[0.04, 0.5, 0.25], [0.96, 0.5, 0.25]]
     up = [[0.0, 0.0, 1.0]] * 2
-    mirror = glossy(egl, "Material(vec3(1), 0.0, 0.0, vec3(0))", up, drawn)[0]
+    mirror = glossy(egl, up, drawn, 1.0, 0.0, 0.0, 0.0)[0]
     assert mirror[0, 2] > 0.9999 and mirror[1, 2] < 0.99
-    matte = glossy(egl, "Material(vec3(0.0001), 0.0, 0.0, vec3(0.9))", up, drawn)[0]
+    matte = glossy(egl, up, drawn, 0.0001, 0.0, 0.0, 0.9)[0]
     assert matte[0, 2] > 0.9999 and matte[1, 2] < 0.99
 
 
 def test_a_surface_of_no_light_at_all_gives_none(egl: Context) -> None:
     """Black and without reflection at right angles, neither part has a share."""
     drawn = numbers(64)
-    weight = glossy(egl, "Material(vec3(0), 0.0, 0.5, vec3(0))", np.broadcast_to([0.0, 0.0, 1.0], (64, 3)), drawn)[1]
+    weight = glossy(egl, np.broadcast_to([0.0, 0.0, 1.0], (64, 3)), drawn, 0.0, 0.0, 0.5, 0.0)[1]
     assert np.all(np.isfinite(weight))
 
 
@@ -201,9 +180,7 @@ def test_ways_bring_what_the_surface_reflects(egl: Context, roughness: float, co
     n = 2**16
     drawn = (np.arange(n)[:, None] * (0.8191725134, 0.6710436067, 0.5497004779) + 0.5) % 1.0  # even points of a cube
     views = np.broadcast_to(slanted(cosine), (n, 3))
-    _, weight, goes = glossy(
-        egl, f"Material(vec3({color}), 0.0, {roughness}, vec3(0.04))", views, np.minimum(drawn, LAST)
-    )
+    _, weight, goes = glossy(egl, views, np.minimum(drawn, LAST), color, 0.0, roughness)
     found, known = np.where(goes, weight, 0.0).mean(), integral(cosine, roughness, color)
     np.testing.assert_allclose(found, known, rtol=5e-3)
     if color == 1.0:
@@ -266,19 +243,6 @@ def test_glass_thinner_than_where_a_ray_starts_has_an_end(egl: Context) -> None:
     assert found and abs(t - 1) < 2e-4
 
 
-METAL = (
-    *("light/missing_correlated", "light/missing_mean_correlated", "light/multiscatter_albedo", "light/fresnel"),
-    *(
-        "light/correlated",
-        "light/albedo_f90",
-        "light/interface_transmittance",
-        "path/lobes",
-        "path/glossy",
-        "path/metal",
-    ),
-)
-
-
 @pytest.mark.parametrize(("metalness", "color"), [(1.0, 1.0), (1.0, 0.4), (0.5, 0.8)])
 @pytest.mark.parametrize(("roughness", "cosine"), [(0.1, 0.02), (0.3, 0.15), (0.6, 0.9), (1.0, 0.5)])
 def test_ways_from_metal_bring_what_it_reflects(
@@ -286,23 +250,12 @@ def test_ways_from_metal_bring_what_it_reflects(
 ) -> None:
     """Also what several facets mirror: the mean of the weights is the integral of the reflectance, in float64."""
     n = 2**16
-    drawn = (np.arange(n)[:, None] * (0.8191725134, 0.6710436067, 0.5497004779, 0.4503599627) + 0.5) % 1.0
-    after = f"""
-        vec4 gone(vec3 view, vec4 drawn) {{
-            u_now = drawn;
-            vec3 direction = vec3(0.0), weight = vec3(1.0);
-            Material material = Material(vec3({color}), {metalness}, {roughness}, vec3(0.04));
-            Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), view, 1.0, material);
-            bool goes = from_metal(surface, 0, direction, weight);
-            return vec4(direction, goes ? weight.r : 0.0);
-        }}"""
-    numbers = "vec4 u_now;\nfloat random_of_pixel(int dimension) { return u_now[dimension == 6 ? 3 : dimension]; }\n"
-    text = modules("material/physical") + modules(*METAL, before=SURFACE + numbers, after=after)
+    given = material(color=(color,) * 3, metalness=metalness, roughness=roughness)
     views = np.broadcast_to(slanted(cosine), (n, 3))
-    found = run(egl, text, "gone({0}, {1})", [(VEC3, views), (VEC4, np.minimum(drawn, LAST))], 4).astype(np.float64)
-    assert np.all(np.isfinite(found)) and found[:, 3].min() >= 0.0
+    _, weight = sampled(egl, Microfacets(compensated=True), given, views, even(n, "direction", "lobe", "several"))
+    assert np.all(np.isfinite(weight)) and weight.min() >= 0.0
     expected = scattered(cosine, roughness, metalness, color)
-    np.testing.assert_allclose(found[:, 3].mean(), expected, rtol=1.5e-2)
+    np.testing.assert_allclose(weight[:, 0].astype(np.float64).mean(), expected, rtol=1.5e-2)
 
 
 def scattered(cosine: float, roughness: float, metalness: float, color: float) -> float:

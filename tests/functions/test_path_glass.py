@@ -6,30 +6,18 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.function import Function
+from raymarch.expr.node import const, var
+from raymarch.expr.types import FLOAT, VEC2, VEC3
+from raymarch.expr.vocabulary import get
 from raymarch.gpu.context import Context
-from tests.support.glsl_harness import modules, run
+from raymarch.scene.bsdf import over_dielectric, sample_rough_dielectric
+from tests.support.bsdf import Z as UP
+from tests.support.bsdf import material
+from tests.support.glsl_harness import evaluate
 
 ULP = 2.0**-24
 PI = float(np.pi)
-GIVEN = """
-uniform float u_roughness;
-uniform float u_side;
-uniform float u_ior;
-vec3 u_now;
-float random_of_pixel(int dimension) { return dimension == 4 ? u_now.z : dimension == 1 ? u_now.x : u_now.y; }
-struct Surface { vec3 p; vec3 normal; vec3 view; float t; Material material; };
-"""
-AFTER = """
-vec4 gone(vec3 view, vec3 drawn, bool weighed) {
-    u_now = drawn;
-    vec3 direction = vec3(0.0), weight = vec3(1.0);
-    Material skin = Material(vec3(0.0), 0.0, u_roughness, vec3(0.0));
-    Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), view, 1.0, skin);
-    float side = u_side;
-    bool goes = sample_rough_dielectric(surface, Glass(1.0, u_ior, vec3(0.0)), 0, side, direction, weight);
-    return weighed ? vec4(goes ? weight.r : -1.0, side, 0.0, 0.0) : vec4(direction, 0.0);
-}"""
 
 
 def frosted(
@@ -37,15 +25,13 @@ def frosted(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Directions, weights, and whether the side changed, for eyes and random numbers, (N, 3); z is the normal. A way
     that does not go on has the weight 0."""
-    text = modules("material/physical") + modules(
-        "path/fresnel_dielectric", "path/lobes", "path/rough_dielectric", before=GIVEN, after=AFTER
-    )
-    inputs, uniforms = [(VEC3, views), (VEC3, drawn)], {"u_roughness": roughness, "u_side": side, "u_ior": ior}
-    where = run(egl, text, "gone({0}, {1}, false)", inputs, 4, uniforms).astype(np.float64)
-    weighed = run(egl, text, "gone({0}, {1}, true)", inputs, 4, uniforms).astype(np.float64)
-    goes = weighed[:, 0] != -1.0
-    assert np.all(np.isfinite(where)) and np.all(np.isfinite(weighed))
-    return where[:, :3], np.where(goes, weighed[:, 0], 0.0), goes & (weighed[:, 1] != side)
+    drawn = np.asarray(drawn)
+    symbols = [var(name, type) for name, type in (("view", VEC3), ("u", VEC2), ("choice", FLOAT))]
+    found = sample_rough_dielectric(UP, symbols[0], ior, side, roughness, *symbols[1:])
+    parts = (Function("part", tuple(symbols), get(found, name)) for name in ("direction", "weight"))
+    direction, weight = (evaluate(egl, part, [views, drawn[:, :2], drawn[:, 2]]).astype(np.float64) for part in parts)
+    assert np.all(np.isfinite(direction)) and np.all(np.isfinite(weight))
+    return direction, weight[:, 0], (weight[:, 0] > 0.0) & (direction[:, 2] < 0.0)
 
 
 def eye(cosine: float) -> NDArray[np.float64]:
@@ -149,23 +135,18 @@ def test_smooth_glass_is_what_is_left_at_a_roughness_of_0(egl: Context, side: fl
 
 def test_a_glazed_material_answers_by_its_shares(egl: Context) -> None:
     """What it mirrors at right angles, and what it spreads, are the sums of the two; also if all is mirrored."""
-    text = modules(
-        "material/physical",
-        "path/fresnel_dielectric",
-        "path/dielectric",
-        before="uniform float u_metalness, u_f0;",
-        after="""Material made(vec3 color, float share) {
-            return as_dielectric(Material(color, u_metalness, 0.3, vec3(u_f0)), Glass(1.0, 1.6, vec3(0.0)), share);
-        }""",
-    )
     color = np.random.default_rng(2).random((64, 3))
     share = np.linspace(0.0, 1.0, 64)
     coat = (0.6 / 2.6) ** 2
     for metalness, f0 in ((0.0, 0.04), (0.4, 0.1), (1.0, 0.04), (0.0, 1.0)):
-        given = [(VEC3, color), (FLOAT, share)], 3, {"u_metalness": metalness, "u_f0": f0}
-        mirrored = run(egl, text, "made({0}, {1}).f0", *given).astype(np.float64)
-        spread = run(egl, text, "made({0}, {1}).color", *given).astype(np.float64)
-        metal = run(egl, text, "vec3(made({0}, {1}).metalness)", *given)
+        symbols = var("color", VEC3), var("share", FLOAT)
+        values = {**material(metalness=metalness, roughness=0.3, f0=(f0, f0, f0)), "color": symbols[0]}
+        made = over_dielectric(values, const(1.6), symbols[1])
+        mirrored, spread = (
+            evaluate(egl, Function("part", symbols, made[name]), [color, share]).astype(np.float64)
+            for name in ("f0", "color")
+        )
+        metal = made["metalness"].data
         own = f0 * (1.0 - metalness) + color * metalness
         known = own + share[:, None] * (coat - own)
         np.testing.assert_allclose(mirrored, known, atol=8 * ULP)

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raymarch as rm
-from raymarch.truth.light import microfacets
 from tests.lab.ztest import Verdict, our_batches, verdict
+from tests.support.bsdf import microfacets
 
 PI = math.pi
 CAMERA = {"position": (0.4, 2.2, 4.5), "target": (0.1, 0.4, 0.0), "fov": 40.0}

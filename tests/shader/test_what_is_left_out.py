@@ -99,7 +99,7 @@ def test_a_plain_scene_has_no_texture_and_no_uniform_of_an_effect() -> None:
         "u_sky_light",
         "sampler",
         "ambient_occlusion",
-        "microfacet",
+        "fresnel",
         "d_ggx",
         "emission",
         "shadow",
@@ -107,5 +107,5 @@ def test_a_plain_scene_has_no_texture_and_no_uniform_of_an_effect() -> None:
     ):
         assert word not in text
     assert not shader.samples and len(plan(raymarch.Scene(raymarch.sphere())).passes) == 1
-    assert "light/physical" not in shader.modules
-    assert glsl.load("light/physical").gives == {"eval_microfacet"}
+    assert "path/sample" not in shader.modules
+    assert glsl.load("path/sample").gives == {"BsdfSample"}

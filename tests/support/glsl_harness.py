@@ -145,9 +145,11 @@ def evaluate(
     """Values of a function of the expression language, as the GPU computes them from its printed text."""
     arguments = ", ".join(f"{{{i}}}" for i in range(len(inputs)))
     printed = print_functions([function])
+    types = {t for f in printed.names for t in (f.type, *(p.type for p in f.params)) if t.fields}
+    structs = [f"struct {t} {{ {' '.join(f'{kind} {name};' for name, kind in t.fields)} }};\n" for t in types]
     return run(
         context,
-        text_of(printed),
+        "".join(structs) + text_of(printed),
         f"{printed.names[function]}({arguments})",
         [(p.type, values) for p, values in zip(function.params, inputs, strict=True)],
         function.type.size,

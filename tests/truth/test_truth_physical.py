@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from raymarch.expr.arrays import value_of
+from raymarch.expr.node import expr
 from raymarch.expr.vocabulary import step
 from raymarch.scene import Camera, Material, PointLight, Quality, Scene, SphereLight, SpotLight, Sun
+from raymarch.scene.bsdf import Microfacets, albedo_f90
 from raymarch.sdf import box, plane, sphere, union
 from raymarch.truth import truth
-from raymarch.truth.light import albedo_f90, directional_albedo, microfacets
+from raymarch.truth.bsdf import values_of
+from tests.support.bsdf import microfacets
 from tests.support.refusals import refused
 
 ABOVE = Camera((0, 5, 0), (0, 0, 0), up=(0, 0, 1))
@@ -139,7 +143,7 @@ def test_the_furnace_as_a_fit() -> None:
     """What the sky's light uses in place of the integral, at every roughness and angle."""
     for rough in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0):
         for seen in (0.05, 0.15, 0.3, 0.6, 0.95):
-            share, edge = (float(x) for x in directional_albedo(np.float64(seen), np.float64(rough), "correlated"))
+            share, edge = (float(value_of(x)) for x in Microfacets().directional_albedo(expr(seen), expr(rough)))
             assert abs(share + edge - albedo(seen, 1.0, 1.0, rough, "correlated", several=False)) < 0.012, (rough, seen)
             assert abs(0.04 * share + edge - albedo(seen, 0.04, 1.0, rough, "correlated", several=False)) < 0.06, (
                 rough,
@@ -151,9 +155,7 @@ def test_what_facets_give_back_at_grazing_angles_as_a_fit() -> None:
     """Of a surface whose f0 is 0; too little would let a white one give back more than it gets."""
     for rough in (0.05, 0.2, 0.4, 0.6, 0.8, 1.0):
         for seen in (0.05, 0.15, 0.3, 0.6, 0.95):
-            over = float(albedo_f90(np.float64(seen), np.float64(rough))) - albedo(
-                seen, 0.0, 1.0, rough, "correlated", False
-            )
+            over = float(values_of(albedo_f90, seen, rough)) - albedo(seen, 0.0, 1.0, rough, "correlated", False)
             assert -0.003 <= over <= (0.03 if seen > 0.1 else 0.1), (rough, seen)
 
 

@@ -1,7 +1,0 @@
-// A Phong material.
-struct Material {
-    vec3 color;
-    float shininess;
-    float specular;
-    float ambient;
-};

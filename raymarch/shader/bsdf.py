@@ -1,0 +1,203 @@
+"""Generated functions of the scene's BSDF, which read its values from the structs of the shader."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from types import CodeType
+
+from raymarch.expr.function import Function, trace
+from raymarch.expr.node import Expr, construct, var
+from raymarch.expr.operations import operations
+from raymarch.expr.types import FLOAT, VEC3, Type, struct, vector
+from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
+from raymarch.expr.walk import free_variables
+from raymarch.plan import Plan
+from raymarch.plan.lights import LIGHT
+from raymarch.scene import bsdf as definitions
+from raymarch.scene.bsdf import BSDF, RANDOM, over_dielectric
+from raymarch.shader.chunk import Chunk, Mapped, Values
+
+GLASS = struct("Glass", (("transmission", FLOAT), ("ior", FLOAT), ("absorption", VEC3)))
+"""The struct of a material that transmits light; see glsl/material/glass.glsl."""
+
+DIMENSIONS = {"direction": (1, 2), "lobe": (0,), "model": (5,), "several": (6,), "coat": (7,)}
+"""The random dimensions of a sample, after the first one of a surface."""
+
+INLINED = 24
+"""Operations of a BSDF up to which it needs no function of its own: it costs no more than to choose not to call it."""
+
+CODES: Sequence[CodeType] = tuple(
+    method.__code__
+    for _, kind in inspect.getmembers(definitions, lambda x: inspect.isclass(x) and issubclass(x, BSDF))
+    for _, method in inspect.getmembers(kind, inspect.isfunction)
+)
+"""The code whose local variables name those of the generated functions."""
+
+
+def material_of(plan: Plan) -> Type:
+    """The struct Material of a scene."""
+    assert plan.material is not None
+    made = plan.material.type
+    return dict(made.fields).get("material", made)
+
+
+def material_struct(plan: Plan) -> Chunk:
+    """The declaration of the struct Material."""
+    fields = [f"    {type} {name};" for name, type in material_of(plan).fields]
+    lines = ("// A material, as the BSDF reads it.", "struct Material {", *fields, "};")
+    return Chunk.of("material", [Mapped(line, "materials") for line in lines])
+
+
+class Reflection:
+    """The functions of a plan's BSDF. Each is added to `values` when a call of it is first written.
+
+    The texts that methods return are calls in GLSL. They read the variables `surface`, `outside` and those of
+    `prepare`.
+    """
+
+    def __init__(self, plan: Plan, values: Values) -> None:
+        self.bsdf, self.values, self.material = plan.bsdf, values, material_of(plan)
+        self.surface = struct("Surface", (("normal", VEC3), ("view", VEC3), ("material", self.material)))
+        self.outside = plan.glass is not None and plan.model == "mixed" and bool(plan.scene.lights)
+        surface = {"surface": var("surface", self.surface)}
+        self.prepared: dict[str, Type] = {}
+        self.prepared = {name: value.type for name, value in self.bsdf.prepare(*self._at(surface)).items()}
+        known = surface | {name: var(name, type) for name, type in self.prepared.items()}
+        self.lobes = len(self.bsdf.lobes(self._at(known)[0], var("n_dot_v", FLOAT)))
+        self._made: dict[str, Function] = {}
+
+    def prepare(self) -> list[str]:
+        """The lines that compute what depends on the view alone."""
+        lines = []
+        for name, type in self.prepared.items():
+            call = self._call(f"prepare_{name}", {}, lambda s, name=name: self.bsdf.prepare(*self._at(s))[name])
+            lines.append(f"{type} {name} = {call};")
+        return lines
+
+    def light(self, visibility: str) -> str:
+        """Reflected radiance of `light`."""
+        return self._call("reflect_light", {"light": (LIGHT, "light"), "visibility": (FLOAT, visibility)}, self._light)
+
+    def _light(self, symbols: Mapping[str, Expr]) -> Expr:
+        values, normal, _ = self._at(symbols)
+        light, visibility, ambient = symbols["light"], symbols["visibility"], self.bsdf.ambient(values)
+        direction = get(light, "direction")
+        value = self._eval({**symbols, "direction": direction})
+        if operations([value]) > INLINED:
+            self._call("eval_bsdf", {"direction": (VEC3, "")}, self._eval)
+            made = self._made["eval_bsdf"]
+            value = made(*[symbols.get(p.data, direction) for p in made.params])
+        dark = (dot(normal, direction) <= 0.0) | (visibility <= 0.0)  # the call is then not evaluated
+        lit = where(dark, vec3(0.0), visibility * value)
+        return get(light, "radiance") * (lit if ambient is None else ambient + lit)
+
+    def _eval(self, symbols: Mapping[str, Expr]) -> Expr:
+        return self.bsdf.eval(*self._at(symbols), symbols["direction"])
+
+    def sky(self, traced: str) -> str:
+        """Reflected light of the sky. `traced`: the fractions of the lobes that rays trace; "" for none."""
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            values, normal, view = self._at(symbols)
+            skies = (symbols[name] for name in ("mean", "mirrored", "blurred"))
+            done = self._split(symbols["traced"]) if traced else [0.0] * self.lobes
+            return self.bsdf.reflect_sky(values, _cosine(normal, view), *skies, done)
+
+        given = {
+            "mean": (VEC3, "sky_mean(surface.normal)"),
+            "mirrored": (VEC3, "sky(reflect(-surface.view, surface.normal))"),
+            "blurred": (VEC3, "sky_mean(reflect(-surface.view, surface.normal))"),
+            "traced": (self.per_lobe, traced),
+        }
+        return self._call("reflect_sky", given, made)
+
+    @property
+    def per_lobe(self) -> Type:
+        """The type of one number for each lobe."""
+        return vector(max(self.lobes, 1))
+
+    def traced(self) -> str:
+        """The fractions of the lobes that Whitted ray tracing replaces by mirrors."""
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            values, normal, view = self._at(symbols)
+            each = self.bsdf.traced(values, _cosine(normal, view))
+            return construct(*each) if len(each) > 1 else each[0]
+
+        return self._call("mirror_weight", {}, made)
+
+    def mirrored(self) -> str:
+        """Reflectance of the fractions `traced` of the lobes."""
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            values, normal, view = self._at(symbols)
+            return self.bsdf.mirrored(values, _cosine(normal, view), self._split(symbols["traced"]))
+
+        return self._call("mirror_reflectance", {"traced": (self.per_lobe, "traced")}, made)
+
+    def sample(self) -> str:
+        """A random direction, a BsdfSample; reads the variable `dimension`."""
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            return self.bsdf.sample(*self._at(symbols), type(RANDOM)(*(symbols[p.data] for p in RANDOM)))
+
+        given = {}
+        for name, p in zip(RANDOM._fields, RANDOM, strict=True):
+            numbers = [
+                f"random_of_pixel(dimension + {k})" if k else "random_of_pixel(dimension)" for k in DIMENSIONS[name]
+            ]
+            given[p.data] = p.type, numbers[0] if p.type is FLOAT else f"{p.type}({', '.join(numbers)})"
+        return self._call("sample_bsdf", given, made)
+
+    def over_dielectric(self, share: str) -> str:
+        """The struct Material of which a share is the outside of glass; reads the variable `glass`."""
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            material, glass = symbols["material"], symbols["glass"]
+            values = over_dielectric(self._values(material), get(glass, "ior"), symbols["share"])
+            return record(self.material, *(values[name] for name, _ in self.material.fields))
+
+        given = {"material": (self.material, "surface.material"), "glass": (GLASS, "glass"), "share": (FLOAT, share)}
+        return self._call("as_dielectric", given, made)
+
+    # Functions
+
+    def _values(self, material: Expr) -> dict[str, Expr]:
+        return {name: get(material, name) for name, _ in self.material.fields}
+
+    def _at(self, symbols: Mapping[str, Expr]) -> tuple[dict[str, Expr], Expr, Expr]:
+        """The values of the BSDF, the normal and the direction of the view."""
+        surface = symbols["surface"]
+        values = self._values(get(surface, "material"))
+        if "outside" in symbols:
+            values |= {f"outside {name}": value for name, value in self._values(symbols["outside"]).items()}
+        values |= {name: symbols[name] for name in self.prepared if name in symbols}
+        return values, get(surface, "normal"), get(surface, "view")
+
+    def _split(self, traced: Expr) -> list[Expr]:
+        return [traced] if self.lobes == 1 else [traced[i] for i in range(self.lobes)]
+
+    def _call(
+        self, name: str, given: Mapping[str, tuple[Type, str]], make: Callable[[Mapping[str, Expr]], Expr]
+    ) -> str:
+        """A call of a function, which is made once.
+
+        given : types and texts of the arguments that it may read besides the surface, by name.
+        """
+        known = {"surface": (self.surface, "surface")}
+        if self.outside and name in ("eval_bsdf", "reflect_light"):
+            known["outside"] = (self.material, "outside")
+        known |= {n: (type, n) for n, type in self.prepared.items()} | dict(given)
+        if name not in self._made:
+            types = [(n, type) for n, (type, _) in known.items()]
+            traced = trace(name, lambda *symbols: make(dict(zip(known, symbols, strict=True))), types, *CODES)
+            read = free_variables([traced.body])
+            params = tuple(p for p in traced.params if p in read)
+            self._made[name] = Function(name, params, traced.body, traced.names)
+            self.values.functions.append(self._made[name])
+        return f"{name}({', '.join(known[p.data][1] for p in self._made[name].params)})"
+
+
+def _cosine(normal: Expr, view: Expr) -> Expr:
+    return clamp(dot(normal, view), 0.0, 1.0)
