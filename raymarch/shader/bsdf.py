@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import CodeType
 
 from raymarch.expr.function import Function, trace
@@ -71,9 +72,12 @@ class Reflection:
         """The lines that compute what depends on the view alone."""
         lines = []
         for name, type in self.prepared.items():
-            call = self._call(f"prepare_{name}", {}, lambda s, name=name: self.bsdf.prepare(*self._at(s))[name])
-            lines.append(f"{type} {name} = {call};")
+            make = partial(self._prepared, name)
+            lines.append(f"{type} {name} = {self._call(f'prepare_{name}', {}, make)};")
         return lines
+
+    def _prepared(self, name: str, symbols: Mapping[str, Expr]) -> Expr:
+        return self.bsdf.prepare(*self._at(symbols))[name]
 
     def light(self, visibility: str) -> str:
         """Reflected radiance of `light`."""
@@ -100,9 +104,9 @@ class Reflection:
 
         def made(symbols: Mapping[str, Expr]) -> Expr:
             values, normal, view = self._at(symbols)
-            skies = (symbols[name] for name in ("mean", "mirrored", "blurred"))
+            mean, mirrored, blurred = (symbols[name] for name in ("mean", "mirrored", "blurred"))
             done = self._split(symbols["traced"]) if traced else [0.0] * self.lobes
-            return self.bsdf.reflect_sky(values, _cosine(normal, view), *skies, done)
+            return self.bsdf.reflect_sky(values, _cosine(normal, view), mean, mirrored, blurred, done)
 
         given = {
             "mean": (VEC3, "sky_mean(surface.normal)"),

@@ -37,8 +37,8 @@ def _compiled(bsdf: BSDF, method: str, names: tuple[str, ...], lobes: int) -> Ca
     if method == "eval":
         made: Sequence[Expr | None] = [bsdf.eval(values, normal, view, symbols["light"]), bsdf.ambient(values)]
     elif method == "reflect_sky":
-        skies = (symbols[name] for name in ("mean", "mirrored", "blurred"))
-        made = [bsdf.reflect_sky(values, n_dot_v, *skies, traced)]
+        mean, around, blurred = (symbols[name] for name in ("mean", "mirrored", "blurred"))
+        made = [bsdf.reflect_sky(values, n_dot_v, mean, around, blurred, traced)]
     elif method == "traced":
         made = bsdf.traced(values, n_dot_v)
     else:

@@ -7,21 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 import raymarch as rm
-from raymarch import glsl
-from raymarch.expr.types import FLOAT, VEC3
 from raymarch.gpu.prepare import frame_uniforms, prepare
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
+from raymarch.scene.bsdf import d_ggx, fresnel_dielectric, v_smith, v_smith_separable
 from raymarch.scene.parameter import Values
 from tests.hard.world import ULP, Figure, World, case
 from tests.support.analytic import unit
-from tests.support.glsl_harness import run
+from tests.support.glsl_harness import evaluate
 
 MATT = rm.Material((1, 1, 1), specular=0.0, ambient=0.0)
-
-
-def module(name: str) -> str:
-    return "\n".join(glsl.load(name).lines)
 
 
 @case(29, "secondary rays", before="all of 2,968 rays without an offset; 20 with one of 1e-4")
@@ -52,12 +47,7 @@ def refraction(world: World) -> Iterator[Figure]:
     """At total internal reflection the refracted direction is a zero vector, and inside the solid the sign of the field
     is inverted. In a white furnace glass must be invisible, whichever path the light takes."""
     cosine, ratio = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 201), [1 / 4, 1 / 1.5, 1.0, 1.5, 4.0]))
-    found = run(
-        world.context,
-        module("path/fresnel_dielectric"),
-        "fresnel_dielectric({0}, {1})",
-        [(FLOAT, cosine), (FLOAT, ratio)],
-    )
+    found = evaluate(world.context, fresnel_dielectric, [cosine, ratio])
     outside = int(np.sum(~((found >= 0) & (found <= 1 + 8 * ULP))))
     yield Figure("reflectances outside of the legal range", outside, 0, "0 to 1, and 1 beyond the critical angle")
     glass = rm.Material(albedo=(1, 1, 1), transmission=1.0, roughness=0.0)
@@ -109,9 +99,9 @@ def mirror(world: World) -> Iterator[Figure]:
         h = np.stack([tangent, np.zeros_like(u), np.ones_like(u)], axis=-1) / np.sqrt(1 + tangent**2)[:, None]
         h = h.astype(np.float32).astype(np.float64)
         cosine, sine = h[:, 2], np.hypot(h[:, 0], h[:, 1])
-        true = alpha**2 / (np.pi * (sine**2 + (alpha * cosine) ** 2) ** 2)
-        call = f"d_ggx(vec3(0.0, 0.0, 1.0), {{0}}, {alpha!r})"
-        found = run(world.context, module("light/d_ggx"), call, [(VEC3, h)])
+        true = alpha**2 / (sine**2 + (alpha * cosine) ** 2) ** 2  # times pi
+        up = np.broadcast_to([0.0, 0.0, 1.0], h.shape)
+        found = evaluate(world.context, d_ggx, [up, h, np.full(len(h), alpha)])
         bad += int(np.sum(~np.isfinite(found)))
         worst = max(worst, float(np.max(np.abs(found / true - 1))))
     yield Figure("densities that are not finite", bad, 0, "a floor under the spread")
@@ -137,7 +127,7 @@ def grazing_energy(world: World) -> Iterator[Figure]:
     """A microfacet model with the wrong masking function reflects more light than arrives."""
     n = 64
     u, v = (x.ravel() for x in np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n))
-    for form in ("correlated", "separable"):
+    for form, smith in (("correlated", v_smith), ("separable", v_smith_separable)):
         worst = 0.0
         for alpha in (0.1, 0.5, 1.0):
             for seen in (0.02, 0.1, 0.5, 1.0):
@@ -147,12 +137,8 @@ def grazing_energy(world: World) -> Iterator[Figure]:
                 eye = np.array([np.sqrt(1 - seen**2), 0, seen])
                 both = h @ eye
                 facing = (2 * both[:, None] * h - eye)[:, 2]
-                masks = run(
-                    world.context,
-                    module(f"light/{form}"),
-                    f"v_smith({{0}}, {seen!r}, {alpha!r})",
-                    [(FLOAT, np.maximum(facing, 1e-6))],
-                )
+                given = [np.maximum(facing, 1e-6), np.full(len(facing), seen), np.full(len(facing), alpha)]
+                masks = evaluate(world.context, smith, given)
                 weight = np.where((facing > 0) & (both > 0), masks * 4 * facing * both / cosine, 0)
                 worst = max(worst, float(weight.mean()))
         yield Figure(
