@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from raymarch.errors import Location
 from raymarch.plan import lights
+from raymarch.scene.bsdf import BSDF, bsdf_of
 from raymarch.scene.light import KINDS, Light
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
@@ -124,6 +125,10 @@ def features(scene: Scene) -> list[Feature]:
     why = "Quality(energy_compensation=False)" if not scene.quality.energy_compensation else "metal receives no light"
     why = "no material is a metal" if metal is None else why
     feature("multiple scattering", compensated(scene), "a material is a metal", why, _place(metal))
+    for layer in BSDF.__subclasses__():
+        if layer.LABEL:
+            used = any(isinstance(part, layer) for part in bsdf_of(others, scene.quality).layers)
+            feature(layer.LABEL, used, "a material has one", "no material has one")
     patterned = next((m for m in others if m.patterned), None)
     why = "no material has a value that is a function of the position"
     feature("patterns", patterned is not None, "a material has one", why, _place(patterned))

@@ -11,7 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 from raymarch.expr.function import Function, function, sum_of
 from raymarch.expr.node import Expr, Operand, expr, var
@@ -33,7 +33,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.scene.material import PHONG, PHYSICAL, SMOOTH, Material
+from raymarch.scene.material import COAT, PHONG, PHYSICAL, SMOOTH, Material
 from raymarch.scene.quality import Quality
 
 Values: TypeAlias = Mapping[str, Expr]
@@ -288,6 +288,10 @@ def _divided(sample: Expr, chance: Expr) -> Expr:
     return record(SAMPLE, get(sample, "direction"), get(sample, "weight") / chance)
 
 
+def _scaled(sample: Expr, factor: Expr) -> Expr:
+    return record(SAMPLE, get(sample, "direction"), get(sample, "weight") * factor)
+
+
 @function(normal=VEC3, view=VEC3, ior=FLOAT, side=FLOAT, roughness=FLOAT, u=VEC2, choice=FLOAT)
 def sample_rough_dielectric(
     normal: Expr, view: Expr, ior: Expr, side: Expr, roughness: Expr, u: Expr, choice: Expr
@@ -337,6 +341,14 @@ class Lobe(NamedTuple):
 
 class BSDF(ABC):
     """How a surface reflects light. Normal, view and light are unit vectors that point away from the surface."""
+
+    LABEL: ClassVar[str] = ""
+    """What `explain` calls it, if it is a feature of its own."""
+
+    @property
+    def layers(self) -> tuple[BSDF, ...]:
+        """The BSDF and those that it contains."""
+        return (self,)
 
     @property
     @abstractmethod
@@ -468,6 +480,11 @@ class Microfacets(BSDF):
         distribution = d_ggx(normal, half_vector, alpha) * smith(n_dot_l, n_dot_v, alpha)
         return distribution * fresnel_schlick(f0, dot(half_vector, view))
 
+    def reflection(self, normal: Expr, view: Expr, f0: Expr, roughness: Expr, u: Expr) -> Expr:
+        """A sample of single scattering by microfacets."""
+        reflect = sample_reflection if self.masking == "correlated" else sample_reflection_separable
+        return reflect(normal, view, f0, _alpha(roughness), u)
+
     def directional_albedo(self, n_dot_v: Expr, roughness: Expr) -> tuple[Expr, Expr]:
         """Directional albedo of single scattering: f0 times the first value plus the second."""
         whole = 1.0 - self.missing(n_dot_v, roughness)
@@ -499,8 +516,7 @@ class Microfacets(BSDF):
         """The specular, the diffuse or the multiply scattered part, with probabilities by their albedos."""
         n_dot_v, roughness = max(dot(normal, view), LEAST_COSINE), values["roughness"]
         chance, diffuse = self._chance(values, n_dot_v)
-        reflect = sample_reflection if self.masking == "correlated" else sample_reflection_separable
-        glossy = reflect(normal, view, _base(values), _alpha(roughness), random.direction)
+        glossy = self.reflection(normal, view, _base(values), roughness, random.direction)
         matte = sample_diffuse(normal, n_dot_v, roughness, diffuse, random.direction)
         found = where(random.lobe < chance, _divided(glossy, chance), _divided(matte, 1.0 - chance))
         if not self.compensated:
@@ -568,7 +584,99 @@ def over_dielectric(values: Values, ior: Expr, share: Expr) -> dict[str, Expr]:
     """
     diffuse = (1.0 - share) * (1.0 - values["metalness"]) * (1.0 - values["f0"]) * values["color"]
     f0 = mix(_base(values), vec3(fresnel_dielectric(1.0, 1.0 / ior)), share)
-    return {**values, "f0": f0, "color": diffuse / max(1.0 - f0, 1e-6), "metalness": expr(0.0)}
+    changed = {"f0": f0, "color": diffuse / max(1.0 - f0, 1e-6), "metalness": expr(0.0)}
+    if "clearcoat" in values:  # the outside of glass has no coat
+        changed["clearcoat"] = (1.0 - share) * values["clearcoat"]
+    return {**values, **changed}
+
+
+COAT_F0 = 0.04
+"""Reflectance of the clear coat at normal incidence: that of the index of refraction 1.5."""
+
+
+@dataclass(frozen=True)
+class Coated(BSDF):
+    """A clear coat over a physical BSDF, with the values of KHR_materials_clearcoat of glTF.
+
+    The coat is a dielectric with GGX microfacets and the reflectance `COAT_F0`. Light passes it twice: the base is
+    multiplied by the transmittance 1 - clearcoat E of both directions, where E is the directional albedo of the coat.
+    So the whole is reciprocal and reflects no more light than arrives. (glTF multiplies by one factor, of the view.)
+    Light that is reflected back into the base is lost.
+    """
+
+    base: Microfacets
+
+    LABEL = "clear coat"
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        return (*self.base.fields, *COAT)
+
+    @property
+    def rough(self) -> tuple[str, ...]:
+        return (*self.base.rough, "clearcoat_roughness")
+
+    @property
+    def layers(self) -> tuple[BSDF, ...]:
+        return (self, *self.base.layers)
+
+    def _transmittance(self, values: Values, cosine: Expr) -> Expr:
+        scale, bias = self.base.directional_albedo(cosine, values["clearcoat_roughness"])
+        return 1.0 - values["clearcoat"] * (COAT_F0 * scale + bias)
+
+    def _mean_transmittance(self, values: Values) -> Expr:
+        """The cosine-weighted mean of the transmittance."""
+        roughness = values["clearcoat_roughness"]
+        bias = _mean_albedo_f90(roughness)
+        scale = max(1.0 - self.base.mean_missing(roughness) - bias, 0.0)
+        return 1.0 - values["clearcoat"] * (COAT_F0 * scale + bias)
+
+    def prepare(self, values: Values, normal: Expr, view: Expr) -> dict[str, Expr]:
+        return self.base.prepare(values, normal, view)
+
+    def eval(self, values: Values, normal: Expr, view: Expr, light: Expr) -> Expr:
+        n_dot_l, n_dot_v = dot(normal, light), max(dot(normal, view), LEAST_COSINE)
+        transmittance = self._transmittance(values, n_dot_l) * self._transmittance(values, n_dot_v)
+        coat = self.base.specular(normal, view, light, values["clearcoat_roughness"], vec3(COAT_F0))
+        return transmittance * self.base.eval(values, normal, view, light) + n_dot_l * values["clearcoat"] * coat
+
+    def _chance(self, values: Values, n_dot_v: Expr) -> Expr:
+        """The probability of the coat: its albedo over the sum with the colour of the base."""
+        albedo = 1.0 - self._transmittance(values, n_dot_v)
+        base = (1.0 - albedo) * (dot(values["color"], vec3(1.0 / 3.0)) + COAT_F0)
+        return where(albedo > 0.0, clamp(albedo / (albedo + base), 0.05, 0.95), 0.0)
+
+    def sample(self, values: Values, normal: Expr, view: Expr, random: Random) -> Expr:
+        n_dot_v, roughness = max(dot(normal, view), LEAST_COSINE), values["clearcoat_roughness"]
+        chance = self._chance(values, n_dot_v)
+        coat = self.base.reflection(normal, view, vec3(COAT_F0), roughness, random.direction)
+        below = self.base.sample(values, normal, view, random)
+        n_dot_l = max(dot(normal, get(below, "direction")), LEAST_COSINE)
+        passed = self._transmittance(values, n_dot_l) * self._transmittance(values, n_dot_v)
+        # The probability of the base is at least 0.05 where it is sampled.
+        rest = _scaled(below, passed / max(1.0 - chance, 0.05))
+        return where(random.coat < chance, _scaled(coat, values["clearcoat"] / max(chance, 0.05)), rest)
+
+    def pdf(self, values: Values, normal: Expr, view: Expr, light: Expr) -> Expr:
+        chance = self._chance(values, max(dot(normal, view), LEAST_COSINE))
+        coat = pdf_reflected(normal, view, light, _alpha(values["clearcoat_roughness"]))
+        return mix(self.base.pdf(values, normal, view, light), coat, chance)
+
+    def lobes(self, values: Values, n_dot_v: Expr) -> list[Lobe]:
+        roughness, weight = values["clearcoat_roughness"], values["clearcoat"]
+        view, mean = self._transmittance(values, n_dot_v), self._mean_transmittance(values)
+        mirror = weight * fresnel_schlick(vec3(COAT_F0), n_dot_v)
+        scale, bias = self.base.directional_albedo(n_dot_v, roughness)
+        coat = Lobe(roughness, vec3(weight * (COAT_F0 * scale + bias)), mirror)
+        below = [
+            lobe.scaled(view * mix(view, mean, lobe.roughness), (1.0 - mirror) * (1.0 - mirror), view * mean)
+            for lobe in self.base.lobes(values, n_dot_v)
+        ]
+        return [*below, coat]
+
+    def diffuse_albedo(self, values: Values, n_dot_v: Expr) -> Expr:
+        passed = self._transmittance(values, n_dot_v) * self._mean_transmittance(values)
+        return passed * self.base.diffuse_albedo(values, n_dot_v)
 
 
 @dataclass(frozen=True)
@@ -589,6 +697,10 @@ class Blend(BSDF):
     @property
     def rough(self) -> tuple[str, ...]:
         return (*self.phong.rough, *self.physical.rough)
+
+    @property
+    def layers(self) -> tuple[BSDF, ...]:
+        return (self, *self.phong.layers, *self.physical.layers)
 
     def prepare(self, values: Values, normal: Expr, view: Expr) -> dict[str, Expr]:
         return self.phong.prepare(values, normal, view) | self.physical.prepare(values, normal, view)
@@ -626,7 +738,8 @@ class Blend(BSDF):
 def bsdf_of(materials: Sequence[Material], quality: Quality) -> BSDF:
     """The BSDF of all materials of a scene."""
     compensated = quality.energy_compensation and any(m.metallic for m in materials)
-    physical: BSDF = Microfacets(quality.masking, compensated)
+    base = Microfacets(quality.masking, compensated)
+    physical = Coated(base) if any(m.coated for m in materials) else base
     kinds = {m.physical for m in materials}
     if kinds == {True}:
         return physical

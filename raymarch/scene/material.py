@@ -30,13 +30,14 @@ SMOOTH = 0.1
 it the weight of the reflection falls linearly to 0 at twice this roughness, so that roughness maps show no edges."""
 
 GLASS = ("transmission", "ior", "absorption")
+COAT = ("clearcoat", "clearcoat_roughness")
 RELIEF = ("bump_gradient", "ambient_visibility")
 """The fields of maps: the gradient that perturbs the normal, and the visibility for ambient light, 0 to 1."""
 
 MADE = {"albedo": "color", "occlusion": "ambient_visibility"}
 """Parameters that shading reads under another name."""
 
-FIELDS = (*MIXED, "emission", *GLASS, *RELIEF)
+FIELDS = (*MIXED, "emission", *GLASS, *COAT, *RELIEF)
 
 
 @value
@@ -64,6 +65,9 @@ class Material(Value):
     ior : physical. Index of refraction inside a material that transmits, in [1, 4]. Default 1.5.
     absorption : physical. Absorption coefficient per unit of length inside: exp(-absorption) of the light is left after
         one unit. A number or linear RGB, >= 0. Default 0.
+    clearcoat : physical. Weight of a clear coat over the surface, as varnish on wood, in [0, 1]. Default 0, which costs
+        nothing. The coat has an index of refraction of 1.5. The emission is not under it.
+    clearcoat_roughness : physical. Roughness of the coat, from 0 (a mirror) to 1. Default 0.
     normal : a normal map, made by `planar(...)` or `triplanar(...)`. None for no map.
     normal_strength : factor of the slopes of the normal map, in [0, 100].
     height : a height map, or a function of the point that gives heights. The normal is perturbed as if the surface were
@@ -84,7 +88,8 @@ class Material(Value):
     The physical model is that of Cook and Torrance (1982): GGX distribution (Walter et al. 2007), height-correlated
     Smith masking (Heitz 2014), Schlick's Fresnel term (1994), and a diffuse term for the light that passes through the
     microfacets twice (Kelemen and Szirmay-Kalos 2001). So a white surface conserves energy, also at grazing angles.
-    Metals include multiple scattering between microfacets (Kulla and Conty 2017).
+    Metals include multiple scattering between microfacets (Kulla and Conty 2017). `clearcoat` and `clearcoat_roughness`
+    are those of glTF's KHR_materials_clearcoat, with energy-conserving layers; see `raymarch/scene/bsdf.py`.
 
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """
@@ -108,6 +113,8 @@ class Material(Value):
         transmission: FloatOrTexture | None = None,
         ior: FloatOrTexture | None = None,
         absorption: ColorOrTexture | None = None,
+        clearcoat: FloatOrTexture | None = None,
+        clearcoat_roughness: FloatOrTexture | None = None,
         normal: Texture | None = None,
         normal_strength: Scalar = 1.0,
         height: Texture | Callable[[Expr], Operand] | Expr | None = None,
@@ -120,6 +127,7 @@ class Material(Value):
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
         physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}
         physical |= {"transmission": transmission, "ior": ior, "absorption": absorption}
+        physical |= {"clearcoat": clearcoat, "clearcoat_roughness": clearcoat_roughness}
         phong, physical = _without_unset(phong), _without_unset(physical)
         is_physical = any(v is not None for v in physical.values())
         _refuse_both(phong, physical)
@@ -143,6 +151,8 @@ class Material(Value):
             "transmission": material_value("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
             "ior": material_value("ior", _or(ior, 1.5), 1, 1.0, 4.0),
             "absorption": material_value("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
+            "clearcoat": material_value("clearcoat", _or(clearcoat, 0.0), 1, 0.0, 1.0),
+            "clearcoat_roughness": material_value("clearcoat_roughness", _or(clearcoat_roughness, 0.0), 1, 0.0, 1.0),
             "bump_gradient": bump_gradient(normal, normal_strength, raised, height_scale),
             "ambient_visibility": material_value("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
         }
@@ -271,6 +281,21 @@ class Material(Value):
         return self._fields["absorption"]
 
     @property
+    def clearcoat(self) -> Expr:
+        """Weight of the clear coat."""
+        return self._fields["clearcoat"]
+
+    @property
+    def clearcoat_roughness(self) -> Expr:
+        """Roughness of the clear coat."""
+        return self._fields["clearcoat_roughness"]
+
+    @property
+    def coated(self) -> bool:
+        """True if the weight of the clear coat may be above 0 somewhere."""
+        return not self.clearcoat.is_constant or float(self.clearcoat.data) > 0.0
+
+    @property
     def frosted(self) -> bool:
         """True if the material transmits and may be rough somewhere."""
         roughness = self._fields["roughness"]
@@ -298,9 +323,11 @@ class Material(Value):
     @property
     def mirrors(self) -> bool:
         """True if it may be so smooth somewhere that Whitted ray tracing traces its reflection; see `SMOOTH`."""
-        roughness, transmission = self._fields["roughness"], self._fields["transmission"]
+        transmission = self._fields["transmission"]
         clear = transmission.is_constant and float(transmission.data) == 1.0
-        return self.physical and not clear and (not roughness.is_constant or float(roughness.data) < 2.0 * SMOOTH)
+        lobes = [self.roughness, *([self.clearcoat_roughness] if self.coated else [])]
+        smooth = any(not r.is_constant or float(r.data) < 2.0 * SMOOTH for r in lobes)
+        return self.physical and not clear and smooth
 
     @property
     def patterned(self) -> bool:
@@ -342,6 +369,8 @@ _UNSET = {
     "transmission": (expr(0.0),),
     "ior": (expr(1.5),),
     "absorption": (expr((0.0, 0.0, 0.0)),),
+    "clearcoat": (expr(0.0),),
+    "clearcoat_roughness": (expr(0.0),),
 }
 
 

@@ -48,6 +48,7 @@ PHYSICAL: dict[str, Range] = {
     "f0": (0.0, 1.0),
     "emission": (0.0, None),
 }
+COATED: dict[str, Range] = {**PHYSICAL, "clearcoat": (0.0, 1.0), "clearcoat_roughness": (0.0, 1.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +193,14 @@ def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
 
 def editable_material(material: Material) -> dict[str, Any]:
     """The values of a material that are numbers or parameters, by name."""
-    ranges = PHYSICAL if material.physical else PHONG
-    return {name: _plain(material_value(material, name)) for name in ranges}
+    return {name: _plain(material_value(material, name)) for name in _ranges(material)}
+
+
+def _ranges(material: Material) -> dict[str, Range]:
+    """The editable values of a material. One without a clear coat gets none, because it would cost time."""
+    if not material.physical:
+        return PHONG
+    return COATED if material.coated else PHYSICAL
 
 
 def material_value(material: Material, name: str) -> Any:
@@ -231,7 +238,7 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
     for index, values in materials.items():
         if index < len(scene.materials):
             old = scene.materials[index]
-            ranges = PHYSICAL if old.physical else PHONG
+            ranges = _ranges(old)
             new = {
                 name: Param(material_name(index, name), value, *ranges[name])
                 for name, value in values.items()
