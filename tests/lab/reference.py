@@ -20,8 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raymarch as rm
+from raymarch.expr.arrays import evaluator
+from raymarch.scene.bsdf import Microfacets
 from tests.lab.ztest import Verdict, our_batches, verdict
-from tests.support.bsdf import microfacets
+from tests.support.bsdf import LIGHT, VIEW, Z, material
 
 PI = math.pi
 CAMERA = {"position": (0.4, 2.2, 4.5), "target": (0.1, 0.4, 0.0), "fov": 40.0}
@@ -257,6 +259,9 @@ def theirs(mi: Any, name: str, width: int, seed: int = 0, samples: int | None = 
 def _register(mi: Any) -> None:
     """Our dielectric as a BSDF of Mitsuba's: only evaluated, for lights that have a direction."""
 
+    given = material(color=(0.7, 0.3, 0.2), metalness=0.0, roughness=0.45)
+    value = evaluator([Microfacets().eval(given, Z, VIEW, LIGHT)], [VIEW, LIGHT])
+
     class Dielectric(mi.BSDF):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
             mi.BSDF.__init__(self, props)
@@ -264,13 +269,10 @@ def _register(mi: Any) -> None:
             self.m_flags, self.m_components = flags, [flags]
 
         def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            wi = np.array([[float(si.wi[k]) for k in range(3)]])
-            to = np.array([[float(wo[k]) for k in range(3)]])
-            if wi[0, 2] <= 0 or to[0, 2] <= 0:
+            wi, to = np.array([float(si.wi[k]) for k in range(3)]), np.array([float(wo[k]) for k in range(3)])
+            if wi[2] <= 0 or to[2] <= 0:
                 return mi.Color3f(0.0)
-            normal, tint, f0 = np.array([[0.0, 0.0, 1.0]]), np.array([[0.7, 0.3, 0.2]]), np.full((1, 3), 0.04)
-            found = microfacets(normal, wi, to, tint, np.zeros((1, 1)), np.full((1, 1), 0.45), f0, "correlated")
-            return mi.Color3f(*(found[0] / PI).tolist())
+            return mi.Color3f(*(value(wi, to)[0] / PI).tolist())
 
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return 0.0

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.node import expr
 from raymarch.gpu.context import Context
+from raymarch.scene.bsdf import Coated, Microfacets
+from tests.functions.directions import slanted
 from tests.lab.reference import SCENES, compare, judged, ours, theirs
 from tests.lab.ztest import verdict
+from tests.support.bsdf import evaluated, material
 
 WIDTH = 32
 
@@ -42,6 +47,30 @@ def test_our_pixels_differ_from_mitsubas_by_no_more_than_noise(name: str, mitsub
         found = judged(mitsuba, renderer, name, batches=24, samples=16)
     assert found.pixels > 300
     assert found.different == 0 and found.whole < 4.0, found
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.7])
+@pytest.mark.parametrize("coat", [0.2, 0.5])
+def test_the_lobes_of_a_clear_coat_are_mitsubas(mitsuba: Any, roughness: float, coat: float) -> None:
+    """Its value is T(light) T(view) times Mitsuba's white rough conductor of the base, plus Schlick's reflectance times
+    that of the coat; `test_clear_coat` judges the transmittance T."""
+    bsdf = Coated(Microfacets("separable"))
+    given = material(color=(1.0, 1.0, 1.0), metalness=1.0, roughness=roughness, clearcoat=0.7, clearcoat_roughness=coat)
+    for light, view in (((0.9, 0.0), (0.6, 0.0)), ((0.5, 2.0), (0.8, 0.5)), ((0.4, 3.0), (0.45, 0.1))):
+        to, eye = slanted(*light), slanted(*view)
+        half = (to + eye) / np.linalg.norm(to + eye)
+        base, over = (_rough_conductor(mitsuba, alpha**2, eye, to) for alpha in (roughness, coat))
+        passed = [float(evaluator([bsdf._transmittance(given, expr(c))], [])()[0]) for c in (to[2], eye[2])]
+        known = passed[0] * passed[1] * base + 0.7 * (0.04 + 0.96 * (1 - half @ eye) ** 5) * over
+        found = evaluated(None, bsdf, given, to[None], eye[None])[0] / np.pi
+        np.testing.assert_allclose(found, known, rtol=1e-5)
+
+
+def _rough_conductor(mi: Any, alpha: float, view: Any, light: Any) -> float:
+    bsdf = mi.load_dict({"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": alpha})
+    si = mi.SurfaceInteraction3f()
+    si.wi = mi.Vector3f(*view.tolist())
+    return float(bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(*light.tolist()))[0])
 
 
 def test_the_test_of_significance_sees_what_it_should() -> None:

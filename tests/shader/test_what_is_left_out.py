@@ -76,6 +76,10 @@ def test_deleted_modules_that_a_scene_does_not_call_for_change_no_byte(tmp_path:
     assert json.loads(done.stdout) == expected
 
 
+GOLD = raymarch.sphere().material(raymarch.Material(albedo=(1, 0.8, 0.3)))
+COATED = raymarch.sphere().material(raymarch.Material(albedo=(1, 0.8, 0.3), clearcoat=0.0, clearcoat_roughness=0.2))
+
+
 @pytest.mark.parametrize(
     ("plain", "with_it"),
     [
@@ -83,11 +87,13 @@ def test_deleted_modules_that_a_scene_does_not_call_for_change_no_byte(tmp_path:
         ({"lights": [raymarch.Sun(shadow=True)]}, {"lights": [raymarch.Sun(shadow=True, softness=0)]}),
         ({"sky": (0.1, 0.2, 0.3)}, {"sky": raymarch.Sky((0.1, 0.2, 0.3), light=False)}),
         ({}, {"tone": raymarch.ToneMapping("agx", 2, dither=True)}),
+        ({"node": GOLD}, {"node": COATED}),
         ({"lights": []}, {"lights": [], "occlusion": raymarch.AmbientOcclusion()}),
     ],
 )
 def test_an_effect_turned_off_is_one_never_had(plain: dict[str, object], with_it: dict[str, object]) -> None:
-    texts = [assemble(plan(raymarch.Scene(raymarch.sphere(), **parts))).text() for parts in (plain, with_it)]  # type: ignore[arg-type]
+    node = {"node": raymarch.sphere()}
+    texts = [assemble(plan(raymarch.Scene(**{**node, **parts}))).text() for parts in (plain, with_it)]  # type: ignore[arg-type]
     assert texts[0] == texts[1]
 
 

@@ -126,6 +126,9 @@ def scenes() -> dict[str, rm.Scene]:
     glass = rm.Material(transmission=1, ior=1.5, absorption=(0.1, 0.2, 0.3))
     made["matte bounces"] = rm.Scene(solid() | rm.plane(offset=-1), bounces=1, sky=rm.GradientSky())
     made["glossy bounces"] = rm.Scene(rm.sphere().material(gold), bounces=2, lights=[])
+    varnished = rm.Material(albedo=TINT, clearcoat=GAP, clearcoat_roughness=0.05)
+    made["clear coat"] = rm.Scene(rm.sphere().material(varnished), sky=rm.GradientSky(light=True))
+    made["clear coat and phong"] = rm.Scene(rm.union(rm.sphere().material(varnished), solid(), k=0.2), bounces=1)
     made["glass"] = rm.Scene(rm.sphere().material(glass) | rm.plane(offset=-1).material(gold), fog=rm.Fog())
     made["glass and phong"] = rm.Scene(
         rm.union(rm.sphere().material(glass), solid(), k=0.2), occlusion=rm.AmbientOcclusion()
@@ -135,6 +138,7 @@ def scenes() -> dict[str, rm.Scene]:
     made["frosted glass and phong"] = rm.Scene(rm.union(rm.sphere().material(frosted), solid(), k=0.2), bounces=2)
     made["frosted glass unlit"] = rm.Scene(rm.sphere().material(frosted), lights=[], sky=rm.GradientSky())
     tree, mirror = rm.Quality(integrator="whitted"), rm.Material(albedo=(0.9, 0.9, 0.9), metalness=1, roughness=0)
+    made["tree of a clear coat"] = rm.Scene(rm.sphere().material(varnished) | solid(), quality=tree, bounces=2)
     row = rm.sphere().material(glass) | rm.sphere().material(mirror).translate((3, 0, 0))
     sky = rm.GradientSky(light=True)
     made["tree"] = rm.Scene(row | solid().translate((0, 0, -3)), bounces=3, quality=tree, sky=sky, fog=rm.Fog())

@@ -16,7 +16,7 @@ from raymarch.expr.node import const, expr
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
-from raymarch.scene.bsdf import BSDF, Blend, Microfacets, Phong
+from raymarch.scene.bsdf import BSDF, Blend, Coated, Microfacets, Phong
 from tests.functions.directions import slanted
 from tests.support.bsdf import density, evaluated, material, sampled
 from tests.truth.lobes import random_of_pixel
@@ -61,6 +61,10 @@ BSDFS: Mapping[str, tuple[BSDF, Mapping[str, Any]]] = {
     "metal": (Microfacets(), material(color=(0.9, 0.9, 0.9), metalness=1.0, roughness=0.7)),
     "separable": (Microfacets("separable"), material(color=(0.9, 0.9, 0.9), metalness=1.0, roughness=0.8)),
     "compensated": (Microfacets(compensated=True), material(color=(0.9, 0.9, 0.9), metalness=0.8, roughness=0.9)),
+    "coated": (
+        Coated(Microfacets(compensated=True)),
+        material(color=(0.7, 0.7, 0.7), metalness=0.4, roughness=0.8, clearcoat=0.9, clearcoat_roughness=0.6),
+    ),
     "phong": (Phong(), material(color=(0.5, 0.5, 0.5), shininess=8.0, specular=0.0, ambient=0.0)),
     "blend": (
         Blend(Phong(), Microfacets()),
