@@ -11,8 +11,10 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
+from raymarch.errors import SceneError
+from raymarch.expr.convert import short
 from raymarch.expr.function import Function, function, sum_of
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import FLOAT, VEC2, VEC3, struct
@@ -33,7 +35,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.scene.material import COAT, PHONG, PHYSICAL, SMOOTH, Material
+from raymarch.scene.material import COAT, FIELDS, PHONG, PHYSICAL, SMOOTH, Material
 from raymarch.scene.quality import Quality
 
 Values: TypeAlias = Mapping[str, Expr]
@@ -681,66 +683,112 @@ class Coated(BSDF):
 
 @dataclass(frozen=True)
 class Blend(BSDF):
-    """Phong and a physical BSDF, interpolated by the value "physical".
+    """Two BSDFs, interpolated by a value, such as Phong and microfacets by "physical".
 
-    If values of the physical one are also given with the prefix "outside ", it reads these.
+    If values are also given with the prefix "outside ", the second one reads these, and all in it.
     """
 
-    phong: BSDF
-    physical: BSDF
+    first: BSDF
+    second: BSDF
+    weight: str = "physical"
 
     @property
     def fields(self) -> tuple[str, ...]:
-        others = tuple(name for name in self.physical.fields if name not in self.phong.fields)
-        return (*self.phong.fields, *others, "physical")
+        others = tuple(name for name in self.second.fields if name not in self.first.fields)
+        return (*self.first.fields, *others, self.weight)
 
     @property
     def rough(self) -> tuple[str, ...]:
-        return (*self.phong.rough, *self.physical.rough)
+        return tuple(dict.fromkeys((*self.first.rough, *self.second.rough)))
 
     @property
     def layers(self) -> tuple[BSDF, ...]:
-        return (self, *self.phong.layers, *self.physical.layers)
+        return (self, *self.first.layers, *self.second.layers)
 
     def prepare(self, values: Values, normal: Expr, view: Expr) -> dict[str, Expr]:
-        return self.phong.prepare(values, normal, view) | self.physical.prepare(values, normal, view)
+        return self.first.prepare(values, normal, view) | self.second.prepare(values, normal, view)
 
     def ambient(self, values: Values) -> Expr | None:
-        ambient = self.phong.ambient(values)
-        return None if ambient is None else (1.0 - values["physical"]) * ambient
+        ambient = self.first.ambient(values)
+        return None if ambient is None else (1.0 - values[self.weight]) * ambient
 
     def eval(self, values: Values, normal: Expr, view: Expr, light: Expr) -> Expr:
         outside = {name: values.get(f"outside {name}", value) for name, value in values.items()}
         one, other = (
-            bsdf.eval(given, normal, view, light) for bsdf, given in ((self.phong, values), (self.physical, outside))
+            bsdf.eval(given, normal, view, light) for bsdf, given in ((self.first, values), (self.second, outside))
         )
-        return mix(one, other, values["physical"])
+        return mix(one, other, values[self.weight])
 
     def sample(self, values: Values, normal: Expr, view: Expr, random: Random) -> Expr:
-        one, other = (bsdf.sample(values, normal, view, random) for bsdf in (self.phong, self.physical))
-        return where(random.model < values["physical"], other, one)
+        weight, u = values[self.weight], random.model
+        rest = random if not isinstance(self.first, Blend) else random._replace(model=(u - weight) / (1.0 - weight))
+        one = self.first.sample(values, normal, view, rest)
+        return where(u < weight, self.second.sample(values, normal, view, random), one)
 
     def pdf(self, values: Values, normal: Expr, view: Expr, light: Expr) -> Expr:
-        one, other = (bsdf.pdf(values, normal, view, light) for bsdf in (self.phong, self.physical))
-        return mix(one, other, values["physical"])
+        one, other = (bsdf.pdf(values, normal, view, light) for bsdf in (self.first, self.second))
+        return mix(one, other, values[self.weight])
 
     def lobes(self, values: Values, n_dot_v: Expr) -> list[Lobe]:
-        weight = values["physical"]
-        one, other = (bsdf.lobes(values, n_dot_v) for bsdf in (self.phong, self.physical))
+        weight = values[self.weight]
+        one, other = (bsdf.lobes(values, n_dot_v) for bsdf in (self.first, self.second))
         rest = 1.0 - weight
         return [lobe.scaled(rest, rest, rest) for lobe in one] + [lobe.scaled(weight, weight, weight) for lobe in other]
 
     def diffuse_albedo(self, values: Values, n_dot_v: Expr) -> Expr:
-        one, other = (bsdf.diffuse_albedo(values, n_dot_v) for bsdf in (self.phong, self.physical))
-        return mix(one, other, values["physical"])
+        one, other = (bsdf.diffuse_albedo(values, n_dot_v) for bsdf in (self.first, self.second))
+        return mix(one, other, values[self.weight])
 
 
 def bsdf_of(materials: Sequence[Material], quality: Quality) -> BSDF:
-    """The BSDF of all materials of a scene."""
-    compensated = quality.energy_compensation and any(m.metallic for m in materials)
-    base = Microfacets(quality.masking, compensated)
+    """The BSDF of all materials of a scene. SceneError for several classes of the user's own."""
+    settings = quality.masking, quality.energy_compensation and any(m.metallic for m in materials)
+    kinds = {"phong" if not m.physical else m.bsdf or "physical" for m in materials}
+    base = Microfacets(*settings)
     physical = Coated(base) if any(m.coated for m in materials) else base
-    kinds = {m.physical for m in materials}
-    if kinds == {True}:
-        return physical
-    return Blend(Phong(), physical) if True in kinds else Phong()
+    own = list(dict.fromkeys(m.bsdf for m in materials if m.bsdf is not None))
+    if len(own) > 1:
+        where_ = next(m.where for m in materials if m.bsdf is own[1])
+        names = " and ".join(kind.__name__ for kind in own)
+        raise SceneError(f"materials with the BSDFs {names}", legal="one class of your own in a scene", where=where_)
+    made: list[tuple[BSDF, str]] = [(Phong(), "")] if "phong" in kinds else []
+    made += [(physical, "physical")] if "physical" in kinds else []
+    made += [(_instance(own[0], settings), "own")] if own else []
+    found = made[0][0]
+    for bsdf, weight in made[1:]:
+        found = Blend(found, bsdf, weight)
+    return found
+
+
+def _instance(kind: type[BSDF], settings: tuple[str, bool]) -> BSDF:
+    """A BSDF of the user's own."""
+    return kind(*settings) if issubclass(kind, Microfacets) else kind()
+
+
+def check_bsdf(kind: Any) -> None:
+    """SceneError if a value is not a class of BSDFs whose methods give expressions of the right types."""
+    legal = "a class derived from a BSDF of raymarch.scene.bsdf, such as Microfacets"
+    if not isinstance(kind, type) or not issubclass(kind, BSDF):
+        raise SceneError(f"Material: bsdf = {short(kind)}", legal=legal)
+    if getattr(kind, "__abstractmethods__", None):
+        missing = ", ".join(sorted(kind.__abstractmethods__))
+        raise SceneError(f"Material: bsdf = {kind.__name__}", legal=f"a class with {missing}")
+    bsdf = _instance(kind, ("correlated", True))
+    values: dict[str, Expr] = {name: var(name, value.type) for name, value in Material()._fields.items()}
+    normal, view, light = (var(name, VEC3) for name in ("normal", "view", "light"))
+    unknown = sorted({*bsdf.fields, *bsdf.rough} - set(values))
+    if unknown:
+        raise SceneError(f"{kind.__name__}: fields {', '.join(unknown)}", legal=", ".join(FIELDS))
+    try:
+        values |= bsdf.prepare(values, normal, view)
+        results = (
+            ("eval", bsdf.eval(values, normal, view, light), VEC3),
+            ("sample", bsdf.sample(values, normal, view, RANDOM), SAMPLE),
+            ("diffuse_albedo", bsdf.diffuse_albedo(values, var("n_dot_v", FLOAT)), VEC3),
+        )
+    except KeyError as fault:
+        raise SceneError(f"{kind.__name__} reads the value {fault}", legal=", ".join(FIELDS)) from None
+    for method, value, type_ in results:
+        if not isinstance(value, Expr) or value.type is not type_:
+            given = value.type if isinstance(value, Expr) else short(value)
+            raise SceneError(f"{kind.__name__}.{method} gives {given}", legal=f"an expression of type {type_}")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from raymarch.scene.texture import Texture
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import Scalar
 from raymarch.sdf.lower import POSITION, depends_on_interaction
+
+if TYPE_CHECKING:
+    from raymarch.scene.bsdf import BSDF
 
 PHONG = ("color", "shininess", "specular", "ambient")
 PHYSICAL = ("color", "metalness", "roughness", "f0")
@@ -37,7 +41,8 @@ RELIEF = ("bump_gradient", "ambient_visibility")
 MADE = {"albedo": "color", "occlusion": "ambient_visibility"}
 """Parameters that shading reads under another name."""
 
-FIELDS = (*MIXED, "emission", *GLASS, *COAT, *RELIEF)
+FIELDS = (*MIXED, "emission", *GLASS, *COAT, *RELIEF, "own")
+"""All values. "physical" and "own" are 1 for a material that is physical, or has a BSDF of the user's own."""
 
 
 @value
@@ -75,6 +80,9 @@ class Material(Value):
     height_scale : factor of the heights, in units of length, in [-1000, 1000].
     occlusion : fraction of ambient light and sky light that reaches the surface, in [0, 1]. Default 1. Ignored by
         path-traced light.
+
+    bsdf : physical. A class of BSDFs of your own, in place of microfacets; see "A BSDF" in docs/extending.md. A scene
+        has at most one.
 
     Notes
     -----
@@ -120,6 +128,7 @@ class Material(Value):
         height: Texture | Callable[[Expr], Operand] | Expr | None = None,
         height_scale: Scalar = 0.02,
         occlusion: FloatOrTexture | None = None,
+        bsdf: type[BSDF] | None = None,
     ) -> None:
         self._begin()
         if isinstance(color, Expr) and color is albedo:  # `replace` of a physical material passes both
@@ -129,8 +138,10 @@ class Material(Value):
         physical |= {"transmission": transmission, "ior": ior, "absorption": absorption}
         physical |= {"clearcoat": clearcoat, "clearcoat_roughness": clearcoat_roughness}
         phong, physical = _without_unset(phong), _without_unset(physical)
-        is_physical = any(v is not None for v in physical.values())
-        _refuse_both(phong, physical)
+        if bsdf is not None:
+            import_module("raymarch.scene.bsdf").check_bsdf(bsdf)
+        is_physical = bsdf is not None or any(v is not None for v in physical.values())
+        _refuse_both(phong, {**physical, "bsdf": bsdf})
         if color is not None and albedo is not None:
             raise SceneError("Material: color together with albedo", legal="one of them; they are the same")
         name = "color" if albedo is None else "albedo"
@@ -155,11 +166,12 @@ class Material(Value):
             "clearcoat_roughness": material_value("clearcoat_roughness", _or(clearcoat_roughness, 0.0), 1, 0.0, 1.0),
             "bump_gradient": bump_gradient(normal, normal_strength, raised, height_scale),
             "ambient_visibility": material_value("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
+            "own": expr(0.0 if bsdf is None else 1.0),
         }
         given = {**phong, **physical, "color": color, "emission": emission, "occlusion": occlusion}
         kept = {name: _kept(value, made[MADE.get(name, name)]) for name, value in given.items()}
         relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
-        self._set(physical=is_physical, _fields=made, _given={**kept, **relief})
+        self._set(physical=is_physical, _fields=made, _given={**kept, **relief, "bsdf": bsdf})
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
             made["roughness"] = expr(0.0 if self.transmits else 0.5)
 
@@ -171,7 +183,12 @@ class Material(Value):
         return {n: None if {n, *changes} >= {"color", "albedo"} else v for n, v in self._given.items()}
 
     def _identity(self) -> tuple[Any, ...]:
-        return tuple(self.expressions)
+        return (*self.expressions, self.bsdf)
+
+    @property
+    def bsdf(self) -> type[BSDF] | None:
+        """The BSDF of the user's own, if there is one."""
+        return self._given["bsdf"]
 
     @property
     def color(self) -> Expr:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
-from types import CodeType
 
 from raymarch.expr.function import Function, trace
 from raymarch.expr.node import Expr, construct, var
@@ -15,7 +14,6 @@ from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
 from raymarch.plan.lights import LIGHT
-from raymarch.scene import bsdf as definitions
 from raymarch.scene.bsdf import BSDF, RANDOM, over_dielectric
 from raymarch.shader.chunk import Chunk, Mapped, Values
 
@@ -27,13 +25,6 @@ DIMENSIONS = {"direction": (1, 2), "lobe": (0,), "model": (5,), "several": (6,),
 
 INLINED = 24
 """Operations of a BSDF up to which it needs no function of its own: it costs no more than to choose not to call it."""
-
-CODES: Sequence[CodeType] = tuple(
-    method.__code__
-    for _, kind in inspect.getmembers(definitions, lambda x: inspect.isclass(x) and issubclass(x, BSDF))
-    for _, method in inspect.getmembers(kind, inspect.isfunction)
-)
-"""The code whose local variables name those of the generated functions."""
 
 
 def material_of(plan: Plan) -> Type:
@@ -67,6 +58,9 @@ class Reflection:
         known = surface | {name: var(name, type) for name, type in self.prepared.items()}
         self.lobes = len(self.bsdf.lobes(self._at(known)[0], var("n_dot_v", FLOAT)))
         self._made: dict[str, Function] = {}
+        kinds = {kind for layer in self.bsdf.layers for kind in type(layer).__mro__ if issubclass(kind, BSDF)}
+        methods = [method for kind in kinds for method in vars(kind).values()]
+        self.codes = [method.__code__ for method in methods if inspect.isfunction(method)]
 
     def prepare(self) -> list[str]:
         """The lines that compute what depends on the view alone."""
@@ -195,7 +189,7 @@ class Reflection:
         known |= {n: (type, n) for n, type in self.prepared.items()} | dict(given)
         if name not in self._made:
             types = [(n, type) for n, (type, _) in known.items()]
-            traced = trace(name, lambda *symbols: make(dict(zip(known, symbols, strict=True))), types, *CODES)
+            traced = trace(name, lambda *symbols: make(dict(zip(known, symbols, strict=True))), types, *self.codes)
             read = free_variables([traced.body])
             params = tuple(p for p in traced.params if p in read)
             self._made[name] = Function(name, params, traced.body, traced.names)
