@@ -751,7 +751,7 @@ def bsdf_of(materials: Sequence[Material], quality: Quality) -> BSDF:
         where_ = next(m.where for m in materials if m.bsdf is own[1])
         names = " and ".join(kind.__name__ for kind in own)
         raise SceneError(f"materials with the BSDFs {names}", legal="one class of your own in a scene", where=where_)
-    made: list[tuple[BSDF, str]] = [(Phong(), "")] if "phong" in kinds else []
+    made: list[tuple[BSDF, str]] = [(Phong(), "")] if "phong" in kinds or not kinds else []
     made += [(physical, "physical")] if "physical" in kinds else []
     made += [(_instance(own[0], settings), "own")] if own else []
     found = made[0][0]

@@ -71,7 +71,7 @@ def test_no_metal_or_no_wish_is_no_text_of_it() -> None:
         (rm.Material(albedo=(1, 0.8, 0.3), roughness=1), {"bounces": 1}, False),
     ):
         scene = rm.Scene(rm.sphere().material(material), **parts)  # type: ignore[arg-type]
-        assert ("multiscatter" in assemble(plan(scene)).text()) == there
+        assert ("missing_albedo" in assemble(plan(scene)).text()) == there
 
 
 @pytest.mark.parametrize("count", [2, 12])
