@@ -26,7 +26,7 @@ def errors_of(frame: Frame, scene: Scene, params: Mapping[str, Any] | None = Non
     """
     assert frame.pose is not None
     known = truth(scene, frame.size, frame.time, params, outputs=())
-    return apart(frame.depth, known.depth, frame.pose.pixel(frame.size[1]))
+    return apart(frame.depth, known.depth, frame.pose.footprint(known.depth, frame.size[1]))
 
 
 def error_scale() -> Scale:

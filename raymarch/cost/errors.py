@@ -160,16 +160,16 @@ def picture_doubt(known: Reference) -> float:
 
 def footprints(known: Reference, depth: ArrayLike) -> Array:
     """abs(depth - reference) in footprints, (H, W): inf where a hit is missed or false, 0 where neither hits."""
-    return apart(depth, known.depth, known.pixel)
+    return apart(depth, known.depth, known.pixel * known.depth)
 
 
-def apart(depth: ArrayLike, true: Array, pixel: float) -> Array:
-    """abs(depth - true) in footprints of pixels that are `pixel` wide at distance 1; as `footprints`."""
+def apart(depth: ArrayLike, true: Array, width: Array) -> Array:
+    """abs(depth - true) in footprints of pixels, whose width at the true hit is given; as `footprints`."""
     given = _shaped("depth", depth, true.shape)
     hit, known = np.isfinite(given), np.isfinite(true)
     found = np.where(hit == known, 0.0, np.inf)
     both = hit & known
-    found[both] = np.abs(given[both] - true[both]) / (pixel * true[both])
+    found[both] = np.abs(given[both] - true[both]) / width[both]
     return found
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.cost.content import content_key
+from raymarch.errors import SceneError
 from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth import Truth, silhouettes, truth
@@ -100,6 +101,12 @@ def reference(
     Raises ValueError for another number of samples, SceneError as `raymarch.truth` does.
     """
     check_scene("reference", scene)
+    if not scene.camera.pinhole:
+        raise SceneError(
+            "cost measures the rays of a perspective camera that start at its position",
+            legal="a Camera without projection, near, far and aperture",
+            where=scene.camera.where,
+        )
     edge = round(max(samples, 0) ** 0.5)
     if edge * edge != samples or not 0 <= samples <= 256:
         raise ValueError(f"reference: samples = {samples} (a square number up to 256)")

@@ -22,7 +22,9 @@ def write_npz(file: Path, frame: Frame) -> None:
     arrays["time"] = np.float64(frame.time)  # type: ignore[assignment]
     if frame.pose is not None:
         arrays |= {"camera_position": frame.pose.position, "camera_frame": frame.pose.frame}
-        arrays["camera_tan_half_fov"] = np.float64(frame.pose.tan_half_fov)  # type: ignore[assignment]
+        half = frame.pose.half_height
+        name, size = ("tan_half_fov", frame.pose.tan_half_fov) if half is None else ("half_height", half)
+        arrays[f"camera_{name}"] = np.float64(size)  # type: ignore[assignment]
     with file.open("wb") as out:
         np.savez_compressed(out, **arrays)  # type: ignore[arg-type]
 

@@ -25,6 +25,7 @@ from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.gpu.colormaps import MAPS
 from raymarch.plan import Plan, lights, plan
+from raymarch.scene.camera import framed_box
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.srgb import srgb_glsl
@@ -96,7 +97,7 @@ def page_text(scene: Scene, values: Values) -> str:
         "params": _params(made, shader, values),
         "time": values.time if TIME in shader.uniforms else None,
         "elevation": _elevation(scene, values),
-        "tan_half_fov": pose.tan_half_fov,
+        "tan_half_fov": pose.tan_half_fov if pose.half_height is None else pose.half_height / _distance(scene, values),
         "textures": list(_textures(made, shader, values)),
         "maps": _packed("maps", _maps()),
         "source": _source(scene),
@@ -137,6 +138,13 @@ def _params(made: Plan, shader: Shader, values: Values) -> list[dict[str, Any]]:
         for name, spec in made.parameters.items()
         if shader.parameters.get(name) in shader.uniforms
     ]
+
+
+def _distance(scene: Scene, values: Values) -> float:
+    """The distance of the camera from its target."""
+    lower, upper = framed_box(scene.subject)
+    target = (lower + upper) / 2 if scene.camera.target is None else values.of(scene.camera.target)
+    return float(np.linalg.norm(scene.pose(values).position - target))
 
 
 def _elevation(scene: Scene, values: Values) -> float:

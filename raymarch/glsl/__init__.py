@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -12,26 +12,55 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """One file: its name ("march/plain"), the names that it needs and gives, its first sentence, its lines."""
+    """One file: its name ("march/plain"), the names that it needs and gives, its first sentence, its lines.
+
+    numbers : the number of each line in the file, from 1.
+    """
 
     name: str
     needs: frozenset[str]
     gives: frozenset[str]
     summary: str
     lines: tuple[str, ...]
+    numbers: tuple[int, ...]
+
+
+VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES"})
+"""Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader."""
 
 
 @cache
-def load(name: str) -> Module:
-    """A module by name; KeyError if there is none, ValueError if it has no first sentence or defines nothing."""
+def load(name: str, variants: frozenset[str] = frozenset()) -> Module:
+    """A module by name; KeyError if there is none, ValueError if it has no first sentence or defines nothing.
+
+    variants : names of `VARIANTS` whose conditional lines are kept; those of the others are left out.
+    """
     source = files(__name__).joinpath(*f"{name}.glsl".split("/"))
     if not source.is_file():
         raise KeyError(f"no GLSL module '{name}'")
-    text = source.read_text(encoding="utf-8").rstrip("\n")
-    lines, gives = tuple(text.split("\n")), defined(text)
+    whole = source.read_text(encoding="utf-8").rstrip("\n").split("\n")
+    numbers, lines = zip(*_settled(whole, variants), strict=True)
+    text = "\n".join(lines)
+    gives = defined(text)
     if not lines[0].startswith("// ") or not gives:
         raise ValueError(f"GLSL module '{name}' lacks a comment in its first line, or defines nothing")
-    return Module(name, used(text), gives, lines[0][3:].strip(), lines)
+    return Module(name, used(text), gives, lines[0][3:].strip(), lines, numbers)
+
+
+def _settled(lines: list[str], variants: frozenset[str]) -> Iterator[tuple[int, str]]:
+    """The lines that remain when conditions on `VARIANTS` are settled, each with its number."""
+    kept: list[bool | None] = []  # of each open condition; None for one that the driver decides
+    for number, line in enumerate(lines, 1):
+        word, _, name = line.partition(" ")
+        if word in ("#ifdef", "#ifndef"):
+            kept.append((name in variants) == (word == "#ifdef") if name in VARIANTS else None)
+        elif word == "#else" and kept[-1] is not None:
+            kept[-1] = not kept[-1]
+        elif word == "#endif" and kept.pop() is not None:
+            continue
+        if False in kept or (word in ("#ifdef", "#ifndef", "#else") and kept[-1] is not None):
+            continue
+        yield number, line
 
 
 @cache

@@ -98,7 +98,7 @@ def project(a: Array, b: Array, pose: Pose, shape: tuple[int, ...]) -> tuple[NDA
     start, end = cut
 
     def screen(p: Array) -> Array:
-        flat = p[:2] / (-p[2] * pose.tan_half_fov)
+        flat = p[:2] / (-p[2] * pose.tan_half_fov if pose.half_height is None else pose.half_height)
         return np.array([0.5 * (width + flat[0] * height), 0.5 * height * (1.0 - flat[1])])
 
     first, last = screen(start), screen(end)
@@ -111,6 +111,8 @@ def project(a: Array, b: Array, pose: Pose, shape: tuple[int, ...]) -> tuple[NDA
     at = first + s[:, None] * (last - first)
     columns, rows = (np.clip(at[:, k].astype(int), 0, n - 1) for k, n in ((0, width), (1, height)))
     # the reciprocal of the depth, and the point divided by the depth, are linear on the screen
+    if pose.orthographic:
+        return rows, columns, -start[2] - s * (end[2] - start[2])
     w = (1 - s) / -start[2] + s / -end[2]
     points = ((1 - s)[:, None] * start / -start[2] + s[:, None] * end / -end[2]) / w[:, None]
     return rows, columns, np.linalg.norm(points, axis=1)

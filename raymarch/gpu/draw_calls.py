@@ -270,7 +270,12 @@ def _earlier(
     return {name: value for name, value in history.values.items() if name in uniforms and name not in twins | lost}
 
 
-CAMERA = {"position": "u_camera_position", "frame": "u_camera_frame", "tan_half_fov": "u_tan_half_fov"}
+CAMERA = {
+    "position": "u_camera_position",
+    "frame": "u_camera_frame",
+    "tan_half_fov": "u_tan_half_fov",
+    "half_height": "u_half_height",
+}
 """The uniforms of the camera."""
 
 PERIOD = 16
@@ -282,7 +287,8 @@ def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) ->
     radian, a translation of more than a tenth of `far`, or a zoom by a factor of 1.5."""
     turned = float(np.dot(np.asarray(before["frame"])[:, 2], np.asarray(camera["frame"])[:, 2])) < math.cos(1 / 3)
     moved = float(np.linalg.norm(np.subtract(before["position"], camera["position"]))) > 0.1 * far
-    zoomed = not 2 / 3 < before["tan_half_fov"] / camera["tan_half_fov"] < 3 / 2
+    before_size, size = (now["tan_half_fov"] or now["half_height"] for now in (before, camera))
+    zoomed = not 2 / 3 < before_size / size < 3 / 2
     return turned or moved or zoomed
 
 
@@ -313,7 +319,9 @@ def _cones(
             **carried,
             "u_cell": cell,
             "u_footprint": footprint,
-            "u_cone": widest(footprint, uniforms["u_pixel"]),
+            "u_cone": radius(footprint, uniforms["u_pixel"])
+            if "ORTHOGRAPHIC" in plan.variants
+            else widest(footprint, uniforms["u_pixel"]),
             "march_steps": max(1, round(level.share * steps)),
         }
         draw_calls.append(_call(resources, ready, chosen, target, own))
@@ -351,6 +359,12 @@ def widest(footprint: tuple[float, float], pixel: float) -> float:
     """
     offset = math.hypot(*footprint) * pixel
     return 2.0 * math.sin(math.atan(0.5 * offset)) + 2.0**-22
+
+
+def radius(footprint: tuple[float, float], pixel: float) -> float:
+    """The largest distance between the rays of a cell and its centre's, for parallel rays. Parameters as of `widest`,
+    but pixels have one width at all distances. Padded for the rounding of origins."""
+    return math.hypot(*footprint) * pixel * (1.0 + 2.0**-10)
 
 
 def count_draws(ready: Prepared) -> int:

@@ -59,7 +59,7 @@ def assembled(made: Plan) -> Prepared:
     """Assemble the shader of a plan."""
     shader = assemble(made)
     texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
-    vertex = RAYS if made.scene.quality.rays == "interpolated" else FULL_SCREEN
+    vertex = RAYS if made.interpolated else FULL_SCREEN
     known = not without_twin(made.field.body)
     distance = evaluator([made.field.body], made.field.params) if known else None
     return Prepared(made, shader, texts, vertex, distance)
@@ -87,14 +87,23 @@ def frame_uniforms(
     scene = ready.plan.scene
     values = with_hoisted(ready.plan.hoisted, values)
     given, origin = pose or ready.plan.given.pose(values, size[0] / size[1]), ready.plan.origin
+    if given.orthographic != scene.camera.orthographic:
+        raise SceneError(
+            f"pose: of {'an orthographic' if given.orthographic else 'a perspective'} camera",
+            legal=f"of one with projection={scene.camera.projection!r}, as the scene's camera",
+            where=scene.camera.where,
+        )
     pose = replace(given, position=given.position - origin)
     uniforms: dict[str, Any] = {
         "u_camera_position": pose.position,
         "u_camera_frame": pose.frame,
         "u_tan_half_fov": pose.tan_half_fov,
+        "u_half_height": pose.half_height or 0.0,
         "u_resolution": size,
         "u_pixel": pose.pixel(size[1]),
         "u_far": scene.far(pose),
+        "u_near": pose.near,
+        "u_clip_far": min(pose.far, 1e30),
         "u_time": values.time,
     }
     uniforms |= _start(ready, values, pose.position, 1e-9 * uniforms["u_far"])

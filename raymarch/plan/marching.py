@@ -131,6 +131,22 @@ def _choose_schedule(
     return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation per pixel, enough for cones to save time"
 
 
+def variants_of(scene: Scene) -> frozenset[str]:
+    """The conditional lines of GLSL modules that the scene's camera calls for; see `raymarch.glsl.VARIANTS`."""
+    camera = scene.camera
+    found = {
+        "ORTHOGRAPHIC": camera.orthographic,
+        "OWN_START": camera.orthographic or camera.cuts,
+        "CLIP_PLANES": camera.clips,
+    }
+    return frozenset(name for name, used in found.items() if used)
+
+
+def interpolated(scene: Scene) -> bool:
+    """True if ray directions are interpolated between the corners of the picture."""
+    return scene.quality.rays == "interpolated" and not variants_of(scene)
+
+
 def choices(scene: Scene, marching: Marching, epsilon: float, standalone: bool = False) -> dict[str, str]:
     """The modules chosen to march rays, each with its reason.
 
@@ -140,14 +156,16 @@ def choices(scene: Scene, marching: Marching, epsilon: float, standalone: bool =
     quality = scene.quality
     cone = "_cone" * marching.cones
     own = dict.fromkeys(("view/pose", "view/camera_own"), "a standalone shader computes the camera")
-    given = {"view/camera" + "_interpolated" * (quality.rays == "interpolated"): f"Quality(rays={quality.rays!r})"}
+    given = {"view/camera" + "_interpolated" * interpolated(scene): f"Quality(rays={quality.rays!r})"}
     found = {
         **(own if standalone else given),
         f"march/widths{cone}": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",
         f"march/distance{cone}": "the field is evaluated along rays" + " and cones" * marching.cones,
         f"march/{MODULES.get(marching.tracer, marching.tracer)}": marching.tracer_reason,
     }
-    if marching.tracer in ("plain", "bracketing"):
+    if "OWN_START" in variants_of(scene):
+        found["march/start_published"] = "each ray starts at a point of its own"
+    elif marching.tracer in ("plain", "bracketing"):
         found["march/start"] = "the field at the camera is known when the frame begins"
     else:
         found["march/start_published"] = f"{marching.tracer} starts as published"

@@ -93,6 +93,16 @@ class Plan:
         return self.marching.tracer
 
     @property
+    def variants(self) -> frozenset[str]:
+        """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
+        return marching.variants_of(self.scene)
+
+    @property
+    def interpolated(self) -> bool:
+        """True if ray directions are interpolated between the corners of the picture."""
+        return marching.interpolated(self.scene)
+
+    @property
     def certified(self) -> bool:
         """True if the field is no larger than the distance, or Quality(assume_certified=True) is set."""
         return marching.trusted(self.scene)

@@ -63,4 +63,4 @@ def _footprint(scene: Scene) -> float | None:
         return None
     pose = scene.pose(set_values(scene.parameters, {}, 0.0), 16 / 9)
     distance = float(np.linalg.norm(pose.position - (subject.lower + subject.upper) / 2))
-    return pose.pixel(HEIGHT) * distance
+    return float(pose.footprint(distance, HEIGHT))

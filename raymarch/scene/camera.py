@@ -1,17 +1,17 @@
-"""The pinhole camera: right-handed, y up, looking along -z of its own frame, with one ray through each pixel centre."""
+"""The camera: right-handed, y up, looking along -z of its own frame, with one ray through each pixel centre."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 import pyrr
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import instance, real
+from raymarch.expr.convert import choice, instance, real, short
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import Values, as_number, as_vec3
 from raymarch.scene.value import Value, value
@@ -26,6 +26,9 @@ MARGIN = 1.1
 """The picture of a camera that frames a solid is larger than its box by this factor."""
 
 
+PROJECTIONS: Final = ("perspective", "orthographic")
+
+
 @dataclass(frozen=True, slots=True)
 class Pose:
     """The camera of one frame, in float64.
@@ -34,27 +37,62 @@ class Pose:
     ----------
     position : shape (3,).
     frame : shape (3, 3); columns are the right, up and backward axes in world space.
-    tan_half_fov : tangent of half the vertical field of view.
+    tan_half_fov : tangent of half the vertical field of view; 0 for an orthographic camera.
+    half_height : of an orthographic camera, half the height of the picture in scene units; else None.
+    near, far : distances of the clip planes.
     """
 
     position: NDArray[np.float64]
     frame: NDArray[np.float64]
     tan_half_fov: float
+    half_height: float | None = None
+    near: float = 0.0
+    far: float = np.inf
+
+    def same(self, other: Pose) -> bool:
+        """True if another pose gives the same rays."""
+        ours, theirs = ([getattr(pose, part.name) for part in fields(pose)] for pose in (self, other))
+        return all(np.array_equal(a, b) for a, b in zip(ours, theirs, strict=True))
+
+    @property
+    def orthographic(self) -> bool:
+        """True if all rays are parallel."""
+        return self.half_height is not None
+
+    @property
+    def view(self) -> NDArray[np.float64]:
+        """The unit direction in which the camera looks, (3,)."""
+        return -self.frame[:, 2]
+
+    def rays(
+        self, columns: NDArray[Any], rows: NDArray[Any], size: tuple[int, int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Origins and unit directions of the rays through the centres of some pixels of a picture of (width, height).
+
+        columns, rows : indices of pixels, of shapes that broadcast to one shape; row 0 is the top. Fractions are points
+        beside the centres. Returns two arrays of that shape and (3,).
+        """
+        scale = (self.tan_half_fov if self.half_height is None else self.half_height) / size[1]
+        x, y = np.broadcast_arrays((2.0 * columns + 1.0 - size[0]) * scale, (size[1] - 2.0 * rows - 1.0) * scale)
+        if self.orthographic:
+            origins = self.position + np.stack([x, y, np.zeros(x.shape)], axis=-1) @ self.frame.T
+            return origins, np.broadcast_to(self.view, origins.shape)
+        inside = np.stack([x, y, -np.ones(x.shape)], axis=-1)
+        directions = (inside / np.linalg.norm(inside, axis=-1, keepdims=True)) @ self.frame.T
+        return np.broadcast_to(self.position, directions.shape), directions
 
     def directions(self, columns: NDArray[Any], rows: NDArray[Any], size: tuple[int, int]) -> NDArray[np.float64]:
-        """Unit directions of the rays through the centres of some pixels of a picture of (width, height) pixels.
-
-        columns, rows : indices of pixels, of shapes that broadcast to one shape; row 0 is the top. Returns that shape
-        and (3,).
-        """
-        scale = self.tan_half_fov / size[1]
-        x, y = np.broadcast_arrays((2.0 * columns + 1.0 - size[0]) * scale, (size[1] - 2.0 * rows - 1.0) * scale)
-        inside = np.stack([x, y, -np.ones(x.shape)], axis=-1)
-        return (inside / np.linalg.norm(inside, axis=-1, keepdims=True)) @ self.frame.T
+        """The directions of `rays`."""
+        return self.rays(columns, rows, size)[1]
 
     def pixel(self, height: int) -> float:
-        """Width of a pixel at distance 1 along the axis: the diameter of the pixel cone over its length."""
-        return 2.0 * self.tan_half_fov / height
+        """Width of a pixel of a picture of some height: at distance 1 along the axis, or of an orthographic camera at
+        all distances."""
+        return 2.0 * (self.tan_half_fov if self.half_height is None else self.half_height) / height
+
+    def footprint(self, distance: Any, height: int) -> Any:
+        """Width of a pixel at a distance along its ray."""
+        return self.pixel(height) * (np.ones_like(distance) if self.orthographic else distance)
 
 
 def look_at(
@@ -68,7 +106,7 @@ def look_at(
 
 @value
 class Camera(Value):
-    """A perspective camera.
+    """A camera, perspective or orthographic.
 
     Parameters
     ----------
@@ -76,7 +114,14 @@ class Camera(Value):
         it for one node.
     target : the point (x, y, z) that the camera looks at. None is the centre of the scene.
     up : the direction (x, y, z) that is up in the picture. It must not be parallel to the viewing direction.
-    fov : vertical field of view in degrees, between 0 and 180. All other angles of raymarch are in radians.
+    fov : vertical field of view in degrees, between 0 and 180. All other angles of raymarch are in radians. An
+        orthographic camera has none.
+    projection : "perspective", or "orthographic": all rays are parallel to the view, and objects have one size at all
+        distances. Rays start in the plane through `position`.
+    height : of an orthographic camera, the height of the picture in scene units, > 0. None shows the whole scene.
+    near, far : distances from the camera, 0 <= near < far, along the view. The picture shows what lies between the two
+        planes at these distances, perpendicular to the view: a solid that the near plane cuts is open there and shows
+        its inner side, and the sky is behind the far plane. Shadows and reflections are not cut. far=None is no limit.
 
     Notes
     -----
@@ -88,6 +133,10 @@ class Camera(Value):
     target: Expr | None
     up: Expr
     fov: Expr
+    projection: str
+    height: Expr | None
+    near: Expr
+    far: Expr | None
 
     def __init__(
         self,
@@ -95,17 +144,35 @@ class Camera(Value):
         target: Vec3Like | None = None,
         up: Vec3Like = (0.0, 1.0, 0.0),
         fov: Scalar = 45.0,
+        projection: str = "perspective",
+        height: Scalar | None = None,
+        near: Scalar = 0.0,
+        far: Scalar | None = None,
     ) -> None:
         self._begin()
+        kind = choice("Camera: projection", projection, PROJECTIONS)
+        if height is not None and kind != "orthographic":
+            raise SceneError(
+                f"Camera: height = {short(height)} with projection='perspective'",
+                legal="projection='orthographic', or fov=... in place of height",
+            )
         self._set(
             position=None if position is None else as_vec3("Camera: position", position),
             target=None if target is None else as_vec3("Camera: target", target),
             up=as_vec3("Camera: up", up),
             fov=as_number("Camera: fov", fov),
+            projection=kind,
+            height=None if height is None else as_number("Camera: height", height),
+            near=as_number("Camera: near", near),
+            far=None if far is None else as_number("Camera: far", far),
         )
         values = Values({})
         if self.fov.is_constant:
             self._tan_half_fov(values)
+        if self.height is not None and self.height.is_constant:
+            self._half_height(values)
+        if self.near.is_constant and (self.far is None or self.far.is_constant):
+            self._clip_planes(values)
         if self.position is not None and self.target is not None and self._constant:
             self.pose(values, None)
 
@@ -118,6 +185,7 @@ class Camera(Value):
         fov: float = 45.0,
         aspect: float = 16.0 / 9.0,
         margin: float = MARGIN,
+        projection: str = "perspective",
     ) -> Self:
         """The camera that looks at the centre of a node's box and sees all of the box.
 
@@ -125,7 +193,7 @@ class Camera(Value):
         ----------
         node : a bounded solid.
         direction : from the solid to the camera, any length but 0.
-        up, fov : see `Camera`.
+        up, fov, projection : see `Camera`.
         aspect : width over height of the picture, > 0. A wider picture shows more at the sides.
         margin : size of the picture over that of the box, >= 1.
 
@@ -141,18 +209,44 @@ class Camera(Value):
             raise SceneError(f"Camera.framing: {solid.name} {what}", legal="a part of the scene that has one")
         lower, upper = framed_box(solid.facts)
         target = (lower + upper) / 2
-        made = cls(tuple(target + away), tuple(target), tuple(upward), fov)  # refuses a degenerate camera
+        # refuses a degenerate camera
+        made = cls(tuple(target + away), tuple(target), tuple(upward), fov, projection)
+        if made.orthographic:
+            half = _half_extent(lower, upper, target, away, upward, proportion, factor)
+            position = target + _before(lower, upper, half, away)
+            return made.replace(position=tuple(position.tolist()), height=2.0 * half)
         position = target + _away(lower, upper, target, away, upward, tan_half_fov, proportion, factor)
         return made.replace(position=tuple(position.tolist()))
 
     @property
     def _constant(self) -> bool:
-        return all(e.is_constant for e in (self.position, self.target, self.up, self.fov) if e is not None)
+        return all(e.is_constant for e in self.expressions)
 
     @property
     def expressions(self) -> list[Expr]:
         """All values that may depend on parameters or time."""
-        return [e for e in (self.position, self.target, self.up, self.fov) if e is not None]
+        given = (self.position, self.target, self.up, self.fov, self.height, self.near, self.far)
+        return [e for e in given if e is not None]
+
+    @property
+    def orthographic(self) -> bool:
+        """True if all rays are parallel."""
+        return self.projection == "orthographic"
+
+    @property
+    def cuts(self) -> bool:
+        """True if there is a near plane in front of the camera."""
+        return not _is_number(self.near, 0.0)
+
+    @property
+    def clips(self) -> bool:
+        """True if the picture is limited by a clip plane."""
+        return self.cuts or self.far is not None
+
+    @property
+    def pinhole(self) -> bool:
+        """True if all rays start at the position and have no end."""
+        return not (self.orthographic or self.clips)
 
     def _tan_half_fov(self, values: Values) -> float:
         fov = float(values.of(self.fov))
@@ -161,6 +255,21 @@ class Camera(Value):
                 f"Camera: fov = {fov:g}", legal="degrees between 0 and 180, ends excluded", where=self.where
             )
         return float(np.tan(np.radians(fov) / 2))
+
+    def _half_height(self, values: Values) -> float:
+        assert self.height is not None
+        height = float(values.of(self.height))
+        if not 0.0 < height < np.inf:
+            raise SceneError(f"Camera: height = {height:g}", legal="a finite number > 0", where=self.where)
+        return height / 2
+
+    def _clip_planes(self, values: Values) -> tuple[float, float]:
+        near, far = float(values.of(self.near)), np.inf if self.far is None else float(values.of(self.far))
+        if not 0.0 <= near < np.inf:
+            raise SceneError(f"Camera: near = {near:g}", legal="a finite number >= 0", where=self.where)
+        if not near < far:
+            raise SceneError(f"Camera: far = {far:g} with near = {near:g}", legal="near < far", where=self.where)
+        return near, far
 
     def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0) -> Pose:
         """The camera of one frame.
@@ -173,13 +282,28 @@ class Camera(Value):
         lower, upper = framed_box(subject)
         target = (lower + upper) / 2 if self.target is None else values.of(self.target)
         up = values.of(self.up)
-        if self.position is None:
-            self._refuse_degenerate(target + VIEW, target, up)
-            position = target + _away(lower, upper, target, VIEW, up, tan_half_fov, aspect, MARGIN)
+        given = None if self.position is None else values.of(self.position)
+        away = VIEW if given is None else given - target
+        self._refuse_degenerate(target + away if given is None else given, target, up)
+        half = None
+        if self.orthographic and self.height is None:
+            half = _half_extent(lower, upper, target, away, up, aspect, MARGIN)
+        elif self.orthographic:
+            half = self._half_height(values)
+        if given is not None:
+            position = given
+        elif half is not None:
+            position = target + _before(lower, upper, half, away)
         else:
-            position = values.of(self.position)
+            position = target + _away(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN)
         self._refuse_degenerate(position, target, up)
-        return look_at(position, target, up, tan_half_fov)
+        found = look_at(position, target, up, tan_half_fov if half is None else 0.0)
+        return replace(found, half_height=half, **self.optics(values))
+
+    def optics(self, values: Values) -> dict[str, Any]:
+        """The fields of a pose that neither its place nor its projection determine."""
+        near, far = self._clip_planes(values)
+        return {"near": near, "far": far}
 
     def _refuse_degenerate(self, position: Any, target: Any, up: Any) -> None:
         if not all(np.all(np.isfinite(v)) for v in (position, target, up)):
@@ -227,6 +351,34 @@ def _away(
     nearest = np.maximum(np.abs(x) / aspect, np.abs(y)) * (margin / tan_half_fov)
     distance = max(float(np.max(z + nearest)), float(np.max(z)) * margin)
     return direction / np.linalg.norm(direction) * distance
+
+
+def _half_extent(
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    target: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    up: NDArray[np.float64],
+    aspect: float,
+    margin: float,
+) -> float:
+    """Half the height of the smallest orthographic picture about the target that shows all corners of a box, and a
+    margin."""
+    corners = np.array(list(product(*zip(lower, upper, strict=True)))) - target
+    x, y, _ = (corners @ look_at(direction, np.zeros(3), up, 1.0).frame).T
+    return float(np.maximum(np.abs(x) / aspect, np.abs(y)).max()) * margin
+
+
+def _before(
+    lower: NDArray[np.float64], upper: NDArray[np.float64], half: float, direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The vector along `direction` from the target to an orthographic camera in front of a box. A floor under the box
+    does not reach up to the lower edge of the picture there."""
+    return direction / np.linalg.norm(direction) * (2.0 * max(float(np.linalg.norm(upper - lower)), 2.0 * half))
+
+
+def _is_number(value: Expr, number: float) -> bool:
+    return value.is_constant and float(value.data) == number
 
 
 def _numbers(what: str, value: Any) -> NDArray[np.float64]:

@@ -103,11 +103,10 @@ def _message(length: float | None) -> str:
 def _lost(field: Function, pose: Pose, origin: NDArray[np.float64], near: float, far: float, values: Values) -> str:
     """Compare the field in float32 and float64 on some camera rays: a message if they differ, else ""."""
     random = np.random.default_rng(0)
-    screen = random.uniform(-1.0, 1.0, (24, 2)) * pose.tan_half_fov
-    directions = np.concatenate([screen, -np.ones((24, 1))], axis=1) @ pose.frame.T
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    x, y = random.uniform(-1.0, 1.0, (24, 2)).T
+    origins, directions = pose.rays(0.5 * x, -0.5 * y, (1, 1))
     distances = np.geomspace(near, far, 12)
-    points = (pose.position - origin) + (distances[:, None, None] * directions).reshape(-1, 3)
+    points = (origins - origin + distances[:, None, None] * directions).reshape(-1, 3)
     with_gradient = companion(field)
     with bound(values.params, values.time):
         double = evaluator([with_gradient.body], with_gradient.params)(points)[0]

@@ -99,9 +99,9 @@ def range_warning(scene: Scene, origin: NDArray[np.float64], field: Function) ->
         return []
     largest = float(np.max(np.abs(pose.position - origin))) + away
     rounding = 2.0 * ULP * largest
-    if rounding <= scene.quality.near(scene.node.exactness != "estimate") * pose.pixel(1080) * away:
+    if rounding <= scene.quality.near(scene.node.exactness != "estimate") * pose.footprint(away, 1080):
         return []
-    pixels = rounding / (pose.pixel(1080) * away)
+    pixels = rounding / pose.footprint(away, 1080)
     return [
         f"coordinates reach {largest:.3g} and the nearest surface is {away:.3g} away: in float32 hits are within "
         f"{rounding:.2g}, {pixels:.2g} pixel widths, whatever the quality"

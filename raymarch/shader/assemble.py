@@ -117,7 +117,7 @@ def assemble(plan: Plan, inputs: Mapping[str, str] = MappingProxyType({})) -> Sh
 
     inputs : for a standalone plan, GLSL expressions that replace uniforms, by the name of the uniform.
     """
-    mains = [module(p.module) for p in plan.passes]
+    mains = [module(p.module, plan.variants) for p in plan.passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in plan.passes) else None
     setup = Setup(plan, values, inputs) if plan.standalone else None
@@ -135,14 +135,14 @@ def assemble(plan: Plan, inputs: Mapping[str, str] = MappingProxyType({})) -> Sh
         **(setup.promised() if setup is not None else {}),
     }
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
-    promised = link(mains, plan.choices, generated)
+    promised = link(mains, plan.choices, generated, plan.variants)
     taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
     fields, parameters, text = _fields(plan, roots, taken)
     declared = Chunk.of("constants", [line for name, line in constants.items() if name in taken])
     generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}
     if setup is not None:
         generated |= setup.chunks(parameters, text.uses_time, promised.names)
-    linked = link(mains, plan.choices, generated)
+    linked = link(mains, plan.choices, generated, plan.variants)
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
     _check_texture_units(plan, body, mains)
     body += _main(mains)

@@ -20,7 +20,11 @@ def scene_box(plan: Plan) -> Chunk:
     text.add("vec2 scene_box(Ray ray, vec2 range) {")
     for axis, low, high in box_ends(plan.scene.node.facts):
         at = f"range, ray.origin.{axis}, ray.direction.{axis}"
-        if plan.marching.cones:
+        if plan.marching.cones and "ORTHOGRAPHIC" in plan.variants:  # a cone is a cylinder of radius u_cone
+            at = "range, ray.origin.{axis} {sign} u_cone, ray.direction.{axis}"
+            clips = [f"above({at.format(axis=axis, sign='+')}, {literal(low)})"] if low is not None else []
+            clips += [f"below({at.format(axis=axis, sign='-')}, {literal(high)})"] if high is not None else []
+        elif plan.marching.cones:
             clips = [f"above({at} + u_cone, {literal(low)})"] if low is not None else []
             clips += [f"below({at} - u_cone, {literal(high)})"] if high is not None else []
         else:

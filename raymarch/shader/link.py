@@ -22,25 +22,32 @@ class Linked:
     reasons: Mapping[str, str]
 
 
-def module(name: str) -> Chunk:
-    """The chunk of a module of `raymarch.glsl`."""
-    found = glsl.load(name)
-    lines = tuple(Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl") for i, text in enumerate(found.lines, 1))
+def module(name: str, variants: frozenset[str] = frozenset()) -> Chunk:
+    """The chunk of a module of `raymarch.glsl`. variants : see `raymarch.glsl.load`."""
+    found = glsl.load(name, variants)
+    numbered = zip(found.lines, found.numbers, strict=True)
+    lines = tuple(Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl") for text, i in numbered)
     return Chunk(name, found.needs, found.gives, lines)
 
 
-def link(roots: Sequence[Chunk], choices: Mapping[str, str], generated: Mapping[str, Callable[[], Chunk]]) -> Linked:
+def link(
+    roots: Sequence[Chunk],
+    choices: Mapping[str, str],
+    generated: Mapping[str, Callable[[], Chunk]],
+    variants: frozenset[str] = frozenset(),
+) -> Linked:
     """The chunks that the roots use, directly or not. The roots themselves are not among them.
 
     choices : chosen modules with their reasons. They are linked if something uses them.
     generated : makes the chunk that gives a name. It is called at most once for each name that is used.
+    variants : see `raymarch.glsl.load`.
 
     Raises AssertionError if no chunk gives a name, if several modules give it and not exactly one is chosen, or if
     chunks use each other in a circle.
     """
     chosen: dict[str, str] = {}
     for choice in choices:
-        for given in sorted(glsl.load(choice).gives):
+        for given in sorted(glsl.load(choice, variants).gives):
             if chosen.setdefault(given, choice) != choice:
                 raise AssertionError(f"both {chosen[given]} and {choice} are chosen to give {given}")
     order: dict[str, Chunk] = {}
@@ -57,7 +64,7 @@ def link(roots: Sequence[Chunk], choices: Mapping[str, str], generated: Mapping[
             names = (chosen[name],) if name in chosen else glsl.givers().get(name, ())
             if len(names) != 1:
                 raise AssertionError(f"{asking.name} uses {name}, which {' and '.join(names) or 'nothing'} gives")
-            found = module(names[0])
+            found = module(names[0], variants)
             reasons[found.name] = choices.get(found.name) or f"used by {_use_of(name, asking)}"
         for given in found.gives:
             if givers.setdefault(given, found).name != found.name:

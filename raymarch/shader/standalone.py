@@ -37,7 +37,7 @@ HOST = ("iResolution", "iTime", "iMouse")
 
 BY = "the camera"
 
-FRAME = ("u_side", "u_start", "u_pixel", "u_far", "u_sample")
+FRAME = ("u_side", "u_start", "u_pixel", "u_far", "u_sample", "u_near", "u_clip_far")
 """Uniforms of a renderer that are variables of a standalone shader."""
 
 
@@ -59,14 +59,31 @@ class Setup:
         def text(name: str, value: Operand) -> str:
             return values.text(f"camera_{name}", expr(value), where)
 
-        self._fov = text("tan_half_fov", tan(camera.fov * (np.pi / 360.0)))
+        self._size = "u_half_height" if camera.orthographic else "u_tan_half_fov"
+        half = None if camera.height is None else camera.height * 0.5
+        if not camera.orthographic:
+            self._extent = text("tan_half_fov", tan(camera.fov * (np.pi / 360.0)))
+        elif half is not None:
+            self._extent = text("half_height", half)
+        else:
+            away = const(VIEW) if camera.position is None else camera.position - target
+            half = _half_extent(low, high, expr(target), away, camera.up)
+            values.functions.append(Function("camera_half_height", (ASPECT,), half, where=where))
+            self._extent = "camera_half_height(u_resolution.x / u_resolution.y)"
+        self._clip = {}
+        if camera.clips:
+            self._clip["u_near"] = text("near", camera.near)
+            self._clip["u_clip_far"] = "1.0e30" if camera.far is None else text("far", camera.far)
         self._target = text("target", target - origin)
         self._up = text("up", camera.up)
         if camera.position is not None:
             self._position = text("position", camera.position - origin)
         else:
             away = constant(const(VIEW / np.linalg.norm(VIEW)))
-            distance = _framing(low, high, target, camera.up, tan(camera.fov * (np.pi / 360.0)))
+            if half is not None:
+                distance = 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
+            else:
+                distance = _framing(low, high, target, camera.up, tan(camera.fov * (np.pi / 360.0)))
             values.functions.append(Function("camera_distance", (ASPECT,), distance, where=where))
             self._position = f"{self._target} + {away} * camera_distance(u_resolution.x / u_resolution.y)"
         self._hoisted = {
@@ -76,7 +93,8 @@ class Setup:
 
     def promised(self) -> dict[str, Callable[[], Chunk]]:
         """The names of the functions and those that they need, before it is known which uniforms the shader has."""
-        needs = {"field", "place_camera", "u_tan_half_fov", "u_pixel", "u_far", "u_side"}
+        needs = {"field", "place_camera", self._size, "u_pixel", "u_far", *self._clip}
+        needs |= set() if "OWN_START" in self._plan.variants else {"u_side"}
         return {
             "set_frame": lambda: Chunk("set_frame", frozenset(needs), frozenset({"set_frame"}), ()),
             "begin_sample": lambda: Chunk("begin_sample", frozenset(), frozenset({"begin_sample"}), ()),
@@ -110,12 +128,15 @@ class Setup:
         for name, value in self._hoisted.items():
             if name in parameters:
                 text.add(f"    {parameters[name]} = {value};")
-        text.add(f"    u_tan_half_fov = {self._fov};")
+        text.add(f"    {self._size} = {self._extent};")
         text.add(f"    place_camera({self._position}, {self._target}, {self._up});")
-        text.add("    u_pixel = 2.0 * u_tan_half_fov / u_resolution.y;")
+        text.add(f"    u_pixel = 2.0 * {self._size} / u_resolution.y;")
         text.add(f"    u_far = {self._far()};")
-        text.add("    float at_camera = field(u_camera_position);")
-        text.add("    u_side = at_camera < 0.0 ? -1.0 : 1.0;")
+        for name, value in self._clip.items():
+            text.add(f"    {name} = {value};")
+        if "OWN_START" not in self._plan.variants:
+            text.add("    float at_camera = field(u_camera_position);")
+            text.add("    u_side = at_camera < 0.0 ? -1.0 : 1.0;")
         if "u_start" in given:
             text.add("    vec3 size = abs(u_camera_position);")
             text.add("    float empty = abs(at_camera) * 0.999999 - 1.0e-6 * max(size.x, max(size.y, size.z));")
@@ -142,12 +163,25 @@ class Setup:
 
 def _framing(low: Array, high: Array, target: Expr, up: Expr, tan_half_fov: Expr) -> Expr:
     """The distance of a camera without a position from its target, as `Camera.pose` computes it, by the aspect."""
-    backward = const(VIEW / np.linalg.norm(VIEW))
-    right = normalize(cross(up, backward))
-    above = cross(backward, right)
-    corners = [const(np.array(corner)) - target for corner in product(*zip(low, high, strict=True))]
     found = []
-    for corner in corners:
-        x, y, z = (dot(corner, axis) for axis in (right, above, backward))
+    for x, y, z in _corners(low, high, target, const(VIEW), up):
         found += [z + max(abs(x) / ASPECT, abs(y)) * (MARGIN / tan_half_fov), z * MARGIN]
     return balanced(found, max)
+
+
+def _half_extent(low: Array, high: Array, target: Expr, away: Expr, up: Expr) -> Expr:
+    """Half the height of the picture of an orthographic camera without a height, as `Camera.pose` computes it."""
+    corners = _corners(low, high, target, away, up)
+    return MARGIN * balanced([max(abs(x) / ASPECT, abs(y)) for x, y, _ in corners], max)
+
+
+def _corners(low: Array, high: Array, target: Expr, away: Expr, up: Expr) -> list[tuple[Expr, Expr, Expr]]:
+    """The corners of a box from the target: to the right, upwards and towards a camera in the direction `away`."""
+    backward = normalize(away)
+    right = normalize(cross(up, backward))
+    above = cross(backward, right)
+    found = []
+    for corner in product(*zip(low, high, strict=True)):
+        offset = const(np.array(corner)) - target
+        found.append((dot(offset, right), dot(offset, above), dot(offset, backward)))
+    return found

@@ -149,7 +149,9 @@ def _jump(truth: Truth, a: Window, b: Window, turn: Any) -> NDArray[np.bool_]:
     depth_a, depth_b = np.where(both, truth.depth[a], 1.0), np.where(both, truth.depth[b], 1.0)
     along = [np.einsum("ij,ij->i", truth.direction[i], truth.normal[i]) for i in (a, b)]
     apart = np.minimum(_off_plane(truth, a, depth_a, b, depth_b), _off_plane(truth, b, depth_b, a, depth_a))
-    pixel = np.linalg.norm(truth.direction[a] - truth.direction[b], axis=-1) * np.minimum(depth_a, depth_b)
+    near = np.minimum(depth_a, depth_b)[..., None]
+    between = truth.origin[a] - truth.origin[b] + near * (truth.direction[a] - truth.direction[b])
+    pixel = np.linalg.norm(between, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         bend = turn / np.minimum(*np.square(along))
     result: NDArray[np.bool_] = both & (apart > pixel * (JUMP + np.where(turn > 0.0, bend, 0.0)))
@@ -162,7 +164,8 @@ def _off_plane(truth: Truth, a: Window, depth_a: Any, b: Window, depth_b: Any) -
     along_a = np.einsum("ij,ij->i", truth.direction[a], normal)
     along_b = np.einsum("ij,ij->i", truth.direction[b], normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        expected = depth_a * along_a / along_b
+        apart = np.einsum("ij,ij->i", truth.origin[a] - truth.origin[b], normal)
+        expected = (apart + depth_a * along_a) / along_b
     return np.where(along_a * along_b > 0.0, np.abs(depth_b - expected), np.inf)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 from raymarch.truth.compare import silhouettes
-from raymarch.truth.rays import Rays, camera_rays, unit
+from raymarch.truth.rays import Rays
 from raymarch.truth.tracer import trace
 
 BLOCK = 5
@@ -42,16 +42,14 @@ def silhouettes_within(
     height, width = pixels.shape
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
-    centre = camera_rays(pose, width, height).directions.reshape(height, width, 3)
-    right, up = pose.frame[:, 0], pose.frame[:, 1]
-    steps = (np.arange(BLOCK) - BLOCK // 2) * spacing * pose.pixel(height)
-    shift = steps[None, :, None] * right - steps[:, None, None] * up  # rows run downwards
+    steps = (np.arange(BLOCK) - BLOCK // 2) * spacing
     found = np.zeros(pixels.shape, np.bool_)
     row, column = np.nonzero(pixels)
     for start in range(0, len(row), AT_ONCE):
         i, j = row[start : start + AT_ONCE], column[start : start + AT_ONCE]
-        ahead = centre[i, j] / -(centre[i, j] @ pose.frame[:, 2])[:, None]  # at distance 1 before the camera
-        rays = Rays(pose.position[None, :], unit((ahead[:, None, None] + shift).reshape(-1, 3)))
+        beside = j[:, None, None] + steps, i[:, None, None] + steps[:, None]
+        origins, directions = (v.reshape(-1, 3) for v in pose.rays(*beside, (width, height)))
+        rays = Rays(origins if pose.orthographic else pose.position[None, :], directions)
         blocks = trace(scene, values, pose, rays, (BLOCK * len(i), BLOCK), spacing * pose.pixel(height))
         found[i, j] = silhouettes(blocks)[BLOCK // 2 :: BLOCK, BLOCK // 2]
     return found

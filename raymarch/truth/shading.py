@@ -42,7 +42,8 @@ class Surface:
     origin, directions : ray origins, (3,) or (N, 3), and unit ray directions, (N, 3).
     depth : distances from the origin, (N,).
     far : far distance of camera rays. inside : the origin lies in the solid.
-    pixel : width of a pixel at distance 1. travelled : path length from the camera to the origin, (N,) or a number.
+    pixel : width of a pixel at distance 1, or at all distances if camera rays are `parallel`. travelled : path length
+        from the camera to the origin, (N,) or a number.
     in_glass : the origin lies in glass that the path has entered; its absorption coefficient is `absorption`, (N, 3),
         per unit of length. min_roughness : lower bound of the roughness towards lights and sky.
     """
@@ -60,6 +61,7 @@ class Surface:
     absorption: Array | None = None
     min_roughness: float = 0.0
     travelled: Array | float = 0.0
+    parallel: bool = False
 
     @cached_property
     def points(self) -> Array:
@@ -167,7 +169,8 @@ class Surface:
         """Blended material values at each point: colours (N, 3), the others (N, 1)."""
         if not self.field.mapped:
             return self.field.material_values(self._material_points)
-        width = self.scene.quality.footprint * self.pixel * (self.travelled + self.depth)
+        path = np.ones_like(self.depth) if self.parallel else self.travelled + self.depth
+        width = self.scene.quality.footprint * self.pixel * path
         return self.field.material_values(
             self._material_points, self.normals, *footprint(self.normals, self.directions, width)
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -16,6 +16,7 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth.field import Field
+from raymarch.truth.march import Roots
 from raymarch.truth.rays import Rays, camera_rays
 from raymarch.truth.shading import Surface
 from raymarch.truth.visibility import first_hits, is_inside
@@ -37,7 +38,7 @@ class Truth:
     gap : (H, W), length before the end of the ray that was not proved free. The error of the depth is at most this.
         Below 1.5e-8 of the depth, except for rays that touch or graze a surface. inf for a field whose exactness is
         "estimate": nothing can be proved there.
-    position : (3,), position of the camera. direction : (H, W, 3), unit ray directions.
+    position : (3,), position of the camera. origin, direction : (H, W, 3), ray origins and unit ray directions.
     normal, material, color : see the properties; computed on first access if they were not requested.
     """
 
@@ -47,8 +48,9 @@ class Truth:
     evaluations: NDArray[np.int64]
     gap: NDArray[np.float64]
     position: NDArray[np.float64]
+    origin: NDArray[np.float64]
     direction: NDArray[np.float64]
-    _surface: Surface = field(repr=False)
+    _surfaces: Sequence[tuple[NDArray[np.intp], Surface]] = field(repr=False)
     _sky: NDArray[np.float64] = field(repr=False)
 
     def __repr__(self) -> str:
@@ -67,25 +69,29 @@ class Truth:
         They are never flipped: from inside the solid they point away from the viewer. Where the gradient vanishes, the
         normal is the negative ray direction.
         """
-        return self._picture(self._surface.normals, np.zeros(3))
+        return self._picture(lambda surface: surface.normals, np.zeros(3))
 
     @cached_property
     def material(self) -> NDArray[np.int64]:
         """(H, W), index into `scene.materials` of the material with the largest weight; -1 where nothing was hit."""
-        return self._picture(self._surface.material, np.int64(-1))
+        return self._picture(lambda surface: surface.material, np.int64(-1))
 
     @cached_property
     def color(self) -> NDArray[np.float64]:
         """(H, W, 3), linear RGB, >= 0, unbounded above; the colour of the sky where nothing was hit."""
-        surface = self._surface
-        light = radiance(surface) if surface.scene.whitted else surface.light()
-        return self._picture(surface.apply_fog(light), self._sky)
 
-    def _picture(self, values: Any, background: Any) -> NDArray[Any]:
-        result = np.empty((*self.hit.shape, *values.shape[1:]), values.dtype)
-        result[...] = background
-        result[self.hit] = values
-        return result
+        def seen(surface: Surface) -> NDArray[np.float64]:
+            return surface.apply_fog(radiance(surface) if surface.scene.whitted else surface.light())
+
+        return self._picture(seen, self._sky)
+
+    def _picture(self, values_of: Callable[[Surface], Any], background: Any) -> NDArray[Any]:
+        values = [(rows, values_of(surface)) for rows, surface in self._surfaces]
+        result = np.empty((self.hit.size, *values[0][1].shape[1:]), values[0][1].dtype)
+        result[...] = np.broadcast_to(background, (*self.hit.shape, *result.shape[1:])).reshape(result.shape)
+        for rows, found in values:
+            result[rows] = found
+        return result.reshape(*self.hit.shape, *result.shape[1:])
 
 
 def truth(
@@ -136,19 +142,34 @@ def truth(
 
 
 def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int, int], pixel: float) -> Truth:
-    """Trace H times W rays from the position of the camera; the result is a picture of shape (H, W).
+    """Trace H times W rays of a camera; the result is a picture of shape (H, W).
 
-    pixel : width of the footprint of each ray at distance 1.
+    pixel : width of the footprint of each ray at distance 1, or of an orthographic camera at all distances.
     """
     far = scene.far(pose)
     scene_field = Field(scene, values)
-    inside = is_inside(scene_field, pose.position)
-    roots = first_hits(scene_field, rays, rays.lines(scene.node.facts, far), inside)
-    rows = np.flatnonzero(np.isfinite(roots.t))
-    directions, depth = rays.directions[rows], roots.t[rows]
-    surface = Surface(scene, values, scene_field, pose.position, directions, depth, far, inside, pixel)
+    roots, sides = _first_hits_of_camera(scene, scene_field, pose, rays, far)
+    surfaces = []
     residual = np.zeros(roots.t.shape)
-    residual[rows] = np.abs(scene_field.distance(surface.points))
+    for inside, side in sides:
+        if not side.size:
+            continue
+        rows = side[np.isfinite(roots.t[side])]
+        origins = rays.origins[0] if len(rays.origins) == 1 else rays.origins[rows]
+        surface = Surface(
+            scene,
+            values,
+            scene_field,
+            origins,
+            rays.directions[rows],
+            roots.t[rows],
+            far,
+            inside,
+            pixel,
+            parallel=pose.orthographic,
+        )
+        residual[rows] = np.abs(scene_field.distance(surface.points))
+        surfaces.append((rows, surface))
     return Truth(
         depth=roots.t.reshape(shape),
         hit=np.isfinite(roots.t).reshape(shape),
@@ -156,10 +177,36 @@ def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int
         evaluations=roots.evaluations.reshape(shape),
         gap=roots.gap.reshape(shape),
         position=pose.position,
+        origin=np.broadcast_to(rays.origins, rays.directions.shape).reshape(*shape, 3),
         direction=rays.directions.reshape(*shape, 3),
-        _surface=surface,
+        _surfaces=surfaces,
         _sky=scene.sky.radiance_along(rays.directions, values).reshape(*shape, 3),
     )
+
+
+def _first_hits_of_camera(
+    scene: Scene, scene_field: Field, pose: Pose, rays: Rays, far: float
+) -> tuple[Roots, list[tuple[bool, NDArray[np.intp]]]]:
+    """The first hits between the clip planes, and the rays that start outside and inside the solid."""
+    facts, every = scene.node.facts, np.arange(len(rays.directions))
+    if len(rays.origins) == 1 and pose.near == 0.0:
+        end = np.minimum(far, pose.far / (rays.directions @ pose.view)) if np.isfinite(pose.far) else far
+        inside = is_inside(scene_field, pose.position)
+        return first_hits(scene_field, rays, rays.lines(facts, end), inside), [(inside, every)]
+    rate = rays.directions @ pose.view
+    start, end = pose.near / rate, np.minimum(far, pose.far / rate)
+    cut = Rays(rays.at(every, start), rays.directions)
+    starts_inside = scene_field.distance(cut.origins) < 0.0
+    found = Roots(np.full(len(every), np.inf), np.zeros(len(every), np.int64), np.zeros(len(every)))
+    sides = [(inside, np.flatnonzero(starts_inside == inside)) for inside in (False, True)]
+    for inside, side in sides:
+        if not side.size:
+            continue
+        part = Rays(cut.origins[side], cut.directions[side])
+        lines = part.lines(facts, end[side] - start[side], start[side])
+        roots = first_hits(scene_field, part, lines, inside)
+        found.t[side], found.evaluations[side], found.gap[side] = roots.t + start[side], roots.evaluations, roots.gap
+    return found, sides
 
 
 def _checked_size(size: Any) -> tuple[int, int]:

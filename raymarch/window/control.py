@@ -18,6 +18,10 @@ NEAREST = 1e-4
 """Minimum distance of a dolly to its target, as a fraction of the initial distance `reach`."""
 
 
+FOV = 45.0
+"""Field of view of an orthographic camera's view, which does not use it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
     """The camera under the user's control, in float64.
@@ -27,6 +31,8 @@ class View:
     position, target, up : shape (3,); up is not parallel to the view.
     fov : vertical field of view in degrees.
     reach : the initial distance to the target; the unit of speeds.
+    height : of an orthographic camera, the height of the picture in scene units; else None.
+    near, far : distances of the clip planes, which the scene sets.
     """
 
     position: Vector
@@ -34,11 +40,19 @@ class View:
     up: Vector
     fov: float
     reach: float
+    height: float | None = None
+    near: float = 0.0
+    far: float = np.inf
 
     @property
     def tan_half_fov(self) -> float:
         """Tangent of half the vertical field of view."""
         return float(np.tan(np.radians(self.fov) / 2))
+
+    @property
+    def extent(self) -> float:
+        """Height of the picture at the target, in scene units."""
+        return 2 * self.tan_half_fov * self.distance if self.height is None else self.height
 
     @property
     def distance(self) -> float:
@@ -57,22 +71,34 @@ class View:
 
     def pose(self) -> Pose:
         """The pose for the renderer."""
-        return look_at(self.position, self.target, self.up, self.tan_half_fov)
+        half = None if self.height is None else self.height / 2
+        made = look_at(self.position, self.target, self.up, self.tan_half_fov if half is None else 0.0)
+        return replace(made, half_height=half, near=self.near, far=self.far)
 
     def ray(self, x: float, y: float, size: tuple[int, int]) -> Vector:
         """Unit direction of the ray through a point of a picture, in pixels; x to the right, y down."""
+        return self.forward if self.height is not None else _unit(self.forward + self._beside(x, y, size))
+
+    def origin(self, x: float, y: float, size: tuple[int, int]) -> Vector:
+        """Origin of the ray through a point of a picture; parameters as of `ray`."""
+        return self.position if self.height is None else self.position + self._beside(x, y, size)
+
+    def _beside(self, x: float, y: float, size: tuple[int, int]) -> Vector:
+        """From the centre of the picture to a point of it, at distance 1 or in an orthographic camera's plane."""
         width, height = size
-        across = (2.0 * x - width) / height * self.tan_half_fov
-        upward = (height - 2.0 * y) / height * self.tan_half_fov
-        return _unit(self.forward + across * self.right + upward * np.cross(self.right, self.forward))
+        half = self.tan_half_fov if self.height is None else self.height / 2
+        across, upward = (2.0 * x - width) / height * half, (height - 2.0 * y) / height * half
+        return np.asarray(across * self.right + upward * np.cross(self.right, self.forward), np.float64)
 
 
 def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
     """The view at a pose. Without a target it orbits a point at distance 1."""
     forward = -pose.frame[:, 2]
     distance = 1.0 if target is None else float(np.linalg.norm(target - pose.position))
-    fov = float(np.degrees(2 * np.arctan(pose.tan_half_fov)))
-    return View(pose.position.copy(), pose.position + distance * forward, _unit(up), fov, distance)
+    fov = FOV if pose.orthographic else float(np.degrees(2 * np.arctan(pose.tan_half_fov)))
+    height = None if pose.half_height is None else 2 * pose.half_height
+    ends = pose.near, pose.far
+    return View(pose.position.copy(), pose.position + distance * forward, _unit(up), fov, distance, height, *ends)
 
 
 def orbit(view: View, dx: float, dy: float, height: int) -> View:
@@ -90,7 +116,7 @@ def orbit(view: View, dx: float, dy: float, height: int) -> View:
 
 def turn(view: View, dx: float, dy: float, height: int) -> View:
     """Rotate the view about the camera; the point under the cursor stays nearly under it."""
-    angle = 2 * np.arctan(view.tan_half_fov) / height
+    angle = 2 * np.arctan(0.5 * view.extent / view.distance) / height
     ahead = _turned(view.target - view.position, view.up, angle * dx)
     elevation = np.pi / 2 - _angle(ahead, view.up)
     limit = max(np.pi / 2 - POLE, abs(elevation))
@@ -101,13 +127,16 @@ def turn(view: View, dx: float, dy: float, height: int) -> View:
 
 def pan(view: View, dx: float, dy: float, height: int) -> View:
     """Translate the camera parallel to the image plane; points at the target's distance stay under the cursor."""
-    length = 2 * view.tan_half_fov * view.distance / height
+    length = view.extent / height
     shift = length * (-dx * view.right + dy * np.cross(view.right, view.forward))
     return replace(view, position=view.position + shift, target=view.target + shift)
 
 
 def dolly(view: View, steps: float) -> View:
-    """Move towards the target by a tenth of the distance per step, or away from it."""
+    """Move towards the target by a tenth of the distance per step, or away from it. An orthographic camera stays, and
+    its picture shows a tenth less."""
+    if view.height is not None:
+        return replace(view, height=max(view.height * 0.9**steps, NEAREST * view.reach))
     distance = max(view.distance * 0.9**steps, NEAREST * view.reach)
     return replace(view, position=view.target - distance * view.forward)
 
@@ -124,6 +153,11 @@ def zoomed(view: View, fov: float) -> View:
     return replace(view, fov=fov)
 
 
+def resized(view: View, height: float) -> View:
+    """The view of an orthographic camera with another height of the picture, in scene units."""
+    return replace(view, height=height)
+
+
 def focus(view: View, point: Vector) -> View:
     """Make another point the target: it moves to the centre, with the same view direction and distance."""
     distance = float(np.linalg.norm(point - view.position))
@@ -138,7 +172,11 @@ def as_python(view: View) -> str:
     parts = [f"position={_tuple(view.position, digits)}", f"target={_tuple(view.target, digits)}"]
     if not np.array_equal(view.up, (0.0, 1.0, 0.0)):
         parts.append(f"up={_tuple(view.up, 6)}")
-    parts.append(f"fov={round(view.fov, 4):g}")
+    if view.height is None:
+        parts.append(f"fov={round(view.fov, 4):g}")
+    else:
+        parts += ["projection='orthographic'", f"height={view.height:.6g}"]
+    parts += [f"{name}={end:.6g}" for name, end in (("near", view.near), ("far", view.far)) if 0.0 < end < np.inf]
     return f"Camera({', '.join(parts)})"
 
 

@@ -29,10 +29,10 @@ def pick_at(viewer: Viewer, x: float, y: float) -> Pick | None:
         trouble(viewer, fault)
         return None
     view = viewer.state.hold()
-    ray = ray_through(view, (column, row), size)
+    origin, ray = ray_through(view, (column, row), size)
     viewer.picks += 1
-    pick = picked(viewer.picks, (column, row), texels, view.position, ray)
-    viewer.inquiry.ask(pick, shot, values, view.position, ray)
+    pick = picked(viewer.picks, (column, row), texels, origin, ray)
+    viewer.inquiry.ask(pick, shot, values, origin, ray)
     return pick
 
 

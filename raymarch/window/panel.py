@@ -201,9 +201,14 @@ class Panel:
     def _camera(self) -> None:
         imgui, state = self._imgui, self._viewer.state
         camera = state.hold()
-        changed, fov = imgui.slider_float("fov", camera.fov, 5.0, 120.0)
-        if changed:
-            state.move(control.zoomed(camera, float(fov)))
+        if camera.height is None:
+            changed, fov = imgui.slider_float("fov", camera.fov, 5.0, 120.0)
+            if changed:
+                state.move(control.zoomed(camera, float(fov)))
+        else:
+            changed, height = imgui.drag_float("height", camera.height, 0.01 * camera.height)
+            if changed and height > 0.0:
+                state.move(control.resized(camera, float(height)))
         imgui.text_wrapped(control.as_python(camera))
         if imgui.button("copy"):
             self._viewer.keys.copy()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, RaymarchError
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.scene.camera import Camera
+from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
@@ -144,7 +144,7 @@ class Inquiry:
                 return
             pick, shot, values, origin, ray = asked
             try:
-                self._found.put(verified(pick, shot.scene, values, origin, ray))
+                self._found.put(verified(pick, shot.scene, values, origin, ray, shot.pose))
             except RaymarchError as fault:
                 self._found.put(replace(pick, trouble=str(fault)))
             except Exception as fault:
@@ -152,10 +152,13 @@ class Inquiry:
             self._wake()
 
 
-def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector) -> Pick:
-    """The pick with the reference values of its ray and the shape at the hit."""
+def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector, pose: Pose | None = None) -> Pick:
+    """The pick with the reference values of its ray and the shape at the hit. pose : of the clip planes, if any."""
     up = (0.0, 1.0, 0.0) if abs(ray[1]) < 0.9 else (1.0, 0.0, 0.0)
-    camera = Camera(tuple(origin), tuple(origin + ray), up, fov=1.0)
+    rate = 1.0 if pose is None else float(ray @ pose.view)
+    near, far = (0.0, np.inf) if pose is None else (pose.near / rate, pose.far / rate)
+    end = far if far < np.inf else None
+    camera = Camera(tuple(origin), tuple(origin + ray), up, fov=1.0, near=near, far=end)
     alone = scene.replace(camera=camera, lights=[])
     params = {name: value for name, value in values.params.items() if name in alone.parameters}
     found = truth(alone, (1, 1), values.time, params, ("depth", "normal"))
@@ -215,9 +218,10 @@ def _labelled(root: Node) -> Node:
     return made[id(root)]
 
 
-def ray_through(view: View, pixel: tuple[int, int], size: tuple[int, int]) -> Vector:
-    """The ray through the centre of a pixel."""
-    return view.ray(pixel[0] + 0.5, pixel[1] + 0.5, size)
+def ray_through(view: View, pixel: tuple[int, int], size: tuple[int, int]) -> tuple[Vector, Vector]:
+    """Origin and direction of the ray through the centre of a pixel."""
+    at = pixel[0] + 0.5, pixel[1] + 0.5, size
+    return view.origin(*at), view.ray(*at)
 
 
 def _triple(vector: Vector) -> str:

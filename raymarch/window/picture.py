@@ -55,8 +55,7 @@ class Shot:
         if other is None or self.scene is not other.scene or self.view != other.view or self.time != other.time:
             return False
         mine, its = self.pose, other.pose
-        poses = np.array_equal(mine.position, its.position) and np.array_equal(mine.frame, its.frame)
-        return poses and mine.tan_half_fov == its.tan_half_fov and self.params == other.params
+        return mine.same(its) and self.params == other.params
 
 
 @dataclass(slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,11 @@ class State:
         """The current pose of the camera."""
         if not self.moved and _moves(self.scene):
             return self.scene.pose(self.values, self.aspect)
-        return self.camera.pose()
+        return self._optics(self.camera).pose()
+
+    def _optics(self, camera: View) -> View:
+        """A view with the clip planes that the scene has now."""
+        return replace(camera, **self.scene.camera.optics(self.values))
 
     def shot(self) -> Shot:
         """The shot to draw now."""
@@ -88,8 +92,9 @@ class State:
                 self.params[name] = fitting
         if self.selected not in specs:
             self.selected = None
-        if not self.moved and scene.camera.position is not None:
-            self.camera = home(scene, self.values, self.aspect)
+        projected = scene.camera.orthographic != (self.camera.height is not None)
+        if projected or (not self.moved and scene.camera.position is not None):
+            self.camera, self.moved = home(scene, self.values, self.aspect), False
         return changes
 
     def move(self, camera: View) -> None:
@@ -100,7 +105,7 @@ class State:
         """The view to start a movement from: the current pose, also of an animated camera."""
         if not self.moved and _moves(self.scene):
             self.camera = home(self.scene, self.values, self.aspect)
-        return self.camera
+        return self._optics(self.camera)
 
     def reset(self) -> None:
         """Reset to the scene's camera."""
@@ -129,6 +134,7 @@ class State:
                 "target": camera.target.tolist(),
                 "up": camera.up.tolist(),
                 "fov": camera.fov,
+                "height": camera.height,
                 "line": control.as_python(camera),
             },
             "params": dict(self.params),
@@ -146,7 +152,12 @@ class State:
             if np.linalg.norm(np.cross(target - position, up)) == 0.0 or not 0 < float(camera["fov"]) < 180:
                 raise ValueError("camera")
             reach = float(np.linalg.norm(target - position))
-            self.move(View(position, target, up, float(camera["fov"]), reach))
+            height = self.camera.height
+            if height is not None and camera.get("height") is not None:
+                height = float(camera["height"])
+                if not 0.0 < height < np.inf:
+                    raise ValueError("camera")
+            self.move(View(position, target, up, float(camera["fov"]), reach, height))
             for name, value in settings["params"].items():
                 self.set(name, tuple(value) if isinstance(value, list) else value)
             self.timeline = self.timeline.scrub(float(settings["time"]))

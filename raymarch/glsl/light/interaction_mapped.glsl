@@ -5,7 +5,11 @@ Surface surface_interaction_mapped(Ray ray, Hit hit, float travelled) {
     vec3 n = surface_normal(p, ray.direction);
     vec3 v = -ray.direction;
     float n_dot_v = dot(n, v);
+#ifdef ORTHOGRAPHIC
+    float width = footprint_pixels * u_pixel;
+#else
     float width = footprint_pixels * u_pixel * travelled;
+#endif
     vec3 dpdx = cross(n, v);
     float size = length(dpdx);
     // At normal incidence the footprint is a circle: any tangent will do.

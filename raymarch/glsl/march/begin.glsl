@@ -4,5 +4,11 @@ bool begins(Ray ray, out March at, out float far, out vec2 spent) {
     at = start_march(ray, range.x);
     far = range.y;
     spent = vec2(0.0);
+#ifdef OWN_START
+    if (range.x <= range.y) {
+        enter(ray, at);
+        spent.y = 1.0;
+    }
+#endif
     return range.x <= range.y;
 }

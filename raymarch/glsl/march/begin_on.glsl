@@ -9,5 +9,11 @@ bool begins(Ray ray, out March at, out float far, out vec2 spent) {
     spent = vec2(0.0);
     bool open = range.x <= range.y && carry_on(at, spent) && at.t <= range.y;
     spent *= u_spent;
+#ifdef OWN_START
+    if (open) {
+        enter(ray, at);
+        spent.y += 1.0;
+    }
+#endif
     return open;
 }

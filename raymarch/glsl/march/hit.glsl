@@ -1,5 +1,9 @@
 // The state of a march and its hit.
+#ifdef OWN_START
+float u_side = 1.0;  // -1 if the ray of this pixel starts inside a solid, else 1: multiplies the field
+#else
 uniform float u_side;  // -1 if the camera is inside a solid, else 1: multiplies the field
+#endif
 
 // The state of a march, from which a later pass can resume it.
 struct March {

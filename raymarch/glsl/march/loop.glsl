@@ -14,10 +14,18 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     float steps = 0.0;
     for (int i = 0; i < march_steps; i++) {
         float width = at.passing ? widths.z : widths.y;
+#ifdef ORTHOGRAPHIC
+        bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);
+#else
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x + width * at.t);
+#endif
         float z = step_length(at, far);
         if (aiming) {
+#ifdef ORTHOGRAPHIC
+            float leap = u_pixel + (at.refining ? at.t - at.kept_t : 0.0);
+#else
             float leap = u_pixel * at.t + (at.refining ? at.t - at.kept_t : 0.0);
+#endif
             z = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.r + leap) : at.r;
         }
         escaped = !at.refining && at.t + min(z, at.r) > far;
@@ -35,7 +43,11 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             at.kept_t = closer ? at.kept_t : 0.0;
             at.passing = at.passing || !closer;
             at.refining = closer;
+#ifdef ORTHOGRAPHIC
+        } else if (next < widths.x * t + width && (empty || aiming)) {
+#else
         } else if (next < widths.x + width * t && (empty || aiming)) {
+#endif
             at.kept_t = empty ? t : at.t;
             at.kept_r = empty ? next : at.r;
             at.t = t;
@@ -46,11 +58,19 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             move(at, empty, t, next, derivative);
             hit.fallbacks += float(!empty);
         }
+#ifdef ORTHOGRAPHIC
+        found = at.refining && abs(at.r) <= widths.x * at.t + hit_width(widths);
+#else
         found = at.refining && abs(at.r) <= widths.x + hit_width(widths) * at.t;
+#endif
         if (found) break;
     }
     hit.iterations += steps;
     hit.evaluations += steps;
+#ifdef CLIP_PLANES
+    escaped = escaped || (found && at.t > far);  // a long step may end behind the far plane
+    found = found && !escaped;
+#endif
     hit.found = found;
     hit.done = found || escaped;
     hit.t = found ? at.t + last_step(widths, at) : at.t;

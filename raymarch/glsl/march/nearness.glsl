@@ -3,5 +3,9 @@
 float nearness(vec3 p, float t, float pixels) {
     vec3 size = abs(p);
     float ulps = 2.0 * GROWTH * max(max(size.x, size.y), max(size.z, t));  // 2 ulp of the largest
+#ifdef ORTHOGRAPHIC
+    return max(pixels * u_pixel, ulps);
+#else
     return max(pixels * u_pixel * t, ulps);
+#endif
 }

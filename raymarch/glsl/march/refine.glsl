@@ -6,6 +6,10 @@ float hit_width(vec3 widths) {
 }
 
 float last_step(vec3 widths, March at) {
+#ifdef ORTHOGRAPHIC
+    float most = 0.5 * (widths.x * at.t + widths.y);
+#else
     float most = 0.5 * (widths.x + widths.y * at.t);
+#endif
     return at.last_derivative < 0.0 ? clamp(at.r / -at.last_derivative, -most, most) : 0.0;
 }

@@ -2,6 +2,9 @@
 vec4 packed_march(March at, Hit hit, bool under_way) {
     float flags = (at.refining ? 1.0 : 0.0) + (at.passing ? 2.0 : 0.0) + (hit.done ? 8.0 : 0.0);
     flags += (hit.found ? 16.0 : 0.0) + (under_way ? 32.0 : 0.0);
+#ifdef OWN_START
+    flags += u_side < 0.0 ? 4.0 : 0.0;
+#endif
     return vec4(at.t, at.r, at.derivative, flags + 64.0 * hit.fallbacks);
 }
 
@@ -22,5 +25,8 @@ March unpack_march(vec4 march, vec4 more) {
 }
 
 Hit unpack_hit(vec4 march, vec4 hit) {
+#ifdef OWN_START
+    u_side = flag(march, 4.0) ? -1.0 : 1.0;
+#endif
     return Hit(flag(march, 8.0), flag(march, 16.0), hit.x, hit.y, hit.z, hit.w, floor(march.w / 64.0));
 }

@@ -3,7 +3,13 @@ Hit trace(Ray ray) {
     vec2 range = range_of(ray);
     if (range.x > range.y) return no_hit(0.0);
     March at = start_march(ray, range.x);
+#ifdef OWN_START
+    enter(ray, at);
+#endif
     Hit hit = no_hit(at.t);
     march(ray, at, hit, range.y);
+#ifdef OWN_START
+    hit.evaluations += 1.0;
+#endif
     return hit;
 }

@@ -2,5 +2,9 @@
 uniform float u_far;
 
 vec2 range_of(Ray ray) {
+#ifdef CLIP_PLANES
+    return between_planes(ray, u_far);
+#else
     return vec2(0.0, u_far);
+#endif
 }

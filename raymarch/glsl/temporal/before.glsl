@@ -6,7 +6,11 @@ layout(location = 1) out vec4 out_motion;  // motion vector: previous minus curr
 
 uniform vec3 u_now_position;
 uniform mat3 u_now_frame;
+#ifdef ORTHOGRAPHIC
+uniform float u_now_half_height;
+#else
 uniform float u_now_tan_half_fov;
+#endif
 uniform vec2 u_jitter;
 
 // The transforms give the point in object space. If the shape itself changed, the point is moved onto its surface.
@@ -26,20 +30,38 @@ bool on_surface(inout vec3 p, vec3 direction, float pixel) {
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
+#ifdef ORTHOGRAPHIC
+    vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_half_height;
+    vec3 direction = -u_now_frame[2];
+#else
     vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_tan_half_fov;
     vec3 direction = normalize(u_now_frame * vec3(screen, -1.0));
+#endif
     float t = texelFetch(u_surface, at, 0).x;
     out_motion = vec4(0.0);
     if (t < 0.0) {
         out_color = vec4(sky(direction), 1.0);
         return;
     }
+#ifdef ORTHOGRAPHIC
+    vec3 now = u_now_position + u_now_frame * vec3(screen, 0.0) + t * direction;
+#else
     vec3 now = u_now_position + t * direction;
+#endif
     vec3 p = previous_position(now);
+#ifdef ORTHOGRAPHIC
+    bool there = on_surface(p, direction, u_pixel);
+    float far = -dot(p - u_camera_position, u_camera_frame[2]);
+    Ray ray = Ray(p + far * u_camera_frame[2], -u_camera_frame[2]);
+#else
     bool there = on_surface(p, direction, u_pixel * t);
     vec3 to_point = p - u_camera_position;
     float far = length(to_point);
     Ray ray = Ray(u_camera_position, to_point / far);
+#endif
+#ifdef OWN_START
+    u_side = dot(surface_normal(p, ray.direction), ray.direction) > 0.0 ? -1.0 : 1.0;
+#endif
     Hit hit = Hit(true, true, far, 0.0, 0.0, 0.0, 0.0);
     out_color = vec4(there ? shade(ray, hit) : vec3(0.0), there ? 1.0 : 0.0);
     out_motion = vec4(p - now, 0.0);

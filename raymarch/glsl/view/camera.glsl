@@ -6,10 +6,19 @@ struct Ray {
 
 uniform vec3 u_camera_position;
 uniform mat3 u_camera_frame;  // columns: right, up, backward
+#ifdef ORTHOGRAPHIC
+uniform float u_half_height;  // half the height of the picture, in scene units
+#else
 uniform float u_tan_half_fov;  // tangent of half the vertical field of view
+#endif
 uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile is drawn
 
 Ray camera_ray(vec2 pixel) {
+#ifdef ORTHOGRAPHIC
+    vec2 screen = (2.0 * pixel - u_resolution) / u_resolution.y * u_half_height;
+    return Ray(u_camera_position + u_camera_frame * vec3(screen, 0.0), -u_camera_frame[2]);
+#else
     vec2 screen = (2.0 * pixel - u_resolution) / u_resolution.y * u_tan_half_fov;
     return Ray(u_camera_position, normalize(u_camera_frame * vec3(screen, -1.0)));
+#endif
 }

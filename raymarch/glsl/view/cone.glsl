@@ -6,17 +6,32 @@ void main() {
     Ray ray = camera_ray(gl_FragCoord.xy * u_cell);
     vec2 range = range_of(ray);
     March at = start_march(ray, range.x);
+#ifndef OWN_START
     at.r /= 1.0 + u_cone;
     at.derivative = (at.derivative - u_cone) / (1.0 + u_cone);
+#endif
     vec2 spent = vec2(0.0);
     bool open = range.x <= range.y && carry_on(at, spent) && at.t <= range.y;
     if (open) {
+#ifdef OWN_START
+        enter(ray, at);
+#ifdef ORTHOGRAPHIC
+        at.r = max(at.r - u_cone, 0.0);
+#else
+        at.r = max((at.r - u_cone * at.t) / (1.0 + u_cone), 0.0);
+#endif
+        spent.y += 1.0 / (u_cell.x * u_cell.y);
+#endif
         Hit hit = no_hit(at.t);
         march(ray, at, hit, range.y);
         spent += vec2(hit.iterations, hit.evaluations / (u_cell.x * u_cell.y));
         open = hit.found || at.t + at.r <= range.y;
     }
     // of the field itself, from the derivative of a cone's safe step
+#ifdef ORTHOGRAPHIC
+    float derivative = at.derivative;
+#else
     float derivative = at.derivative * (1.0 + u_cone) + u_cone;
+#endif
     out_state = vec4(open ? max(at.t + at.r, 0.0) : -1.0, at.derivative > -1.0 ? derivative : -1.0, spent);
 }
