@@ -25,7 +25,7 @@ class Module:
     numbers: tuple[int, ...]
 
 
-VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES"})
+VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE"})
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader."""
 
 

@@ -20,6 +20,10 @@ PLASTIC = 1.3247179572447460
 """The real root of x^3 = x + 1; its powers define the two-dimensional sequence of lowest known discrepancy."""
 
 
+SHARP = ("geometry", "slice")
+"""Passes whose rays start at the centre of the lens."""
+
+
 @dataclass(frozen=True, slots=True)
 class DrawCall:
     """A pass with its program, target and uniforms. It can be drawn at once or in tiles.
@@ -114,7 +118,9 @@ def draw_calls_of(
             state = resources.pair("march", size, chosen.textures).front
             rays |= {"u_march": (state, 0), "u_found": (state, 1)}
         elif chosen.name not in ("cone", "sample", "before"):
-            yield _call(resources, ready, chosen, resources.target(chosen.name, size, chosen.textures), rays)
+            sharp = {"u_lens": (0.0, 1.0)} if chosen.name in SHARP else {}
+            target = resources.target(chosen.name, size, chosen.textures)
+            yield _call(resources, ready, chosen, target, {**rays, **sharp})
 
 
 def _marched(
@@ -319,9 +325,7 @@ def _cones(
             **carried,
             "u_cell": cell,
             "u_footprint": footprint,
-            "u_cone": radius(footprint, uniforms["u_pixel"])
-            if "ORTHOGRAPHIC" in plan.variants
-            else widest(footprint, uniforms["u_pixel"]),
+            **_cone(footprint, uniforms, "ORTHOGRAPHIC" in plan.variants),
             "march_steps": max(1, round(level.share * steps)),
         }
         draw_calls.append(_call(resources, ready, chosen, target, own))
@@ -330,6 +334,7 @@ def _cones(
         "u_cell": (1.0, 1.0),
         "u_footprint": (0.5, 0.5) if jittered else (0.0, 0.0),
         "u_cone": 0.0,
+        "u_cone_start": 0.0,
         "march_steps": plan.marching.steps,
     }
     return draw_calls, {**carried, **rays}
@@ -359,6 +364,19 @@ def widest(footprint: tuple[float, float], pixel: float) -> float:
     """
     offset = math.hypot(*footprint) * pixel
     return 2.0 * math.sin(math.atan(0.5 * offset)) + 2.0**-22
+
+
+def _cone(footprint: tuple[float, float], uniforms: Mapping[str, Any], parallel: bool) -> dict[str, float]:
+    """The width of a cell's cone: its radius at the camera, and the growth of the radius.
+
+    A ray that starts at a point of the lens meets the one from its centre in the plane in focus. Both directions differ
+    by at most a chord of the unit sphere, and their origins by the radius of the lens.
+    """
+    pixel = uniforms["u_pixel"]
+    lens, focus = uniforms["u_lens"]
+    spread = 2.0 * math.sin(0.5 * math.asin(min(lens / focus, 1.0))) * (1.0 + 2.0**-20) if lens else 0.0
+    start = lens * (1.0 + 2.0**-20) + (radius(footprint, pixel) if parallel else 0.0)
+    return {"u_cone_start": start, "u_cone": spread + (0.0 if parallel else widest(footprint, pixel))}
 
 
 def radius(footprint: tuple[float, float], pixel: float) -> float:

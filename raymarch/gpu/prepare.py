@@ -104,6 +104,7 @@ def frame_uniforms(
         "u_far": scene.far(pose),
         "u_near": pose.near,
         "u_clip_far": min(pose.far, 1e30),
+        "u_lens": (pose.aperture, pose.focus),
         "u_time": values.time,
     }
     uniforms |= _start(ready, values, pose.position, 1e-9 * uniforms["u_far"])

@@ -90,9 +90,13 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
 
 
 def noisy(scene: Scene) -> str:
-    """The doubt of glass that one random path a pixel shows; empty if there are more, or none."""
+    """The doubt of glass or of a lens with one random path a pixel; empty if there are more, or neither."""
     quality = scene.quality
-    if not scene.path_traced or quality.samples > 1 or quality.temporal != "off":
+    if quality.samples > 1 or quality.temporal != "off":
+        return ""
+    if scene.camera.lens:
+        return "Camera(aperture=...) is noisy with one ray a pixel (--samples 64 or Quality(samples=64))"
+    if not scene.path_traced:
         return ""
     glass = next((m for m in scene.materials if m.transmits), None)
     if glass is None:

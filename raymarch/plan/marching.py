@@ -136,8 +136,10 @@ def variants_of(scene: Scene) -> frozenset[str]:
     camera = scene.camera
     found = {
         "ORTHOGRAPHIC": camera.orthographic,
-        "OWN_START": camera.orthographic or camera.cuts,
+        "OWN_START": camera.orthographic or camera.cuts or camera.lens,
         "CLIP_PLANES": camera.clips,
+        "LENS": camera.lens,
+        "WIDE_CONE": camera.orthographic or camera.lens,
     }
     return frozenset(name for name, used in found.items() if used)
 

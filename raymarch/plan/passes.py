@@ -65,17 +65,20 @@ DRAWN: Final = {
 """The passes that can be requested, by name."""
 
 
-def passes_of(names: Sequence[str], quality: Quality, cones: bool, changes: bool = False) -> list[Pass]:
+def passes_of(
+    names: Sequence[str], quality: Quality, cones: bool, changes: bool = False, lens: bool = False
+) -> list[Pass]:
     """The requested passes and those that they need, in drawing order.
 
     names : of `DRAWN`. cones : True if cones are marched first. changes : True if the scene reads time or parameters.
+    lens : True if rays start at points of a lens. A pixel then shows many surfaces, so no history follows them.
     """
     found = [CONE] if cones else []
     found += [MARCH] if quality.steps_per_pass is not None else []
     sampled = quality.steps_per_pass is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         drawn = DRAWN[name]
-        if name == "color" and quality.temporal == "reproject":
+        if name == "color" and quality.temporal == "reproject" and not lens:
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
         elif name == "color" and sampled:
             found.append(replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples"))

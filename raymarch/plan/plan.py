@@ -174,7 +174,13 @@ def plan(
     lit = shading.lit(scene)
     operations = count_operations([definition.body], turns=not gathered.rows)
     chosen = marching.choose(scene, operations, size, standalone, cells=bool(gathered.rows))
-    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene))
+    if scene.camera.lens and scene.quality.steps_per_pass is not None:
+        raise PlanError(
+            "Quality(steps_per_pass=...) marches one ray per pixel, and Camera(aperture=...) needs many",
+            legal="steps_per_pass=None, or aperture=0",
+            where=scene.camera.where,
+        )
+    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), scene.camera.lens)
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
         given=given,

@@ -40,6 +40,7 @@ class Pose:
     tan_half_fov : tangent of half the vertical field of view; 0 for an orthographic camera.
     half_height : of an orthographic camera, half the height of the picture in scene units; else None.
     near, far : distances of the clip planes.
+    aperture, focus : radius of the lens, and distance of the plane in focus.
     """
 
     position: NDArray[np.float64]
@@ -48,6 +49,8 @@ class Pose:
     half_height: float | None = None
     near: float = 0.0
     far: float = np.inf
+    aperture: float = 0.0
+    focus: float = 1.0
 
     def same(self, other: Pose) -> bool:
         """True if another pose gives the same rays."""
@@ -122,6 +125,11 @@ class Camera(Value):
     near, far : distances from the camera, 0 <= near < far, along the view. The picture shows what lies between the two
         planes at these distances, perpendicular to the view: a solid that the near plane cuts is open there and shows
         its inner side, and the sky is behind the far plane. Shadows and reflections are not cut. far=None is no limit.
+    aperture : radius of the lens in scene units, >= 0. Points beside the plane in focus become discs: at a distance d,
+        a disc of radius aperture * abs(d - focus) / d in the plane in focus (thin lens; pbrt-v4, 5.2.3). 0 is a
+        pinhole, whose pictures are sharp. The rays of a pixel start at different points of the lens, so the picture
+        needs `Quality(samples=...)` or several frames. Depth and normals are those of the centre of the lens.
+    focus : distance from the camera to the plane in focus, along the view, > 0. None is the distance of the target.
 
     Notes
     -----
@@ -137,6 +145,8 @@ class Camera(Value):
     height: Expr | None
     near: Expr
     far: Expr | None
+    aperture: Expr
+    focus: Expr | None
 
     def __init__(
         self,
@@ -148,6 +158,8 @@ class Camera(Value):
         height: Scalar | None = None,
         near: Scalar = 0.0,
         far: Scalar | None = None,
+        aperture: Scalar = 0.0,
+        focus: Scalar | None = None,
     ) -> None:
         self._begin()
         kind = choice("Camera: projection", projection, PROJECTIONS)
@@ -165,6 +177,8 @@ class Camera(Value):
             height=None if height is None else as_number("Camera: height", height),
             near=as_number("Camera: near", near),
             far=None if far is None else as_number("Camera: far", far),
+            aperture=as_number("Camera: aperture", aperture),
+            focus=None if focus is None else as_number("Camera: focus", focus),
         )
         values = Values({})
         if self.fov.is_constant:
@@ -173,6 +187,8 @@ class Camera(Value):
             self._half_height(values)
         if self.near.is_constant and (self.far is None or self.far.is_constant):
             self._clip_planes(values)
+        if self.aperture.is_constant and (self.focus is None or self.focus.is_constant):
+            self._lens(values, 1.0)
         if self.position is not None and self.target is not None and self._constant:
             self.pose(values, None)
 
@@ -225,7 +241,17 @@ class Camera(Value):
     @property
     def expressions(self) -> list[Expr]:
         """All values that may depend on parameters or time."""
-        given = (self.position, self.target, self.up, self.fov, self.height, self.near, self.far)
+        given = (
+            self.position,
+            self.target,
+            self.up,
+            self.fov,
+            self.height,
+            self.near,
+            self.far,
+            self.aperture,
+            self.focus,
+        )
         return [e for e in given if e is not None]
 
     @property
@@ -244,9 +270,14 @@ class Camera(Value):
         return self.cuts or self.far is not None
 
     @property
+    def lens(self) -> bool:
+        """True if rays start at points of a lens."""
+        return not _is_number(self.aperture, 0.0)
+
+    @property
     def pinhole(self) -> bool:
         """True if all rays start at the position and have no end."""
-        return not (self.orthographic or self.clips)
+        return not (self.orthographic or self.clips or self.lens)
 
     def _tan_half_fov(self, values: Values) -> float:
         fov = float(values.of(self.fov))
@@ -270,6 +301,15 @@ class Camera(Value):
         if not near < far:
             raise SceneError(f"Camera: far = {far:g} with near = {near:g}", legal="near < far", where=self.where)
         return near, far
+
+    def _lens(self, values: Values, distance: float) -> tuple[float, float]:
+        aperture = float(values.of(self.aperture))
+        focus = distance if self.focus is None else float(values.of(self.focus))
+        if not 0.0 <= aperture < np.inf:
+            raise SceneError(f"Camera: aperture = {aperture:g}", legal="a finite number >= 0", where=self.where)
+        if not 0.0 < focus < np.inf:
+            raise SceneError(f"Camera: focus = {focus:g}", legal="a finite number > 0", where=self.where)
+        return aperture, focus
 
     def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0) -> Pose:
         """The camera of one frame.
@@ -298,12 +338,13 @@ class Camera(Value):
             position = target + _away(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN)
         self._refuse_degenerate(position, target, up)
         found = look_at(position, target, up, tan_half_fov if half is None else 0.0)
-        return replace(found, half_height=half, **self.optics(values))
+        return replace(found, half_height=half, **self.optics(values, float(np.linalg.norm(target - position))))
 
-    def optics(self, values: Values) -> dict[str, Any]:
-        """The fields of a pose that neither its place nor its projection determine."""
+    def optics(self, values: Values, distance: float) -> dict[str, Any]:
+        """The fields of a pose that neither its place nor its projection determine. distance : of the target."""
         near, far = self._clip_planes(values)
-        return {"near": near, "far": far}
+        aperture, focus = self._lens(values, distance)
+        return {"near": near, "far": far, "aperture": aperture, "focus": focus}
 
     def _refuse_degenerate(self, position: Any, target: Any, up: Any) -> None:
         if not all(np.all(np.isfinite(v)) for v in (position, target, up)):

@@ -222,7 +222,7 @@ class Scene(Value):
             return 0.0
         if facts.bounded:
             corners = np.maximum(np.abs(facts.lower - pose.position), np.abs(facts.upper - pose.position))
-            return float(np.linalg.norm(corners))
+            return float(np.linalg.norm(corners)) + pose.aperture
         subject = self.subject
         scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
         middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2

@@ -20,8 +20,8 @@ def scene_box(plan: Plan) -> Chunk:
     text.add("vec2 scene_box(Ray ray, vec2 range) {")
     for axis, low, high in box_ends(plan.scene.node.facts):
         at = f"range, ray.origin.{axis}, ray.direction.{axis}"
-        if plan.marching.cones and "ORTHOGRAPHIC" in plan.variants:  # a cone is a cylinder of radius u_cone
-            at = "range, ray.origin.{axis} {sign} u_cone, ray.direction.{axis}"
+        if plan.marching.cones and "WIDE_CONE" in plan.variants:  # it also starts as wide as u_cone_start
+            at = "range, ray.origin.{axis} {sign} u_cone_start, ray.direction.{axis} {sign} u_cone"
             clips = [f"above({at.format(axis=axis, sign='+')}, {literal(low)})"] if low is not None else []
             clips += [f"below({at.format(axis=axis, sign='-')}, {literal(high)})"] if high is not None else []
         elif plan.marching.cones:

@@ -37,7 +37,7 @@ HOST = ("iResolution", "iTime", "iMouse")
 
 BY = "the camera"
 
-FRAME = ("u_side", "u_start", "u_pixel", "u_far", "u_sample", "u_near", "u_clip_far")
+FRAME = ("u_side", "u_start", "u_pixel", "u_far", "u_sample", "u_near", "u_clip_far", "u_lens")
 """Uniforms of a renderer that are variables of a standalone shader."""
 
 
@@ -70,7 +70,13 @@ class Setup:
             half = _half_extent(low, high, expr(target), away, camera.up)
             values.functions.append(Function("camera_half_height", (ASPECT,), half, where=where))
             self._extent = "camera_half_height(u_resolution.x / u_resolution.y)"
-        self._clip = {}
+        self._clip: dict[str, str] = {}
+        if camera.lens:
+            focus = f"distance(u_camera_position, {text('target', target - origin)})"
+            self._lens = (
+                text("aperture", camera.aperture),
+                focus if camera.focus is None else text("focus", camera.focus),
+            )
         if camera.clips:
             self._clip["u_near"] = text("near", camera.near)
             self._clip["u_clip_far"] = "1.0e30" if camera.far is None else text("far", camera.far)
@@ -80,10 +86,11 @@ class Setup:
             self._position = text("position", camera.position - origin)
         else:
             away = constant(const(VIEW / np.linalg.norm(VIEW)))
-            if half is not None:
-                distance = 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
-            else:
-                distance = _framing(low, high, target, camera.up, tan(camera.fov * (np.pi / 360.0)))
+            distance = (
+                _framing(low, high, target, camera.up, tan(camera.fov * (np.pi / 360.0)))
+                if half is None
+                else 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
+            )
             values.functions.append(Function("camera_distance", (ASPECT,), distance, where=where))
             self._position = f"{self._target} + {away} * camera_distance(u_resolution.x / u_resolution.y)"
         self._hoisted = {
@@ -94,6 +101,7 @@ class Setup:
     def promised(self) -> dict[str, Callable[[], Chunk]]:
         """The names of the functions and those that they need, before it is known which uniforms the shader has."""
         needs = {"field", "place_camera", self._size, "u_pixel", "u_far", *self._clip}
+        needs |= {"u_lens"} if "LENS" in self._plan.variants else set()
         needs |= set() if "OWN_START" in self._plan.variants else {"u_side"}
         return {
             "set_frame": lambda: Chunk("set_frame", frozenset(needs), frozenset({"set_frame"}), ()),
@@ -132,6 +140,10 @@ class Setup:
         text.add(f"    place_camera({self._position}, {self._target}, {self._up});")
         text.add(f"    u_pixel = 2.0 * {self._size} / u_resolution.y;")
         text.add(f"    u_far = {self._far()};")
+        if self._plan.given.camera.lens:
+            aperture, focus = self._lens
+            text.add(f"    u_lens = vec2({aperture}, {focus});")
+            text.add("    u_far += u_lens.x;")
         for name, value in self._clip.items():
             text.add(f"    {name} = {value};")
         if "OWN_START" not in self._plan.variants:

@@ -61,6 +61,15 @@ def camera_rays(pose: Pose, width: int, height: int, rows: range | None = None) 
     return Rays(pose.position[None, :], unit(inside @ pose.frame.T))
 
 
+def lens_rays(pose: Pose, width: int, height: int, point: NDArray[np.float64]) -> Rays:
+    """The rays of `camera_rays` from another point of the lens, (2,) in radii of the lens: right and up."""
+    centre = camera_rays(pose, width, height)
+    in_focus = centre.at(np.arange(width * height), pose.focus / (centre.directions @ pose.view))
+    beside = pose.frame[:, :2] @ (pose.aperture * point)
+    origins = centre.origins + beside
+    return Rays(origins, unit(in_focus - origins))
+
+
 def _parallel_rays(pose: Pose, x: NDArray[Any], y: NDArray[Any]) -> Rays:
     """Parallel rays through a grid of points of the picture, in halves of its height from the centre."""
     assert pose.half_height is not None

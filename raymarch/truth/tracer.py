@@ -17,7 +17,7 @@ from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth.field import Field
 from raymarch.truth.march import Roots
-from raymarch.truth.rays import Rays, camera_rays
+from raymarch.truth.rays import Rays, camera_rays, lens_rays
 from raymarch.truth.shading import Surface
 from raymarch.truth.visibility import first_hits, is_inside
 from raymarch.truth.whitted import radiance
@@ -52,6 +52,7 @@ class Truth:
     direction: NDArray[np.float64]
     _surfaces: Sequence[tuple[NDArray[np.intp], Surface]] = field(repr=False)
     _sky: NDArray[np.float64] = field(repr=False)
+    _through_lens: Callable[[], NDArray[np.float64]] | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
         height, width = self.hit.shape
@@ -79,6 +80,8 @@ class Truth:
     @cached_property
     def color(self) -> NDArray[np.float64]:
         """(H, W, 3), linear RGB, >= 0, unbounded above; the colour of the sky where nothing was hit."""
+        if self._through_lens is not None:
+            return self._through_lens()
 
         def seen(surface: Surface) -> NDArray[np.float64]:
             return surface.apply_fog(radiance(surface) if surface.scene.whitted else surface.light())
@@ -125,6 +128,9 @@ def truth(
     where r = 2 (n.l) n - l, and c is the light's colour times intensity, over d^2 for a point light (Phong 1975).
     `visible` is 0 or 1 for a light with a shadow, else 1. A point light that touches the surface adds nothing to it.
 
+    With `Camera(aperture=...)`, the colour is the mean over `Quality(samples=...)` points of the lens, at least 16. All
+    other arrays are those of rays from its centre.
+
     Raises SceneError for an unknown parameter or output, a value out of range, a size below 1, and a
     field that is NaN somewhere on a ray.
     """
@@ -136,9 +142,37 @@ def truth(
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     result = trace(scene, values, pose, camera_rays(pose, width, height), (height, width), pose.pixel(height))
+    if pose.aperture > 0.0:
+        result._through_lens = lambda: _mean_over_lens(scene, values, pose, (width, height))
     for name in outputs:
         getattr(result, name)
     return result
+
+
+LENS_POINTS = 16
+"""Smallest number of points of a lens."""
+
+RAYS_AT_ONCE = 200_000
+"""Rays through the lens that are traced together; this bounds the memory."""
+
+GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+
+
+def _mean_over_lens(scene: Scene, values: Values, pose: Pose, size: tuple[int, int]) -> NDArray[np.float64]:
+    """The mean colour over points of the lens on a spiral (Vogel 1979), each of which stands for the same area."""
+    width, height = size
+    count = max(scene.quality.samples, LENS_POINTS)
+    numbers = np.arange(count)
+    radius, angle = np.sqrt((numbers + 0.5) / count), numbers * GOLDEN
+    points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    total = np.zeros((height, width, 3))
+    for some in np.array_split(points, min(count, 1 + count * width * height // RAYS_AT_ONCE)):
+        parts = [lens_rays(pose, width, height, point) for point in some]
+        origins = [np.broadcast_to(part.origins, part.directions.shape) for part in parts]
+        rays = Rays(np.concatenate(origins), np.concatenate([part.directions for part in parts]))
+        traced = trace(scene, values, pose, rays, (len(some) * height, width), pose.pixel(height))
+        total += traced.color.reshape(len(some), height, width, 3).sum(axis=0)
+    return total / count
 
 
 def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int, int], pixel: float) -> Truth:
@@ -191,7 +225,7 @@ def _first_hits_of_camera(
     facts, every = scene.node.facts, np.arange(len(rays.directions))
     if len(rays.origins) == 1 and pose.near == 0.0:
         end = np.minimum(far, pose.far / (rays.directions @ pose.view)) if np.isfinite(pose.far) else far
-        inside = is_inside(scene_field, pose.position)
+        inside = is_inside(scene_field, rays.origins[0])
         return first_hits(scene_field, rays, rays.lines(facts, end), inside), [(inside, every)]
     rate = rays.directions @ pose.view
     start, end = pose.near / rate, np.minimum(far, pose.far / rate)

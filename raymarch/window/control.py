@@ -32,7 +32,7 @@ class View:
     fov : vertical field of view in degrees.
     reach : the initial distance to the target; the unit of speeds.
     height : of an orthographic camera, the height of the picture in scene units; else None.
-    near, far : distances of the clip planes, which the scene sets.
+    near, far, aperture, focus : as of a pose; the scene sets them.
     """
 
     position: Vector
@@ -43,6 +43,8 @@ class View:
     height: float | None = None
     near: float = 0.0
     far: float = np.inf
+    aperture: float = 0.0
+    focus: float = 1.0
 
     @property
     def tan_half_fov(self) -> float:
@@ -73,7 +75,8 @@ class View:
         """The pose for the renderer."""
         half = None if self.height is None else self.height / 2
         made = look_at(self.position, self.target, self.up, self.tan_half_fov if half is None else 0.0)
-        return replace(made, half_height=half, near=self.near, far=self.far)
+        optics = {name: getattr(self, name) for name in ("near", "far", "aperture", "focus")}
+        return replace(made, half_height=half, **optics)
 
     def ray(self, x: float, y: float, size: tuple[int, int]) -> Vector:
         """Unit direction of the ray through a point of a picture, in pixels; x to the right, y down."""
@@ -97,8 +100,8 @@ def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
     distance = 1.0 if target is None else float(np.linalg.norm(target - pose.position))
     fov = FOV if pose.orthographic else float(np.degrees(2 * np.arctan(pose.tan_half_fov)))
     height = None if pose.half_height is None else 2 * pose.half_height
-    ends = pose.near, pose.far
-    return View(pose.position.copy(), pose.position + distance * forward, _unit(up), fov, distance, height, *ends)
+    optics = pose.near, pose.far, pose.aperture, pose.focus
+    return View(pose.position.copy(), pose.position + distance * forward, _unit(up), fov, distance, height, *optics)
 
 
 def orbit(view: View, dx: float, dy: float, height: int) -> View:
@@ -177,6 +180,8 @@ def as_python(view: View) -> str:
     else:
         parts += ["projection='orthographic'", f"height={view.height:.6g}"]
     parts += [f"{name}={end:.6g}" for name, end in (("near", view.near), ("far", view.far)) if 0.0 < end < np.inf]
+    if view.aperture > 0.0:
+        parts += [f"aperture={view.aperture:.6g}", f"focus={view.focus:.6g}"]
     return f"Camera({', '.join(parts)})"
 
 

@@ -65,7 +65,7 @@ class State:
 
     def _optics(self, camera: View) -> View:
         """A view with the clip planes that the scene has now."""
-        return replace(camera, **self.scene.camera.optics(self.values))
+        return replace(camera, **self.scene.camera.optics(self.values, camera.distance))
 
     def shot(self) -> Shot:
         """The shot to draw now."""

@@ -1,19 +1,23 @@
 // The field along a ray, with the sign that it has at the camera, so that a camera inside a solid sees the inner
 // surface.
-#ifdef ORTHOGRAPHIC
-// In a pass that marches cones: the safe step of a cone, which is a cylinder of radius u_cone about its axis.
+#ifdef WIDE_CONE
+// In a pass that marches cones: the safe step of a cone. At t its points lie within u_cone_start + u_cone t of the axis:
+// its rays start within u_cone_start of the axis, and their directions differ from it by at most u_cone.
 #else
 // In a pass that marches cones: the safe step of a cone. A cone's directions differ from its axis by at most u_cone, so
 // at t its points lie within u_cone t of the axis. (f - u_cone t) / (1 + u_cone) is safe for all of them, and
 // 1-Lipschitz in t. After Bálint and Valasek 2018, whose angle holds only for a field of view of 90 degrees.
 #endif
 uniform float u_cone;
+#ifdef WIDE_CONE
+uniform float u_cone_start;
+#endif
 
 float march_distance(Ray ray, float t) {
     float r = u_side * field(ray.origin + t * ray.direction);
 #ifdef CONE
-#ifdef ORTHOGRAPHIC
-    r -= u_cone;
+#ifdef WIDE_CONE
+    r = (r - u_cone_start - u_cone * t) / (1.0 + u_cone);
 #else
     r = (r - u_cone * t) / (1.0 + u_cone);
 #endif

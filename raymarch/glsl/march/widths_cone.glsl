@@ -19,7 +19,11 @@ vec3 hit_widths(Ray ray) {
     vec3 size = abs(ray.origin);
     float ulps = 2.0 * GROWTH;  // of 2 ulp of the largest coordinate
 #ifdef CONE
+#ifdef ORTHOGRAPHIC
+    vec2 pixels = vec2(cone_share * u_cone_start);
+#else
     vec2 pixels = vec2(cone_share * u_cone);
+#endif
 #else
     vec2 pixels = vec2(1.0, contact_share) * (epsilon_pixels * u_pixel);
 #endif

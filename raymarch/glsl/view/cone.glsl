@@ -15,11 +15,10 @@ void main() {
     if (open) {
 #ifdef OWN_START
         enter(ray, at);
-#ifdef ORTHOGRAPHIC
-        at.r = max(at.r - u_cone, 0.0);
-#else
-        at.r = max((at.r - u_cone * at.t) / (1.0 + u_cone), 0.0);
+#ifdef WIDE_CONE
+        at.r -= u_cone_start;
 #endif
+        at.r = max((at.r - u_cone * at.t) / (1.0 + u_cone), 0.0);
         spent.y += 1.0 / (u_cell.x * u_cell.y);
 #endif
         Hit hit = no_hit(at.t);
@@ -28,10 +27,6 @@ void main() {
         open = hit.found || at.t + at.r <= range.y;
     }
     // of the field itself, from the derivative of a cone's safe step
-#ifdef ORTHOGRAPHIC
-    float derivative = at.derivative;
-#else
     float derivative = at.derivative * (1.0 + u_cone) + u_cone;
-#endif
     out_state = vec4(open ? max(at.t + at.r, 0.0) : -1.0, at.derivative > -1.0 ? derivative : -1.0, spent);
 }
