@@ -85,14 +85,14 @@ class Setup:
         if camera.position is not None:
             self._position = text("position", camera.position - origin)
         else:
-            away = constant(const(VIEW / np.linalg.norm(VIEW)))
+            backward = constant(const(VIEW / np.linalg.norm(VIEW)))
             distance = (
                 _framing(low, high, target, camera.up, tan(camera.fov * (np.pi / 360.0)))
                 if half is None
                 else 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
             )
             values.functions.append(Function("camera_distance", (ASPECT,), distance, where=where))
-            self._position = f"{self._target} + {away} * camera_distance(u_resolution.x / u_resolution.y)"
+            self._position = f"{self._target} + {backward} * camera_distance(u_resolution.x / u_resolution.y)"
         self._hoisted = {
             name: values.text(name.replace(" ", "_"), value, where) for name, value in plan.hoisted.items()
         }

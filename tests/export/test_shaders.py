@@ -56,6 +56,11 @@ def scenes() -> dict[str, rm.Scene]:
         "inside": rm.Scene(rm.sphere(3).shell(0.1), camera=rm.Camera((0, 0.2, 1), (0, 0, 0))),
         "sky": rm.Scene(rm.sphere().material(rm.Material(albedo=(0.8, 0.5, 0.2), metalness=1.0)), sky=lit),
         "paths": rm.Scene(ball | rm.plane(offset=-0.8), sky=lit, bounces=2, quality=rm.Quality(samples=3)),
+        "parallel": rm.Scene(
+            ball | rm.plane(offset=-0.8),
+            rm.Camera(projection="orthographic", near=rm.Param("near", 4.0, 0.0, 9.0), far=9),
+        ),
+        "lens": rm.Scene(ball, rm.Camera((1, 1, 4), (0, 0, 1), aperture=0.2), quality=rm.Quality(samples=8)),
         "far": rm.Scene(rm.sphere().translate((2e5, 0, 0)), camera=rm.Camera((2e5 + 1, 1, 4), (2e5, 0, 0))),
     }
 

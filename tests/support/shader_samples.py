@@ -105,6 +105,9 @@ def scenes() -> dict[str, rm.Scene]:
         solid() | rm.plane(offset=-1), lights=[rm.Sun(shadow=True, softness=0.1, penumbra=p) for p in PENUMBRAS[:3]]
     )
     made["soft shadows without end"] = rm.Scene(rm.plane((1, 2, 3)), lights=[rm.Sun(shadow=True, softness=GAP)])
+    parallel = rm.Camera(projection="orthographic", near=GAP)
+    made["parallel rays"] = rm.Scene(solid() | rm.plane(offset=-1), parallel, lights=[rm.Sun(shadow=True)])
+    made["lens and clip planes"] = rm.Scene(solid(), rm.Camera((0, 0, 5), near=2, far=20, aperture=GAP), bounces=1)
     made["lamps"] = rm.Scene(solid(), lights=lamps())
     made["many lamps"] = rm.Scene(solid() | rm.sphere().material(gold).translate((3, 0, 0)), lights=2 * lamps())
     made["many plain lamps"] = rm.Scene(solid(), lights=[rm.PointLight((k, 3, 0)) for k in range(20)])

@@ -161,3 +161,47 @@ def test_a_view_of_a_pose_is_that_pose() -> None:
 def test_any_direction_may_be_up(up: Any) -> None:
     view = control.orbit(view_at((3, 4, 5), up=np.array(up) / np.linalg.norm(up)), 50, 20, SIZE[1])
     assert abs(view.right @ view.up) < 1e-9
+
+
+def parallel_view(position: Any, height: float = 3.0) -> View:
+    """An orthographic view with clip planes and a lens."""
+    target = np.array([0.3, 0.1, -0.2])
+    camera = rm.Camera(
+        position, tuple(target), projection="orthographic", height=height, near=0.5, far=90, aperture=0.1, focus=3
+    )
+    return control.view_of(camera.pose(Values({}), None), target, np.array([0.0, 1.0, 0.0]))
+
+
+def parallel_pixel_of(view: View, point: Any) -> Any:
+    """Where an orthographic view shows a point, in pixels."""
+    assert view.height is not None
+    x, y, _ = view.pose().frame.T @ (np.asarray(point, np.float64) - view.position)
+    return np.array([SIZE[0] / 2, SIZE[1] / 2]) + np.array([x, -y]) / view.height * SIZE[1]
+
+
+@given(places, st.floats(0, 400), st.floats(0, 300))
+def test_parallel_rays_go_through_their_pixels(position: Any, x: float, y: float) -> None:
+    view = parallel_view(position)
+    point = view.origin(x, y, SIZE) + 2.5 * view.ray(x, y, SIZE)
+    assert np.allclose(parallel_pixel_of(view, point), (x, y), atol=1e-7)
+    origin, direction = view.pose().rays(np.array(x - 0.5), np.array(y - 0.5), SIZE)
+    assert np.allclose(origin, view.origin(x, y, SIZE)) and np.allclose(direction, view.ray(x, y, SIZE))
+
+
+def test_an_orthographic_view_pans_with_the_hand_and_zooms_by_its_height() -> None:
+    view = parallel_view((1.0, 2.0, 4.0))
+    point = np.array([0.2, 0.3, 0.4])
+    moved = control.pan(view, 30, -20, SIZE[1])
+    assert np.allclose(parallel_pixel_of(moved, point) - parallel_pixel_of(view, point), (30, -20))
+    nearer = control.dolly(view, 2)
+    assert np.allclose(nearer.position, view.position) and np.isclose(nearer.height, 3.0 * 0.81)
+    assert np.isclose(control.resized(view, 7.0).extent, 7.0)
+
+
+def test_a_copied_orthographic_camera_is_the_same_camera() -> None:
+    view = parallel_view((1.0, 2.0, 4.0))
+    camera: rm.Camera = eval("rm." + control.as_python(view), {"rm": rm})
+    given_back, mine = camera.pose(Values({}), None), view.pose()
+    assert np.allclose(given_back.frame, mine.frame, atol=1e-4) and given_back.orthographic
+    for name in ("half_height", "near", "far", "aperture", "focus"):
+        assert np.isclose(getattr(given_back, name), getattr(mine, name))
