@@ -104,7 +104,7 @@ def reference(
     if not scene.camera.pinhole:
         raise SceneError(
             "cost measures the rays of a perspective camera that start at its position",
-            legal="a Camera without projection, near, far and aperture",
+            legal="a Camera without projection, near, far, aperture and shutter",
             where=scene.camera.where,
         )
     edge = round(max(samples, 0) ** 0.5)

@@ -91,9 +91,12 @@ def draw_calls_of(
     size: tuple[int, int],
     history: History,
     enough: Callable[[], bool] | None = None,
+    at: Callable[[float], Mapping[str, Any]] | None = None,
 ) -> Iterator[DrawCall]:
     """All draw calls of a frame. Updates `history` as if they were drawn.
 
+    at : the uniforms at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
+        has its own. None if the scene does not move while the shutter is open.
     enough : called after each pass of a march that is split into several; True postpones the rest to the next frame.
         Each call must then be drawn before the next is requested. None makes the maximum number of passes.
     """
@@ -106,7 +109,7 @@ def draw_calls_of(
         rays.update(carried, u_spent=1.0 if history.cones or not keep else 0.0)
     for chosen in ready.plan.passes:
         if chosen.module == "view/accumulate":
-            yield from _samples(resources, ready, chosen, rays, size, history)
+            yield from _samples(resources, ready, chosen, rays, size, history, at)
         elif chosen.module == "temporal/resolve":
             yield from _joined(resources, ready, chosen, rays, size, history)
             history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
@@ -189,12 +192,14 @@ def _samples(
     uniforms: Mapping[str, Any],
     size: tuple[int, int],
     history: History,
+    at: Callable[[float], Mapping[str, Any]] | None,
 ) -> Iterator[DrawCall]:
-    """One draw call per sample, into alternate targets."""
+    """One draw call per sample, into alternate targets. at : as of `draw_calls_of`."""
     pair = resources.pair("history", size)
     for _ in range(ready.plan.scene.quality.samples):
         own = {
             **uniforms,
+            **(at(moment(history.samples)) if at is not None else {}),
             "u_history": pair.front,
             "u_keep": history.samples > 0,
             "u_jitter": r2(history.samples),
@@ -406,6 +411,12 @@ def r2(index: int) -> tuple[float, float]:
     pixel."""
     x, y = (0.5 + index / PLASTIC) % 1.0, (0.5 + index / PLASTIC**2) % 1.0
     return x - 0.5, y - 0.5
+
+
+def moment(index: int) -> float:
+    """The time of sample `index` in the opening of the shutter, in [-0.5, 0.5): van der Corput's sequence, shifted so
+    that sample 0 is the middle."""
+    return (_radical_inverse(index, 2) + 0.5) % 1.0 - 0.5
 
 
 def halton(index: int) -> tuple[float, float]:

@@ -288,7 +288,8 @@ class Renderer:
         values = self._values(scene, params, time, outputs)
         pose = pose or scene.pose(values, self.size[0] / self.size[1])
         ready, uniforms = self._ready(scene, values, outputs, pose, cut)
-        draw_calls = draw_calls_of(self.resources, ready, uniforms, self.size, self.history, enough)
+        at = self._shutter(ready, values, pose, cut)
+        draw_calls = draw_calls_of(self.resources, ready, uniforms, self.size, self.history, enough, at)
         yield from _named(draw_calls, ready)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
@@ -330,6 +331,22 @@ class Renderer:
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.resources.lights(lights.rows(ready.plan.scene, values))
         return uniforms
+
+    def _shutter(
+        self, ready: Prepared, values: Values, pose: Pose, cut: Slice | None
+    ) -> Callable[[float], Mapping[str, Any]] | None:
+        """The uniforms while the shutter is open, for `draw_calls_of`. The pose of the scene's camera moves with it."""
+        scene, aspect = ready.plan.given, self.size[0] / self.size[1]
+        if not scene.motion_blur:
+            return None
+        seconds = scene.camera.open_seconds(values)
+        follows = pose.same(scene.pose(values, aspect))
+
+        def at(share: float) -> Mapping[str, Any]:
+            then = replace(values, time=values.time + share * seconds)
+            return self.uniforms(ready, then, scene.pose(then, aspect) if follows else pose, cut)
+
+        return at
 
     def _refuse_closed(self, array: str = "") -> None:
         """DeviceError if the renderer is closed. array : the array of a frame that is wanted."""
@@ -397,8 +414,9 @@ class Renderer:
         timings: list[Timing] = []
         targets: dict[str, Target] = {}
         ready, uniforms = self._ready(scene, values, outputs, pose, cut)
+        at = self._shutter(ready, values, pose, cut)
         draw_calls = draw_calls_of(
-            self.resources, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within
+            self.resources, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within, at
         )
         most = count_draws(ready)
         for call in _named(draw_calls, ready):

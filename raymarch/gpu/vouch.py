@@ -90,12 +90,14 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
 
 
 def noisy(scene: Scene) -> str:
-    """The doubt of glass or of a lens with one random path a pixel; empty if there are more, or neither."""
+    """The doubt of glass, a lens or an open shutter with one random path a pixel; empty if there are more, or none."""
     quality = scene.quality
     if quality.samples > 1 or quality.temporal != "off":
         return ""
     if scene.camera.lens:
         return "Camera(aperture=...) is noisy with one ray a pixel (--samples 64 or Quality(samples=64))"
+    if scene.motion_blur:
+        return "Camera(shutter=...) shows one moment with one ray a pixel (--samples 64 or Quality(samples=64))"
     if not scene.path_traced:
         return ""
     glass = next((m for m in scene.materials if m.transmits), None)

@@ -66,19 +66,19 @@ DRAWN: Final = {
 
 
 def passes_of(
-    names: Sequence[str], quality: Quality, cones: bool, changes: bool = False, lens: bool = False
+    names: Sequence[str], quality: Quality, cones: bool, changes: bool = False, mixed: bool = False
 ) -> list[Pass]:
     """The requested passes and those that they need, in drawing order.
 
     names : of `DRAWN`. cones : True if cones are marched first. changes : True if the scene reads time or parameters.
-    lens : True if rays start at points of a lens. A pixel then shows many surfaces, so no history follows them.
+    mixed : True if a lens or an open shutter lets a pixel show many surfaces, so that no history can follow them.
     """
     found = [CONE] if cones else []
     found += [MARCH] if quality.steps_per_pass is not None else []
     sampled = quality.steps_per_pass is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         drawn = DRAWN[name]
-        if name == "color" and quality.temporal == "reproject" and not lens:
+        if name == "color" and quality.temporal == "reproject" and not mixed:
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
         elif name == "color" and sampled:
             found.append(replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples"))

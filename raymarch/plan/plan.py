@@ -174,13 +174,8 @@ def plan(
     lit = shading.lit(scene)
     operations = count_operations([definition.body], turns=not gathered.rows)
     chosen = marching.choose(scene, operations, size, standalone, cells=bool(gathered.rows))
-    if scene.camera.lens and scene.quality.steps_per_pass is not None:
-        raise PlanError(
-            "Quality(steps_per_pass=...) marches one ray per pixel, and Camera(aperture=...) needs many",
-            legal="steps_per_pass=None, or aperture=0",
-            where=scene.camera.where,
-        )
-    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), scene.camera.lens)
+    mixed = _refuse_mixed(scene, standalone)
+    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed)
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
         given=given,
@@ -231,6 +226,25 @@ def plan(
         made.conditions.append(InReach(given))
     made.warnings += [*_warnings(given), *range_warning(given, origin, definition)]
     return made
+
+
+def _refuse_mixed(scene: Scene, standalone: bool) -> bool:
+    """Whether a pixel shows many surfaces, by a lens or an open shutter. PlanError if they cannot be drawn."""
+    found = {"aperture": scene.camera.lens, "shutter": scene.motion_blur}
+    for name, used in found.items():
+        if used and scene.quality.steps_per_pass is not None:
+            raise PlanError(
+                f"Quality(steps_per_pass=...) marches one ray per pixel, and Camera({name}=...) needs many",
+                legal=f"steps_per_pass=None, or {name}=0",
+                where=scene.camera.where,
+            )
+    if found["shutter"] and standalone:
+        raise PlanError(
+            "Camera(shutter=...): an exported shader draws one moment",
+            legal="shutter=0, or a picture or film by `raymarch render`",
+            where=scene.camera.where,
+        )
+    return any(found.values())
 
 
 def _textures_of(made: Plan) -> list[Samples | Texels | Table]:

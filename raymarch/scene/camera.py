@@ -130,6 +130,9 @@ class Camera(Value):
         pinhole, whose pictures are sharp. The rays of a pixel start at different points of the lens, so the picture
         needs `Quality(samples=...)` or several frames. Depth and normals are those of the centre of the lens.
     focus : distance from the camera to the plane in focus, along the view, > 0. None is the distance of the target.
+    shutter : seconds of `rm.time` for which the shutter is open, >= 0; the frame's time is the middle. Whatever reads
+        time is blurred by its motion, if `Quality(samples=...)` or several frames give samples, each at another time.
+        Depth and normals are those of the frame's time.
 
     Notes
     -----
@@ -147,6 +150,7 @@ class Camera(Value):
     far: Expr | None
     aperture: Expr
     focus: Expr | None
+    shutter: Expr
 
     def __init__(
         self,
@@ -160,6 +164,7 @@ class Camera(Value):
         far: Scalar | None = None,
         aperture: Scalar = 0.0,
         focus: Scalar | None = None,
+        shutter: Scalar = 0.0,
     ) -> None:
         self._begin()
         kind = choice("Camera: projection", projection, PROJECTIONS)
@@ -179,6 +184,7 @@ class Camera(Value):
             far=None if far is None else as_number("Camera: far", far),
             aperture=as_number("Camera: aperture", aperture),
             focus=None if focus is None else as_number("Camera: focus", focus),
+            shutter=as_number("Camera: shutter", shutter),
         )
         values = Values({})
         if self.fov.is_constant:
@@ -189,6 +195,8 @@ class Camera(Value):
             self._clip_planes(values)
         if self.aperture.is_constant and (self.focus is None or self.focus.is_constant):
             self._lens(values, 1.0)
+        if self.shutter.is_constant:
+            self.open_seconds(values)
         if self.position is not None and self.target is not None and self._constant:
             self.pose(values, None)
 
@@ -241,18 +249,9 @@ class Camera(Value):
     @property
     def expressions(self) -> list[Expr]:
         """All values that may depend on parameters or time."""
-        given = (
-            self.position,
-            self.target,
-            self.up,
-            self.fov,
-            self.height,
-            self.near,
-            self.far,
-            self.aperture,
-            self.focus,
-        )
-        return [e for e in given if e is not None]
+        place = (self.position, self.target, self.up, self.fov, self.height)
+        optics = (self.near, self.far, self.aperture, self.focus, self.shutter)
+        return [e for e in (*place, *optics) if e is not None]
 
     @property
     def orthographic(self) -> bool:
@@ -275,9 +274,14 @@ class Camera(Value):
         return not _is_number(self.aperture, 0.0)
 
     @property
+    def opens(self) -> bool:
+        """True if the shutter is open for some time."""
+        return not _is_number(self.shutter, 0.0)
+
+    @property
     def pinhole(self) -> bool:
         """True if all rays start at the position and have no end."""
-        return not (self.orthographic or self.clips or self.lens)
+        return not (self.orthographic or self.clips or self.lens or self.opens)
 
     def _tan_half_fov(self, values: Values) -> float:
         fov = float(values.of(self.fov))
@@ -301,6 +305,13 @@ class Camera(Value):
         if not near < far:
             raise SceneError(f"Camera: far = {far:g} with near = {near:g}", legal="near < far", where=self.where)
         return near, far
+
+    def open_seconds(self, values: Values) -> float:
+        """The seconds for which the shutter is open in a frame."""
+        seconds = float(values.of(self.shutter))
+        if not 0.0 <= seconds < np.inf:
+            raise SceneError(f"Camera: shutter = {seconds:g}", legal="a finite number >= 0", where=self.where)
+        return seconds
 
     def _lens(self, values: Values, distance: float) -> tuple[float, float]:
         aperture = float(values.of(self.aperture))

@@ -14,6 +14,7 @@ import numpy as np
 from raymarch.errors import Location, SceneError
 from raymarch.expr.convert import integer, optional, short
 from raymarch.expr.node import Expr
+from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.light import KINDS, Light, Sun, sample_of
@@ -167,6 +168,11 @@ class Scene(Value):
         """True if Whitted ray tracing applies: the integrator is set, and a material mirrors or transmits."""
         smooth = any(m.transmits or m.mirrors for m in _labels(self.node))
         return self.bounces > 0 and self.quality.integrator == "whitted" and smooth
+
+    @property
+    def motion_blur(self) -> bool:
+        """True if the scene reads time, and the camera's shutter is open for some of it."""
+        return self.camera.opens and bool(find(self.expressions(), "time"))
 
     @property
     def parameters(self) -> dict[str, Spec]:

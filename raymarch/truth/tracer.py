@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -52,7 +52,7 @@ class Truth:
     direction: NDArray[np.float64]
     _surfaces: Sequence[tuple[NDArray[np.intp], Surface]] = field(repr=False)
     _sky: NDArray[np.float64] = field(repr=False)
-    _through_lens: Callable[[], NDArray[np.float64]] | None = field(repr=False, default=None)
+    _mean: Callable[[], NDArray[np.float64]] | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
         height, width = self.hit.shape
@@ -80,8 +80,8 @@ class Truth:
     @cached_property
     def color(self) -> NDArray[np.float64]:
         """(H, W, 3), linear RGB, >= 0, unbounded above; the colour of the sky where nothing was hit."""
-        if self._through_lens is not None:
-            return self._through_lens()
+        if self._mean is not None:
+            return self._mean()
 
         def seen(surface: Surface) -> NDArray[np.float64]:
             return surface.apply_fog(radiance(surface) if surface.scene.whitted else surface.light())
@@ -128,8 +128,8 @@ def truth(
     where r = 2 (n.l) n - l, and c is the light's colour times intensity, over d^2 for a point light (Phong 1975).
     `visible` is 0 or 1 for a light with a shadow, else 1. A point light that touches the surface adds nothing to it.
 
-    With `Camera(aperture=...)`, the colour is the mean over `Quality(samples=...)` points of the lens, at least 16. All
-    other arrays are those of rays from its centre.
+    With `Camera(aperture=...)` or `shutter=...`, the colour is the mean over `Quality(samples=...)` points of the lens
+    and times, at least 16. All other arrays are those of rays from the centre of the lens at the frame's time.
 
     Raises SceneError for an unknown parameter or output, a value out of range, a size below 1, and a
     field that is NaN somewhere on a ray.
@@ -142,8 +142,10 @@ def truth(
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     result = trace(scene, values, pose, camera_rays(pose, width, height), (height, width), pose.pixel(height))
-    if pose.aperture > 0.0:
-        result._through_lens = lambda: _mean_over_lens(scene, values, pose, (width, height))
+    if scene.motion_blur:
+        result._mean = lambda: _mean_over_times(scene, values, (width, height))
+    elif pose.aperture > 0.0:
+        result._mean = lambda: _mean_over_lens(scene, values, pose, (width, height), _lens_points(scene))
     for name in outputs:
         getattr(result, name)
     return result
@@ -158,13 +160,33 @@ RAYS_AT_ONCE = 200_000
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
-def _mean_over_lens(scene: Scene, values: Values, pose: Pose, size: tuple[int, int]) -> NDArray[np.float64]:
-    """The mean colour over points of the lens on a spiral (Vogel 1979), each of which stands for the same area."""
-    width, height = size
+def _lens_points(scene: Scene) -> NDArray[np.float64]:
+    """Points of the lens on a spiral (Vogel 1979), each of which stands for the same area, (N, 2) in radii."""
     count = max(scene.quality.samples, LENS_POINTS)
     numbers = np.arange(count)
     radius, angle = np.sqrt((numbers + 0.5) / count), numbers * GOLDEN
-    points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.asarray(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), np.float64)
+
+
+def _mean_over_times(scene: Scene, values: Values, size: tuple[int, int]) -> NDArray[np.float64]:
+    """The mean colour over even times while the shutter is open, each with another point of the lens."""
+    points, seconds = _lens_points(scene), scene.camera.open_seconds(values)
+    count = len(points)
+    points = points[np.random.default_rng(0).permutation(count)]  # else the radius would grow with time
+    total = np.zeros((size[1], size[0], 3))
+    for i in range(count):
+        then = replace(values, time=values.time + seconds * ((i + 0.5) / count - 0.5))
+        pose = scene.pose(then, size[0] / size[1])
+        total += _mean_over_lens(scene, then, pose, size, points[i : i + 1])
+    return total / count
+
+
+def _mean_over_lens(
+    scene: Scene, values: Values, pose: Pose, size: tuple[int, int], points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The mean colour over points of the lens, (N, 2) in radii."""
+    width, height = size
+    count = len(points)
     total = np.zeros((height, width, 3))
     for some in np.array_split(points, min(count, 1 + count * width * height // RAYS_AT_ONCE)):
         parts = [lens_rays(pose, width, height, point) for point in some]

@@ -1,4 +1,4 @@
-"""Depth of field: the circle of confusion against its closed form, the plane in focus, cones that hold the lens."""
+"""Lens and shutter: the circle of confusion and a moving box against closed forms, and cones that hold the lens."""
 
 from __future__ import annotations
 
@@ -145,3 +145,53 @@ def test_what_a_lens_changes_in_the_plan() -> None:
 def test_one_ray_a_pixel_is_noisy(small: Renderer) -> None:
     assert any("Camera(aperture=...) is noisy" in doubt for doubt in small.render(lit()).doubts())
     assert not any("aperture" in doubt for doubt in small.render(lit(samples=2)).doubts())
+
+
+def moving(seconds: Any, time: Any = rm.time, samples: int = 64, **quality: Any) -> rm.Scene:
+    """A white box, .5 wide, that moves to the right by 2 units a second, in the dark, at 16 pixels per unit."""
+    return rm.Scene(
+        rm.box(0.5).translate((2.0 * time, 0, 0)).material(rm.Material(emission=(1, 1, 1))),
+        rm.Camera((0, 0, 5), (0, 0, 0), projection="orthographic", height=3, shutter=seconds),
+        lights=[],
+        sky=(0, 0, 0),
+        quality=rm.Quality(samples=samples, **quality),
+    )
+
+
+def test_a_moving_box_becomes_a_trapezium(small: Renderer) -> None:
+    """While the shutter is open it moves by 1 unit: a column is covered for half of the time at most."""
+    x = (np.arange(SIZE[0]) + 0.5 - SIZE[0] / 2) / 16
+    covered = np.clip(0.75 - np.abs(x - 0.2), 0.0, 0.5)
+    given = moving(rm.Param("seconds", 0.5, 0.0, 1.0))
+    middle = small.render(given, time=0.1).color[SIZE[1] // 2, :, 0]
+    # the edges cross a pixel in a sixteenth of the time, where the place of a sample in the pixel decides
+    np.testing.assert_allclose(middle, covered, atol=4.5 / 64)
+    assert middle.sum() == pytest.approx(covered.sum(), rel=0.02)
+    known = rm.truth(given, SIZE, time=0.1, outputs=("color",)).color[SIZE[1] // 2, :, 0]
+    np.testing.assert_allclose(known, covered, atol=0.02)
+    compiled = small.compiled
+    shut = small.render(given, time=0.1, params={"seconds": 0.0}).color[SIZE[1] // 2, :, 0]
+    np.testing.assert_allclose(shut, np.clip(16 * (0.25 - np.abs(x - 0.2)) + 0.5, 0, 1), atol=0.1)
+    assert small.compiled == compiled
+
+
+def test_a_moving_camera_blurs_and_a_given_pose_stays(small: Renderer) -> None:
+    still = moving(0.5, time=rm.Param("unused", 0.1, 0.0, 1.0))
+    camera = still.camera.replace(position=(-2 * rm.time, 0, 5), target=(-2 * rm.time, 0, 0))
+    made = still.replace(camera=camera)
+    assert made.motion_blur and not still.motion_blur
+    blurred = small.render(made).color[SIZE[1] // 2, :, 0]
+    assert blurred.max() < 0.65
+    fixed = small.render(made, pose=made.pose(Values({}, 0.3))).color[SIZE[1] // 2, :, 0]
+    assert fixed.max() == 1.0
+
+
+def test_what_a_shutter_changes_in_the_plan() -> None:
+    made = moving(0.5, temporal="reproject")
+    assert [p.module for p in plan(made).passes] == ["view/accumulate"]
+    still = moving(0.5, time=rm.Param("unused", 0.0, 0.0, 1.0))
+    assert [p.name for p in plan(still).passes] == ["cone", "color"]
+    with pytest.raises(PlanError, match=r"Camera\(shutter=...\): an exported shader draws one moment"):
+        plan(made, standalone=True)
+    with pytest.raises(PlanError, match=r"Camera\(shutter=...\) needs many"):
+        plan(moving(0.5, samples=1, steps_per_pass=8))

@@ -38,6 +38,7 @@ BAD = [
     (lambda: rm.Camera(far="away"), "Camera: far = 'away'", "a finite number"),
     (lambda: rm.Camera(aperture=-0.1), "Camera: aperture = -0.1", ">= 0"),
     (lambda: rm.Camera(aperture=0.1, focus=0), "Camera: focus = 0", "> 0"),
+    (lambda: rm.Camera(shutter=-1), "Camera: shutter = -1", ">= 0"),
     (lambda: rm.Camera(focus=(1, 2, 3)), "Camera: focus = (1, 2, 3)", "a finite number"),
     (lambda: rm.Camera(position=(0, 5)), "Camera: position = (0, 5)", "3 finite numbers"),
     (lambda: rm.Camera(position=(0, 0, 0, 5)), "Camera: position = (0, 0, 0, 5)", "3 finite numbers"),

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from raymarch.scene import Camera, Scene
-from raymarch.sdf import box, sphere
 from raymarch.scene.parameter import Values
+from raymarch.sdf import box, sphere
 from raymarch.truth import silhouettes, truth
 from raymarch.truth.rays import lens_rays
 
