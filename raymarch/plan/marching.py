@@ -160,7 +160,11 @@ def choices(scene: Scene, marching: Marching, epsilon: float, standalone: bool =
     quality = scene.quality
     cone = "_cone" * marching.cones
     own = dict.fromkeys(("view/pose", "view/camera_own"), "a standalone shader computes the camera")
-    given = {"view/camera" + "_interpolated" * interpolated(scene): f"Quality(rays={quality.rays!r})"}
+    camera = scene.camera
+    calls = {"projection": camera.orthographic, "near, far": camera.clips, "aperture": camera.lens}
+    called = ", ".join(name for name, used in calls.items() if used)
+    reason = f"Camera({called})" if called else f"Quality(rays={quality.rays!r})"
+    given = {"view/camera" + "_interpolated" * interpolated(scene): reason}
     found = {
         **(own if standalone else given),
         f"march/widths{cone}": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",

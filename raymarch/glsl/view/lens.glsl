@@ -11,8 +11,9 @@ vec2 lens_point() {
     return vec2(0.0);
 #endif
     uint hash = pcg(uint(gl_FragCoord.x) + pcg(uint(gl_FragCoord.y)));
-    vec2 start = vec2(hash >> 16, hash & 0xFFFFu) / 65536.0;
-    vec2 square = 2.0 * fract(start + float(u_sample) * LENS_STEP) - 1.0;
+    float x = float(hash >> 8) * 5.9604645e-8;
+    float y = float(pcg(hash) >> 8) * 5.9604645e-8;
+    vec2 square = 2.0 * fract(vec2(x, y) + float(u_sample) * LENS_STEP) - 1.0;
     bool wide = abs(square.x) > abs(square.y);
     float r = wide ? square.x : square.y;
     if (r == 0.0) return vec2(0.0);
