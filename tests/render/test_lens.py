@@ -16,7 +16,7 @@ from raymarch.truth.rays import lens_rays
 from raymarch.truth.tracer import trace
 
 SIZE = (64, 48)
-RADIUS = 0.04
+RADIUS = 0.08
 POINTS: dict[str, Any] = {"perspective": {}, "orthographic": {"projection": "orthographic", "height": 4.0}}
 
 
@@ -61,7 +61,8 @@ def test_a_point_becomes_the_circle_of_confusion(
         circle, ball = aperture * abs(distance - focus) / focus / per_pixel, RADIUS / per_pixel
     given = spot(distance, factor, aperture=aperture, focus=focus, **camera)
     total, spread = moments(small.render(given).color[..., 0])
-    assert total == pytest.approx(100 * np.pi * ball**2, rel=0.08)
+    hits = 256 * np.pi * ball**2  # at random they vary by their square root
+    assert total * 2.56 == pytest.approx(hits, abs=3 * np.sqrt(hits))
     assert np.sqrt(2 * (spread - ball**2 / 2 - 1 / 6)) == pytest.approx(circle, rel=0.05)
     if factor == 1.0:
         _, spread = moments(
