@@ -97,11 +97,11 @@ def test_relief_bends_normals_as_moved_surfaces_do(how: str) -> None:
     camera = rm.Camera((1, 2, 5), (0, 0, 0), fov=35)
     ball = rm.sphere(0.8)
     seen = truth(rm.Scene(PLACED[how](ball.material(rm.Material(height=bumps, height_scale=1.0))), camera), (40, 30))
-    found = (seen._surface.shading_normals - seen._surface.normals) / HEIGHT
+    found = (seen._surfaces[0][1].shading_normals - seen._surfaces[0][1].normals) / HEIGHT
     raised = PLACED[how](ball.displace_by(lambda p: -bumps(p), HEIGHT, 8 * HEIGHT))
-    slope = raised.gradient(seen._surface.points)
-    wanted = (slope / np.linalg.norm(slope, axis=1, keepdims=True) - seen._surface.normals) / HEIGHT
-    facing = -np.einsum("ij,ij->i", seen._surface.normals, seen.direction[seen.hit])
+    slope = raised.gradient(seen._surfaces[0][1].points)
+    wanted = (slope / np.linalg.norm(slope, axis=1, keepdims=True) - seen._surfaces[0][1].normals) / HEIGHT
+    facing = -np.einsum("ij,ij->i", seen._surfaces[0][1].normals, seen.direction[seen.hit])
     some = facing > 0.1  # what is seen at grazing angles may be lifted to be seen at all
     assert np.abs(wanted[some]).max() > 1.0
     # of second order in the slopes, and the rounding of what is divided by the height
@@ -117,7 +117,7 @@ def test_a_picture_of_heights_bends_as_its_function_does() -> None:
     def normals(**relief: object) -> np.ndarray:
         made = truth(rm.Scene(rm.sphere().material(rm.Material(**relief)), camera, quality=SHARP), (40, 30))
         facing = -np.einsum("ij,ij->i", made.normal[made.hit], made.direction[made.hit])
-        return made._surface.shading_normals[facing > 0.3]  # beyond, a pixel sees much of a wave
+        return made._surfaces[0][1].shading_normals[facing > 0.3]  # beyond, a pixel sees much of a wave
 
     for laid in (rm.planar(waves, 2), rm.planar(waves, 2, rotation=np.pi)):
         turn = -1 if laid.layout.turn.data else 1
@@ -139,7 +139,7 @@ def test_a_normal_map_is_the_slope_of_its_heights() -> None:
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     camera = rm.Camera((1, 2, 3), (0, 0, 0), fov=40)
     shapes = [
-        truth(rm.Scene(rm.box().rotate(0.4, "y").material(m), camera), (40, 30))._surface.shading_normals
+        truth(rm.Scene(rm.box().rotate(0.4, "y").material(m), camera), (40, 30))._surfaces[0][1].shading_normals
         for m in (
             rm.Material(height=rm.triplanar(heights), height_scale=tall),
             rm.Material(normal=rm.triplanar(0.5 + 0.5 * normal)),

@@ -13,6 +13,7 @@ import raymarch as rm
 from raymarch.scene.parameter import Values
 from raymarch.window import control
 from raymarch.window.control import View
+from raymarch.window.pick import picked, ray_through, verified
 
 SIZE = (400, 300)
 
@@ -205,3 +206,18 @@ def test_a_copied_orthographic_camera_is_the_same_camera() -> None:
     assert np.allclose(given_back.frame, mine.frame, atol=1e-4) and given_back.orthographic
     for name in ("half_height", "near", "far", "aperture", "focus"):
         assert np.isclose(getattr(given_back, name), getattr(mine, name))
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_a_click_between_clip_planes_finds_what_the_picture_shows(projection: str) -> None:
+    """The reference of one pixel is that of the whole picture, also where the near plane cuts the ball open."""
+    camera = rm.Camera((1, 2, 4), (0, 0, 0), projection=projection, near=4.2, far=9)
+    scene, size, values = rm.Scene(rm.sphere(1.0), camera), (16, 12), Values({})
+    view = control.view_of(scene.pose(values, 16 / 12), np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    known = rm.truth(scene, size)
+    for column, row in ((8, 6), (5, 5), (0, 0)):
+        origin, ray = ray_through(view, (column, row), size)
+        texels = {name: np.zeros((1, 1, 3)) for name in ("normal",)}
+        texels |= {name: np.zeros((1, 1)) for name in ("depth", "material", "iterations", "evaluations")}
+        found = verified(picked(1, (column, row), texels, origin, ray), scene, values, origin, ray, view.pose())
+        assert found.true == pytest.approx(known.depth[row, column], rel=1e-9)
