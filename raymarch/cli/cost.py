@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_format
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,11 +13,11 @@ import typer
 from raymarch.cli.choice import watched
 from raymarch.cli.common import CommandError, Output, SceneFile, parse_settings, parse_size, written
 from raymarch.cost.checks import check
-from raymarch.cost.effects import ablate, evaluations_of
+from raymarch.cost.effects import Effect, ablate, ablations, evaluations_of
 from raymarch.cost.effects import table as effects_table
 from raymarch.cost.environment import environment
 from raymarch.cost.errors import check_followed
-from raymarch.cost.html import as_html
+from raymarch.cost.html import as_html, templates
 from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import Reference, reference
@@ -63,7 +64,7 @@ def run(
     csv: Annotated[Path | None, typer.Option(help="Write one line per setting as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Plot error against time and more: .png, .svg or .pdf.")] = None,
     html: Annotated[
-        Path | None, typer.Option(help="Write an HTML report with pictures and error maps in one file.")
+        Path | None, typer.Option(help="Write a page to explore error against time, pictures and effects: one file.")
     ] = None,
     effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
@@ -114,14 +115,17 @@ def run(
             count=evaluations_of,
         )
         made.checks = check(made, found, renderer, time, params)
+        costs: list[Effect] = []
+        if html is not None and any(ablations(found)):
+            costs = ablate(found, renderer, time, params, repeats, seed, tell)
     show(made, by, everything)
-    for file, text in ((json, as_json), (csv, as_csv), (html, as_html)):
+    for file, text in ((json, as_json), (csv, as_csv), (html, partial(as_html, effects=costs))):
         if file is not None:
-            with written(file) as partial:
-                partial.write_text(text(made, by), encoding="utf-8")
+            with written(file) as target:
+                target.write_text(text(made, by), encoding="utf-8")
     if plot is not None:
-        with written(plot) as partial:
-            partial.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
+        with written(plot) as target:
+            target.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
 
 
 def _effects(
@@ -146,8 +150,8 @@ def _effects(
     if json is not None:
         data = {"format": FORMAT, "scene": name, "size": list(size), "seed": seed, "repeats": repeats}
         data |= {"environment": measured_on, "effects": [e.as_dict() for e in found]}
-        with written(json) as partial:
-            partial.write_text(json_format.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        with written(json) as target:
+            target.write_text(json_format.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def show(made: Sweep, metric: str, everything: bool) -> None:
@@ -180,8 +184,10 @@ def _check_files(files: dict[str, Path | None]) -> None:
             raise CommandError(f"{option} {file}", legal=f"a file ending in {' or '.join(ENDINGS[option])}")
         if not file.absolute().parent.is_dir():
             raise CommandError(f"{option} {file}: no folder '{file.parent}'", legal="a writable folder")
-        if option in ("--plot", "--html"):
+        if option == "--plot":
             plotting()
+        if option == "--html":
+            templates()
 
 
 def _names(cross: str | None) -> Sequence[str] | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from raymarch.cost.drawing import timed
@@ -40,6 +41,7 @@ class Effect:
     milliseconds : frame time; frames of the same turn are compared. evaluations : of the field and its gradient per
     pixel, with all secondary rays. texture_bytes, shader_bytes : size of the passes' textures and of the shader's text.
     flip_mean, flip_p99, flip_max, flip_region : FLIP of the picture without the effect against that with it.
+    color, color_without : both pictures, (H, W, 3), linear RGB.
     """
 
     name: str
@@ -50,11 +52,19 @@ class Effect:
     flip_p99: float
     flip_max: float
     flip_region: int
+    color: NDArray[Any] = field(repr=False)
+    color_without: NDArray[Any] = field(repr=False)
     _differences: list[float] = field(default_factory=list, repr=False)
+    _frames: list[float] = field(default_factory=list, repr=False)
 
     @property
     def milliseconds(self) -> Median:
         return median(self._differences)
+
+    @property
+    def share(self) -> float:
+        """The fraction of the frame's time that the effect takes; about 0 or below where it takes none."""
+        return self.milliseconds.value / median(self._frames).value
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -162,7 +172,8 @@ def ablate(
         p99, largest = (float(v) for v in np.percentile(values, (99, 100)))
         costs = {n: complete[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
         found.append(Effect(name, **costs, flip_mean=float(values.mean()), flip_p99=p99, flip_max=largest,
-                            flip_region=largest_region(values > BAD)))  # fmt: skip
+                            flip_region=largest_region(values > BAD),
+                            color=complete["color"], color_without=without["color"]))  # fmt: skip
     turns = random.Random(seed)
     scenes = [scene, *(made for _, made in variants)]
     for turn in range(repeats):
@@ -174,6 +185,7 @@ def ablate(
             spent[k] = timed(scenes[k], Setting("", scenes[k].quality), renderer, time, params)[0]
         for k, effect in enumerate(found, 1):
             effect._differences.append(spent[0] - spent[k])
+            effect._frames.append(spent[0])
     return sorted(found, key=lambda e: -e.milliseconds.value)
 
 

@@ -83,6 +83,7 @@ def measure(
     normal: ArrayLike | None = None,
     color: ArrayLike | None = None,
     reach: ArrayLike | None = None,
+    difference: Array | None = None,
 ) -> Errors:
     """The errors of a frame's arrays.
 
@@ -93,6 +94,7 @@ def measure(
     normal : (H, W, 3), any length but 0; None leaves the angles nan.
     color : (H, W, 3), linear RGB; None leaves the picture's errors nan.
     reach : (H, W), the distance that each ray reached; None leaves rays without a hit out of `p1`.
+    difference : (H, W), the FLIP of `color` against the reference picture, if it is known already.
 
     Raises ValueError for arrays of another shape.
     """
@@ -125,13 +127,13 @@ def measure(
             shaped = _shaped("normal", normal, known.normal.shape)
             found |= _ranks("normal", _angles(shaped[compared], known.normal[compared]), 50, 99, 100)
     if color is not None:
-        found |= picture_errors(known, color)
+        found |= picture_errors(known, color, difference)
     return Errors(**found)
 
 
-def picture_errors(known: Reference, color: ArrayLike) -> dict[str, float | int]:
-    """Errors of the picture alone; color (H, W, 3), linear RGB."""
-    values = flip(known.picture, _shaped("color", color, known.picture.shape))
+def picture_errors(known: Reference, color: ArrayLike, difference: Array | None = None) -> dict[str, float | int]:
+    """Errors of the picture alone; color (H, W, 3), linear RGB; difference : its FLIP if it is known already."""
+    values = flip(known.picture, _shaped("color", color, known.picture.shape)) if difference is None else difference
     return {
         "flip_mean": float(values.mean()),
         **_ranks("flip", values.ravel(), 99, 100),

@@ -8,15 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.cost.errors import footprints
-from raymarch.cost.flip import flip
 from raymarch.cost.reference import Reference
 from raymarch.errors import CostError
+from raymarch.gpu.colormaps import colored
+from raymarch.gpu.frame import srgb
 from raymarch.gpu.scale import Scale
 
 LOWEST, HIGHEST = 1e-4, 10.0
 """Footprints at the two ends of the colour scale."""
 WRONG = (255, 0, 255)
 """Colour of missed and false hits."""
+BRIGHTEST = 0.35
+"""Brightness of the picture under an error map."""
+DARKEST = 0.25
+"""Part of the colour scale that a map leaves out: it could not be told from the dimmed picture."""
+BANDS = 20
+"""Bands of the colour scales: four for each power of ten, or a twentieth of FLIP. A reader tells bands apart better
+than shades, and they compress better."""
 FOOTPRINT_SCALE = Scale("pixel footprints", LOWEST, HIGHEST, "log")
 FLIP_SCALE = Scale("FLIP", 0.0, 1.0)
 
@@ -30,18 +38,39 @@ def plotting() -> Any:
     return matplotlib
 
 
-def footprint_map(known: Reference, depth: NDArray[Any]) -> NDArray[np.uint8]:
-    """Distance from the true hit in footprints, logarithmic from 0.0001 to 10; missed and false hits in magenta."""
+def under_map(known: Reference) -> NDArray[np.uint8]:
+    """The reference picture in dark grey, (H, W, 3), which is seen where a map shows no error."""
+    grey = BRIGHTEST * srgb(known.picture).mean(axis=-1)
+    return np.repeat(np.rint(grey).astype(np.uint8)[..., None], 3, axis=-1)
+
+
+def footprint_map(known: Reference, depth: NDArray[Any], under: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
+    """Distance from the true hit in footprints, in bands from 0.0001 to 10. Missed and false hits are magenta. Where
+    the error is smaller or there is no surface, the reference picture is seen in dark grey.
+
+    under : the result of `under_map`, if it is known already.
+    """
     apart = footprints(known, depth)
-    pixels = _pixels(FOOTPRINT_SCALE, np.where(np.isfinite(apart), apart, HIGHEST))
+    pixels = under_map(known) if under is None else under.copy()
+    _draw_bands(pixels, FOOTPRINT_SCALE, np.where(np.isfinite(apart), apart, HIGHEST), apart > LOWEST)
     pixels[~np.isfinite(apart)] = WRONG
     return pixels
 
 
-def flip_map(known: Reference, color: NDArray[Any]) -> NDArray[np.uint8]:
-    """FLIP against the reference picture, 0 to 1."""
-    return _pixels(FLIP_SCALE, flip(known.picture, color))
+def flip_map(known: Reference, difference: NDArray[Any], under: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
+    """FLIP (H, W) in bands from 0 to 1; where it is below 0.05, the reference picture in dark grey."""
+    pixels = under_map(known) if under is None else under.copy()
+    _draw_bands(pixels, FLIP_SCALE, difference, difference >= 1.0 / BANDS)
+    return pixels
 
 
-def _pixels(scale: Scale, values: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.asarray(np.rint(255 * scale.colored(values)), np.uint8)
+def band_colors(scale: Scale) -> NDArray[np.uint8]:
+    """The colours of a scale's bands from low to high, (BANDS, 3); the darkest of its colours are left to the grey."""
+    share = DARKEST + (1.0 - DARKEST) * (np.arange(BANDS) + 0.5) / BANDS
+    return np.asarray(np.rint(255 * colored(share, scale.colors)), np.uint8)
+
+
+def _draw_bands(pixels: NDArray[np.uint8], scale: Scale, values: NDArray[Any], shown: NDArray[np.bool_]) -> None:
+    """Draw the bands of the shown values into a picture."""
+    band = np.minimum(scale.normalized(values[shown]) * BANDS, BANDS - 1).astype(int)
+    pixels[shown] = band_colors(scale)[band]

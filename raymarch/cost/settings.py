@@ -10,7 +10,7 @@ from typing import Any
 
 from raymarch.cost.variants import VARIANTS, check_values, varied
 from raymarch.errors import CostError, SceneError
-from raymarch.plan.marching import trusted
+from raymarch.plan.marching import Marching, trusted
 from raymarch.plan.plan import plan
 from raymarch.plan.schedule import PIXEL, SCHEDULES
 from raymarch.scene.quality import PRESETS, Quality
@@ -171,8 +171,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
     marching = plan(with_quality(scene, quality), size=size).marching
     tracer = marching.tracer
     certified = trusted(with_quality(scene, quality))
-    levels = tuple(level for level in marching.schedule.levels if level != PIXEL)
-    schedule = next(name for name, known in SCHEDULES.items() if known.levels == levels)
+    schedule = schedule_of(marching)
     shadowed = any(light.shadow for light in scene.lights)
     discs = any(light.soft and light.penumbra == "sampled" for light in scene.lights)
     omega = quality.omega if tracer == quality.tracer else None
@@ -188,6 +187,12 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         light_samples=quality.light_samples if discs else 1,
         masking=quality.masking if any(m.physical for m in scene.materials) else "correlated",
     )
+
+
+def schedule_of(marching: Marching) -> str:
+    """The name of the schedule that the plan chose."""
+    levels = tuple(level for level in marching.schedule.levels if level != PIXEL)
+    return next(name for name, known in SCHEDULES.items() if known.levels == levels)
 
 
 def with_quality(scene: Scene, quality: Quality) -> Scene:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from raymarch.cost.drawing import Draws, Renderers, brought_to, draw, nearest, timed
 from raymarch.cost.environment import environment
 from raymarch.cost.errors import Errors, measure
+from raymarch.cost.flip import flip
 from raymarch.cost.reference import Reference
-from raymarch.cost.settings import Setting
+from raymarch.cost.settings import Setting, schedule_of
 from raymarch.cost.statistics import Median, median
 from raymarch.plan import plan
 from raymarch.scene.scene import Scene, check_scene
@@ -48,7 +49,7 @@ class Point:
 
     Attributes
     ----------
-    setting : name and quality. tracer : the choice of the plan.
+    setting : name and quality. tracer, schedule : the choices of the plan.
     errors : against the reference.
     evaluations, iterations : mean over the primary rays. worst_evaluations : of the worst pixel.
     shader_bytes : size of the picture's shader.
@@ -56,6 +57,7 @@ class Point:
     times : milliseconds of each measured frame. time : their median with its interval.
     walls : wall-clock milliseconds of each measured frame: an upper bound of its true time.
     depth, done, color : the rendered arrays; `done` is False where a ray ran out of steps; color may be None.
+    difference : FLIP of the picture against that of `known`, (H, W); None without colours.
     known : the reference of the comparison.
     all_evaluations : of the field and its gradient, mean per pixel, with those of shadows and all other rays; nan where
         they were not counted.
@@ -74,6 +76,8 @@ class Point:
     done: NDArray[Any] = field(repr=False)
     color: NDArray[Any] | None = field(repr=False)
     known: Reference = field(repr=False)
+    difference: NDArray[Any] | None = field(default=None, repr=False)
+    schedule: str = "single"
     all_evaluations: float = float("nan")
     walls: list[float] = field(default_factory=list, repr=False)
     times: list[float] = field(default_factory=list)
@@ -221,13 +225,14 @@ def _examine(
     first_ms = frames[0].milliseconds
     color = brought_to(last.array("color"), size) if output == "color" else None
     geometry = renderer.render(made, time, params, ("depth",))
+    difference = None if color is None else flip(known.picture, color)
     evaluations = geometry.array("evaluations")
     depth, normal, reach = (nearest(geometry.array(name), size) for name in ("depth", "normal", "reach"))
     draw(scene, setting, renderer, time, params, (output,))  # the warm-up
     return Point(
         setting=setting,
         tracer=planned.tracer,
-        errors=measure(known, depth, normal, color, reach),
+        errors=measure(known, depth, normal, color, reach, difference),
         evaluations=float(evaluations.mean()),
         iterations=float(geometry.array("iterations").mean()),
         worst_evaluations=int(evaluations.max()),
@@ -238,6 +243,8 @@ def _examine(
         done=nearest(geometry.array("done"), size),
         color=color,
         known=known,
+        difference=None if difference is None else difference.astype(np.float32),
+        schedule=schedule_of(planned.marching),
     )
 
 

@@ -1,9 +1,11 @@
-"""Figures, error maps and the HTML report."""
+"""Figures, error maps and the HTML page."""
 
 from __future__ import annotations
 
+import base64
 import io
 import itertools
+import json
 import re
 import sys
 from copy import deepcopy
@@ -16,7 +18,8 @@ from PIL import Image
 import raymarch as rm
 from raymarch.cost.checks import Check
 from raymarch.cost.html import as_html
-from raymarch.cost.maps import WRONG, flip_map, footprint_map
+from raymarch.cost.maps import WRONG, flip_map, footprint_map, under_map
+from raymarch.cost.pictures import Pictures
 from raymarch.cost.plots import by_steps, figure, save
 from raymarch.cost.reference import reference
 from raymarch.cost.settings import Setting, axes, grid
@@ -80,19 +83,23 @@ class Reader(HTMLParser):
         super().__init__()
         self.open: list[str] = []
         self.loaded: list[str] = []
-        self.pictures = 0
 
     def handle_starttag(self, tag, attrs):
         given = dict(attrs)
         source = given.get("src") or given.get("href") or ""
-        self.pictures += source.startswith("data:image/png;base64,")
-        if source and not source.startswith("data:"):
+        if source and not source.startswith(("data:", "#")):
             self.loaded.append(source)
-        if tag not in ("meta", "img"):
+        if tag not in ("meta", "img", "input"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
+
+
+def content(text: str) -> dict:
+    """The data of a page."""
+    (found,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)
+    return json.loads(found)
 
 
 def test_the_report_is_one_file(made):
@@ -101,24 +108,55 @@ def test_the_report_is_one_file(made):
     reader.feed(text)
     assert not reader.open
     assert not reader.loaded
-    assert reader.pictures >= 2 + 3 * 4
-    assert "url(" not in text
+    assert "default-src 'none'" in text, "the browser itself refuses requests"
+    assert not re.search(r"url\(|@import|fetch\(|https?:", text)
     assert "a &lt;b&gt; &amp; c" in text
-    assert "<b>" not in text
+    assert "<b>" not in re.sub(r"(?s)<script.*?</script>", "", text)
     assert "FAILED" in text
     assert "5 % lie &lt;too&gt; far" in text
     assert "llvmpipe" not in text, "it tells of the driver that drew, not of this one"
     assert "renderer: ours" in text
 
 
-def test_the_table_of_the_report_has_every_setting(made):
+def test_the_page_holds_every_setting_with_its_pictures(made):
+    data = content(as_html(made))
+    assert len(data["points"]) == len(made.points)
+    for point, given in zip(data["points"], made.points, strict=True):
+        assert point["costs"]["ms"] == given.time.value
+        assert point["errors"]["pixels_p99"] == (None if given.errors.pixels == 0 else given.errors.pixels_p99)
+        for kind in ("picture", "map", "flip"):
+            _, _, coded = data["pictures"][point[kind]].partition("data:image/webp;base64,")
+            with Image.open(io.BytesIO(base64.b64decode(coded))) as picture:
+                assert picture.size == SIZE
+                shown = np.asarray(picture.convert("RGB"))
+        assert np.array_equal(shown, flip_map(given.known, given.difference))
+    assert as_html(made).isascii() is False, "no letter is escaped"
+
+
+def test_the_tables_of_the_page_have_every_setting(made):
     text = as_html(made)
-    table = text[text.index("<h2>Settings") : text.index("<h2>Pictures")]
+    tables = re.findall(r'(?s)<table class="sortable">(.*?)</table>', text)
+    rows = [len(re.findall("<tr", table)) - 1 for table in tables]
     light = lights_of(made, "pixels_p99")  # the scene's own stands in both tables
     assert len(light) > 1
-    assert len(re.findall("<tr", table)) == len(made.points) + 3
-    whole = table[: table.index("<h2>Light")]
-    assert len(re.findall('<tr class="front"', whole)) == len(made.front())
+    assert rows == [len(made.points) - len(light) + 1, len(light)]
+    assert len(re.findall('<tr class="front"', tables[0])) == len(made.front())
+
+
+def test_pictures_that_do_not_fit_are_reduced_and_keep_the_errors():
+    noise = np.random.default_rng(1)
+    own, other = (noise.integers(0, 200, (40, 64, 3), np.uint8) for _ in range(2))
+    other[7, 9] = WRONG
+    kept = Pictures(most=9000)
+    assert [kept.add(own), kept.add(other, important=False, peaks=True), kept.add(own)] == [0, 1, 0]
+    sizes = []
+    for uri in kept.uris():
+        with Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))) as picture:
+            sizes.append(picture.size)
+            pixels = np.asarray(picture.convert("RGB"))
+    assert sizes[0] == (64, 40)
+    assert sizes[1][0] < 64
+    assert np.all(pixels == WRONG, axis=-1).sum() == 1
 
 
 def test_maps_show_where_and_how_much(known):
@@ -130,14 +168,17 @@ def test_maps_show_where_and_how_much(known):
     right = footprint_map(known, known.depth)
     other = tuple(np.argwhere(known.hit)[-1])
     assert int(shown[other].sum()) > int(right[other].sum()) + 100
-    assert np.all(flip_map(known, known.picture) == flip_map(known, known.picture)[0, 0])
+    none = np.zeros(known.depth.shape)
+    assert np.array_equal(flip_map(known, none), under_map(known)), "without an error the picture is seen"
+    none[3, 4] = 0.9
+    assert np.argwhere((flip_map(known, none) != under_map(known)).any(axis=-1)).tolist() == [[3, 4]]
 
 
-def test_without_matplotlib_it_says_what_to_install(made, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for make in (as_html, figure):
-        with pytest.raises(CostError, match=r"raymarch\[report\]"):
-            make(made)
+@pytest.mark.parametrize(("module", "make"), [("matplotlib", figure), ("jinja2", as_html)])
+def test_without_a_library_it_says_what_to_install(made, monkeypatch, module, make):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(CostError, match=rf"{module} .*raymarch\[report\]"):
+        make(made)
 
 
 def test_only_what_makes_a_difference_is_worth_having(made):

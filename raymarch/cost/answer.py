@@ -1,0 +1,126 @@
+"""The short answer of a sweep: the fastest settings within half a pixel, a tenth and a hundredth of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+from raymarch.cost.sweep import Point, Sweep
+from raymarch.scene.quality import Quality
+
+BOUNDS = (0.5, 0.05, 0.005)
+"""Errors in pixels that the answer is given for."""
+METRIC = "pixels_p99"
+"""The error that is bounded: 99 % of the hits away from silhouettes lie within it."""
+MARCHING = {
+    *("tracer", "max_steps", "epsilon", "omega", "beta", "step_scale", "schedule", "refinement", "steps_per_pass"),
+}
+"""Fields of `Quality` that change where hits lie and nothing else of the picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The fastest setting of a sweep that is within an error bound.
+
+    bound : the error bound in pixels; for the last answer it may be the error itself, if it is the most accurate.
+    point : its measurement.
+    """
+
+    bound: float
+    point: Point
+
+    @property
+    def error(self) -> float:
+        """The measured error in pixels: 99 % of the hits are within it."""
+        return self.point.error(METRIC)
+
+
+def candidates(made: Sweep) -> list[Point]:
+    """The sound settings that change the marching alone, so that their pictures differ from the scene's by error only.
+
+    Fewer rays per pixel, other normals or another resolution would be cheaper in ways that the distance of hits does
+    not show.
+    """
+    base = made.base.setting.quality
+    kept = [f.name for f in fields(Quality) if f.name not in MARCHING]
+    return [
+        p
+        for p in made.comparable(METRIC)
+        if p.error(METRIC) < float("inf")
+        and (p.setting.frames, p.setting.scale, p.setting.variations) == (1, 1.0, ())
+        and all(getattr(p.setting.quality, name) == getattr(base, name) for name in kept)
+    ]
+
+
+def answers(made: Sweep, bounds: Sequence[float] = BOUNDS) -> list[Answer]:
+    """The fastest setting within each bound, coarsest first; bounds that no setting meets are left out."""
+    able = candidates(made)
+    found = []
+    for bound in bounds:
+        within = [p for p in able if p.error(METRIC) <= bound]
+        if within:
+            found.append(Answer(bound, min(within, key=lambda p: (p.time.value, p.error(METRIC)))))
+    return found
+
+
+def finest(made: Sweep) -> Answer | None:
+    """The most accurate setting; None if no setting finds every hit."""
+    best = min(candidates(made), key=lambda p: (p.error(METRIC), p.time.value), default=None)
+    return None if best is None else Answer(best.error(METRIC), best)
+
+
+def sentence(made: Sweep) -> str:
+    """The answer in words, with the size and the device of the measurement."""
+    width, height = made.known.size
+    where = f"At {width}×{height} on this machine ({device(made)})"
+    found, best = answers(made), finest(made)
+    if best is None:
+        return f"{where}, no setting finds every hit of {made.name}: see the table."
+    if not found:
+        return (
+            f"{where}, no setting draws {made.name} within half a pixel: the most accurate one, {best.point.name}, is "
+            f"within {figures(best.error)} px and takes {figures(best.point.time.value)} ms a frame."
+        )
+    parts = [f"{phrase(bounds)} takes {_time(point)}" for bounds, point in grouped(found)]
+    parts[0] = f"a frame of {made.name} {parts[0]}"
+    if best.point is found[-1].point:
+        end = f"; no setting is more exact than that one, {figures(best.error)} px."
+    else:
+        end = f"; the most exact setting, {figures(best.error)} px, takes {_time(best.point)}."
+    return f"{where}, {', '.join(parts)}{end}"
+
+
+PHRASES = {0.5: "within half a pixel", 0.05: "ten times as exact", 0.005: "a hundred times as exact"}
+
+
+def grouped(found: Sequence[Answer]) -> list[tuple[tuple[float, ...], Point]]:
+    """The answers by their settings: one setting may be the fastest within several bounds."""
+    points = {id(a.point): a.point for a in found}
+    return [(tuple(a.bound for a in found if a.point is p), p) for p in points.values()]
+
+
+def phrase(bounds: Sequence[float]) -> str:
+    """Error bounds in words: "within half a pixel", "ten or a hundred times as exact"."""
+    if len(bounds) == 1:
+        return PHRASES[bounds[0]]
+    if bounds[0] == BOUNDS[0]:
+        return "within half a pixel, and " + phrase(bounds[1:])
+    return "ten or a hundred times as exact"
+
+
+def _time(point: Point) -> str:
+    return f"{figures(point.time.value)} ms"
+
+
+def device(made: Sweep) -> str:
+    """The name of the renderer without its version."""
+    return str(made.environment["driver"]["renderer"]).split(" (")[0]
+
+
+def figures(value: float) -> str:
+    """A number with two significant digits and no exponent: 0.00091, 8.4, 120."""
+    if value == 0 or value != value:
+        return "0" if value == 0 else "-"
+    if abs(value) >= 100:
+        return f"{value:.0f}"
+    return f"{float(f'{value:.2g}'):.10f}".rstrip("0").rstrip(".")

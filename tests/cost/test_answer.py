@@ -1,0 +1,146 @@
+"""The answer of a sweep, held to pictures that are drawn again; and where the error lies."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.cost.answer import BOUNDS, answers, candidates, figures, finest, grouped, sentence
+from raymarch.cost.effects import Effect
+from raymarch.cost.errors import measure
+from raymarch.cost.html import as_html, dearest
+from raymarch.cost.location import BANDS, location
+from raymarch.cost.reference import reference
+from raymarch.cost.settings import Setting, setting, with_quality
+from raymarch.cost.sweep import Sweep, sweep
+from tests.cost.cost_samples import SIZE, FakeRenderer
+
+EPSILONS = (9.0, 2.0, 0.004)
+
+
+@pytest.fixture(scope="module")
+def drawn(scene, kept) -> Sweep:
+    """A sweep by the real renderer."""
+    settings = [Setting("base", rm.Quality()), *(setting(rm.Quality(), {"epsilon": e}) for e in EPSILONS)]
+    with rm.Renderer(SIZE) as renderer:
+        return sweep(scene, settings, reference(scene, SIZE, samples=1), renderer, "scene", repeats=3)
+
+
+def broken(text: str, made: Sweep, scene: rm.Scene) -> list[str]:
+    """The promises of a page that its settings do not keep when they are drawn again."""
+    (said,) = re.findall(r'<p class="answer">(.*?)</p>', text)
+    cards = re.findall(
+        r'(?s)<h2>([^<]*)</h2>\s*<p class="big">([\d.]+).*?<code>(.*?)</code>.*?reaches ([\d.]+) px', text
+    )
+    bounds = [bounds for bounds, _ in grouped(answers(made))]
+    found = []
+    with rm.Renderer(SIZE) as renderer:
+        for k, (title, milliseconds, code, error) in enumerate(cards):
+            quality = eval(unescape(code))
+            errors = measure(made.known, renderer.render(with_quality(scene, quality), outputs=("depth",)).depth)
+            limit = min(bounds[k]) if k < len(bounds) else float("inf")
+            if not errors.sound or errors.pixels_p99 > limit or figures(errors.pixels_p99) != error:
+                found.append(f"{title}: {errors.pixels_p99} px, not {error}")
+            if f"{milliseconds} ms" not in said:
+                found.append(f"{title}: {milliseconds} ms is not said")
+    return found if cards else ["no cards"]
+
+
+def test_the_answer_holds_when_its_settings_are_drawn_again(drawn, scene):
+    text = as_html(drawn)
+    assert sentence(drawn) in unescape(text)
+    assert len(answers(drawn)) == len(BOUNDS)
+    assert not broken(text, drawn, scene)
+    coarse = text.replace("<code>rm.Quality(epsilon=2.0)", "<code>rm.Quality(epsilon=9.0)")
+    assert len(broken(coarse, drawn, scene)) == 1, "another setting does not keep it"
+
+
+@pytest.fixture
+def fake(scene, known) -> Sweep:
+    """Errors and times are known: epsilon pixels in 1 / epsilon milliseconds."""
+    values = (2.0, 0.4, 0.1, 0.04, 0.02, 0.01)
+    settings = [Setting("base", rm.Quality()), *(setting(rm.Quality(), {"epsilon": e}) for e in values)]
+    settings += [setting(rm.Quality(), {"samples": 4, "epsilon": 0.3}), Setting("blind", rm.Quality(max_steps=16))]
+    return sweep(scene, settings, known, FakeRenderer(known), "fake", repeats=1)
+
+
+def test_the_fastest_within_each_bound(fake):
+    assert [(a.bound, a.point.name) for a in answers(fake)] == [(0.5, "epsilon 0.4"), (0.05, "epsilon 0.04")]
+    assert finest(fake).point.name == "epsilon 0.01"
+    assert sentence(fake) == (
+        "At 64×36 on this machine (ours), a frame of fake within half a pixel takes 2.5 ms, ten times as exact takes "
+        "25 ms; the most exact setting, 0.01 px, takes 100 ms."
+    )
+
+
+def test_cheaper_pictures_of_another_kind_are_no_answer(fake):
+    assert {p.name for p in fake.points} - {p.name for p in candidates(fake)} == {"blind", "samples 4, epsilon 0.3"}
+
+
+def test_bounds_that_nothing_meets_are_left_out(fake):
+    fake.points = [p for p in fake.points if p.name in ("epsilon 2", "blind")]
+    assert not answers(fake)
+    assert "no setting draws fake within half a pixel: the most accurate one, epsilon 2, is within 2 px" in sentence(
+        fake
+    )
+    fake.points = fake.points[1:]
+    assert "no setting finds every hit" in sentence(fake)
+    assert as_html(fake)
+
+
+def test_one_setting_may_meet_several_bounds(fake):
+    fake.points = [p for p in fake.points if p.name == "epsilon 0.01"]
+    fake.points[0].errors = replace(fake.points[0].errors, pixels_p99=0.004)
+    assert "within half a pixel, and ten or a hundred times as exact takes 100 ms; no setting is" in sentence(fake)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.000912, "0.00091"), (8.44, "8.4"), (163.2, "163"), (0, "0"), (1234.5, "1234"), (1e-7, "0.0000001")],
+)
+def test_numbers_are_written_without_exponents(value, text):
+    assert figures(value) == text
+
+
+def test_the_error_is_located(fake, known):
+    point = fake.base
+    cosine = np.abs((known.normal * known.direction).sum(axis=-1))
+    inner = known.hit & ~known.edges
+    grazing = inner & (cosine < np.sin(np.radians(BANDS[2]))) & (cosine >= np.sin(np.radians(BANDS[1])))
+    row, column = np.argwhere(grazing)[3]
+    off = np.where(grazing, 0.3, 0.001)
+    off[row, column] = 4.0
+    point.depth = known.depth * (1.0 + off * known.pixel)
+    found = location(point)
+    assert (found.column, found.row) == (column, row)
+    assert found.largest == pytest.approx(4.0)
+    assert found.bands[1].worst == 1.0
+    assert found.bands[1].hits == pytest.approx(grazing.sum() / inner.sum())
+    assert "seen at an angle, at 10° to 30°: 100% of the largest errors" in found.words
+    spread = np.flatnonzero(inner)[np.argsort(cosine[inner])][::20]  # all angles alike
+    off = np.full(known.depth.size, 0.001)
+    off[spread] = 0.3
+    point.depth = known.depth * (1.0 + off.reshape(known.depth.shape) * known.pixel)
+    assert "evenly" in location(point).words
+    point.errors = replace(point.errors, missed=3)
+    assert location(point).words.startswith("3 hits are missed")
+
+
+def test_the_dearest_effect_is_named():
+    none = np.zeros((1, 1, 3))
+
+    def effect(name: str, times: list[float]) -> Effect:
+        made = Effect(name, 1.0, 0, 0, 0.0, 0.0, 0.0, 0, none, none)
+        made._differences, made._frames = times, [8.0] * len(times)
+        return made
+
+    assert dearest([effect("fog", [1.0] * 7), effect("shadow", [2.0] * 7)]).endswith(
+        "shadow costs most: 2 ms, 25% of a frame."
+    )
+    assert "certainty" in dearest([effect("fog", [-1.0, 1.0, 2.0])])
+    assert dearest([]) == ""
