@@ -212,7 +212,7 @@
   // Pictures with a slider between them
 
   const splitter = (node, label) => {
-    node.innerHTML = '<img alt=""><img class="over" alt=""><span class="bar"></span><b class="left"></b><b class="rightname"></b>' +
+    node.innerHTML = '<img alt="" draggable="false"><img class="over" alt="" draggable="false"><span class="bar"></span><b class="left"></b><b class="rightname"></b>' +
       `<input type="range" min="0" max="1000" value="500" aria-label="${label}">`;
     const [under, over] = node.querySelectorAll("img"), bar = node.querySelector(".bar"), input = node.querySelector("input");
     const move = () => {
@@ -222,7 +222,7 @@
       input.setAttribute("aria-valuetext", `${Math.round(share)} % A`);
     };
     input.addEventListener("input", move);
-    node.addEventListener("pointerdown", (event) => follow(event));
+    node.addEventListener("pointerdown", (event) => { follow(event); input.focus({ preventScroll: true }); });
     node.addEventListener("pointermove", (event) => { if (event.buttons || event.pointerType === "mouse") follow(event); });
     const follow = (event) => {
       const box = node.getBoundingClientRect();
