@@ -12,6 +12,7 @@ import typer
 
 from raymarch.cli.choice import watched
 from raymarch.cli.common import CommandError, Output, SceneFile, parse_settings, parse_size, written
+from raymarch.cost import baseline
 from raymarch.cost.checks import check
 from raymarch.cost.effects import Effect, ablate, ablations, evaluations_of
 from raymarch.cost.effects import table as effects_table
@@ -29,6 +30,8 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 
+SIZE = "320x180"
+"""Default size of the measured pictures."""
 WIDTH = 150
 """Minimum width of the table in columns, also if the output is a narrower terminal or none."""
 
@@ -37,14 +40,17 @@ ENDINGS = {
     "--csv": (".csv",),
     "--plot": (".png", ".svg", ".pdf"),
     "--html": (".html", ".htm"),
+    "--write-baseline": (".json",),
 }
 """Suffixes that each option accepts."""
 
 
 def run(
     scene: SceneFile,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = "320x180",
-    time: Annotated[float, typer.Option(help="Value of `time` in seconds.")] = 0.0,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="Width and height in pixels.", show_default=SIZE)
+    ] = None,
+    time: Annotated[float | None, typer.Option(help="Value of `time` in seconds.", show_default="0")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
     ] = None,
@@ -66,22 +72,46 @@ def run(
     html: Annotated[
         Path | None, typer.Option(help="Write a page to explore error against time, pictures and effects: one file.")
     ] = None,
+    check_: Annotated[
+        Path | None,
+        typer.Option(
+            "--check", metavar="FILE", help="Fail with exit code 1 if errors or evaluations grew since this baseline."
+        ),
+    ] = None,
+    write_baseline: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Record errors and evaluations of this scene; other scenes in it are kept."),
+    ] = None,
     effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[
         int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
     ] = None,
 ) -> None:
-    _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html})
+    _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html, "--write-baseline": write_baseline})
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
     if not 1 <= samples <= 256 or round(samples**0.5) ** 2 != samples:
         raise CommandError(f"--samples {samples}", legal="a square number from 1 to 256")
     asked = axes(_names(cross), _given(axis or []))
-    pixels, params = parse_size(size), parse_settings(set_ or [])
+    pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
     found = load(scene)
+    outputs = {"--json": json, "--csv": csv, "--plot": plot, "--html": html}
+    baselines = {"--check": check_, "--write-baseline": write_baseline}
+    if check_ is not None or write_baseline is not None:
+        first = next(option for option, file in baselines.items() if file is not None)
+        others = [option for option, file in (outputs | baselines).items() if file is not None and option != first]
+        if others or effects:
+            raise CommandError(f"{first} together with {others[0] if others else '--effects'}", legal="one of them")
+        if write_baseline is not None:
+            _write_baseline(found, scene.stem, write_baseline, pixels, time or 0.0, params, backend, device)
+        elif check_ is not None:
+            given = {"--size": size and pixels, "--time": time, "--set": params or None}
+            _check_baseline(found, scene.stem, check_, given, backend, device)
+        return
+    time = time or 0.0
     if effects:
-        for option, file in (("--csv", csv), ("--plot", plot), ("--html", html)):
+        for option, file in (outputs | {"--json": None}).items():
             if file is not None:
                 raise CommandError(f"--effects together with {option}", legal="--json")
         _effects(found, scene.stem, pixels, time, params, repeats, seed, json, backend, device)
@@ -126,6 +156,54 @@ def run(
     if plot is not None:
         with written(plot) as target:
             target.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
+
+
+def _write_baseline(
+    scene: Scene,
+    name: str,
+    file: Path,
+    size: tuple[int, int],
+    time: float,
+    params: dict[str, Any],
+    backend: str,
+    device: int | None,
+) -> None:
+    """Measure a scene and record it in a baseline."""
+    records = baseline.read(file) if file.exists() else {}
+    rows = _measured(scene, size, time, params, backend, device)
+    records[name] = baseline.Record(size, time, params, rows)
+    with written(file) as target:
+        target.write_text(baseline.as_text(records), encoding="utf-8")
+    Output().print(baseline.summary(name, records[name], rows, 0).replace("nothing grew", "recorded"), markup=False)
+
+
+def _check_baseline(
+    scene: Scene, name: str, file: Path, given: dict[str, Any], backend: str, device: int | None
+) -> None:
+    """Measure a scene as its baseline was; print what grew. Exit code 1 if something did."""
+    records = baseline.read(file)
+    if name not in records:
+        raise CommandError(f"--check {file}: no scene '{name}'", legal=", ".join(records) or baseline.LEGAL)
+    known = records[name]
+    for option, value in given.items():
+        recorded = {"--size": known.size, "--time": known.time, "--set": dict(known.params)}[option]
+        if value is not None and value != recorded:
+            raise CommandError(f"{option} {value} with --check", legal=f"{recorded}, as in the baseline")
+    now = _measured(scene, known.size, known.time, dict(known.params), backend, device)
+    faults = [f for row, figures in known.rows.items() for f in baseline.grown(f"{name} {row}", figures, now[row])]
+    out = Output()
+    for line in (*faults, baseline.summary(name, known, now, len(faults))):
+        out.print(line, markup=False)
+    if faults:
+        raise typer.Exit(1)
+
+
+def _measured(
+    scene: Scene, size: tuple[int, int], time: float, params: dict[str, Any], backend: str, device: int | None
+) -> dict[str, baseline.Row]:
+    with watched() as tell, Renderer(size, backend, device) as renderer:
+        known = reference(scene, size, time, params, 0, lambda what: tell(what, 0.0))
+        return baseline.measured(scene, known, renderer, time, params)
 
 
 def _effects(

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import raymarch as rm
-from raymarch.cost.errors import measure
+from raymarch.cost.baseline import row_of
 from raymarch.cost.reference import reference
 from raymarch.cost.settings import with_quality
 from raymarch.scene import load
@@ -26,37 +26,12 @@ ROOT = Path(__file__).parents[2]
 FILE = ROOT / "tests" / "ledger.json"
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SIZE = (160, 90)
-GROWTH = 1.05
-"""How much more than in the ledger is a fault."""
-SLACK = {"evaluations": 0.02, "pixels_p50": 3e-4, "pixels_p99": 3e-4, "normal_p99": 2e-3}
-"""What processors that fuse products and sums may differ by: some units in the last place of float32."""
-COUNTS = ("missed", "false")
-"""Figures that may not grow at all."""
 
 
 def row(file: Path, preset: str, renderer: rm.Renderer) -> dict[str, Any]:
     """The figures of one example at one preset."""
     scene = with_quality(load(file), rm.Quality.preset(preset))
-    frame = renderer.render(scene, outputs=("depth",))
-    errors = measure(reference(scene, SIZE, samples=0), frame.depth, frame.normal)
-    return {
-        "evaluations": round(float(frame.evaluations.mean()), 3),
-        "missed": errors.missed,
-        "false": errors.false,
-        "pixels_p50": round(errors.pixels_p50, 6),
-        "pixels_p99": round(errors.pixels_p99, 6),
-        "normal_p99": round(errors.normal_p99, 5),
-    }
-
-
-def grown(name: str, known: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """What grew, in words that name the row; empty if nothing did."""
-    faults = []
-    for figure, before in known.items():
-        most = before if figure in COUNTS else before * GROWTH + SLACK[figure]
-        if not now[figure] <= most:
-            faults.append(f"{name}: {figure} grew from {before} to {now[figure]}, at most {most:.6g}")
-    return faults
+    return row_of(scene, reference(scene, SIZE, samples=0), renderer)
 
 
 def read() -> dict[str, dict[str, Any]]:
