@@ -104,7 +104,7 @@ def phrase(bounds: Sequence[float]) -> str:
     if len(bounds) == 1:
         return PHRASES[bounds[0]]
     if bounds[0] == BOUNDS[0]:
-        return "within half a pixel, and " + phrase(bounds[1:])
+        return "within half a pixel or " + phrase(bounds[1:])
     return "ten or a hundred times as exact"
 
 

@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from raymarch.cost.answer import figures
 from raymarch.cost.maps import plotting
 from raymarch.cost.sweep import Point, Sweep
-from raymarch.cost.text import labelled
+from raymarch.cost.text import labelled, worth
 
 COLORS = {
-    "plain": "#7f7f7f",
-    "relaxed": "#e07b00",
-    "relaxed_again": "#b58900",
-    "enhanced": "#2a9d3a",
-    "auto_relaxed": "#1f6fc4",
-    "bracketing": "#b0207a",
+    "plain": "#5f6770",
+    "relaxed": "#d98a00",
+    "relaxed_again": "#806400",
+    "enhanced": "#00795a",
+    "auto_relaxed": "#0066a8",
+    "bracketing": "#b4387f",
 }
-"""Colour of each tracer in all figures."""
+"""Colour of each tracer in all figures; they differ for colour-blind readers too."""
+MARKERS = {
+    "plain": "s",
+    "relaxed": "^",
+    "relaxed_again": "v",
+    "enhanced": "D",
+    "auto_relaxed": "o",
+    "bracketing": "*",
+}
+"""Mark of each tracer, so that no colour is needed to tell them apart."""
 
 LABELS = {
-    "pixels_p99": "distance from the true hit, pixel footprints, 99th percentile",
-    "pixels_max": "distance from the true hit, pixel footprints, largest",
+    "pixels_p99": "distance from the true hit in pixels, 99th percentile",
+    "pixels_max": "distance from the true hit in pixels, largest",
     "depth_rms": "depth error, rms, units of the scene",
     "depth_p99": "depth error, 99th percentile, units of the scene",
     "p1": "sum of squared depth errors",
@@ -41,7 +52,7 @@ def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
     """
     steps = by_steps(made)
     columns = 3 if len(steps) > 1 and "plain" in steps else 2
-    drawn = blank(6.4 * columns, 5.2)
+    drawn = blank(6.4 * columns, 6.0)
     axes = drawn.subplots(1, columns)
     draw_front(axes[0], made, metric)
     draw_evaluations(axes[1], made)
@@ -49,24 +60,6 @@ def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
         draw_relative(axes[2], steps, "plain")
     drawn.suptitle(f"{made.name}, {made.known.size[0]}x{made.known.size[1]}, {_measured(made)}", fontsize=9)
     return drawn
-
-
-def panels(made: Sweep, metric: str = "pixels_p99") -> list[tuple[str, Any]]:
-    """The parts of `figure` as figures of their own, each with its caption."""
-    steps = by_steps(made)
-    parts: list[tuple[str, Callable[[Any], None]]] = [
-        ("error against time, with the front and the presets", lambda axes: draw_front(axes, made, metric)),
-        ("evaluations of the field, with the lower bound N*", lambda axes: draw_evaluations(axes, made)),
-    ]
-    if len(steps) > 1 and "plain" in steps:
-        words = "error and time by the steps of a ray, relative to the plain tracer"
-        parts.append((words, lambda axes: draw_relative(axes, steps, "plain")))
-    found = []
-    for words, draw in parts:
-        drawn = blank(6.4, 5.2)
-        draw(drawn.subplots())
-        found.append((words, drawn))
-    return found
 
 
 def blank(width: float, height: float) -> Any:
@@ -104,23 +97,62 @@ def draw_front(axes: Any, made: Sweep, metric: str) -> None:
         some = [p for p in sound if p.tracer == tracer]
         x = [p.time.value for p in some]
         spread = [[p.time.value - p.time.low for p in some], [p.time.high - p.time.value for p in some]]
-        style = {"fmt": "o", "ms": 4, "lw": 0.6, "alpha": 0.75, "color": COLORS.get(tracer), "label": tracer}
-        axes.errorbar(x, [at(p) for p in some], xerr=spread, **style)
+        style = {"lw": 0.5, "alpha": 0.8, "color": COLORS.get(tracer), "label": tracer}
+        mark = {"fmt": MARKERS.get(tracer, "o"), "ms": 8 if MARKERS.get(tracer) == "*" else 5}
+        axes.errorbar(x, [at(p) for p in some], xerr=spread, **style, **mark)
     front = made.front(metric)
     axes.step([p.time.value for p in front], [at(p) for p in front], where="post", color="black", lw=1, label="front")
-    for point in sound:
-        if point is made.base:
-            axes.plot(point.time.value, at(point), "*", ms=13, mfc="none", mec="black", label="the scene's own")
-        if point.setting.preset:
-            spot = (point.time.value, at(point))
-            axes.plot(*spot, "s", ms=9, mfc="none", mec="black")
-            axes.annotate(point.setting.preset, spot, xytext=(7, 5), textcoords="offset points", fontsize=8)
+    axes.plot(*_own(made.base, sound, at), "o", ms=13, mfc="none", mec="black", label="the scene's own")
     axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame, median and 95 % interval", ylabel=LABELS[metric])
+    plain_ticks(axes.xaxis)
+    plain_ticks(axes.yaxis)
+    named = [p for p in sound if p.setting.preset] + [p for p in worth(front, metric) if not p.setting.preset]
+    label([(p.time.value, at(p), p.setting.preset or p.name) for p in named], axes)
     unsound = sum(not p.errors.sound for p in made.points)
-    axes.set_title(f"error against time; {unsound} settings that miss hits are not shown")
-    axes.title.set_fontsize(9)
-    axes.grid(alpha=0.25, which="both", lw=0.4)
-    axes.legend(fontsize=7)
+    left = f"; {unsound} settings that miss hits are not shown" if unsound else ""
+    axes.set_title(f"error against time{left}", fontsize=9)
+    axes.grid(alpha=0.25, lw=0.4)
+    _legend_below(axes)
+
+
+def _own(base: Point, sound: Sequence[Point], at: Callable[[Point], float]) -> tuple[list[float], list[float]]:
+    """The position of the scene's own setting; none if it misses hits."""
+    return ([base.time.value], [at(base)]) if any(p is base for p in sound) else ([], [])
+
+
+def _legend_below(axes: Any) -> None:
+    """A legend outside of the axes, where it hides nothing."""
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, frameon=False)
+
+
+def plain_ticks(axis: Any) -> None:
+    """Ticks of a logarithmic axis as plain numbers: 10, 20, 50."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = sorted(axis.get_view_interval())
+    decades = math.log10(high / low)
+    subs = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0) if decades < 1 else (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+    axis.set_major_locator(LogLocator(subs=subs, numticks=20))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: figures(value)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def label(places: Sequence[tuple[float, float, str]], axes: Any, size: float = 8.0) -> None:
+    """Write names beside their points (x, y), each where it is inside of the axes and covers no other name."""
+    axes.figure.draw_without_rendering()
+    scale = 72.0 / axes.figure.dpi
+    (left, bottom), (right, top) = scale * axes.bbox.get_points()
+    taken: list[tuple[float, float, float, float]] = []
+    for x, y, name in places:
+        at = scale * axes.transData.transform((x, y))
+        wide = 0.62 * size * len(name)
+        for dx, dy in ((7, 5), (7, -12), (-7 - wide, 5), (-7 - wide, -12), (7, 16), (-7 - wide, 16), (7, -23)):
+            box = (at[0] + dx, at[1] + dy, at[0] + dx + wide, at[1] + dy + size)
+            inside = box[0] >= left and box[2] <= right and box[1] >= bottom and box[3] <= top
+            if inside and not any(box[0] < t[2] and box[2] > t[0] and box[1] < t[3] and box[3] > t[1] for t in taken):
+                taken.append(box)
+                axes.annotate(name, (x, y), xytext=(dx, dy), textcoords="offset points", fontsize=size)
+                break
 
 
 def draw_evaluations(axes: Any, made: Sweep) -> None:
@@ -133,8 +165,7 @@ def draw_evaluations(axes: Any, made: Sweep) -> None:
     axes.set_ylim(len(shown), -0.7)
     if made.floor > 0:
         axes.axvline(made.floor, color="black", lw=1)
-        label = f"N* = {made.floor:.2f}"
-        axes.text(made.floor, len(shown) - 0.3, f" {label}", fontsize=8, va="center")
+        axes.text(made.floor, len(shown) - 0.3, f" N* = {made.floor:.2f}", fontsize=8, va="center")
     for row, point in enumerate(shown):
         over = f" ({point.evaluations / made.floor:.2f} N*)" if made.floor > 0 else ""
         axes.text(point.evaluations, row, f" {point.evaluations:.1f}{over}", fontsize=7, va="center")
@@ -183,10 +214,11 @@ def draw_relative(axes: Any, curves: Mapping[str, Sequence[Point]], baseline: st
         for what, (line, values) in series.items():
             axes.plot(steps, values, line, color=COLORS.get(name), lw=1.4, label=f"{name}, {what}")
     axes.set(xscale="log", yscale="log", xlabel="steps a ray may take", ylabel=f"relative to {baseline}")
+    plain_ticks(axes.yaxis)
     axes.axhline(1.0, color="black", lw=0.8)
     ticks = sorted(against)
     axes.set_xticks(ticks, [str(t) for t in ticks])
     axes.minorticks_off()
     axes.set_title("squared depth error, time, and their product (Bálint and Valasek 2018)", fontsize=9)
-    axes.grid(alpha=0.25, which="both", lw=0.4)
-    axes.legend(fontsize=6)
+    axes.grid(alpha=0.25, lw=0.4)
+    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, frameon=False)

@@ -37,7 +37,9 @@ def made(made_once) -> Sweep:
 @pytest.fixture(scope="module")
 def made_once(scene, kept) -> Sweep:
     known = reference(scene, SIZE, samples=4)
-    chosen = [axis for axis in axes() if axis.name != "scale"]  # this renderer has one size
+    names = ("tracer", "max_steps", "epsilon", "normals", "shadow_steps")
+    few = {"tracer": ("plain", "enhanced", "bracketing"), "max_steps": (16, 64, 512), "epsilon": (0.5, 0.02)}
+    chosen = [axis for axis in axes(given=few) if axis.name in names]
     found = sweep(scene, grid(scene, chosen), known, FakeRenderer(known), name="a <b> & c", repeats=6)
     found.checks = [Check("clock", True, "agrees"), Check("hits of front", False, "5 % lie <too> far")]
     return found
@@ -60,6 +62,22 @@ def test_the_figure_marks_front_presets_and_base(made):
     (front,) = [line for line in axes_of_front.lines if line.get_label() == "front"]
     assert list(front.get_xdata()) == pytest.approx([p.time.value for p in made.front()])
     assert any("N*" in t.get_text() for t in drawn.axes[1].texts)
+
+
+def test_ticks_are_plain_numbers_and_nothing_is_cut_off(made):
+    drawn = figure(made)
+    drawn.draw_without_rendering()
+    axes_of_front = drawn.axes[0]
+    ticks = [t.get_text() for axis in (axes_of_front.xaxis, axes_of_front.yaxis) for t in axis.get_ticklabels()]
+    assert len(ticks) > 4
+    assert all(re.fullmatch(r"\d+(\.\d+)?", t) for t in ticks), ticks
+    whole = drawn.bbox.get_points()
+    for axes_drawn in drawn.axes:
+        box = axes_drawn.get_tightbbox().get_points()
+        assert np.all(box[0] >= whole[0] - 1) and np.all(box[1] <= whole[1] + 1)
+    boxes = [t.get_window_extent() for t in axes_of_front.texts]
+    assert len(boxes) >= 4
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2)), "names cover each other"
 
 
 def test_curves_by_steps_hold_the_base_too(made):

@@ -61,7 +61,7 @@
     const zeroes = zero && values.some((v) => v <= 0), gap = zeroes ? 26 * Math.sign(high - low) : 0;
     const place = (v) => (v > 0 ? low + gap + (high - low - gap) * Math.log(v / least) / Math.log(most / least) : low + gap / 3);
     const ticks = [];
-    for (const steps of [[1, 2, 5], [1, 3], [1]]) {
+    for (const steps of [[1, 1.5, 2, 3, 4, 5, 7], [1, 2, 5], [1, 3], [1]]) {
       ticks.length = 0;
       for (let k = Math.floor(Math.log10(least)); k <= Math.log10(most); k++)
         for (const m of steps) { const v = m * Math.pow(10, k); if (v >= least && v <= most) ticks.push(v); }
@@ -314,12 +314,13 @@
       const e = data.effects[index];
       shown(e.with, e.without, "with " + e.name, "without");
       at("effect-figures").innerHTML = `<strong>${escape(e.name)}</strong>: ${text(e.ms)} ms a frame (${text(e.interval[0])} to ${text(e.interval[1])}), ` +
-        `${Math.round(100 * e.share)} % of it; ${text(e.evaluations, 3)} evaluations per pixel; ${text(e.shader_bytes)} bytes of shader; mean FLIP ${text(e.flip)}`;
+        `${Math.round(100 * e.share)} % of it; ${text(e.evaluations, 3)} evaluations per camera ray; ${text(e.shader_bytes)} bytes of shader; mean FLIP ${text(e.flip)}`;
       at("bars").querySelectorAll("button").forEach((b, k) => b.setAttribute("aria-pressed", k === index));
     };
+    const cost = (e) => (e.interval[0] > 0 ? `costs ${text(e.ms)} ms, ${Math.round(100 * e.share)} %` : "no certain cost");
     const share = (v, of) => 100 * Math.min(Math.max(v / of, 0), 1);
     at("bars").innerHTML = data.effects.map((e, k) => `<button type="button" class="effect" data-k="${k}"><span class="title">${escape(e.name)}</span>` +
-      `<span class="meter cost"><span class="track"><i style="width:${share(e.ms, most)}%"></i><u style="left:${share(e.interval[0], most)}%;width:${share(e.interval[1], most) - share(e.interval[0], most)}%"></u></span><span>costs ${text(e.ms)} ms, ${Math.round(100 * e.share)} %</span></span>` +
+      `<span class="meter cost"><span class="track"><i style="width:${share(e.ms, most)}%"></i><u style="left:${share(e.interval[0], most)}%;width:${share(e.interval[1], most) - share(e.interval[0], most)}%"></u></span><span>${cost(e)}</span></span>` +
       `<span class="meter gain"><span class="track"><i style="width:${share(e.flip, gain)}%"></i></span><span>gives FLIP ${text(e.flip)}</span></span></button>`).join("");
     at("bars").addEventListener("click", (event) => { const b = event.target.closest("button"); if (b) pick(+b.dataset.k); });
     pick(0);
