@@ -29,7 +29,10 @@ TILE = (240, 135)
 
 def files() -> list[Path]:
     """The scenes, in the order of the page."""
-    return [*sorted(EXAMPLES.glob("*.py")), *sorted((EXAMPLES / "papers").glob("*.py"))]
+    return [
+        *sorted(EXAMPLES.glob("*.py")),
+        *(f for n in ("showcase", "papers") for f in sorted((EXAMPLES / n).glob("*.py"))),
+    ]
 
 
 def name_of(file: Path) -> str:

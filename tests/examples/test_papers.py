@@ -1,4 +1,4 @@
-"""The scenes of the papers: each draws, and those whose field is certified are held against the float64 truth."""
+"""The scenes of the papers and the showcase: each draws, and those whose field is certified are held against the float64 truth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from raymarch.scene import load
 from raymarch.truth import silhouettes, truth
 
 FOLDER = Path(__file__).parents[2] / "examples" / "papers"
-SCENES = sorted(p.stem for p in FOLDER.glob("*.py"))
+SHOWCASE = FOLDER.parent / "showcase"
+SCENES = {p.stem: p for folder in (FOLDER, SHOWCASE) for p in sorted(folder.glob("*.py"))}
 SIZE = (64, 36)
 HELD = {"soft_shadows": SIZE, "smoothing": SIZE}
 
@@ -29,10 +30,10 @@ def test_the_papers_figures_are_there() -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_a_scene_of_a_paper_draws(name: str, renderer: Renderer) -> None:
+def test_a_scene_draws(name: str, renderer: Renderer) -> None:
     """Light everywhere finite, something to see, and no speck far brighter than all around it."""
     renderer.resize(SIZE)
-    frame = renderer.render(load(FOLDER / f"{name}.py"))
+    frame = renderer.render(load(SCENES[name]))
     light = np.minimum(frame.color, 2.0)
     assert np.isfinite(frame.color).all() and frame.color.min() >= 0
     assert light.std() > 0.02
@@ -52,3 +53,7 @@ def test_a_scene_of_a_paper_is_true(name: str, renderer: Renderer) -> None:
 def test_sixty_four_lights_are_rows_of_a_texture() -> None:
     scene = load(FOLDER / "lights.py")
     assert len(scene.lights) == 64 and all(light.shadow for light in scene.lights)
+
+
+def test_the_scene_of_the_first_picture_is_short() -> None:
+    assert len((SHOWCASE / "lanterns.py").read_text().splitlines()) < 60
