@@ -1,7 +1,7 @@
 """The program `raymarch`: its commands, each in a module that is imported when the command is called.
 
-Exit codes: 0 done, also if the reader of a pipe closes it early; 1 an internal error, or figures that `cost --check` found grown; 2 bad input, with one message
-that names file and line; 130 Ctrl+C.
+Exit codes: 0 done, also if the reader of a pipe closes it early; 1 an internal error, or figures
+that `cost --check` found grown; 2 bad input, with one message that names file and line; 130 Ctrl+C.
 """
 
 from __future__ import annotations

@@ -63,7 +63,8 @@ def test_the_readme_shows_the_example_as_it_is():
 def test_the_first_snippet_of_the_readme_makes_its_first_picture():
     example = (ROOT / "examples" / "hello.py").read_text()
     assert blocks(ROOT / "README.md", "python")[0].startswith(example)
-    assert "docs/pictures/hello.png" in (ROOT / "README.md").read_text().split("```")[2]
+    after = (ROOT / "README.md").read_text().partition("```python")[2].split("```")[1]
+    assert "docs/pictures/hello.png" in after
 
 
 def test_the_new_shape_takes_fifteen_lines_at_most():
