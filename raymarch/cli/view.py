@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -43,6 +44,10 @@ def run(
     settings: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Load camera, parameters, time and view that the window saved.")
     ] = None,
+    cost: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Measurements of raymarch cost --json: X goes from fast to exact by them."),
+    ] = None,
     demo_seconds: Annotated[
         float | None,
         typer.Option(metavar="N", help="Close after N seconds; exit with code 2 if the scene has an error."),
@@ -55,11 +60,22 @@ def run(
         raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
     if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:
         raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
+    from raymarch.window.accuracy import measured_stops
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
 
+    stops = () if cost is None else measured_stops(_read(cost))
     with _said_if_slow(f"loading {scene} (Ctrl+C to stop)"):
-        viewer = Viewer(scene, parse_size(size), parse_settings(set_ or []), budget, settings, log, samples, panel)
+        params = parse_settings(set_ or [])
+        viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops)
     code = viewer.run(demo_seconds)
     if code == 2 and viewer.fault is not None:  # the message in the window is gone
         errors.print(f"raymarch: {viewer.fault.text()}", markup=False)
     sys.exit(code)
+
+
+def _read(file: Path) -> Any:
+    """The content of a JSON file."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise CommandError(f"--cost {file}: {fault}", legal="a file that raymarch cost --json wrote") from None

@@ -10,6 +10,7 @@ import numpy as np
 
 from raymarch.gpu.views import VIEWS
 from raymarch.window import control, save
+from raymarch.window.accuracy import next_stop
 from raymarch.window.state import shown
 from raymarch.window.surface import Key
 from raymarch.window.toolkit import HINT
@@ -59,6 +60,8 @@ class Keys:
             Binding("c", "C", "copy the camera as Python", self.copy),
             Binding("v", "V", "next view: final, depth, normal, ...", lambda: self._view(1)),
             Binding("v", "Shift+V", "previous view", lambda: self._view(-1), shift=True),
+            Binding("x", "X", "more exact, slower", lambda: self._approach(1)),
+            Binding("x", "Shift+X", "less exact, faster", lambda: self._approach(-1), shift=True),
             Binding("space", "Space", "play or pause", self._toggle),
             Binding(".", ". ,", "one frame on, one back", lambda: self._step(1)),
             Binding(",", "", "", lambda: self._step(-1)),
@@ -112,6 +115,12 @@ class Keys:
         state, names = self._viewer.state, list(VIEWS)
         state.view = names[(names.index(state.view) + step) % len(names)]
         self._viewer.notice(f"view: {state.view}")
+
+    def _approach(self, step: int) -> None:
+        viewer = self._viewer
+        number = next_stop(viewer.stops, viewer.state.scene.quality, step)
+        viewer.approach(number)
+        viewer.notice(viewer.stops[number].words)
 
     def _toggle(self) -> None:
         state = self._viewer.state

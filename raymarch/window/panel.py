@@ -11,6 +11,7 @@ import numpy as np
 from raymarch.gpu.views import VIEWS
 from raymarch.scene.parameter import Spec, Value
 from raymarch.window import control, save
+from raymarch.window.accuracy import nearest
 from raymarch.window.editors import Editors
 from raymarch.window.edits import params_as_python
 from raymarch.window.meters import Meters
@@ -111,6 +112,7 @@ class Panel:
         if self._viewer.state.specs:
             self._section("Parameters", self._parameters, opened)
         self._section("View", self._view, opened)
+        self._section("Accuracy", self._accuracy, 0)
         self._section("Camera", self._camera, 0)
         self._section("Time", self._time, opened if self._viewer.state.animated else 0)
         self._section("Lights", self.editors.lights, 0)
@@ -197,6 +199,22 @@ class Panel:
             self.mark(label)
             imgui.same_line()
         imgui.new_line()
+
+    def _accuracy(self) -> None:
+        """The slider from fast to exact, with the error that each stop promises and the time of the last frame."""
+        imgui, viewer = self._imgui, self._viewer
+        stops, quality = viewer.stops, viewer.state.scene.quality
+        now = nearest(stops, quality)
+        at = len(stops) // 2 if now is None else now
+        name = "the file's own" if now is None else stops[now].name
+        changed, chosen = imgui.slider_int("fast to exact", at, 0, len(stops) - 1, name)
+        self.mark("accuracy")
+        if changed and chosen != now:
+            viewer.approach(int(chosen))
+        imgui.text_wrapped(name if now is None else stops[now].words)
+        drawn = viewer.picture.drawn
+        width, height = drawn.size
+        imgui.text(f"now {drawn.milliseconds:.1f} ms at {width}x{height}")
 
     def _camera(self) -> None:
         imgui, state = self._imgui, self._viewer.state

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from raymarch.gpu.screen import Screen
 from raymarch.plan import Plan
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
+from raymarch.window.accuracy import Stop, preset_stops
 from raymarch.window.changes import change, take_news, titled, trouble
 from raymarch.window.constants import Constants
 from raymarch.window.control import fly
@@ -60,6 +62,7 @@ class Viewer:
     log : a file for events as lines of JSON.
     samples : rays per pixel of a still picture.
     panel : whether the panel is visible at the start, if its extra is installed.
+    stops : the settings between fast and exact; none are the presets.
 
     Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
     """
@@ -74,8 +77,10 @@ class Viewer:
         log: Path | None = None,
         samples: int = 16,
         panel: bool = True,
+        stops: tuple[Stop, ...] = (),
     ) -> None:
         scene = load(file)
+        self.stops = stops or preset_stops()
         self.state: State = opened(file, scene, params or {}, size[0] / size[1])
         if settings is not None:
             self.state.restore(read_settings(settings))
@@ -269,6 +274,12 @@ class Viewer:
     def edit(self, edits: Edits) -> None:
         """Apply edits to the scene, in the next turn."""
         self.wanted = edits
+
+    def approach(self, number: int) -> None:
+        """Change to one of the stops between fast and exact."""
+        stop = self.stops[number]
+        self.edit(replace(self.edits, quality=stop.changes(self.base.quality)))
+        self.log.say("stop", name=stop.name, error=stop.error)
 
     def notice(self, text: str) -> None:
         """Show a notice for a few seconds."""

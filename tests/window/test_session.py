@@ -91,6 +91,13 @@ def test_a_session(view: View) -> None:
     assert np.allclose(pick["position"], np.array([0, 1, 6]) + pick["distance"] * ray, atol=0.05)
     assert np.allclose(pick["normal"], -ray, atol=0.05) and pick["evaluations"] > 0
 
+    # More exact, and back: the same picture by another quality.
+    mark = session.mark()
+    hand.key("x")
+    assert session.wait("edited", since=mark)["quality"] == {"max_steps": 2048, "epsilon": 0.02}
+    hand.key("Shift_L", "x")
+    session.wait("edited", lambda e: e["quality"] == {}, mark)
+
     # Save the picture and the settings, and leave.
     hand.key("p")
     saved = session.wait("saved", since=mark)
