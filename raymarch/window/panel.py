@@ -212,9 +212,8 @@ class Panel:
         if changed and chosen != now:
             viewer.approach(int(chosen))
         imgui.text_wrapped(name if now is None else stops[now].words)
-        drawn = viewer.picture.drawn
-        width, height = drawn.size
-        imgui.text(f"now {drawn.milliseconds:.1f} ms at {width}x{height}")
+        frame, (width, height) = viewer.picture.frame, viewer.screen.size
+        imgui.text(f"here {'...' if frame is None else f'{frame:.3g}'} ms at {width}x{height}")
 
     def _camera(self) -> None:
         imgui, state = self._imgui, self._viewer.state

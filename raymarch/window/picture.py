@@ -101,6 +101,8 @@ class Picture:
         self._drawing: list[DrawCall] = []
         self._done = 0
         self._spent = 0.0
+        self.frame: float | None = None
+        """Milliseconds of the last complete sample at full size; None before the first of a shot."""
 
     @property
     def canvas(self) -> Target | None:
@@ -139,6 +141,7 @@ class Picture:
             self._canvas = fresh
         self._put(shot, draw_calls, None)
         self._shot, self._rest, self._done = shot, None, 1 if small == size else 0
+        self.frame = spent if small == size and not compiled else None
         self._say(spent, small, compiled, moving=True)
 
     def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
@@ -201,7 +204,7 @@ class Picture:
             if last and (shot.view != "final" or self._done > 0):
                 self._put(shot, self._drawing, None)
             if last:
-                self._rest, self._done = None, self._done + 1
+                self._rest, self._done, self.frame = None, self._done + 1, self._spent
                 self.pace.guess(self._spent, size[0] * size[1])
         self._say(spent, size, compiled, moving=False)
 

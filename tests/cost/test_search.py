@@ -165,7 +165,8 @@ def test_the_rays_a_pixel_of_the_scene_are_measured_and_kept(scene, known, searc
     assert "samples" not in found.name
 
 
-def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known):
+def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known, monkeypatch):
+    monkeypatch.setattr(searching, "TRUTH_SAMPLES", (4,))  # how many the reference takes is tested above
     renderer = FakeRenderer(known)
     found = for_error(with_quality(scene, rm.Quality(samples=5)), "flip:0.5", SIZE, renderer=renderer)
     assert found.quality.samples == 5
@@ -224,9 +225,18 @@ SCENES = {
 }
 
 
+FEW = (2.0, 0.5, 0.1, 0.02, 0.004)
+"""Every second epsilon: fewer programs to compile."""
+
+
 @pytest.mark.parametrize("target", ["1px", "0.005px"])
 @pytest.mark.parametrize("name", SCENES)
-def test_the_error_is_kept(name, target):
+def test_the_error_is_kept(name, target, monkeypatch):
+    """With all epsilons, tracers and schedules for one scene; with fewer for the others."""
+    if name != "floor":
+        monkeypatch.setattr(searching, "LADDER", FEW)
+        monkeypatch.setattr(searching, "TRACERS", ("auto", "plain"))
+        monkeypatch.setattr(searching, "SCHEDULES", ("single",))
     scene, size = SCENES[name](), (64, 36)
     found = for_error(scene, target, size)
     known = reference(scene, size, samples=0)
@@ -239,8 +249,9 @@ def test_the_error_is_kept(name, target):
     assert f"{found.error:.3g} px" in found.words
 
 
-def test_by_the_picture():
-    scene, size = rm.Scene(rm.sphere()), (80, 45)
+def test_by_the_picture(monkeypatch):
+    monkeypatch.setattr(searching, "LADDER", FEW)
+    scene, size = rm.Scene(rm.sphere()), (48, 27)
     loose, tight = for_error(scene, "flip:0.5", size), None
     assert loose.metric == "flip_p99"
     assert loose.error <= 0.5
@@ -251,7 +262,8 @@ def test_by_the_picture():
     assert tight is None
 
 
-def test_quality_asks_whoever_measures(scene):
+def test_quality_asks_whoever_measures(scene, monkeypatch):
+    monkeypatch.setattr(searching, "LADDER", FEW)
     found = rm.Quality.for_error(scene, "0.5px", size=SIZE)
     assert isinstance(found, rm.Quality)
     assert found.near(certified=True) >= 0.5
@@ -261,7 +273,8 @@ def test_quality_asks_whoever_measures(scene):
         rm.Quality.for_error(scene, "1em")
 
 
-def test_an_estimate_that_shows_nothing_off_silhouettes():
+def test_an_estimate_that_shows_nothing_off_silhouettes(monkeypatch):
+    monkeypatch.setattr(searching, "LADDER", (2.0, 0.1))
     scene = rm.Scene(rm.mandelbulb(), camera=rm.Camera(position=(1.2, 1, 1.6), target=(0, 0, 0)))
     found = for_time(scene, "60s", (48, 27))
     assert np.isfinite(found.error)
