@@ -13,6 +13,7 @@ import typer
 from raymarch.cli.choice import watched
 from raymarch.cli.common import CommandError, Output, SceneFile, parse_settings, parse_size, written
 from raymarch.cost import baseline
+from raymarch.cost.answer import sentence
 from raymarch.cost.checks import check
 from raymarch.cost.effects import Effect, ablate, ablations, evaluations_of
 from raymarch.cost.effects import table as effects_table
@@ -243,7 +244,7 @@ def show(made: Sweep, metric: str, everything: bool) -> None:
         out.print(f"and {left} more dominated settings (--all)", markup=False)
     if (light := light_table(made, metric)) is not None:
         out.print(light)
-    for line in findings(made, metric):
+    for line in (sentence(made), *findings(made, metric)):
         out.print(line, markup=False, soft_wrap=True)
 
 

@@ -56,13 +56,13 @@ class Location:
         if self.missed:
             return f"{self.missed} hits are missed or false; they are magenta in the error map."
         if not self.largest:
-            return "No compared hit is off."
+            return "no compared hit is off."
         band = max(self.bands, key=lambda b: b.worst / max(b.hits, 1e-9))
         if band.worst < CONCENTRATED * band.hits:
-            return "The error is spread evenly over the surfaces."
+            return "the error is spread evenly over the surfaces."
         seen = {0.0: "edge-on", 10.0: "at an angle", 30.0: "from the front"}[band.low]
         return (
-            f"The error lies where surfaces are seen {seen}, at {band.low:g}° to {band.high:g}°: "
+            f"the error lies where surfaces are seen {seen}, at {band.low:g}° to {band.high:g}°: "
             f"{band.worst:.0%} of the largest errors are there, and {band.hits:.0%} of the hits."
         )
 

@@ -6,6 +6,7 @@ import ast
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any
 
 from raymarch.cost.variants import VARIANTS, check_values, varied
@@ -163,6 +164,7 @@ def _meant(scene: Scene, made: Setting, size: tuple[int, int] | None) -> Any:
     return settled(varied_scene, made.quality, drawn), made.frames, made.scale, made.variations
 
 
+@lru_cache(maxsize=128)  # a search and a grid ask for the same settings again and again, and each needs a plan
 def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None) -> Quality:
     """A quality with the plan's choices for this scene: tracer, schedule and effective epsilon.
 

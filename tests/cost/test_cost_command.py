@@ -36,7 +36,7 @@ def test_table_json_and_csv(folder, capsys):
     asked = ("--axis", "epsilon=0.1,2", "--cross", "epsilon", "--json", "a.json", "--csv", "a.csv", "--set", "size=1.5")
     assert run("hello.py", *QUICK, *asked) == 0
     said = capsys.readouterr().out
-    for word in ("hello, 32x18", "epsilon 2", "missed", "N*", "Pareto front by pixels_p99"):
+    for word in ("hello, 32x18", "At 32×18 on this machine", "epsilon 2", "missed", "N*", "Pareto front by pixels_p99"):
         assert word in said
     data = json.loads((folder / "a.json").read_text())
     assert [p["name"] for p in data["points"]] == ["base", "draft", "fine", "exact", "epsilon 2"]

@@ -160,7 +160,7 @@
     at("shown-picture").alt = `picture with ${p.name}`;
     at("shown-map").src = pictures[p.map];
     at("shown-map").alt = `error map of ${p.name}: ${p.where}`;
-    at("where").textContent = `${p.where} The largest is ${text(p.worst[2])} px.`;
+    at("where").textContent = `${p.where[0].toUpperCase()}${p.where.slice(1)} The largest is ${text(p.worst[2])} px.`;
     const ring = at("ring");
     ring.hidden = !p.worst[2];
     ring.style.left = (100 * p.worst[0]) / data.size[0] + "%";
