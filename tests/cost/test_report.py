@@ -45,16 +45,20 @@ def made_once(scene, kept) -> Sweep:
     return found
 
 
-def test_a_figure_is_drawn(made):
-    with Image.open(io.BytesIO(save(figure(made)))) as picture:
+@pytest.fixture(scope="module")
+def drawn(made_once):
+    return figure(made_once)
+
+
+def test_a_figure_is_drawn(drawn, made):
+    with Image.open(io.BytesIO(save(drawn))) as picture:
         assert picture.size[0] > 1500
         colors = len(np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0))
     assert colors > 50
     assert save(figure(made, "flip_p99"), "svg").lstrip().startswith(b"<?xml")
 
 
-def test_the_figure_marks_front_presets_and_base(made):
-    drawn = figure(made)
+def test_the_figure_marks_front_presets_and_base(drawn, made):
     axes_of_front = drawn.axes[0]
     labels = axes_of_front.get_legend_handles_labels()[1]
     assert {"front", "the scene's own"} <= set(labels)
@@ -64,8 +68,7 @@ def test_the_figure_marks_front_presets_and_base(made):
     assert any("N*" in t.get_text() for t in drawn.axes[1].texts)
 
 
-def test_ticks_are_plain_numbers_and_nothing_is_cut_off(made):
-    drawn = figure(made)
+def test_ticks_are_plain_numbers_and_nothing_is_cut_off(drawn):
     drawn.draw_without_rendering()
     axes_of_front = drawn.axes[0]
     ticks = [t.get_text() for axis in (axes_of_front.xaxis, axes_of_front.yaxis) for t in axis.get_ticklabels()]
