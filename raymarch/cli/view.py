@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size
+from raymarch.errors import SceneError
 
 SLOW = 2.0
 """Seconds after which the start is reported: a scene file may take long, or never end."""
@@ -63,7 +64,10 @@ def run(
     from raymarch.window.accuracy import measured_stops
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
 
-    stops = () if cost is None else measured_stops(_read(cost))
+    try:
+        stops = () if cost is None else measured_stops(_read(cost))
+    except SceneError as fault:
+        raise CommandError(f"--cost {cost}: {fault.what}", legal=fault.legal) from None
     with _said_if_slow(f"loading {scene} (Ctrl+C to stop)"):
         params = parse_settings(set_ or [])
         viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops)

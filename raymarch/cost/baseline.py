@@ -98,7 +98,9 @@ def summary(name: str, record: Record, now: Mapping[str, Row], faults: int) -> s
     def change(figure: str) -> str:
         return f" ({own[figure] / before[figure] - 1:+.0%})" if before[figure] and own[figure] else ""
 
-    verdict = f"{faults} figures grew" if faults else f"nothing grew at {len(record.rows)} settings"
+    verdict = (
+        f"{faults} figure{'s' if faults > 1 else ''} grew" if faults else f"nothing grew at {len(record.rows)} settings"
+    )
     width, height = record.size
     return (
         f"{name} at {width}x{height}: {verdict}; {own['pixels_p99']} px{change('pixels_p99')}, "

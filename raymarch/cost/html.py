@@ -84,7 +84,7 @@ def _cards(made: Sweep) -> list[dict[str, Any]]:
         {
             "title": title[0].upper() + title[1:],
             "ms": figures(point.time.value),
-            "times": "" if point is cards[0][1] else f"{point.time.value / cards[0][1].time.value:.2g}× the time",
+            "times": _compared(point, cards[0][1]),
             "tracer": point.tracer,
             "error": figures(point.error(METRIC)),
             "code": code(point),
@@ -92,6 +92,14 @@ def _cards(made: Sweep) -> list[dict[str, Any]]:
         }
         for title, point in cards
     ]
+
+
+def _compared(point: Point, first: Point) -> str:
+    """The time of a setting relative to the first one."""
+    if point is first:
+        return ""
+    doubt = ", not certain" if point.time.overlaps(first.time) else ""
+    return f"{point.time.value / first.time.value:.2g}× the time{doubt}"
 
 
 def _tables(made: Sweep, metric: str) -> Any:

@@ -112,12 +112,11 @@ class Panel:
         if self._viewer.state.specs:
             self._section("Parameters", self._parameters, opened)
         self._section("View", self._view, opened)
-        self._section("Accuracy", self._accuracy, 0)
         self._section("Camera", self._camera, 0)
         self._section("Time", self._time, opened if self._viewer.state.animated else 0)
         self._section("Lights", self.editors.lights, 0)
         self._section("Materials", self.editors.materials, 0)
-        self._section("Quality", self.editors.quality, 0)
+        self._section("Quality", self._quality, 0)
         self._section("Frame", self.meters.frame, 0)
         self._section("Plan", self.meters.plan, 0)
 
@@ -199,6 +198,10 @@ class Panel:
             self.mark(label)
             imgui.same_line()
         imgui.new_line()
+
+    def _quality(self) -> None:
+        self._accuracy()
+        self.editors.quality()
 
     def _accuracy(self) -> None:
         """The slider from fast to exact, with the error that each stop promises and the time of the last frame."""

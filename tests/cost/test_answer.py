@@ -78,6 +78,13 @@ def test_the_fastest_within_each_bound(fake):
     )
 
 
+def test_a_difference_of_times_within_their_intervals_is_not_certain(fake):
+    assert as_html(fake).count("10× the time<") == 1
+    first = next(p for p in fake.points if p.name == "epsilon 0.4")
+    first.times = [2.5, 2.5, 2.5, 2.5, 90.0, 90.0]
+    assert as_html(fake).count("10× the time, not certain<") == 1
+
+
 def test_cheaper_pictures_of_another_kind_are_no_answer(fake):
     assert {p.name for p in fake.points} - {p.name for p in candidates(fake)} == {"blind", "samples 4, epsilon 0.3"}
 

@@ -44,7 +44,7 @@ def test_a_baseline_holds_until_the_scene_costs_more(folder, capsys):
     said = capsys.readouterr().out.splitlines()
     assert len(said) == 2, "the shadow alone costs more"
     assert said[0].startswith("hello own: all_evaluations grew from ") and "(+" in said[0]
-    assert said[1].startswith("hello at 32x18: 1 figures grew; ")
+    assert said[1].startswith("hello at 32x18: 1 figure grew; ")
 
     (folder / "hello.py").write_text(HELLO.format(more=", quality=rm.Quality(epsilon=9.0, refinement='none')"))
     assert run("--check", "base.json") == 1
