@@ -69,7 +69,9 @@ def dearest(effects: Sequence[Effect]) -> str:
     most = max(effects, key=lambda e: e.milliseconds.value)
     time = most.milliseconds
     if time.low <= 0:
-        return "No effect of this scene has a cost that can be measured with certainty."
+        most = max(effects, key=lambda e: e.evaluations)
+        count = f"; by evaluations, {most.name} costs most: {figures(most.evaluations)} per camera ray"
+        return f"No effect has a certain cost in time here{count if most.evaluations > 0 else ''}."
     return f"Of its effects, {most.name} costs most: {figures(time.value)} ms, {most.share:.0%} of a frame."
 
 
