@@ -4,7 +4,9 @@ In a cell with centre c and half diagonal R, object i can be the nearest only if
 every other object j. In a blend, one of two operands a, b decides alone if |a - b| > 2 R + reach at the centre. Cells
 are halved level by level, and a cell inherits the list of its parent.
 
-A cell in which no field value is needed stores a lower bound only: f(p) >= f(c) - |p - c|.
+Values are needed near surfaces only. A hard union therefore lists only objects with f_i(c) <= cut + R: at a point p the
+others are at least at the distance cut + R - |p - c|, which bounds the field where no listed object is nearer. A cell
+without any such object stores a lower bound of f(c) only: f(p) >= f(c) - |p - c|.
 """
 
 from __future__ import annotations
@@ -28,16 +30,21 @@ Whole: TypeAlias = NDArray[np.int64]
 Narrow: TypeAlias = NDArray[np.float32]
 
 CROWDED = 4
-"""A cell with more objects is halved, if its children have fewer."""
+"""A cell of the grid with more objects is halved, if its children have fewer. Twice as many are needed for each further
+halving: a level costs every evaluation a fetch."""
 
 WORTH = 0.75
 """A cell is halved if its children have at most this fraction of its objects on average."""
 
-FINEST = 2
+FINEST = 4
 """Maximum number of times that a cell of the grid is halved."""
 
 CELLS = 1 << 22
 """Number of cells beyond which none is halved."""
+
+AROUND, AROUND_EACH = 4096, 64
+"""Maximum number of cells of a grid, and of those for each object: where the field must be exact far from all objects,
+cells are larger."""
 
 MANY, ENTRIES = 1 << 22, 12 << 20
 """Number of entries in all lists beyond which only cells with twice as many objects are halved, and beyond which none
@@ -45,6 +52,9 @@ is. Float32 holds every index up to 16 << 20; halving adds less than a third."""
 
 PAIRS = 1 << 15
 """Pairs of a cell and an object that are evaluated at once."""
+
+CUT = 0.25
+"""Values of a hard union are exact up to this fraction of the edge of a cell, at least. Measured: see docs/scale.md."""
 
 ROUNDING = 2.0**-20
 """Allowance for float32, relative to the largest coordinate: a point may count to the neighbouring cell."""
@@ -70,7 +80,11 @@ class Cells:
     lists : the objects of each list, as numbers of rows, ascending by form, or by their order in a blend.
     merges : for each entry of a list, the number of folds that follow it; empty for a hard union.
     most : length of the longest list. stack : number of values that a blend holds at once.
-    inner_low, inner_high, steepness : outside the grid the field is at least steepness * distance to this box - less.
+    unbounded : start and length of the list of all unbounded objects of a blend.
+    inner_low, inner_high, steepness : outside the grid the field is at least the smaller of the blend of all unbounded
+        objects and steepness * distance to this box - less.
+    need, cut : in a cell of edge e whose objects are listed, objects that are not listed are at least at the distance
+        need + cut * e - |p - c|, c the centre; infinite in a blend.
     """
 
     low: Array
@@ -82,10 +96,13 @@ class Cells:
     merges: NDArray[np.int64]
     most: int
     stack: int
+    unbounded: tuple[int, int]
     inner_low: Array
     inner_high: Array
     steepness: float
     less: float
+    need: float
+    cut: float
 
     @property
     def near(self) -> int:
@@ -138,15 +155,17 @@ class _Builder:
             if bool(np.all(self.exactly[self.bounded]))
             else 1.0 / (np.sqrt(3.0) * float(self.spread[self.bounded].max()))
         )
-        self.less = (self.reach + self.lowers) if self.blended else 0.0
+        # An unbounded operand nearer than that decides alone, however the rest is blended.
+        self.less = (self.reach + (2.0 if not self.bounded.all() else 1.0) * self.lowers) if self.blended else 0.0
         # There are about as many cells as objects.
         size = float(np.cbrt(np.prod(edges) / n))
         size = max(size, float(np.cbrt(np.prod(edges) / CELLS)), float(extent.max()) / 1024.0)
         self.need = exact
+        most = min(CELLS, AROUND + AROUND_EACH * n)
         pad = 0.5 * size + (exact + self.less) / self.steepness
         self.inner_low, self.inner_high = low, high
         counts = np.ceil((extent + 2.0 * pad) / size).astype(np.int64)
-        while np.prod(counts.astype(float)) > CELLS:
+        while np.prod(counts.astype(float)) > most:
             size *= 1.26
             counts = np.ceil((extent + 2.0 * pad) / size).astype(np.int64)
         self.size, self.counts = size, counts
@@ -201,6 +220,16 @@ class _Builder:
         """Half the diagonal of a cell, with an allowance for rounding."""
         return float(0.5 * np.sqrt(3.0) * size + ROUNDING * self.largest)
 
+    def far_from(self, size: float) -> float:
+        """The value at the centre from which a cell is far."""
+        radius = self.radius(size)
+        return max(2.0 * radius, self.need + radius) if self.blended else self.need + CUT * size + radius
+
+    def listed_to(self, size: float, last: bool) -> float:
+        """The value at the centre up to which a cell of a hard union lists objects. Cells above the grid list more, so
+        that the bounds of far cells below them are large."""
+        return self.far_from(size) + (0.0 if last else 2.0 * self.radius(size))
+
     # Levels
 
     def run(self) -> Cells:
@@ -213,11 +242,11 @@ class _Builder:
         level = _Level(grid, np.arange(len(grid) + 1) * len(ranks), items)
         texels = np.zeros((int(np.prod(self.counts)), 2), np.float32)
         given = level.cells
-        level, _, far, value = self.pruned(level, self.size * 2**halvings, precise=halvings == 0)
+        level, _, far, value = self.pruned(level, self.size * 2**halvings, halvings == 0)
         self.paint(texels, given[far], value, halvings)
         for left in reversed(range(halvings)):
             limit = np.ceil(self.counts / 2**left).astype(np.int64)
-            given, level, _, far, value = self.divided(level, self.size * 2**left, limit, precise=left == 0)
+            given, level, _, far, value = self.divided(level, self.size * 2**left, limit, last=left == 0)
             self.paint(texels, given[far], value, left)
         return self.refined(texels, level)
 
@@ -252,7 +281,7 @@ class _Builder:
         items = level.items[_ranges(level.starts[parent], counts, starts)]
         return _Level(cells, starts, items)
 
-    def pruned(self, level: _Level, size: float, precise: bool) -> tuple[_Level, Whole, Whole, Array]:
+    def pruned(self, level: _Level, size: float, last: bool = True) -> tuple[_Level, Whole, Whole, Array]:
         """The near cells with shorter lists, and which they are; which are far, and a lower bound of the field at the
         centre of each."""
         lengths: list[Whole] = [np.empty(0, np.int64)]
@@ -261,8 +290,8 @@ class _Builder:
         values = [np.empty(0)]
         for part in _parts(level):
             centres = self.low + size * (part.cells + 0.5)
-            kept, floor = self.pruned_part(part, centres, size, precise)
-            lonely = floor >= max(2.0 * self.radius(size), self.need + self.radius(size))
+            kept, floor = self.pruned_part(part, centres, size, last)
+            lonely = floor >= self.far_from(size)
             far.append(lonely)
             values.append(floor[lonely])
             owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
@@ -275,26 +304,31 @@ class _Builder:
         return kept_level, np.nonzero(~is_far)[0], np.nonzero(is_far)[0], np.concatenate(values)
 
     def divided(
-        self, level: _Level, size: float, limit: Whole | None, precise: bool
+        self, level: _Level, size: float, limit: Whole | None, last: bool
     ) -> tuple[Whole, _Level, Whole, Whole, Array]:
         """The children of cells, each with a shorter list: the indices of all eight children of each; then as
-        `pruned`, with numbers of children. Those beyond the limit are neither near nor far."""
+        `pruned`, with numbers of children. Those beyond the limit are neither near nor far.
+
+        limit : number of cells along each axis; None below the grid. last : True for the cells of the grid and below.
+        """
         if self.blended:
             whole = self.halved(level, limit if limit is not None else np.full(3, np.iinfo(np.int64).max))
-            return whole.cells, *self.pruned(whole, size, precise)
+            return whole.cells, *self.pruned(whole, size)
         cells, near, far = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         lengths, items, values = [np.empty(0, np.int64)], [np.empty(0, np.int32)], [np.empty(0)]
         count = 0
+        # Objects that the parent does not list are at least so far from the centre of a child.
+        unlisted = self.listed_to(2.0 * size, limit is None) - self.radius(size)
         for part in _parts(level):
             below = (2 * part.cells[:, None, :] + CORNERS).reshape(-1, 3)
             inside = np.ones(len(below), bool) if limit is None else np.all(below < limit, axis=1)
             centres = self.low + size * (below + 0.5)
             counts, kept, floor = self.children(part, size, inside)
-            if precise:
+            if last:
                 owner = np.repeat(np.arange(len(below)), counts)
                 counts, kept, floor = self.decided(owner, counts, kept, centres, size, floor)
-            radius = self.radius(size)
-            lonely = inside & (floor >= max(2.0 * radius, self.need + radius))
+            floor = np.minimum(floor, unlisted)
+            lonely = inside & (floor >= self.far_from(size))
             listed = inside & ~lonely
             near.append(count + np.nonzero(listed)[0])
             far.append(count + np.nonzero(lonely)[0])
@@ -325,6 +359,7 @@ class _Builder:
         allowance = np.float32(2e-3 * size + 4.0 * ROUNDING * self.largest)
         slopes = self.slopes[part.items] if self.sloped else np.float32(1.0)
         slack = slopes * np.float32(self.radius(size)) + allowance
+        listed_to = np.float32(self.listed_to(size, False)) + allowance
         counts = np.empty((parents, 8), np.int64)
         floors = np.empty((parents, 8))
         chosen = []
@@ -335,7 +370,7 @@ class _Builder:
             if not self.all_exact:
                 lower = np.where(lower > 0.0, lower * self.flatness[part.items], -np.inf).astype(np.float32)
             limit = np.minimum.reduceat(reach * slopes + at_middle + slack, first)
-            kept = (lower - slack <= limit[owner]) & inside[8 * owner + k]
+            kept = (lower - slack <= limit[owner]) & (lower <= listed_to) & inside[8 * owner + k]
             chosen.append(np.nonzero(kept)[0])
             counts[:, k] = np.add.reduceat(kept, first)
             floors[:, k] = np.minimum.reduceat(lower, first) - allowance
@@ -361,12 +396,13 @@ class _Builder:
         slack: Any = self.lipschitz[items] * radius if self.sloped else radius
         limit = np.full(len(counts), np.inf)
         limit[held] = np.minimum.reduceat(value + slack, first) + 2.0 * ROUNDING * self.largest
-        kept = value - slack <= limit[owner]
+        kept = (value - slack <= limit[owner]) & (value <= self.listed_to(size, True) + 2.0 * ROUNDING * self.largest)
         floor = floor.copy()
-        floor[held] = np.minimum.reduceat(value, first) - ROUNDING * self.largest
+        nearest = np.minimum.reduceat(value, first) - ROUNDING * self.largest
+        floor[held] = np.minimum(nearest, self.listed_to(size, False))  # `children` does not list others
         return np.bincount(owner[kept], minlength=len(counts)), items[kept], floor
 
-    def pruned_part(self, part: _Level, centres: Array, size: float, precise: bool) -> tuple[NDArray[np.bool_], Array]:
+    def pruned_part(self, part: _Level, centres: Array, size: float, last: bool) -> tuple[NDArray[np.bool_], Array]:
         """Which entries can decide in their cell, and a lower bound of the field at each centre."""
         radius = self.radius(size)
         owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
@@ -378,17 +414,8 @@ class _Builder:
         lower, upper = self.bounds(centres, owner, part.items)
         slack: Any = radius if not self.sloped else self.slopes[part.items] * np.float32(radius)
         limit = np.minimum.reduceat(upper + slack, first) + np.float32(2.0 * allowance)
-        kept = lower - slack <= limit[owner]
-        if not precise:
-            return kept, np.minimum.reduceat(lower, first).astype(np.float64) - 2.0 * allowance
-        chosen = np.nonzero(kept)[0]
-        mine, items = owner[chosen], part.items[chosen]
-        value = self.values(centres[mine], items)
-        starts = np.searchsorted(mine, np.arange(len(part.cells)))
-        slack = radius if not self.sloped else self.lipschitz[items] * radius
-        limit = np.minimum.reduceat(value + slack, starts)
-        kept[chosen] = value - slack <= limit[mine] + allowance
-        return kept, np.minimum.reduceat(value, starts)
+        kept = (lower - slack <= limit[owner]) & (lower <= self.listed_to(size, last) + 4.0 * allowance)
+        return kept, np.minimum.reduceat(lower, first).astype(np.float64) - 2.0 * allowance
 
     def pruned_blend(self, part: _Level, owner: Whole, value: Array, radius: float) -> tuple[NDArray[np.bool_], Array]:
         """The same for a blend: the losing side of each fold of the balanced tree is left out."""
@@ -426,12 +453,12 @@ class _Builder:
         total, size, depth, entries = len(texels), self.size, 0, len(level.items)
         while True:
             counts = np.diff(level.starts)
-            crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED)
+            crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED) << depth
             split = np.zeros(len(counts), bool)
             if depth < FINEST and crowded.any() and total < CELLS and entries < ENTRIES:
                 parents = np.nonzero(crowded)[0]
                 crowd = _taken(level, parents)
-                children, near, near_at, far_at, value = self.divided(crowd, 0.5 * size, None, precise=True)
+                children, near, near_at, far_at, value = self.divided(crowd, 0.5 * size, None, last=True)
                 lengths = np.zeros(len(children), np.int64)
                 lengths[near_at] = np.diff(near.starts)
                 gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
@@ -463,8 +490,15 @@ class _Builder:
         counts = np.concatenate([w[1] for w in written])
         items = np.concatenate([w[2] for w in written]).astype(np.int64)
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        merges, stack = self.program(starts, items) if self.blended else (np.empty(0, np.int64), 0)
         _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
+        merges, stack, unbounded = np.empty(0, np.int64), 0, (len(items), 0)
+        if self.blended:
+            others = self.ranked[~self.bounded[self.ranked]]
+            if len(others):
+                unbounded = len(items), len(others)
+                items, counts = np.concatenate([items, others]), np.append(counts, len(others))
+                starts = np.append(starts, len(items))
+            merges, stack = self.program(starts, items)
         return Cells(
             self.low,
             self.size,
@@ -475,10 +509,13 @@ class _Builder:
             merges,
             int(counts.max(initial=0)),
             stack,
+            unbounded,
             self.inner_low,
             self.inner_high,
             self.steepness,
             self.less,
+            self.need,
+            float("inf") if self.blended else CUT + 0.5 * float(np.sqrt(3.0)),
         )
 
     def program(self, starts: Whole, items: Whole) -> tuple[Whole, int]:

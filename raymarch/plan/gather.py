@@ -67,14 +67,18 @@ class Gathered:
 def gather(root: Node, choice: str, exact: float) -> Gathered:
     """The tree with its objects as rows.
 
-    choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact.
+    choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact; if
+        infinite, all objects are text.
     """
     made = Gathered(root)
-    if choice != "text":
+    unlimited = not math.isfinite(exact)
+    if choice != "text" and not unlimited:
         made.node = _Gatherer(made, choice).visit(root, exact, 0)
     largest = max((len(node.children) for node in _unions(root)), default=0)
     if made.rows:
         made.reason = "Quality(objects='data')" if choice == "data" else f"{AS_DATA} or more objects of few forms"
+    elif unlimited:
+        made.reason = "ambient occlusion reads the field at distances without a limit"
     elif choice == "text":
         made.reason = "Quality(objects='text')"
     else:

@@ -273,7 +273,7 @@ class _Parts:
         p = found.located.point
         slope, material = found.evaluated(p, p)
         type = struct("Part", (("gradient", VEC3), ("material", material.type)))
-        return Function("objects_part", (p,), record(type, found.located.place.slope_otherwise(slope), material))
+        return Function("objects_part", (p,), record(type, slope, material))
 
     def _wanted(self, material: Any, values: Sequence[Expr], wanted: Wanted | None) -> Expr:
         if wanted is None and isinstance(material, RowMaterial):

@@ -15,16 +15,19 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
-from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, min, normalize, where
+from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import substitute
-from raymarch.plan.cells import BRANCH, FAR, Cells, build
-from raymarch.scene.scene import Scene
+from raymarch.plan.cells import Cells, build
+from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.booleans import balanced, smooth_min
+from raymarch.sdf.booleans import smooth_min
 from raymarch.sdf.rows import FARTHEST, Rows
 
 TOGETHER = 4
 """Forms that share a loop: a form costs less than reading a list twice. Compilers take long for each texture fetch."""
+
+TURNS = 256
+"""Least bound of the loops over a list: llvmpipe unrolls loops of few turns, and then executes all turns."""
 
 _KEPT = 4
 _built: OrderedDict[tuple[Rows, float], Located] = OrderedDict()
@@ -36,16 +39,23 @@ Mixed: TypeAlias = Callable[[Expr, Expr, Sequence[Expr], Sequence[Expr]], Sequen
 
 def exact_distance(scene: Scene) -> float:
     """The distance to surfaces up to which effects read the field, so that it must be exact: ambient occlusion, and
-    shadows of lights that have a size."""
-    facts = scene.subject
-    size = 0.0 if facts is None else float(np.linalg.norm(facts.size))
+    shadows of lights that have a size. Infinite if the reach of ambient occlusion has no limit."""
     found = [0.0]
     if scene.occlusion is not None:
         found.append(float(interval_of(scene.occlusion.reach)[1]))
+    size = largest_size(scene)
     for light in scene.lights:
         if light.soft and light.penumbra != "sampled":
-            found.append(float(interval_of(light.softness)[1]) * (1.0 if light.has_position else size))
-    return float(np.minimum(np.max(found), size))
+            wide = float(interval_of(light.softness)[1]) * (1.0 if light.has_position else size)
+            found.append(float(np.minimum(wide, size)))
+    return float(np.max(found))
+
+
+def largest_size(scene: Scene) -> float:
+    """The diagonal of the box around all bounded parts, or of the largest bounded part where parts are transformed
+    together with unbounded ones."""
+    facts = [scene.subject] if scene.subject is not None else [node.facts for node in all_nodes(scene.node)]
+    return max((float(np.linalg.norm(f.size)) for f in facts if f.bounded and not f.empty), default=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +115,9 @@ class Located:
         place = _Place(self, p)
         self.point, self.place = p, place
         (value,) = self.walk(place, p, None)
-        self.field = Function("objects", (p,), place.otherwise(value))
+        self.field = Function("objects", (p,), value)
         value, slope = self.walk(place, p, lambda i, entry, pair, read: (pair[1],))
-        both = construct(place.slope_otherwise(slope), place.otherwise(value))
+        both = construct(slope, value)
         made = Function("objects_gradient", (p,), both)
         made.derived["gradient of"] = self.field
         self.field.derived["companion", 0] = made
@@ -116,13 +126,18 @@ class Located:
         """The union of the objects in the cell of a point: the distance, and what else is carried.
 
         carried : further values of an object: a function of its form, the start of its row, its distance and gradient,
-            and its columns and slots. They are those of the nearest object, or mixed in a blend. None for none.
+            and its columns and slots. The first is its gradient. They are those of the nearest object, or mixed in a
+            blend; where the field is a bound only, the gradient of the bound and zeros. None for none.
         mixed : how a blend mixes the further values of two operands, from the partial derivatives of the fold by each;
             None for their sum with the derivatives as weights.
         """
-        if self.rows.family:
-            return self._blended(place, p, carried, mixed)
-        return self._nearest(place, p, carried)
+        if not self.rows.family:
+            return self._nearest(place, p, carried)
+        value, *others = self._blended(place, p, carried, mixed)
+        listed = place.near | (value < place.bound)
+        if others:
+            others[0] = where(listed, others[0], place.bound_slope)
+        return where(listed, value, place.bound), *others
 
     def _leaf(self, p: Expr, entry: Expr, carried: Carried | None, forms: Sequence[int]) -> list[Expr]:
         """The distance of the object whose row begins at `entry`, and what else is carried; of one of some forms."""
@@ -150,6 +165,7 @@ class Located:
         count = len(self.rows.forms)
         groups = [range(i, i + TOGETHER)[: count - i] for i in range(0, count, TOGETHER)]
         zeros = self._zeros(p, carried)
+        zeros[:2] = [place.bound, place.bound_slope][: len(zeros)]
         if len(groups) == 1:
 
             def step(_turn: Expr, at: Expr, *best: Expr) -> Sequence[Expr]:
@@ -222,7 +238,7 @@ def _nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:
 
 def max_turns(cells: Cells) -> int:
     """Constant bound of the loops over a list: compilers handle a variable bound badly."""
-    return int(np.maximum(cells.most, 1))
+    return int(np.maximum(cells.most, TURNS))
 
 
 def max_folds(cells: Cells) -> int:
@@ -233,8 +249,9 @@ def max_folds(cells: Cells) -> int:
 class _Place:
     """The cell of a point.
 
-    start, end : its list; empty in a far cell and outside of the grid. near : True if it has a list.
-    bound : a lower bound of the field elsewhere, and `bound_slope` its gradient.
+    start, end : its list; in a far cell and outside of the grid that of unbounded objects. near : True if it has a list
+        of its own.
+    bound : a lower bound of the objects that are not in the list, and `bound_slope` its gradient.
     """
 
     def __init__(self, located: Located, p: Expr) -> None:
@@ -245,50 +262,23 @@ class _Place:
         cell = clamp(floor(q), 0.0, tuple(counts - 1.0))
         index = dot(cell, (1.0, float(counts[0]), float(counts[0] * counts[1])))
         fine: Expr = const(1.0)
-        if cells.depth:
-            # Outside, the loop ends at once. (If it began with a constant, compilers would copy its first turn.)
-            state = (index, cell, fine, const(0.0), where(inside, BRANCH, FAR))
-
-            def step(_turn: Expr, index: Expr, at: Expr, scale: Expr, *_: Expr) -> tuple[Expr, ...]:
-                found = fetch(texels, index)
-                x, y = swizzle(found, "x"), swizzle(found, "y")
-                branch = abs(y) < 0.5
-                child = clamp(floor(q * (2.0 * scale)) - 2.0 * at, 0.0, 1.0)
-                finer = where(branch, 2.0 * scale, scale)
-                return x + dot(child, (1.0, 2.0, 4.0)), where(branch, 2.0 * at + child, at), finer, x, y
-
-            turns = cells.depth + 1
-            _, cell, fine, x, y = loop(turns, state, step, lambda _turn, i, c, s, x, y: abs(y) > 0.5)
-            self.near = y > 0.5
-        else:
-            found = fetch(texels, index)
+        found = fetch(texels, index)
+        for _ in range(cells.depth):
+            # Straight text: as a loop with a break, this makes frames half as long again on llvmpipe.
             x, y = swizzle(found, "x"), swizzle(found, "y")
-            self.near = inside & (y > 0.5)
-        self.start = where(self.near, x, 0.0)
-        self.end = where(self.near, x + y, 0.0)
+            branch = abs(y) < 0.5
+            child = clamp(floor(q * (2.0 * fine)) - 2.0 * cell, 0.0, 1.0)
+            index = where(branch, x + dot(child, (1.0, 2.0, 4.0)), index)
+            cell, fine = where(branch, 2.0 * cell + child, cell), where(branch, 2.0 * fine, fine)
+            found = fetch(texels, index)
+        x, y = swizzle(found, "x"), swizzle(found, "y")
+        self.near = inside & (y > 0.5)
+        first, count = cells.unbounded
+        self.start = where(self.near, x, float(first))
+        self.end = where(self.near, x + y, float(first + count))
         away = p - ((cell + 0.5) * (cells.size / fine) + tuple(cells.low))
         out = p - clamp(p, tuple(cells.inner_low), tuple(cells.inner_high))
         beyond = length(out) * cells.steepness - cells.less
-        self.bound = where(inside, x - length(away), beyond)
+        unlisted = const(FARTHEST) if located.rows.family else cells.need + (cells.cut * cells.size) / fine
+        self.bound = where(inside, where(self.near, unlisted, x) - length(away), beyond)
         self.bound_slope = where(inside, -normalize(away), normalize(out) * cells.steepness)
-        outer = [form for form in located.rows.forms if not np.all(np.isfinite(form.lower))]
-        self.open = [
-            (form.columns.field(p), swizzle(companion(form.columns.field)(p), "xyz"))
-            for form in outer
-            if len(form) == 1
-        ]
-
-    def otherwise(self, value: Expr) -> Expr:
-        """A value where the point has a list, else the bound; unbounded objects may be nearer."""
-        bound = self.bound
-        if self.open:
-            bound = min(bound, balanced([d for d, _ in self.open], min))
-        return where(self.near, value, bound)
-
-    def slope_otherwise(self, slope: Expr) -> Expr:
-        """The gradient likewise."""
-        bound, bound_slope = self.bound, self.bound_slope
-        for d, g in self.open:
-            bound_slope = where(d < bound, g, bound_slope)
-            bound = min(d, bound)
-        return where(self.near, slope, bound_slope)

@@ -7,6 +7,7 @@ import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.plan import plan
+from raymarch.plan.cells import CUT
 from raymarch.plan.gather import AS_DATA, gather
 from raymarch.plan.objects import ObjectsInCells
 from raymarch.sdf.rows import Rows
@@ -33,6 +34,12 @@ def points(n, side, seed=1):
     return np.random.default_rng(seed).uniform(-side, side, (n, 3))
 
 
+def onto(node, at, away=0.0):
+    """Points near the surface: those given, moved along the gradient."""
+    random = np.random.default_rng(3)
+    return at - (node.distance(at) + random.uniform(-away, away, len(at)))[:, None] * node.gradient(at)
+
+
 def located(node, exact=0.0):
     """The cells of the only rows of a node."""
     gathered = gather(node, "data", exact)
@@ -41,11 +48,16 @@ def located(node, exact=0.0):
 
 
 def compared(node, at, exact=0.0):
-    """The field through cells in float64, that of all objects, and where the first is exact."""
+    """The field through cells in float64, that of all objects, and where the first is exact: in a blend wherever the
+    objects of a cell are listed, in a hard union up to a part of the edge of a cell."""
     found = located(node, exact)
-    value = evaluator([found.field.body], found.field.params)(at)[0]
+    value, true = evaluator([found.field.body], found.field.params)(at)[0], node.distance(at)
     near = evaluator([found.place.near], found.field.params)(at)[0]
-    return value, node.distance(at), near
+    if not found.rows.family:
+        cells = found.cells
+        assert np.all(near[true <= cells.need + CUT * cells.size / 2**cells.depth])
+        near = near & (true <= cells.need + CUT * cells.size / 2**cells.depth)
+    return value, true, near
 
 
 def assert_same(node, at, scale=1.0, exact=0.0):
@@ -62,8 +74,9 @@ def assert_same(node, at, scale=1.0, exact=0.0):
 @pytest.mark.parametrize("n", [2, 17, 100])
 def test_a_cell_asks_every_object_that_decides_in_it(n):
     at = points(2000, 1.2 * n ** (1 / 3))
-    near = assert_same(rm.union(*objects(n)), at)
-    assert 0.05 < near.mean() < 0.95
+    node = rm.union(*objects(n))
+    near = assert_same(node, np.concatenate([at, onto(node, at, 0.05)]))
+    assert 0.3 < near.mean() < 0.7
 
 
 @pytest.mark.parametrize("blend", ["quadratic", "cubic", "quartic", "circular"])
@@ -80,6 +93,20 @@ def test_a_wide_blend_of_many_objects():
 def test_a_blend_holds_an_unbounded_solid():
     node = rm.union(rm.plane(), *objects(40), k=0.3)
     assert_same(node, points(3000, 6.0))
+
+
+def test_unbounded_solids_of_a_blend_meet_far_from_its_objects():
+    """Outside the grid they are blended with each other: there is no surface but theirs."""
+    walls = rm.plane(), rm.plane((1, 0, 0), -6).round(0.1), rm.plane((0, 0, 1), -7), rm.plane((0.6, 0.8, 0), -9)
+    node = rm.union(*objects(20), *walls, k=0.5)
+    at = points(1500, 40.0)
+    at = np.concatenate([at, onto(node, at, 0.5)])
+    value, true, _ = compared(node, at)
+    far = np.abs(at).max(axis=1) > 9.0
+    assert np.all(np.abs(value) <= np.abs(true) + 1e-5)
+    touching = far & (np.abs(true) < 0.5)
+    assert np.sum(touching) > 50
+    np.testing.assert_allclose(value[touching], true[touching], atol=1e-5)
 
 
 def test_fields_are_exact_up_to_the_distance_that_effects_need():
