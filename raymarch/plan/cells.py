@@ -46,9 +46,9 @@ AROUND, AROUND_EACH = 4096, 64
 """Maximum number of cells of a grid, and of those for each object: where the field must be exact far from all objects,
 cells are larger."""
 
-MANY, ENTRIES = 1 << 22, 12 << 20
+MANY, ENTRIES = 1 << 22, 24 << 20
 """Number of entries in all lists beyond which only cells with twice as many objects are halved, and beyond which none
-is. Float32 holds every index up to 16 << 20; halving adds less than a third."""
+is, to limit memory."""
 
 PAIRS = 1 << 15
 """Pairs of a cell and an object that are evaluated at once."""
@@ -77,6 +77,7 @@ class Cells:
     low : corner of the grid, shape (3,). size : edge of a cell. counts : cells along each axis.
     depth : number of times that cells are halved at most.
     texels : shape (n, 2), see `BRANCH`; the cells of the grid, x first, then blocks of eight children.
+    starts : where the lists of those cells begin, in the order of their texels.
     lists : the objects of each list, as numbers of rows, ascending by form, or by their order in a blend.
     merges : for each entry of a list, the number of folds that follow it; empty for a hard union.
     most : length of the longest list. stack : number of values that a blend holds at once.
@@ -92,7 +93,8 @@ class Cells:
     counts: Whole
     depth: int
     texels: NDArray[np.float32]
-    lists: NDArray[np.int64]
+    starts: Whole
+    lists: NDArray[np.int32]
     merges: NDArray[np.int64]
     most: int
     stack: int
@@ -488,15 +490,17 @@ class _Builder:
             break
         places = np.concatenate([w[0] for w in written])
         counts = np.concatenate([w[1] for w in written])
-        items = np.concatenate([w[2] for w in written]).astype(np.int64)
+        items = np.concatenate([w[2] for w in written])
+        written.clear()
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
+        begins = starts[:-1]
         merges, stack, unbounded = np.empty(0, np.int64), 0, (len(items), 0)
         if self.blended:
             others = self.ranked[~self.bounded[self.ranked]]
             if len(others):
                 unbounded = len(items), len(others)
-                items, counts = np.concatenate([items, others]), np.append(counts, len(others))
+                items, counts = np.concatenate([items, others.astype(np.int32)]), np.append(counts, len(others))
                 starts = np.append(starts, len(items))
             merges, stack = self.program(starts, items)
         return Cells(
@@ -505,6 +509,7 @@ class _Builder:
             self.counts,
             depth_used,
             np.concatenate(blocks),
+            begins[np.argsort(places)],
             items,
             merges,
             int(counts.max(initial=0)),

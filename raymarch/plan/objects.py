@@ -13,7 +13,7 @@ from raymarch.expr.derivative import companion, gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
-from raymarch.expr.tables import Table, fetch
+from raymarch.expr.tables import MOST, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import substitute
@@ -103,14 +103,28 @@ class Located:
     def __init__(self, rows: Rows, cells: Cells) -> None:
         self.rows, self.cells = rows, cells
         firsts = np.cumsum([0, *map(len, rows.forms)])
-        entries = np.empty(len(cells.lists))
-        form_of = np.searchsorted(firsts, cells.lists, side="right") - 1
-        for i in range(len(rows.forms)):
-            mine = form_of == i
-            entries[mine] = rows.stored.texel_of(i, cells.lists[mine] - firsts[i])
-        listed = np.stack([entries, cells.merges], axis=1) if rows.family else entries[:, None]
-        self.listed = Table(listed if len(listed) else np.zeros((1, listed.shape[1])), "lists of objects")
-        self.texels = Table(cells.texels, "cells of objects")
+        listed = np.zeros((max(1, len(cells.lists)), 2 if rows.family else 1), np.float32)
+        for begin in range(0, len(cells.lists), MOST):
+            some = cells.lists[begin : begin + MOST]
+            form_of = np.searchsorted(firsts, some, side="right") - 1
+            texel_of = np.array([rows.stored.texel_of(i, -firsts[i]) for i in range(len(rows.forms))])
+            strides = np.array([packing.texels for packing in rows.stored.packings])
+            listed[begin : begin + MOST, 0] = texel_of[form_of] + strides[form_of] * some
+        if rows.family:
+            listed[:, 1] = cells.merges
+        # Float32 numbers `MOST` entries. Longer lists are divided into pages, which overlap by the longest list.
+        self.page = MOST - cells.most
+        starts = range(0, len(listed), self.page)
+        self.pages = [Table(listed[i : i + MOST], "lists of objects") for i in starts]
+        self.counted = float(2 ** int(np.ceil(np.log2(cells.most + 1))))
+        texels = cells.texels
+        if len(self.pages) > 1:
+            own = texels[:, 1] > 0
+            page = cells.starts // self.page
+            texels = texels.copy()
+            texels[own, 0] = cells.starts - page * self.page
+            texels[own, 1] += self.counted * page
+        self.texels = Table(texels, "cells of objects")
         p = var("p", VEC3)
         place = _Place(self, p)
         self.point, self.place = p, place
@@ -138,6 +152,13 @@ class Located:
         if others:
             others[0] = where(listed, others[0], place.bound_slope)
         return where(listed, value, place.bound), *others
+
+    def entry(self, place: _Place, at: Expr) -> Expr:
+        """The texel of an entry of the list of a cell."""
+        found = fetch(self.pages[0], at)
+        for number, page in enumerate(self.pages[1:], 1):
+            found = where(place.page < number - 0.5, found, fetch(page, at))
+        return found
 
     def _leaf(self, p: Expr, entry: Expr, carried: Carried | None, forms: Sequence[int]) -> list[Expr]:
         """The distance of the object whose row begins at `entry`, and what else is carried; of one of some forms."""
@@ -169,17 +190,17 @@ class Located:
         if len(groups) == 1:
 
             def step(_turn: Expr, at: Expr, *best: Expr) -> Sequence[Expr]:
-                found = self._leaf(p, fetch(self.listed, at), carried, groups[0])
+                found = self._leaf(p, self.entry(place, at), carried, groups[0])
                 return at + 1.0, *_nearer(found, best)
 
             return loop(max_turns(self.cells), (place.start, *zeros), step, lambda _turn, at, *_: at >= place.end)[1:]
-        state: tuple[Expr, ...] = (place.start, fetch(self.listed, place.start), *zeros)
+        state: tuple[Expr, ...] = (place.start, self.entry(place, place.start), *zeros)
         for group in groups:
             most = float(self.rows.stored.first[group[-1] + 1])
 
             def turn(_turn: Expr, at: Expr, entry: Expr, *best: Expr, group: Sequence[int] = group) -> Sequence[Expr]:
                 found = self._leaf(p, entry, carried, group)
-                return at + 1.0, fetch(self.listed, at + 1.0), *_nearer(found, best)
+                return at + 1.0, self.entry(place, at + 1.0), *_nearer(found, best)
 
             def until(_turn: Expr, at: Expr, entry: Expr, *_: Expr, most: float = most) -> Expr:
                 return (at >= place.end) | (entry >= most)
@@ -214,7 +235,7 @@ class Located:
         size = len(zeros)
 
         def step(_turn: Expr, at: Expr, *held: Expr) -> Sequence[Expr]:
-            texel = fetch(self.listed, at)
+            texel = self.entry(place, at)
             value, folds = self._leaf(p, swizzle(texel, "x"), carried, forms), swizzle(texel, "y")
 
             def join(_turn: Expr, *state: Expr) -> Sequence[Expr]:
@@ -249,8 +270,8 @@ def max_folds(cells: Cells) -> int:
 class _Place:
     """The cell of a point.
 
-    start, end : its list; in a far cell and outside of the grid that of unbounded objects. near : True if it has a list
-        of its own.
+    start, end, page : its list; in a far cell and outside of the grid that of unbounded objects.
+    near : True if it has a list of its own.
     bound : a lower bound of the objects that are not in the list, and `bound_slope` its gradient.
     """
 
@@ -274,6 +295,10 @@ class _Place:
         x, y = swizzle(found, "x"), swizzle(found, "y")
         self.near = inside & (y > 0.5)
         first, count = cells.unbounded
+        self.page: Expr = const(0.0)
+        if len(located.pages) > 1:
+            self.page = where(self.near, floor(y * (1.0 / located.counted)), float(first // located.page))
+            y, first = y - located.counted * self.page, first % located.page
         self.start = where(self.near, x, float(first))
         self.end = where(self.near, x + y, float(first + count))
         away = p - ((cell + 0.5) * (cells.size / fine) + tuple(cells.low))

@@ -1,5 +1,7 @@
 """Objects as rows of a table: which objects, and the field that cells give against that of all objects."""
 
+from collections import OrderedDict
+
 import numpy as np
 import pytest
 
@@ -142,6 +144,17 @@ def test_forms_of_any_operators():
     assert any(node.children[0].children[0].facts.divisor > 1.0 for node in made if node.children[0].name == "scale")
     near = assert_same(rm.union(*made), points(3000, 3.0))
     assert near.any()
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3])
+def test_long_lists_are_divided_into_pages(monkeypatch, k):
+    """As they are where float32 cannot number all entries."""
+    node = rm.union(*objects(30, seed=4), rm.plane(offset=-3.0) if k else rm.sphere(), k=k)
+    monkeypatch.setattr("raymarch.plan.objects.MOST", 100)
+    monkeypatch.setattr("raymarch.plan.objects._built", OrderedDict())
+    assert len(located(node).pages) > 2
+    at = points(1000, 3.0)
+    assert_same(node, np.concatenate([at, onto(node, at, 0.05)]))
 
 
 def test_gradients_are_those_of_the_text():
