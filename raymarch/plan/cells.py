@@ -59,7 +59,7 @@ CUT = 0.25
 ROUNDING = 2.0**-20
 """Allowance for float32, relative to the largest coordinate: a point may count to the neighbouring cell."""
 
-CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.int32)
 """The children of a cell, in the order of their texels."""
 
 BRANCH = 0.0
@@ -238,7 +238,7 @@ class _Builder:
         halvings = int(np.ceil(np.log2(max(1, self.counts.max()))))
         halvings = max(0, halvings - 1)
         coarse = np.ceil(self.counts / 2**halvings).astype(np.int64)
-        grid = np.stack(np.meshgrid(*map(np.arange, coarse), indexing="ij"), axis=-1).reshape(-1, 3)
+        grid = np.stack(np.meshgrid(*map(np.arange, coarse), indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int32)
         ranks = self.ranked if self.blended else np.arange(len(self.rows))
         items = np.tile(ranks.astype(np.int32), len(grid))
         level = _Level(grid, np.arange(len(grid) + 1) * len(ranks), items)
@@ -316,7 +316,7 @@ class _Builder:
         if self.blended:
             whole = self.halved(level, limit if limit is not None else np.full(3, np.iinfo(np.int64).max))
             return whole.cells, *self.pruned(whole, size)
-        cells, near, far = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        cells, near, far = [np.empty((0, 3), np.int32)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         lengths, items, values = [np.empty(0, np.int64)], [np.empty(0, np.int32)], [np.empty(0)]
         count = 0
         # Objects that the parent does not list are at least so far from the centre of a child.
@@ -566,10 +566,12 @@ def _ranges(starts: Whole, counts: Whole, firsts: Whole) -> Whole:
 
 
 def _taken(level: _Level, chosen: Whole) -> _Level:
-    """Some cells of a level."""
-    counts = np.diff(level.starts)[chosen]
-    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return _Level(level.cells[chosen], starts, level.items[_ranges(level.starts[:-1][chosen], counts, starts)])
+    """Some cells of a level, in ascending order."""
+    counts = np.diff(level.starts)
+    mine = np.zeros(len(counts), bool)
+    mine[chosen] = True
+    starts = np.concatenate([[0], np.cumsum(counts[chosen])]).astype(np.int64)
+    return _Level(level.cells[chosen], starts, level.items[np.repeat(mine, counts)])
 
 
 def _parts(level: _Level) -> Iterator[_Level]:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import field, fields
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -197,11 +198,7 @@ class Scene(Value):
 
     def expressions(self) -> list[Expr]:
         """Every expression in the scene that may read parameters or time."""
-        found: list[Expr] = []
-        for node in all_nodes(self.node):
-            found += [v for v in node.params.values() if isinstance(v, Expr) and not v.is_constant]
-            if node.definition.arity != "many":  # the body of a user's definition may read parameters itself
-                found.append(node.definition.template(len(node.children), node.params).body)
+        found = list(_expressions_of(self.node))
         for part in (
             self.camera,
             *self.lights,
@@ -235,7 +232,31 @@ class Scene(Value):
         return HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
 
 
-def _labels(root: Node) -> list[Any]:
+_expressions: WeakKeyDictionary[Node, tuple[Expr, ...]] = WeakKeyDictionary()
+_seen: WeakKeyDictionary[Node, tuple[Any, ...]] = WeakKeyDictionary()
+"""Of solids that were asked before: a plan asks often, and a solid may have thousands of nodes."""
+
+
+def _expressions_of(root: Node) -> tuple[Expr, ...]:
+    """The expressions of a solid, each once."""
+    if root not in _expressions:
+        found: dict[Expr, None] = {}
+        for node in all_nodes(root):
+            found.update((v, None) for v in node.params.values() if isinstance(v, Expr) and not v.is_constant)
+            if node.definition.arity != "many":  # the body of a user's definition may read parameters itself
+                found[node.definition.template(len(node.children), node.params).body] = None
+        _expressions[root] = tuple(found)
+    return _expressions[root]
+
+
+def _labels(root: Node) -> tuple[Any, ...]:
+    """The visible labels of a solid, each once."""
+    if root not in _seen:
+        _seen[root] = tuple(_labels_of(root))
+    return _seen[root]
+
+
+def _labels_of(root: Node) -> list[Any]:
     seen = seen_labels(root)
     given: dict[Any, None] = {}
     for node in all_nodes(root):
