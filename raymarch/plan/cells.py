@@ -28,6 +28,7 @@ from raymarch.sdf.rows import Rows
 Array: TypeAlias = NDArray[np.float64]
 Whole: TypeAlias = NDArray[np.int64]
 Narrow: TypeAlias = NDArray[np.float32]
+Indices: TypeAlias = NDArray[np.int32]
 
 CROWDED = 4
 """A cell of the grid with more objects is halved, if its children have fewer. Twice as many are needed for each further
@@ -116,7 +117,7 @@ class Cells:
 class _Level:
     """Cells of one size: indices (n, 3), and the list of each, items[starts[i] : starts[i + 1]]."""
 
-    cells: Whole
+    cells: Indices
     starts: Whole
     items: NDArray[np.int32]
 
@@ -252,7 +253,7 @@ class _Builder:
             self.paint(texels, given[far], value, left)
         return self.refined(texels, level)
 
-    def paint(self, texels: NDArray[np.float32], far: Whole, value: Array, left: int) -> None:
+    def paint(self, texels: NDArray[np.float32], far: Indices, value: Array, left: int) -> None:
         """Store the bound of far cells in all cells of the grid that they cover."""
         width = 2**left
         offsets = np.stack(np.meshgrid(*[np.arange(width)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -269,7 +270,7 @@ class _Builder:
     def rounded_down(self, bound: Array) -> Array:
         return bound - (2.0**-22 * np.abs(bound) + 2.0**-22 * self.largest)
 
-    def index(self, cells: Whole) -> Whole:
+    def index(self, cells: NDArray[np.integer[Any]]) -> Whole:
         return cells[..., 0] + self.counts[0] * (cells[..., 1] + self.counts[1] * cells[..., 2])
 
     def halved(self, level: _Level, limit: Whole) -> _Level:
@@ -307,7 +308,7 @@ class _Builder:
 
     def divided(
         self, level: _Level, size: float, limit: Whole | None, last: bool
-    ) -> tuple[Whole, _Level, Whole, Whole, Array]:
+    ) -> tuple[Indices, _Level, Whole, Whole, Array]:
         """The children of cells, each with a shorter list: the indices of all eight children of each; then as
         `pruned`, with numbers of children. Those beyond the limit are neither near nor far.
 

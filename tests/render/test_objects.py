@@ -72,6 +72,18 @@ def test_ambient_occlusion_reads_the_exact_field(renderer):
     assert_equal(*frames(renderer, node, camera=CAMERA, occlusion=rm.AmbientOcclusion(reach=0.6), sky=sky))
 
 
+def test_occlusion_on_a_floor_that_is_moved_with_the_objects(renderer):
+    """The scene then has no bounded part, and the reach is longer than the objects are large."""
+    node = (rm.plane(offset=-0.8) | rm.union(*objects(6, materials=False, size=0.5))).translate((0, 0.2, 0))
+    sky = rm.Sky((0.5, 0.6, 0.8), light=True)
+    assert_equal(*frames(renderer, node, camera=CAMERA, occlusion=rm.AmbientOcclusion(reach=2.0), sky=sky))
+
+
+def test_the_floor_of_a_blend_keeps_its_material_beyond_the_cells(renderer):
+    node = rm.union(FLOOR, rm.plane((0, 0, 1), -4.0).material(rm.Material(color=(0.9, 0.2, 0.1))), *objects(7), k=0.3)
+    assert_equal(*frames(renderer, node, OUTPUTS, camera=CAMERA), geometry=True)
+
+
 def test_soft_shadows(renderer):
     """The penumbra depends on where a ray samples the field; the steps in far cells are shorter."""
     node = FLOOR | rm.union(*objects(6, materials=False))
