@@ -27,7 +27,8 @@ TOGETHER = 4
 """Forms that share a loop: a form costs less than reading a list twice. Compilers take long for each texture fetch."""
 
 TURNS = 256
-"""Least bound of the loops over a list: llvmpipe unrolls loops of few turns, and then executes all turns."""
+"""Least bound of the loops over a list and its folds: llvmpipe unrolls loops of few turns, and then executes all turns.
+With 20,000 objects a frame took 1.6 times as long with a bound of 8 turns as with one of 12 or 256."""
 
 _KEPT = 4
 _built: OrderedDict[tuple[Rows, float], Located] = OrderedDict()
@@ -264,7 +265,7 @@ def max_turns(cells: Cells) -> int:
 
 def max_folds(cells: Cells) -> int:
     """Constant bound of the loop over the folds after an object."""
-    return int(np.maximum(cells.merges.max(initial=1), 1))
+    return int(np.maximum(cells.merges.max(initial=1), TURNS))
 
 
 class _Place:
