@@ -249,9 +249,11 @@ class _Builder:
         self.paint(texels, given[far], value, halvings)
         for left in reversed(range(halvings)):
             limit = np.ceil(self.counts / 2**left).astype(np.int64)
-            given, level, _, far, value = self.divided(level, self.size * 2**left, limit, last=left == 0)
-            self.paint(texels, given[far], value, left)
-        return self.refined(texels, level)
+            level, _, cells, _, value = self.divided(level, self.size * 2**left, limit, last=left == 0)
+            self.paint(texels, cells, value, left)
+        grid_level = [level]
+        del level
+        return self.refined(texels, grid_level.pop())  # which frees it: its lists are long
 
     def paint(self, texels: NDArray[np.float32], far: Indices, value: Array, left: int) -> None:
         """Store the bound of far cells in all cells of the grid that they cover."""
@@ -308,16 +310,18 @@ class _Builder:
 
     def divided(
         self, level: _Level, size: float, limit: Whole | None, last: bool
-    ) -> tuple[Indices, _Level, Whole, Whole, Array]:
-        """The children of cells, each with a shorter list: the indices of all eight children of each; then as
-        `pruned`, with numbers of children. Those beyond the limit are neither near nor far.
+    ) -> tuple[_Level, Whole, Indices, Whole, Array]:
+        """The children of cells: the near ones, with shorter lists, and their numbers among all children; the far ones,
+        their numbers, and a lower bound of the field at the centre of each. Those beyond the limit are neither.
 
         limit : number of cells along each axis; None below the grid. last : True for the cells of the grid and below.
         """
         if self.blended:
             whole = self.halved(level, limit if limit is not None else np.full(3, np.iinfo(np.int64).max))
-            return whole.cells, *self.pruned(whole, size)
-        cells, near, far = [np.empty((0, 3), np.int32)], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+            made, is_near, is_far, value = self.pruned(whole, size)
+            return made, is_near, whole.cells[is_far], is_far, value
+        near, far = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        near_cells, far_cells = [np.empty((0, 3), np.int32)], [np.empty((0, 3), np.int32)]
         lengths, items, values = [np.empty(0, np.int64)], [np.empty(0, np.int32)], [np.empty(0)]
         count = 0
         # Objects that the parent does not list are at least so far from the centre of a child.
@@ -338,12 +342,12 @@ class _Builder:
             values.append(floor[lonely])
             items.append(kept[np.repeat(listed, counts)])
             lengths.append(counts[listed])
-            cells.append(below)
+            near_cells.append(below[listed])
+            far_cells.append(below[lonely])
             count += len(below)
-        whole_cells, is_near = np.concatenate(cells), np.concatenate(near)
         starts = np.concatenate([[0], np.cumsum(np.concatenate(lengths))]).astype(np.int64)
-        made = _Level(whole_cells[is_near], starts, np.concatenate(items))
-        return whole_cells, made, is_near, np.concatenate(far), np.concatenate(values)
+        made = _Level(np.concatenate(near_cells), starts, np.concatenate(items))
+        return made, np.concatenate(near), np.concatenate(far_cells), np.concatenate(far), np.concatenate(values)
 
     def children(self, part: _Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
         """The lists of the eight children of cells by bounds from spheres: lengths, items, and a lower bound of the
@@ -461,23 +465,25 @@ class _Builder:
             if depth < FINEST and crowded.any() and total < CELLS and entries < ENTRIES:
                 parents = np.nonzero(crowded)[0]
                 crowd = _taken(level, parents)
-                children, near, near_at, far_at, value = self.divided(crowd, 0.5 * size, None, last=True)
-                lengths = np.zeros(len(children), np.int64)
+                near, near_at, _, far_at, value = self.divided(crowd, 0.5 * size, None, last=True)
+                lengths = np.zeros(8 * len(parents), np.int64)
                 lengths[near_at] = np.diff(near.starts)
                 gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
                 split[parents[gain]] = True
-                block = np.full((len(children), 2), 0.0, np.float32)
+                block = np.zeros((8 * len(parents), 2), np.float32)
                 block[far_at, 0] = self.rounded_down(value)
                 block[far_at, 1] = FAR
                 wins = np.repeat(gain, 8)
                 at = total + np.cumsum(wins) - 1
                 _write(blocks, place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
+                del crowd
                 rest = _taken(level, np.nonzero(~split)[0])
                 written.append((place[~split], np.diff(rest.starts), rest.items))
                 blocks.append(block[wins])
                 chosen = np.nonzero(wins[near_at])[0]
                 level = _taken(near, chosen)
                 place = at[near_at[chosen]]
+                del near, rest
                 total += int(wins.sum())
                 entries += len(level.items) - int(counts[split].sum())
                 size *= 0.5
@@ -496,6 +502,7 @@ class _Builder:
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
         begins = starts[:-1]
+        begins = begins[np.argsort(places)]
         merges, stack, unbounded = np.empty(0, np.int64), 0, (len(items), 0)
         if self.blended:
             others = self.ranked[~self.bounded[self.ranked]]
@@ -510,7 +517,7 @@ class _Builder:
             self.counts,
             depth_used,
             np.concatenate(blocks),
-            begins[np.argsort(places)],
+            begins,
             items,
             merges,
             int(counts.max(initial=0)),
