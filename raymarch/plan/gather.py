@@ -18,6 +18,7 @@ from raymarch.errors import PlanError
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.walk import find
+from raymarch.scene.scene import all_nodes
 from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.instancing import of_rows
 from raymarch.sdf.labels import rows_of
@@ -128,6 +129,13 @@ class _Gatherer:
                     self._keep(rows, exact)
                     return self._placed(of_rows(rows), node)
                 return self._below(node, exact + _margin(family, k, len(node.children)), depth)
+        if name == "labelled" and node.children[0].labelled and not self._is_constant(node.label):
+            # Some objects have materials of their own, the others inherit one that is no row of numbers.
+            child = node.children[0]
+            if child.definition is hard_union.definition:  # type: ignore[attr-defined]
+                return self._union(child, exact, depth, node)
+            if not any(rows_of(each) is not None for each in all_nodes(child)):
+                return node
         if name in ("labelled", "translate", "rotate_about", "mirror_across", "hard_intersection", "hard_difference"):
             return self._below(node, exact, depth)
         scale = {"scale_evenly": "factor", "affine": "stretch"}.get(name)
@@ -169,8 +177,9 @@ class _Gatherer:
 
     # Unions
 
-    def _union(self, node: Node, exact: float, depth: int) -> Node:
-        operands = self._operands(node)
+    def _union(self, node: Node, exact: float, depth: int, above: Node | None = None) -> Node:
+        """A hard union. above : the node above, whose material is that of operands that have none."""
+        operands = self._operands(node, None if above is None else above.label)
         given = [rows for operand in operands if (rows := rows_of(operand)) is not None]
         groups: dict[int, list[int]] = {}
         for i, operand in enumerate(operands):
@@ -183,7 +192,10 @@ class _Gatherer:
         if count + sum(map(len, given)) < self.least or (count < self.least and not given):
             groups = {}
         if not groups and not given:
-            return self._below(node, exact, depth)
+            made = self._below(node, exact, depth)
+            if above is None:
+                return made
+            return above if made is node else self._placed(self._labelled(made, above.label), above)
         chosen = {i for members in groups.values() for i in members}
         rest = [i for i, operand in enumerate(operands) if i not in chosen and rows_of(operand) is None]
         forms = [self._form([operands[i] for i in members], members) for members in groups.values()]
@@ -196,10 +208,15 @@ class _Gatherer:
             return data
         return self._placed(Node(hard_union.definition, (*children, data), {}, node.facts), node)  # type: ignore[attr-defined]
 
-    def _operands(self, node: Node) -> list[Node]:
+    def _labelled(self, node: Node, label: Any) -> Node:
+        made = Node(labelled.definition, (node,), {}, node.facts, label)  # type: ignore[attr-defined]
+        self.kept.append(made)
+        return self._placed(made, node)
+
+    def _operands(self, node: Node, given: Any) -> list[Node]:
         """The operands of nested hard unions; the label of a union becomes that of its operands."""
         found: list[Node] = []
-        pending: list[tuple[Node, Any]] = [(node, None)]
+        pending: list[tuple[Node, Any]] = [(node, given)]
         while pending:
             each, label = pending.pop()
             if each.definition is node.definition and each.label is None:
@@ -207,9 +224,7 @@ class _Gatherer:
             elif each.label is not None and each.children[0].definition is node.definition:
                 pending.append((each.children[0], each.label))
             elif label is not None and each.label is None:
-                made = Node(labelled.definition, (each,), {}, each.facts, label)  # type: ignore[attr-defined]
-                self.kept.append(made)
-                found.append(self._placed(made, each))
+                found.append(self._labelled(each, label))
             else:
                 found.append(each)
         return found

@@ -117,6 +117,16 @@ def test_patterns_move_with_their_objects(renderer):
     assert_equal(*frames(renderer, node, camera=rm.Camera(position=(1, 2, 6), target=(0, 0, 0))))
 
 
+@pytest.mark.parametrize(
+    "color", [rm.checker((0.9, 0.9, 0.9), (0.1, 0.1, 0.6), 0.3), (rm.Param("red", 0.6, 0.1, 1.0), 0.2, 0.3)]
+)
+@pytest.mark.parametrize("blended", [False, True])
+def test_some_objects_inherit_a_material_that_is_no_row_of_numbers(renderer, color, blended):
+    many = rm.union(*objects(7), k=0.2 * blended)
+    placed = many.translate((0.2, 0.1, 0.0)) if blended else many
+    assert_equal(*frames(renderer, placed.material(rm.Material(color=color)), OUTPUTS, camera=CAMERA), geometry=True)
+
+
 def test_instances_equal_nodes(renderer):
     rng = np.random.default_rng(0)
     places = rng.uniform(-1.2, 1.2, (9, 3))
