@@ -2,40 +2,39 @@
 
 from __future__ import annotations
 
-import shutil
 import time as clock_time
 import warnings
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from PIL import Image
 
 from raymarch.cli.choice import choose_quality
 from raymarch.cli.common import SIZE, CommandError, SceneFile, errors, parse_settings, parse_size, written
 from raymarch.cli.progress import bar
 from raymarch.cli.views import CHOICES, check_view, shown
-from raymarch.errors import RenderError, RenderWarning
-from raymarch.export import stills
-from raymarch.export.film import FILMS, check_film, write_film
-from raymarch.export.layers import write_layers, write_npz
+from raymarch.errors import RenderWarning
+from raymarch.export.film import FILMS
+from raymarch.export.sequence import (
+    EDGE,
+    LARGE,
+    Contents,
+    Item,
+    check_suffix,
+    frames_of,
+    join_film,
+    join_tiles,
+    tiff_package,
+    tiles_of,
+)
+from raymarch.export.stills import FORMATS, Shot, draw, is_whole, key_of, save
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
-from raymarch.scene.images import exr_package, write_exr
+from raymarch.scene.images import exr_package
 from raymarch.scene.quality import PRESETS
-
-FORMATS = {
-    ".png": "PNG",
-    ".jpg": "JPEG",
-    ".jpeg": "JPEG",
-    ".webp": "WEBP",
-    ".tif": "TIFF",
-    ".tiff": "TIFF",
-    ".bmp": "BMP",
-}
 
 
 def run(
@@ -83,6 +82,30 @@ def run(
     layers: Annotated[
         bool, typer.Option("--layers", help=".exr: also write depth, normals and the other arrays, as named layers.")
     ] = False,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT|local[:N]", help="Draw on the workers of a Dask cluster."),
+    ] = None,
+    workers: Annotated[
+        str | None,
+        typer.Option(metavar="NAME=N", help="--cluster: use workers with this Dask resource, such as GPU=1."),
+    ] = None,
+    mixed_drivers: Annotated[
+        bool,
+        typer.Option("--mixed-drivers", help="--cluster: accept workers whose drivers may differ in the last bit."),
+    ] = False,
+    split_samples: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="--cluster: split the samples of a pixel into N tasks.", show_default="1"
+        ),
+    ] = None,
+    task_timeout: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS", min=1, help="--cluster: end a worker whose task takes longer.", show_default="900"
+        ),
+    ] = None,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[
         int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
@@ -91,6 +114,12 @@ def run(
     cut = check_view(view, slice_)
     width, height = parse_size(size)
     chooser = choose_quality(quality, error, within)
+    on_cluster = {"--workers": workers, "--split-samples": split_samples, "--task-timeout": task_timeout}
+    given = [
+        name for name, value in (*on_cluster.items(), ("--mixed-drivers", mixed_drivers or None)) if value is not None
+    ]
+    if cluster is None and given:
+        raise CommandError(f"{given[0]} without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
     found = load(scene)
     if samples is not None:  # before a quality is chosen by measurement
         found = found.replace(quality=found.quality.replace(samples=samples))
@@ -98,47 +127,62 @@ def run(
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     if alpha:
         _check_alpha(target, view)
-    instants = _instants(target, time, frames, fps, (width, height))
+    items = _items(target, time, frames, fps, (width, height))
     suffix = target.suffix.lower()
     if layers and suffix != ".exr":
         raise CommandError(f"--layers with the output '{target}'", legal="a file ending in .exr")
     if (layers or suffix == ".npz") and view != "final":
         raise CommandError(f"--view {view} with all arrays", legal="no --view")
-    sequence = frames is not None
-    if target.suffix.lower() in FILMS:
-        instants[0][1].parent.mkdir(exist_ok=True)
+    film = suffix in FILMS
+    shot = Shot((width, height), ".png" if film else suffix, params, view, CHOICES[view], cut, alpha, layers, strict)
+    if cluster is not None:
+        from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
+
+        if error is not None or within is not None:
+            raise CommandError("--error or --within with --cluster", legal="--quality, or a quality in the scene")
+        chosen = found.replace(quality=chooser(found, None, items[0].time, params))  # type: ignore[arg-type]
+        where = Where(cluster, workers, mixed_drivers, split_samples or 1, task_timeout, backend, device)
+        render_on_cluster(scene, chosen, shot, items, target, fps if frames is not None else None, where)
+        return
+    large = frames is None and view == "final" and width * height > LARGE and suffix in FORMATS
+    if large:
+        if error is not None or within is not None:
+            raise CommandError(f"--error or --within with {width}x{height} pixels", legal=f"up to {LARGE} pixels")
+        if suffix in (".tif", ".tiff"):
+            tiff_package(target)
+        items = tiles_of(target, items[0].time, (width, height), EDGE)
+        shot = replace(shot, suffix=".png")
+    if film or large:
+        items[0].file.parent.mkdir(exist_ok=True)
+    key = None
     with (
-        Renderer((width, height), backend, device) as renderer,
-        bar("drawing", len(instants)) as progress,
+        Renderer(items[0].size, backend, device) as renderer,
+        bar("drawing", len(items)) as progress,
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
-        found = found.replace(quality=chooser(found, renderer, instants[0][0], params))
-        for i, (instant, file) in enumerate(instants):
+        found = found.replace(quality=chooser(found, renderer, items[0].time, params))
+        contents = Contents(found, shot)
+        for i, item in enumerate(items):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
-            key = None
-            if file.suffix.lower() == ".png":
-                key = stills.key_of(renderer, found, instant, params, CHOICES[view], cut, f"{view} {alpha}")
-                if sequence and stills.is_whole(file, key):
-                    errors.print(f"{file}  is already drawn", markup=False)
+            file = item.file
+            if shot.suffix == ".png":
+                key = key_of(contents.of(item), renderer.context.driver)
+                if (frames is not None or large) and key is not None and is_whole(file, [key]):
+                    if not large:
+                        errors.print(f"{file}  is already drawn", markup=False)
                     continue
-            frame = renderer.render(found, instant, params, CHOICES[view], tell, cut=cut)
-            doubts = frame.doubts(steps=True) if view == "final" else list(frame.warnings)
-            if strict and doubts:
-                raise RenderError(doubts)
+            if renderer.size != item.size:
+                renderer.resize(item.size)
+            frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
             view_result = shown(renderer, frame, view, found, params, tell)
             with written(file) as unfinished:
-                if file.suffix.lower() == ".npz":
-                    write_npz(unfinished, frame)
-                elif layers:
-                    write_layers(unfinished, frame)
-                elif file.suffix.lower() == ".exr":
-                    write_exr(unfinished, view_result.numbers())
-                else:
-                    picture = frame.image(alpha=True) if alpha else view_result.image()
-                    picture.save(unfinished, FORMATS[file.suffix.lower()], **stills.with_key(key))
+                save(unfinished, shot, frame, view_result.image, view_result.numbers, key)
             spent = 1e3 * (clock_time.perf_counter() - start)
+            if large:
+                progress(i + 1)
+                continue
             errors.print(
                 f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
                 f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}",
@@ -148,18 +192,23 @@ def run(
                 errors.print(f"raymarch: {doubt}", markup=False)
             for line in view_result.lines:
                 typer.echo(line)
-    if target.suffix.lower() in FILMS:
-        _join(target, [file for _, file in instants], fps)
+    join(target, items, fps, (width, height))
 
 
-def _join(target: Path, pictures: Sequence[Path], fps: float) -> None:
-    """Write a film of pictures, and remove the pictures."""
+def join(target: Path, items: list[Item], fps: float, size: tuple[int, int], key: str | None = None) -> None:
+    """Write a film of its frames, or a picture of its tiles. Nothing, if the items are the output."""
     start = clock_time.perf_counter()
-    with written(target) as unfinished:
-        write_film(unfinished, target.suffix.lower(), map(Image.open, pictures), fps)
-    shutil.rmtree(pictures[0].parent)
-    spent = clock_time.perf_counter() - start
-    errors.print(f"{target}  {len(pictures)} frames, {len(pictures) / fps:g} s, {spent:.1f} s to encode", markup=False)
+    if target.suffix.lower() in FILMS:
+        join_film(target, items, fps, CommandError)
+        spent = clock_time.perf_counter() - start
+        what = f"{len(items)} frames, {len(items) / fps:g} s"
+    elif items[0].part is not None:
+        join_tiles(target, items, key, CommandError)
+        spent = clock_time.perf_counter() - start
+        what = f"{size[0]}x{size[1]}, {len(items)} tiles"
+    else:
+        return
+    errors.print(f"{target}  {what}, {spent:.1f} s to encode", markup=False)
 
 
 def _check_alpha(target: Path, view: str) -> None:
@@ -174,20 +223,15 @@ def _later(progress: Callable[[float], None], before: int, share: float) -> None
     progress(before + share)
 
 
-def _instants(
-    target: Path, time: float | None, frames: str | None, fps: float, size: tuple[int, int]
-) -> list[tuple[float, Path]]:
-    """The times to render, each with its output file. The pictures of a film are in a folder beside it."""
-    film = target.suffix.lower() in FILMS
-    if not film and target.suffix.lower() not in (*FORMATS, ".exr", ".npz"):
-        known = ", ".join((*FORMATS, ".exr", ".npz", *FILMS))
-        raise CommandError(f"cannot write '{target}'", legal=f"a file ending in {known}")
-    if target.suffix.lower() == ".exr":
-        exr_package(target)
+def _items(target: Path, time: float | None, frames: str | None, fps: float, size: tuple[int, int]) -> list[Item]:
+    """The pictures to render."""
+    check_suffix(target, CommandError)
     if frames is None:
-        if film:
+        if target.suffix.lower() in FILMS:
             raise CommandError(f"a film '{target}' without --frames", legal="--frames A:B, such as 0:90")
-        return [(0.0 if time is None else time, target)]
+        if target.suffix.lower() == ".exr":
+            exr_package(target)
+        return [Item("the picture", 0.0 if time is None else time, target, size)]
     if time is not None:
         raise CommandError("--time together with --frames", legal="one of them")
     first, colon, last = frames.partition(":")
@@ -195,27 +239,4 @@ def _instants(
         raise CommandError(f"--frames {frames}", legal="A:B with 0 <= A < B, such as 0:90")
     if not 0 < fps < float("inf"):
         raise CommandError(f"--fps {fps}", legal="a number > 0")
-    numbers = range(int(first), int(last))
-    if film:
-        check_film(target, size, fps)
-        if not target.parent.is_dir():
-            raise CommandError(f"cannot write '{target}': no such folder", legal="a writable folder")
-        folder = target.with_name(f"{target.name}.frames")
-        return [(i / fps, folder / f"frame_{i:06d}.png") for i in numbers]
-    return [(i / fps, target.with_name(_numbered(target, i))) for i in numbers]
-
-
-def _numbered(target: Path, number: int) -> str:
-    """The file name of a frame: with a field of `str.format` or of `%`."""
-    name = target.name
-    with suppress(IndexError, KeyError, ValueError):
-        name = target.name.format(number)
-    if name == target.name:
-        with suppress(TypeError, ValueError):
-            name = target.name % number
-    if name == target.name:
-        raise CommandError(
-            f"--frames with the output '{target}'",
-            legal="a film (.mp4, .webm, .gif), or a field for the frame number: frame-{:04d}.png",
-        )
-    return name
+    return frames_of(target, range(int(first), int(last)), fps, size, "--frames", CommandError)

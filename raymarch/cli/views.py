@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.cli.common import CommandError
+from raymarch.export.stills import drawn
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
-from raymarch.gpu.views import VIEWS, light, picture, scale_of
+from raymarch.gpu.views import VIEWS, light
 from raymarch.scene.scene import Scene
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
@@ -111,10 +112,3 @@ def parse_slice(text: str) -> Slice:
         raise CommandError(
             f"--slice {text}", legal="x, y or z, or a normal such as 1,0,1, then = and a number: y=0.5"
         ) from None
-
-
-def drawn(frame: Frame, view: str, scene: Scene) -> Image.Image:
-    """A view as an image, with a colour bar below it if the view has a scale."""
-    scale = scale_of(frame, view)
-    shown = picture(frame, view, scene)
-    return shown if scale is None else with_bar(shown, scale)

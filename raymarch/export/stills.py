@@ -1,51 +1,105 @@
-"""Pictures of a sequence: each PNG file holds a key of all that it shows, so a rerun draws only what is missing."""
+"""Still pictures as files. Each PNG file holds a key of all that it shows, so a rerun draws only what is missing."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, PngImagePlugin, UnidentifiedImageError
 
 import raymarch
-from raymarch.gpu.prepare import frame_uniforms
+from raymarch.errors import RenderError
+from raymarch.export.layers import write_layers, write_npz
+from raymarch.gpu.context import Driver
+from raymarch.gpu.frame import Frame
+from raymarch.gpu.part import Part
+from raymarch.gpu.prepare import Prepared, frame_uniforms
 from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
+from raymarch.gpu.views import light, picture, scale_of
 from raymarch.plan import lights
+from raymarch.scene.images import write_exr
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 
 ENTRY = "raymarch"
 """The name of the text in a PNG file that holds the key."""
 
+FORMATS = {
+    ".png": "PNG",
+    ".jpg": "JPEG",
+    ".jpeg": "JPEG",
+    ".webp": "WEBP",
+    ".tif": "TIFF",
+    ".tiff": "TIFF",
+    ".bmp": "BMP",
+}
+"""Pillow's name of each suffix of 8-bit pictures."""
 
-def key_of(
-    renderer: Renderer,
+NUMBERS = (".exr", ".npz")
+"""Suffixes of files with floating-point arrays."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """What the pictures of a film have in common: everything but the scene, the time and the part.
+
+    Attributes
+    ----------
+    size : (width, height) of the picture in pixels.
+    suffix : of the file: one of `FORMATS` or `NUMBERS`.
+    params : values of parameters by name.
+    view : what is shown, and `outputs`, the arrays that it needs; see `raymarch.gpu.views.VIEWS`.
+    cut : plane of the view "slice".
+    alpha : make the sky transparent. layers : all arrays, in an .exr. strict : refuse a picture that has doubts.
+    """
+
+    size: tuple[int, int]
+    suffix: str = ".png"
+    params: Mapping[str, ParamValue] = field(default_factory=dict)
+    view: str = "final"
+    outputs: tuple[str, ...] = ("color",)
+    cut: Slice | None = None
+    alpha: bool = False
+    layers: bool = False
+    strict: bool = False
+
+    @property
+    def label(self) -> str:
+        """The part of the key that names the view."""
+        return f"{self.view} {self.alpha}"
+
+
+def content_of(
+    ready: Prepared,
     scene: Scene,
+    size: tuple[int, int],
     time: float,
     params: Mapping[str, ParamValue],
-    outputs: Sequence[str],
     cut: Slice | None,
-    view: str,
+    label: str,
+    part: Part | None = None,
 ) -> str | None:
-    """The key of a picture: a hash of the shader, all values, the size and the driver.
+    """A hash of all that determines a picture, except the driver: shader, values, size. None if the picture also
+    depends on earlier frames.
 
-    None if the picture also depends on earlier frames.
+    size : (width, height) in pixels, of the part if one is given. label : of the view.
     """
     if scene.quality.temporal != "off":
         return None
-    ready = renderer.prepared(scene, outputs)
     values = set_values(ready.plan.parameters, params, time, scene.where)
-    uniforms = frame_uniforms(ready, values, renderer.size, None, cut)
+    uniforms = frame_uniforms(ready, values, size if part is None else part.whole, None, cut)
     if ready.plan.lights_as_data:
         uniforms["u_lights"] = lights.rows(ready.plan.scene, values)
     made = hashlib.sha256()
-    driver = renderer.context.driver
-    for part in (raymarch.__version__, driver.renderer, driver.version, view, scene.quality, scene.tone, renderer.size):
-        made.update(repr(part).encode() + b"\0")
+    for fact in (raymarch.__version__, label, scene.quality, scene.tone, size, *([] if part is None else [part])):
+        made.update(repr(fact).encode() + b"\0")
     for name, text in sorted(ready.texts.items()):  # textures are named by their content
         made.update(f"{name}\0{text}\0".encode())
     for name, value in sorted(uniforms.items()):
@@ -53,14 +107,20 @@ def key_of(
     return made.hexdigest()
 
 
-def is_whole(file: Path, key: str | None) -> bool:
-    """True if a file holds the picture with this key, and all of it."""
-    if key is None:
-        return False
+def key_of(content: str | None, driver: Driver) -> str | None:
+    """The key of a picture: a hash of its content and of the driver that draws it."""
+    if content is None:
+        return None
+    return hashlib.sha256(f"{content}\0{driver.renderer}\0{driver.version}".encode()).hexdigest()
+
+
+def is_whole(file: Path, keys: Collection[str | None]) -> bool:
+    """True if a file holds a picture with one of these keys, and all of it."""
     try:
         with Image.open(file) as found:
             found.load()
-            return getattr(found, "text", {}).get(ENTRY) == key
+            key = getattr(found, "text", {}).get(ENTRY)
+            return key is not None and key in keys
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError):
         return False
 
@@ -72,3 +132,57 @@ def with_key(key: str | None) -> dict[str, Any]:
     entries = PngImagePlugin.PngInfo()
     entries.add_text(ENTRY, key)
     return {"pnginfo": entries}
+
+
+def draw(
+    renderer: Renderer,
+    scene: Scene,
+    shot: Shot,
+    time: float,
+    part: Part | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Frame, list[str]]:
+    """A frame and the reasons to doubt it. A part is doubted only for values out of their range.
+
+    Raises RenderError for doubts if the shot is strict, and the errors of `Renderer.render`.
+    """
+    frame = renderer.render(scene, time, shot.params, shot.outputs, progress, cut=shot.cut, part=part)
+    doubts = frame.doubts(steps=True) if shot.view == "final" and part is None else list(frame.warnings)
+    if shot.strict and doubts:
+        raise RenderError(doubts)
+    return frame, doubts
+
+
+def save(
+    file: Path,
+    shot: Shot,
+    frame: Frame,
+    image: Callable[[], Image.Image],
+    numbers: Callable[[], NDArray[np.float32]],
+    key: str | None,
+) -> None:
+    """Write a frame to a file in the format of the shot's suffix, whatever the name of the file.
+
+    image, numbers : make the view for 8-bit files and for .exr files.
+    """
+    if shot.suffix == ".npz":
+        write_npz(file, frame)
+    elif shot.layers:
+        write_layers(file, frame)
+    elif shot.suffix == ".exr":
+        write_exr(file, numbers())
+    else:
+        made = frame.image(alpha=True) if shot.alpha else image()
+        made.save(file, FORMATS[shot.suffix], **(with_key(key) if shot.suffix == ".png" else {}))
+
+
+def save_view(file: Path, shot: Shot, frame: Frame, scene: Scene, key: str | None) -> None:
+    """As `save`, for a view of the GPU."""
+    save(file, shot, frame, lambda: drawn(frame, shot.view, scene), lambda: light(frame, shot.view, scene), key)
+
+
+def drawn(frame: Frame, view: str, scene: Scene) -> Image.Image:
+    """A view as an image, with a colour bar below it if the view has a scale."""
+    scale = scale_of(frame, view)
+    shown = picture(frame, view, scene)
+    return shown if scale is None else with_bar(shown, scale)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from raymarch.gpu.part import Part, covering
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import Program
 from raymarch.gpu.resource_cache import ResourceCache
@@ -92,24 +93,28 @@ def draw_calls_of(
     history: History,
     enough: Callable[[], bool] | None = None,
     at: Callable[[float], Mapping[str, Any]] | None = None,
+    part: Part | None = None,
 ) -> Iterator[DrawCall]:
     """All draw calls of a frame. Updates `history` as if they were drawn.
 
     at : the uniforms at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
         has its own. None if the scene does not move while the shutter is open.
+    part : the part of a picture that is drawn, of this size; `ready` is then that of `prepared_part`.
     enough : called after each pass of a march that is split into several; True postpones the rest to the next frame.
         Each call must then be drawn before the next is requested. None makes the maximum number of passes.
     """
     keep = ready.plan.scene.quality.temporal != "off"
     kept = history.begin(_view(ready, uniforms, size), ready.texts.get("color"), keep)
     rays = dict(uniforms)
+    if part is not None:
+        rays["u_corner"] = part.box(size)[:2]
     if ready.plan.marching.cones:
-        cones, carried = _cones(resources, ready, uniforms, size)
+        cones, carried = _cones(resources, ready, uniforms, size, part)
         yield from [] if kept else cones
         rays.update(carried, u_spent=1.0 if history.cones or not keep else 0.0)
     for chosen in ready.plan.passes:
         if chosen.module == "view/accumulate":
-            yield from _samples(resources, ready, chosen, rays, size, history, at)
+            yield from _samples(resources, ready, chosen, rays, size, history, at, part)
         elif chosen.module == "temporal/resolve":
             yield from _joined(resources, ready, chosen, rays, size, history)
             history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
@@ -193,17 +198,19 @@ def _samples(
     size: tuple[int, int],
     history: History,
     at: Callable[[float], Mapping[str, Any]] | None,
+    part: Part | None,
 ) -> Iterator[DrawCall]:
     """One draw call per sample, into alternate targets. at : as of `draw_calls_of`."""
     pair = resources.pair("history", size)
-    for _ in range(ready.plan.scene.quality.samples):
+    first, end = (part and part.samples) or (0, ready.plan.scene.quality.samples)
+    for _ in range(first, end):
         own = {
             **uniforms,
-            **(at(moment(history.samples)) if at is not None else {}),
+            **(at(moment(first + history.samples)) if at is not None else {}),
             "u_history": pair.front,
             "u_keep": history.samples > 0,
-            "u_jitter": r2(history.samples),
-            "u_sample": history.samples,
+            "u_jitter": r2(first + history.samples),
+            "u_sample": first + history.samples,
         }
         yield _call(resources, ready, chosen, pair.back, own)
         pair.swap()
@@ -311,7 +318,11 @@ texture."""
 
 
 def _cones(
-    resources: ResourceCache, ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]
+    resources: ResourceCache,
+    ready: Prepared,
+    uniforms: Mapping[str, Any],
+    size: tuple[int, int],
+    part: Part | None,
 ) -> tuple[list[DrawCall], dict[str, Any]]:
     """The draw calls of all cone levels, and the uniforms by which the rays read the last level."""
     plan = ready.plan
@@ -322,9 +333,15 @@ def _cones(
     # level gets a texture of the same kind as the other levels.
     carried: dict[str, Any] = {"u_carried": resources.target("no cone", UNREAD), "u_carried_cell": (0.0, 0.0)}
     draw_calls = []
-    for i, level in enumerate(plan.marching.schedule.levels):
-        target = resources.target(f"cone {i}", level.size(size), chosen.textures)
-        cell, footprint = cells(level, size, jittered)
+    levels = plan.marching.schedule.levels
+    whole = size if part is None else part.whole
+    boxes = [(0, 0, *level.size(size)) for level in levels]
+    if part is not None:
+        boxes = covering(part.box(size), whole, levels)
+        carried |= {"u_carried_corner": (0.0, 0.0), "u_carried_size": UNREAD}
+    for i, level in enumerate(levels):
+        target = resources.target(f"cone {i}", boxes[i][2:], chosen.textures)
+        cell, footprint = cells(level, whole, jittered)
         own = {
             **uniforms,
             **carried,
@@ -333,8 +350,12 @@ def _cones(
             **_cone(footprint, uniforms, "ORTHOGRAPHIC" in plan.variants),
             "march_steps": max(1, round(level.share * steps)),
         }
+        if part is not None:
+            own["u_corner"] = boxes[i][:2]
         draw_calls.append(_call(resources, ready, chosen, target, own))
         carried = {"u_carried": target, "u_carried_cell": cell}
+        if part is not None:
+            carried |= {"u_carried_corner": boxes[i][:2], "u_carried_size": level.size(whole)}
     rays = {
         "u_cell": (1.0, 1.0),
         "u_footprint": (0.5, 0.5) if jittered else (0.0, 0.0),

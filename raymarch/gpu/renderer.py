@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import DeviceError, RenderError
+from raymarch.errors import DeviceError, RenderError, SceneError
 from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import BACKENDS, Context, open_context
 from raymarch.gpu.draw_calls import DrawCall, History, count_draws, draw_calls_of
 from raymarch.gpu.frame import Frame, Timing, not_rendered, unpack
+from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
 from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
@@ -140,6 +141,7 @@ class Renderer:
         pose: Pose | None = None,
         within: float | None = None,
         cut: Slice | None = None,
+        part: Part | None = None,
     ) -> Frame:
         """Render one frame of a scene.
 
@@ -155,6 +157,8 @@ class Renderer:
             that have not terminated by then continue in the next frame, which needs temporal="accumulate" and an
             unchanged picture; `frame.complete` tells whether all rays have terminated. None sets no budget.
         cut : plane of the output "slice". None is the axis-aligned plane through the centre that faces the camera most.
+        part : the part of a larger picture to render; the renderer's size is that of the part. Not with `temporal` or
+            rays="interpolated".
 
         Raises
         ------
@@ -168,7 +172,7 @@ class Renderer:
         within = None if within is None else real("within", within, 0.0, np.inf, "milliseconds >= 0, or None")
         self._refuse_closed()
         with self.context.bound():
-            return self._render(scene, time, params, outputs, progress, pose, within, cut)
+            return self._render(scene, time, params, outputs, progress, pose, within, cut, part)
 
     def _render(
         self,
@@ -180,10 +184,12 @@ class Renderer:
         pose: Pose | None,
         within: float | None,
         cut: Slice | None,
+        part: Part | None,
     ) -> Frame:
-        values = self._values(scene, params, time, outputs)
+        values = self._values(scene, params, time, outputs, part)
         size = self.size
-        pose = pose or scene.pose(values, size[0] / size[1])
+        width, height = size if part is None else part.whole
+        pose = pose or scene.pose(values, width / height)
 
         def render_for(
             name: str, scene: Scene = scene, wanted: str = ""
@@ -195,20 +201,22 @@ class Renderer:
                         f"this renderer draws {self.size} now, the frame is {size}",
                         legal="access the array before `resize`",
                     )
-                return self._render_passes(scene, values, [name], pose, cut=cut)
+                return self._render_passes(scene, values, [name], pose, cut=cut, part=part)
 
         arrays, timings = self._render_passes(
-            scene, values, outputs, pose, progress, np.inf if within is None else within, cut
+            scene, values, outputs, pose, progress, np.inf if within is None else within, cut, part
         )
         complete = scene.quality.steps_per_pass is None or self.history.arrived
-        broken = violations(self._prepare(scene, outputs).plan.conditions, values)
+        broken = violations(self._prepare(scene, outputs, part).plan.conditions, values)
 
         def doubts_of(frame: Frame, steps: bool) -> list[str]:
             return self._doubts(scene, values, frame, steps)
 
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
             covered = render_for("color", _silhouette(scene), "alpha")[0]["color"][..., 0]
-            directions = pose.directions(np.arange(size[0]), np.arange(size[1])[:, None], size).reshape(-1, 3)
+            x, y = (0, 0) if part is None else part.corner
+            columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
+            directions = pose.directions(columns, rows, (width, height)).reshape(-1, 3)
             behind = scene.sky.radiance_along(directions, values).reshape(*covered.shape, 3)
             return covered, behind.astype(np.float32)
 
@@ -299,33 +307,73 @@ class Renderer:
             self._prepared.popitem(last=False)
 
     def _values(
-        self, scene: Scene, params: Mapping[str, ParamValue] | None, time: float, outputs: Sequence[str]
+        self,
+        scene: Scene,
+        params: Mapping[str, ParamValue] | None,
+        time: float,
+        outputs: Sequence[str],
+        part: Part | None = None,
     ) -> Values:
-        return set_values(self._prepare(scene, outputs).plan.parameters, params, time, scene.where)
+        return set_values(self._prepare(scene, outputs, part).plan.parameters, params, time, scene.where)
 
     def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
         """The plan and shader of a scene, from the cache if possible."""
         return self._prepare(scene, outputs)
 
-    def _prepare(self, scene: Scene, outputs: Sequence[str]) -> Prepared:
+    def _prepare(self, scene: Scene, outputs: Sequence[str], part: Part | None = None) -> Prepared:
+        if part is not None:
+            return self._prepare_part(scene, outputs, part.whole)
         found = self._prepared.get((*_key(scene, outputs), self.planned_for or self._size))
         if found is None:
             found = prepare(scene, outputs, self.planned_for or self._size)
             self.adopt(scene, found, outputs)
         return found
 
+    def _prepare_part(self, scene: Scene, outputs: Sequence[str], whole: tuple[int, int]) -> Prepared:
+        """The plan of the whole picture, and the shader of its parts."""
+        key = (*_key(scene, outputs), whole, "part")
+        found = self._prepared.get(key)
+        if found is None:
+            quality = scene.quality
+            if quality.temporal != "off" or quality.rays != "computed":
+                raise SceneError(
+                    f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}",
+                    legal="temporal='off' and rays='computed'",
+                    where=scene.where,
+                )
+            found = self._prepared[key] = prepared_part(prepare(scene, outputs, whole))
+            while len(self._prepared) > max(PLANNED, self.kept // 4):
+                self._prepared.popitem(last=False)
+        return found
+
     def _ready(
-        self, scene: Scene, values: Values, outputs: Sequence[str], pose: Pose, cut: Slice | None
+        self,
+        scene: Scene,
+        values: Values,
+        outputs: Sequence[str],
+        pose: Pose,
+        cut: Slice | None,
+        part: Part | None = None,
     ) -> tuple[Prepared, dict[str, Any]]:
         """The plan of a frame and the uniforms of all its passes."""
         self._refuse_closed()
-        ready = self._prepare(scene, outputs)
+        ready = self._prepare(scene, outputs, part)
         self._refuse_lacking(ready)
-        return ready, self.uniforms(ready, values, pose, cut)
+        return ready, self.uniforms(ready, values, pose, cut, None if part is None else part.whole)
 
-    def uniforms(self, ready: Prepared, values: Values, pose: Pose, cut: Slice | None = None) -> dict[str, Any]:
-        """The uniforms of all passes of a prepared scene for one frame, including its data textures."""
-        uniforms = frame_uniforms(ready, values, self.size, pose, cut)
+    def uniforms(
+        self,
+        ready: Prepared,
+        values: Values,
+        pose: Pose,
+        cut: Slice | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> dict[str, Any]:
+        """The uniforms of all passes of a prepared scene for one frame, including its data textures.
+
+        size : of the whole picture; None is the renderer's.
+        """
+        uniforms = frame_uniforms(ready, values, size or self.size, pose, cut)
         with in_pass(*(chosen.name for chosen in ready.plan.passes)):
             uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
@@ -333,10 +381,14 @@ class Renderer:
         return uniforms
 
     def _shutter(
-        self, ready: Prepared, values: Values, pose: Pose, cut: Slice | None
+        self, ready: Prepared, values: Values, pose: Pose, cut: Slice | None, whole: tuple[int, int] | None = None
     ) -> Callable[[float], Mapping[str, Any]] | None:
-        """The uniforms while the shutter is open, for `draw_calls_of`. The pose of the scene's camera moves with it."""
-        scene, aspect = ready.plan.given, self.size[0] / self.size[1]
+        """The uniforms while the shutter is open, for `draw_calls_of`. The pose of the scene's camera moves with it.
+
+        whole : size of the picture whose part is drawn.
+        """
+        width, height = whole or self.size
+        scene, aspect = ready.plan.given, width / height
         if not scene.motion_blur:
             return None
         seconds = scene.camera.open_seconds(values)
@@ -344,7 +396,7 @@ class Renderer:
 
         def at(share: float) -> Mapping[str, Any]:
             then = replace(values, time=values.time + share * seconds)
-            return self.uniforms(ready, then, scene.pose(then, aspect) if follows else pose, cut)
+            return self.uniforms(ready, then, scene.pose(then, aspect) if follows else pose, cut, whole)
 
         return at
 
@@ -379,11 +431,12 @@ class Renderer:
         progress: Progress | None = None,
         within: float = np.inf,
         cut: Slice | None = None,
+        part: Part | None = None,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         self._refuse_while_drawing("render")
         self._is_drawing = True
         try:
-            return self._passes(scene, values, outputs, pose, self._lent(progress), within, cut)
+            return self._passes(scene, values, outputs, pose, self._lent(progress), within, cut, part)
         except BaseException:
             self.forget()  # the history already counts draws that were not made
             raise
@@ -410,14 +463,17 @@ class Renderer:
         progress: Progress | None,
         within: float,
         cut: Slice | None,
+        part: Part | None,
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         timings: list[Timing] = []
         targets: dict[str, Target] = {}
-        ready, uniforms = self._ready(scene, values, outputs, pose, cut)
-        at = self._shutter(ready, values, pose, cut)
-        draw_calls = draw_calls_of(
-            self.resources, ready, uniforms, self.size, self.history, lambda: sum(t.draw for t in timings) > within, at
-        )
+        ready, uniforms = self._ready(scene, values, outputs, pose, cut, part)
+
+        def enough() -> bool:
+            return sum(t.draw for t in timings) > within
+
+        at = self._shutter(ready, values, pose, cut, None if part is None else part.whole)
+        draw_calls = draw_calls_of(self.resources, ready, uniforms, self.size, self.history, enough, at, part)
         most = count_draws(ready)
         for call in _named(draw_calls, ready):
             first = self.resources.first_draw(call.program)

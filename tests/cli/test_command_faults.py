@@ -18,7 +18,7 @@ import pytest
 from PIL import Image
 
 import raymarch as rm
-from raymarch.cli.render import FORMATS
+from raymarch.export.stills import FORMATS
 from raymarch.gpu.doctor import Report
 from raymarch.plan import plan
 from raymarch.scene import load

@@ -1,0 +1,204 @@
+"""The pictures of a film or of a large picture: their files, times and parts, and how they are joined."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from raymarch.errors import RaymarchError, SceneError
+from raymarch.export.film import FILMS, check_film, write_film
+from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, with_key
+from raymarch.files import written
+from raymarch.gpu.part import Part, prepared_part, split
+from raymarch.gpu.prepare import Prepared, prepare
+from raymarch.scene.images import exr_package
+from raymarch.scene.scene import Scene
+
+LARGE = 1 << 24
+"""Pictures with more pixels are drawn in tiles, each of which is a file until the picture is complete."""
+
+EDGE = 1024
+"""Largest edge of a tile in pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A picture of a sequence, or a tile of a picture.
+
+    Attributes
+    ----------
+    name : for messages, such as "frame 12". time : value of `raymarch.time`. file : where it is written.
+    size : (width, height) in pixels. part : where a tile lies in its picture; None for a whole picture.
+    """
+
+    name: str
+    time: float
+    file: Path
+    size: tuple[int, int]
+    part: Part | None = None
+
+
+def frames_of(
+    target: Path,
+    numbers: Sequence[int],
+    fps: float,
+    size: tuple[int, int],
+    option: str = "frames",
+    error: type[RaymarchError] = SceneError,
+) -> list[Item]:
+    """The frames of a film or of a sequence. The pictures of a film are in a folder beside it until it is complete.
+
+    option : the user's name of the frames, for messages. Raises `error` for a name or a format that cannot hold them.
+    """
+    suffix = target.suffix.lower()
+    check_suffix(target, error)
+    if suffix in FILMS:
+        check_film(target, size, fps)
+        check_folder(target, error)
+        folder = _parts_folder(target, "frames")
+        return [Item(f"frame {i}", i / fps, folder / f"frame_{i:06d}.png", size) for i in numbers]
+    if suffix == ".exr":
+        exr_package(target)
+    return [Item(f"frame {i}", i / fps, target.with_name(_numbered(target, i, option, error)), size) for i in numbers]
+
+
+def check_suffix(target: Path, error: type[RaymarchError] = SceneError) -> None:
+    """Raise `error` for a file of a format that is not known."""
+    known = (*FORMATS, *NUMBERS, *FILMS)
+    if target.suffix.lower() not in known:
+        raise error(f"cannot write '{target}'", legal=f"a file ending in {', '.join(known)}")
+
+
+def check_folder(target: Path, error: type[RaymarchError] = SceneError) -> None:
+    """Raise `error` if the folder of a file does not exist."""
+    if not target.parent.is_dir():
+        raise error(f"cannot write '{target}': no such folder", legal="a writable folder")
+
+
+def tiles_of(target: Path, time: float, size: tuple[int, int], edge: int) -> list[Item]:
+    """The tiles of a picture, each a PNG file in a folder beside it until the picture is complete."""
+    folder = _parts_folder(target, "tiles")
+    return [
+        Item(f"tile {x},{y}", time, folder / f"tile_{y:06d}_{x:06d}.png", own, Part(size, (x, y)))
+        for (x, y), own in split(size, edge)
+    ]
+
+
+def edge_of(size: tuple[int, int]) -> int:
+    """The edge of the tiles for a cluster: an eighth of the picture, in steps of 16 from 64 to `EDGE`. It depends on
+    the size only, so a rerun continues."""
+    return min(EDGE, max(64, 16 * -(-max(size) // 128)))
+
+
+def _parts_folder(target: Path, what: str) -> Path:
+    return target.with_name(f"{target.name}.{what}")
+
+
+class Contents:
+    """The content hashes of the pictures of one scene; see `content_of`. Needs no OpenGL."""
+
+    def __init__(self, scene: Scene, shot: Shot) -> None:
+        self.scene, self.shot = scene, shot
+        self._ready: dict[Any, Prepared] = {}
+
+    def of(self, item: Item) -> str | None:
+        """The content hash of a picture; None if it depends on earlier frames."""
+        shot = self.shot
+        size = item.size if item.part is None else item.part.whole
+        ready = self._ready.get((size, item.part is None))
+        if ready is None:
+            ready = prepare(self.scene, shot.outputs, size)
+            ready = self._ready[size, item.part is None] = ready if item.part is None else prepared_part(ready)
+        return content_of(ready, self.scene, item.size, item.time, shot.params, shot.cut, shot.label, item.part)
+
+
+def join_film(target: Path, items: Sequence[Item], fps: float, error: type[RaymarchError] = SceneError) -> None:
+    """Write a film of pictures, and remove the pictures."""
+    with written(target, error) as unfinished:
+        write_film(unfinished, target.suffix.lower(), (Image.open(item.file) for item in items), fps)
+    shutil.rmtree(items[0].file.parent)
+
+
+def join_tiles(target: Path, items: Sequence[Item], key: str | None, error: type[RaymarchError] = SceneError) -> None:
+    """Write a picture of its tiles, and remove the tiles. One tile at a time is in memory.
+
+    A large .tif is tiled (deflate); for other formats the picture is in memory, with 3 or 4 bytes a pixel.
+    """
+    part = items[0].part
+    assert part is not None
+    with written(target, error) as unfinished:
+        if target.suffix.lower() in (".tif", ".tiff") and part.whole[0] * part.whole[1] > LARGE:
+            write_tiled(unfinished, part.whole, items)
+        else:
+            canvas: Image.Image | None = None
+            for item in items:
+                assert item.part is not None
+                with Image.open(item.file) as tile:
+                    if canvas is None:
+                        canvas = Image.new(tile.mode, part.whole)
+                    canvas.paste(tile, item.part.corner)
+            assert canvas is not None
+            suffix = target.suffix.lower()
+            canvas.save(unfinished, FORMATS[suffix], **(with_key(key) if suffix == ".png" else {}))
+    shutil.rmtree(items[0].file.parent)
+
+
+def write_tiled(file: Path, size: tuple[int, int], items: Sequence[Item]) -> None:
+    """A tiled TIFF file with deflate compression, from tiles in the order of their rows."""
+    tifffile = tiff_package(file)
+    edge = items[0].size
+    with Image.open(items[0].file) as first:
+        channels = len(first.getbands())
+
+    def tiles() -> Iterator[NDArray[np.uint8]]:
+        for item in items:
+            with Image.open(item.file) as opened:
+                yield np.asarray(opened)
+
+    step = 16  # edges of tiles are multiples of 16
+    across, down = (-(-length // step) * step for length in edge)
+    with tifffile.TiffWriter(file, bigtiff=size[0] * size[1] * channels > 2**31) as out:
+        out.write(
+            tiles(),
+            shape=(size[1], size[0], channels),
+            dtype=np.uint8,
+            tile=(down, across),
+            photometric="rgb",
+            extrasamples=("unassalpha",) if channels == 4 else None,
+            compression="zlib",
+            metadata=None,
+            software="raymarch",
+        )
+
+
+def tiff_package(file: Path) -> Any:
+    """The package tifffile. SceneError, naming the file, if it is not installed."""
+    try:
+        import tifffile
+    except ImportError:
+        raise SceneError(f"a large '{file}' needs the package tifffile", legal="pip install 'raymarch[tiff]'") from None
+    return tifffile
+
+
+def _numbered(target: Path, number: int, option: str, error: type[RaymarchError]) -> str:
+    """The file name of a frame: with a field of `str.format` or of `%`."""
+    name = target.name
+    with suppress(IndexError, KeyError, ValueError):
+        name = target.name.format(number)
+    if name == target.name:
+        with suppress(TypeError, ValueError):
+            name = target.name % number
+    if name == target.name:
+        raise error(
+            f"{option} with the output '{target}'",
+            legal="a film (.mp4, .webm, .gif), or a field for the frame number: frame-{:04d}.png",
+        )
+    return name

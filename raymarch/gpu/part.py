@@ -1,0 +1,73 @@
+"""A part of a picture: a rectangle of its pixels, or some of the samples of each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from raymarch.errors import DeviceError
+from raymarch.gpu.prepare import Prepared
+from raymarch.plan.schedule import Level
+from raymarch.shader.part import part_of
+
+Box = tuple[int, int, int, int]
+"""x and y of the lower left texel, width, height."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a picture that a renderer of the part's size draws. Its pixels are those of the whole picture, bit for
+    bit.
+
+    Attributes
+    ----------
+    whole : (width, height) of the whole picture in pixels.
+    corner : (x, y) of the part's upper left pixel; row 0 is the top of the whole picture.
+    samples : (first, end) of the samples per pixel; the colours are their mean. None is all of them.
+    """
+
+    whole: tuple[int, int]
+    corner: tuple[int, int] = (0, 0)
+    samples: tuple[int, int] | None = None
+
+    def box(self, size: tuple[int, int]) -> Box:
+        """The part of this size, in the whole picture. DeviceError if it does not lie in it."""
+        (x, y), (width, height) = self.corner, size
+        if x < 0 or y < 0 or x + width > self.whole[0] or y + height > self.whole[1]:
+            raise DeviceError(
+                f"a part of {width}x{height} at {self.corner} of a picture of {self.whole[0]}x{self.whole[1]}",
+                legal="a part inside the picture",
+            )
+        return x, self.whole[1] - y - height, width, height
+
+
+def prepared_part(ready: Prepared) -> Prepared:
+    """A prepared scene whose shader draws parts."""
+    shader = part_of(ready.shader)
+    return replace(ready, shader=shader, texts={name: shader.text(name) for name in ready.texts})
+
+
+def covering(box: Box, whole: tuple[int, int], levels: tuple[Level, ...]) -> list[Box]:
+    """The cells of each level, from coarse to fine, that the rays of a part start from.
+
+    Each level covers the cells of the next finer one, and a margin of one cell.
+    """
+    found: list[Box] = []
+    left, low, right, high = (float(v) for v in (box[0], box[1], box[0] + box[2], box[1] + box[3]))
+    for level in reversed(levels):
+        across, up = level.size(whole)
+        cell = (whole[0] / across, whole[1] / up)
+        first = (max(math.floor(left / cell[0]) - 1, 0), max(math.floor(low / cell[1]) - 1, 0))
+        end = (min(math.ceil(right / cell[0]) + 1, across), min(math.ceil(high / cell[1]) + 1, up))
+        found.append((*first, end[0] - first[0], end[1] - first[1]))
+        left, low, right, high = first[0] * cell[0], first[1] * cell[1], end[0] * cell[0], end[1] * cell[1]
+    return found[::-1]
+
+
+def split(size: tuple[int, int], edge: int) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Tiles of a picture by rows from the top: the corner and the size of each. Tiles at the right and at the bottom
+    may be smaller than `edge`."""
+    for y in range(0, size[1], edge):
+        for x in range(0, size[0], edge):
+            yield (x, y), (min(edge, size[0] - x), min(edge, size[1] - y))
