@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from raymarch import cost
+    from raymarch.cluster.frames import render_frames
     from raymarch.errors import (
+        ClusterError,
         CostError,
         DeviceError,
         PlanError,
@@ -224,6 +226,7 @@ __version__ = "0.1.0"
 __all__ = [
     "AmbientOcclusion",
     "Camera",
+    "ClusterError",
     "CostError",
     "DeviceError",
     "DirectionSample",
@@ -356,6 +359,7 @@ __all__ = [
     "rectangle",
     "regular_polygon",
     "render",
+    "render_frames",
     "repeat_varied",
     "rhombicuboctahedron",
     "rhombus",
@@ -419,8 +423,9 @@ _PACKAGES = frozenset("cost errors expr glsl gpu plan scene sdf shader".split())
 
 _MODULES = {
     "raymarch.errors": (
-        "CostError DeviceError PlanError RaymarchError RenderError RenderWarning SceneError ShaderError"
+        "ClusterError CostError DeviceError PlanError RaymarchError RenderError RenderWarning SceneError ShaderError"
     ),
+    "raymarch.cluster.frames": "render_frames",
     "raymarch.export": "export",
     "raymarch.export.notebook": "show",
     "raymarch.expr.maths": (

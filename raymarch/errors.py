@@ -79,6 +79,10 @@ class CostError(RaymarchError):
     """No setting reaches the requested error or time, or a measurement cannot be made or reported as requested."""
 
 
+class ClusterError(RaymarchError):
+    """A cluster that cannot be used, or pictures that its workers could not draw."""
+
+
 class SceneWarning(UserWarning):
     """Input that was corrected, or an operation that takes long. It may be a mistake."""
 

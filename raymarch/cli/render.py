@@ -137,12 +137,15 @@ def run(
     shot = Shot((width, height), ".png" if film else suffix, params, view, CHOICES[view], cut, alpha, layers, strict)
     if cluster is not None:
         from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
+        from raymarch.cluster.frames import TIMEOUT, Options
 
         if error is not None or within is not None:
             raise CommandError("--error or --within with --cluster", legal="--quality, or a quality in the scene")
-        chosen = found.replace(quality=chooser(found, None, items[0].time, params))  # type: ignore[arg-type]
-        where = Where(cluster, workers, mixed_drivers, split_samples or 1, task_timeout, backend, device)
-        render_on_cluster(scene, chosen, shot, items, target, fps if frames is not None else None, where)
+        options = Options(mixed_drivers, split_samples or 1, task_timeout or TIMEOUT, backend, device)
+        chosen = found.quality if quality is None else found.quality.to_preset(quality)
+        where = Where(cluster, workers, options)
+        drawn, key = render_on_cluster(scene, chosen, shot, items, target, frames is not None, where)
+        join(target, drawn, fps, (width, height), key)
         return
     large = frames is None and view == "final" and width * height > LARGE and suffix in FORMATS
     if large:
@@ -150,6 +153,7 @@ def run(
             raise CommandError(f"--error or --within with {width}x{height} pixels", legal=f"up to {LARGE} pixels")
         if suffix in (".tif", ".tiff"):
             tiff_package(target)
+        whole, whole_shot = items[0], shot
         items = tiles_of(target, items[0].time, (width, height), EDGE)
         shot = replace(shot, suffix=".png")
     if film or large:
@@ -162,19 +166,19 @@ def run(
     ):
         warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
         found = found.replace(quality=chooser(found, renderer, items[0].time, params))
-        contents = Contents(found, shot)
+        contents = Contents(found, shot, renderer)
         for i, item in enumerate(items):
             start = clock_time.perf_counter()
             tell = partial(_later, progress, i)
             file = item.file
+            if renderer.size != item.size:
+                renderer.resize(item.size)
             if shot.suffix == ".png":
                 key = key_of(contents.of(item), renderer.context.driver)
                 if (frames is not None or large) and key is not None and is_whole(file, [key]):
                     if not large:
                         errors.print(f"{file}  is already drawn", markup=False)
                     continue
-            if renderer.size != item.size:
-                renderer.resize(item.size)
             frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
             view_result = shown(renderer, frame, view, found, params, tell)
             with written(file) as unfinished:
@@ -192,7 +196,9 @@ def run(
                 errors.print(f"raymarch: {doubt}", markup=False)
             for line in view_result.lines:
                 typer.echo(line)
-    join(target, items, fps, (width, height))
+        if large:
+            key = key_of(Contents(found, whole_shot).of(whole), renderer.context.driver)
+    join(target, items, fps, (width, height), key)
 
 
 def join(target: Path, items: list[Item], fps: float, size: tuple[int, int], key: str | None = None) -> None:

@@ -19,6 +19,7 @@ from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, with_key
 from raymarch.files import written
 from raymarch.gpu.part import Part, prepared_part, split
 from raymarch.gpu.prepare import Prepared, prepare
+from raymarch.gpu.renderer import Renderer
 from raymarch.scene.images import exr_package
 from raymarch.scene.scene import Scene
 
@@ -103,20 +104,27 @@ def _parts_folder(target: Path, what: str) -> Path:
 
 
 class Contents:
-    """The content hashes of the pictures of one scene; see `content_of`. Needs no OpenGL."""
+    """The content hashes of the pictures of one scene; see `content_of`.
 
-    def __init__(self, scene: Scene, shot: Shot) -> None:
-        self.scene, self.shot = scene, shot
+    renderer : whose plans of the scene are used. None plans it, which needs no OpenGL.
+    """
+
+    def __init__(self, scene: Scene, shot: Shot, renderer: Renderer | None = None) -> None:
+        self.scene, self.shot, self.renderer = scene, shot, renderer
         self._ready: dict[Any, Prepared] = {}
 
     def of(self, item: Item) -> str | None:
-        """The content hash of a picture; None if it depends on earlier frames."""
+        """The content hash of a picture; None if it depends on earlier frames. The renderer must have its size."""
         shot = self.shot
-        size = item.size if item.part is None else item.part.whole
-        ready = self._ready.get((size, item.part is None))
-        if ready is None:
-            ready = prepare(self.scene, shot.outputs, size)
-            ready = self._ready[size, item.part is None] = ready if item.part is None else prepared_part(ready)
+        if self.renderer is not None:
+            ready = self.renderer.prepared(self.scene, shot.outputs, item.part)
+        else:
+            size = item.size if item.part is None else item.part.whole
+            key = size, item.part is None
+            if key not in self._ready:
+                whole = prepare(self.scene, shot.outputs, size)
+                self._ready[key] = whole if item.part is None else prepared_part(whole)
+            ready = self._ready[key]
         return content_of(ready, self.scene, item.size, item.time, shot.params, shot.cut, shot.label, item.part)
 
 

@@ -316,9 +316,9 @@ class Renderer:
     ) -> Values:
         return set_values(self._prepare(scene, outputs, part).plan.parameters, params, time, scene.where)
 
-    def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",)) -> Prepared:
-        """The plan and shader of a scene, from the cache if possible."""
-        return self._prepare(scene, outputs)
+    def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",), part: Part | None = None) -> Prepared:
+        """The plan and shader of a scene, or of parts of its picture, from the cache if possible."""
+        return self._prepare(scene, outputs, part)
 
     def _prepare(self, scene: Scene, outputs: Sequence[str], part: Part | None = None) -> Prepared:
         if part is not None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from raymarch.errors import SceneError, user_location
+from raymarch.files import reads
 from raymarch.scene.srgb import srgb_to_linear
 
 Array = NDArray[np.float32]
@@ -85,6 +86,7 @@ def _read_exr(path: Path) -> NDArray[Any]:
         import OpenEXR
     except ImportError:
         raise ValueError("it needs the package OpenEXR: pip install 'raymarch[exr]'") from None
+    reads(path)
     try:
         with OpenEXR.File(str(path)) as opened:
             channels = opened.channels()

@@ -1,0 +1,124 @@
+"""`raymarch render --cluster`: progress, messages and the summary."""
+
+from __future__ import annotations
+
+import time as clock_time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from raymarch.cli.common import CommandError, errors
+from raymarch.cluster.connect import check_address, connected
+from raymarch.cluster.frames import Options, check, draw_items, failures
+from raymarch.cluster.source import of_file
+from raymarch.cluster.submit import Cluster, Failed
+from raymarch.cluster.worker import Done, Refused
+from raymarch.export.film import FILMS
+from raymarch.export.sequence import LARGE, Contents, Item, edge_of, tiff_package, tiles_of
+from raymarch.export.stills import FORMATS, Shot, key_of
+from raymarch.scene.quality import Quality
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """The options of a cluster as they were given: --cluster, --workers, and the others."""
+
+    address: str
+    workers: str | None
+    options: Options
+
+    @property
+    def resources(self) -> dict[str, float] | None:
+        """The Dask resources of --workers. CommandError if they are not NAME=N."""
+        if self.workers is None:
+            return None
+        name, equals, value = self.workers.partition("=")
+        if not equals or not name.strip() or not value.replace(".", "", 1).isdecimal() or float(value) <= 0:
+            raise CommandError(f"--workers {self.workers}", legal="NAME=N, such as GPU=1")
+        return {name.strip(): float(value)}
+
+
+def render_on_cluster(
+    path: Path, quality: Quality, shot: Shot, items: list[Item], target: Path, film: bool, where: Where
+) -> tuple[list[Item], str | None]:
+    """Draw the frames of a film, or the tiles of one picture.
+
+    Returns what was drawn, the items or the tiles, and the key of the one picture.
+    """
+    check_address(where.address)
+    resources, options = where.resources, where.options
+    source, scene = of_file(path)
+    scene = scene.replace(quality=quality)
+    check(scene, shot, options)
+    what, key = "frames", None
+    whole = Contents(scene, shot)
+    one = items[0]
+    tiled = shot.suffix in FORMATS and shot.view == "final" and quality.rays == "computed"
+    if not film and tiled:
+        if target.suffix.lower() in (".tif", ".tiff") and shot.size[0] * shot.size[1] > LARGE:
+            tiff_package(target)
+        items, shot, what = (
+            tiles_of(target, items[0].time, shot.size, edge_of(shot.size)),
+            replace(shot, suffix=".png"),
+            "tiles",
+        )
+    failed: list[tuple[Item, Refused | Failed]] = []
+    start = clock_time.perf_counter()
+    with connected(where.address, options.timeout) as client:
+        cluster: Cluster[Any] = Cluster(client, resources)
+        errors.print(f"{where.address}: {client.dashboard_link}", markup=False)
+        if what == "tiles" or target.suffix.lower() in FILMS:
+            items[0].file.parent.mkdir(exist_ok=True)
+        with _progress(len(items), what) as advance:
+            for item, outcome in draw_items(cluster, source, scene, shot, items, options, _say, CommandError):
+                advance(cluster.log.workers)
+                if isinstance(outcome, Done):
+                    if what == "frames":
+                        _print(item, outcome)
+                elif outcome is not None:
+                    failed.append((item, outcome))
+                    errors.print(f"raymarch: {failures([(item, outcome)])[0]}", markup=False)
+                elif what == "frames":
+                    errors.print(f"{item.file}  is already drawn", markup=False)
+    for line in cluster.log.lines(what, clock_time.perf_counter() - start):
+        errors.print(line, markup=False)
+    if failed:
+        raise CommandError(f"{len(failed)} of {len(items)} {what} could not be drawn", legal="see above")
+    if what == "tiles":
+        key = key_of(whole.of(one), cluster.used[0].driver)
+    return items, key
+
+
+def _print(item: Item, done: Done) -> None:
+    width, height = item.size
+    errors.print(
+        f"{item.file}  {width}x{height}  {done.milliseconds:.1f} ms to draw, {1e3 * done.seconds:.0f} ms in all, "
+        f"{done.worker}",
+        markup=False,
+    )
+    for doubt in done.doubts:
+        errors.print(f"raymarch: {doubt}", markup=False)
+
+
+def _say(note: str) -> None:
+    errors.print(f"raymarch: {note}", markup=False)
+
+
+@contextmanager
+def _progress(total: int, what: str) -> Iterator[Any]:
+    """A progress bar with counts, workers and the time left, if the error stream is a terminal."""
+    if not errors.is_interactive:
+        yield lambda workers: None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
+    with Progress(*columns, console=errors, transient=True) as shown:
+        task = shown.add_task(what, total=total)
+
+        def advance(workers: int) -> None:
+            shown.update(task, advance=1, description=f"{what}, {workers} workers")
+
+        yield advance

@@ -1,0 +1,112 @@
+"""Open a cluster: workers on this machine, or those of a scheduler."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from raymarch.errors import ClusterError
+
+CONNECT = 10.0
+"""Seconds to wait for a scheduler to answer."""
+
+FAILURES = 30
+"""Deaths of workers after which Dask gives up a task that each of them was assigned, on a local cluster.
+
+Dask counts a death for all tasks that were assigned to the worker, not only for the one that it ran. Its default is 3.
+"""
+
+LEGAL = "local, local:N with N workers, or tcp://HOST:PORT"
+
+
+def package(what: str) -> Any:
+    """The package distributed. ClusterError if it is not installed."""
+    try:
+        import distributed
+    except ImportError:
+        raise ClusterError(f"{what} needs the package distributed", legal="pip install 'raymarch[cluster]'") from None
+    return distributed
+
+
+def check_address(address: str) -> int | None:
+    """The number of local workers; None for the address of a scheduler. ClusterError for anything else."""
+    local = re.fullmatch(r"local(?::(\d{1,4}))?", address)
+    if local is not None and local[1] is None:
+        return os.cpu_count() or 1
+    if local is not None and int(local[1]) > 0:
+        return int(local[1])
+    if local is None and re.fullmatch(r"(tcp|tls|ws|wss|ucx)://[^/\s:]+(:\d{1,5})?", address):
+        return None
+    raise ClusterError(f"--cluster {address}", legal=LEGAL)
+
+
+@contextmanager
+def connected(address: str, timeout: float) -> Iterator[Any]:
+    """A `distributed.Client` for an address. A local cluster is closed at the end.
+
+    timeout : seconds after which a local worker that does not answer is replaced. Raises ClusterError if the scheduler
+    does not answer.
+    """
+    distributed = package("--cluster")
+    number = check_address(address)
+    if number is not None:
+        with _local(distributed, number, timeout) as client:
+            yield client
+        return
+    with _quiet():
+        try:
+            client = distributed.Client(address, timeout=CONNECT, set_as_default=False)
+        except (OSError, TimeoutError, ValueError):
+            raise ClusterError(
+                f"no Dask scheduler answers at {address}", legal="the address that `dask scheduler` prints"
+            ) from None
+        try:
+            yield client
+        finally:
+            with suppress(Exception):  # the scheduler may be gone
+                client.close(timeout=2)
+
+
+@contextmanager
+def _local(distributed: Any, number: int, timeout: float) -> Iterator[Any]:
+    """Workers on this machine, each a process with one thread for tasks and its share of the cores for Mesa."""
+    import dask
+
+    threads = max(1, (os.cpu_count() or 1) // number)
+    settings = {
+        "distributed.scheduler.allowed-failures": FAILURES,
+        "distributed.scheduler.worker-ttl": f"{timeout:g}s",  # a hung worker is replaced
+        "distributed.admin.tick.limit": "1h",  # a draw blocks a worker's event loop
+    }
+    with (
+        _quiet(),
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=number,
+            threads_per_worker=1,
+            dashboard_address="localhost:0",
+            silence_logs=logging.CRITICAL,
+            env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False, direct_to_workers=True) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """A block in which Dask does not log: what matters is in the summary and in the errors."""
+    names = ("distributed", "distributed.scheduler", "distributed.nanny", "tornado.application", "bokeh")
+    loggers = [logging.getLogger(name) for name in names]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

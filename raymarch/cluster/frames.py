@@ -1,0 +1,253 @@
+"""Films, sequences and large pictures on the workers of a cluster."""
+
+from __future__ import annotations
+
+import os
+import uuid
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from raymarch.cluster.connect import package
+from raymarch.cluster.machines import accepted
+from raymarch.cluster.source import Source, of_file, of_scene
+from raymarch.cluster.submit import RETRIES, Cluster, Failed
+from raymarch.cluster.worker import Done, Job, Refused, draw_item, merge
+from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneError
+from raymarch.export import stills
+from raymarch.export.film import FILMS
+from raymarch.export.sequence import Contents, Item, frames_of, join_film
+from raymarch.export.stills import Shot, is_whole, key_of
+from raymarch.expr.convert import integer, real
+from raymarch.files import written
+from raymarch.gpu.part import Part
+from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.views import VIEWS
+from raymarch.scene.parameter import ParamValue
+from raymarch.scene.scene import Scene, check_scene
+
+TIMEOUT = 900.0
+"""Seconds that a task may take. Compilation alone may take RAYMARCH_COMPILE_LIMIT, 600 seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a cluster draws.
+
+    Attributes
+    ----------
+    mixed : accept workers with different drivers or libraries. split : number of shares of each pixel's samples.
+    timeout : seconds that a task may take. backend, device : of the workers' OpenGL contexts.
+    """
+
+    mixed: bool = False
+    split: int = 1
+    timeout: float = TIMEOUT
+    backend: str = "auto"
+    device: int | None = None
+
+
+Outcome = Done | Refused | Failed | None
+"""What became of a picture; None if it was drawn before."""
+
+
+def draw_items(
+    cluster: Cluster[Any],
+    source: Source,
+    scene: Scene,
+    shot: Shot,
+    items: Iterable[Item],
+    options: Options,
+    tell: Callable[[str], None],
+    error: type[RaymarchError] = ClusterError,
+) -> Iterator[tuple[Item, Outcome]]:
+    """Draw what is missing, write each picture under its name when it arrives, and yield it with its outcome.
+
+    scene : of the source, with the quality to use. tell : called with notes. Raises ClusterError before anything is
+    drawn if the scene, the options or the workers do not allow it.
+    """
+    check(scene, shot, options)
+    machines, notes = accepted(cluster.machines(options.backend, options.device), options.mixed)
+    for note in notes:
+        tell(note)
+    cluster.used = machines
+    job = Job(scene.quality, shot, options.backend, options.device, tuple(machines), options.timeout)
+    sent = cluster.send(source)
+    contents, run = Contents(scene, shot), uuid.uuid4().hex[:8]
+    already: list[Item] = []
+
+    def missing() -> Iterator[tuple[int, Item, str | None]]:
+        for number, item in enumerate(items):
+            content = _shared(contents.of(item), options.split)
+            keys = [key_of(content, machine.driver) for machine in machines]
+            if shot.suffix == ".png" and is_whole(item.file, keys):
+                already.append(item)
+            else:
+                yield number, item, content
+
+    def start(unit: tuple[int, Item, str | None]) -> Any:
+        number, item, content = unit
+        name = f"raymarch-draw-{run}-{number}"
+        how: dict[str, Any] = {"retries": RETRIES, "resources": cluster.resources, "priority": -number}
+        if options.split == 1:
+            return cluster.client.submit(draw_item, sent, job, item, content, key=name, **how)
+        shares = []
+        for k, share in enumerate(shares_of(scene.quality.samples, options.split)):
+            part = item.part or Part(item.size)
+            one = replace(item, part=replace(part, samples=share))
+            shares.append(cluster.client.submit(draw_item, sent, job, one, contents.of(one), key=f"{name}-{k}", **how))
+        return cluster.client.submit(merge, sent, job, content, *shares, key=f"{name}-all", **how)
+
+    for (_, item, _), outcome in cluster.completed(missing(), start):
+        if isinstance(outcome, Done):
+            with written(item.file, error) as unfinished:
+                unfinished.write_bytes(outcome.content)
+            cluster.log.pictures[outcome.worker] += 1
+            cluster.log.seconds[outcome.worker] += outcome.seconds
+        yield item, outcome
+        while already:
+            yield already.pop(0), None
+    for item in already:
+        yield item, None
+
+
+def check(scene: Scene, shot: Shot, options: Options) -> None:
+    """ClusterError for what a cluster does not draw."""
+    quality = scene.quality
+    if quality.temporal != "off":
+        what = f"Quality(temporal={quality.temporal!r}) on a cluster: each frame depends on earlier ones"
+        raise ClusterError(what, legal="temporal='off'", where=scene.where)
+    if shot.view not in VIEWS:
+        raise ClusterError(f"--view {shot.view} on a cluster", legal=", ".join(VIEWS))
+    if options.split > quality.samples:
+        raise ClusterError(f"{quality.samples} samples in {options.split} shares", legal="at most one share a sample")
+    if options.split > 1 and (shot.view != "final" or shot.alpha or shot.suffix not in stills.FORMATS):
+        raise ClusterError("shares of samples of this output", legal="the final picture, in 8 bits, without alpha")
+
+
+def shares_of(samples: int, number: int) -> list[tuple[int, int]]:
+    """The (first, end) of each share of the samples of a pixel."""
+    ends = [samples * k // number for k in range(number + 1)]
+    return list(pairwise(ends))
+
+
+def _shared(content: str | None, split: int) -> str | None:
+    """The content hash of a picture whose samples are split: sums in another order may differ in the last bit."""
+    return content if content is None or split == 1 else f"{content} in {split} shares"
+
+
+def render_frames(
+    scene: Scene | str | os.PathLike[str],
+    frames: Iterable[int],
+    fps: float = 30.0,
+    size: tuple[int, int] = (640, 360),
+    out: str | os.PathLike[str] = "frame_{:04d}.png",
+    client: Any = None,
+    params: Mapping[str, ParamValue] | None = None,
+    alpha: bool = False,
+    strict: bool = False,
+    resources: Mapping[str, float] | None = None,
+    mixed_drivers: bool = False,
+    split_samples: int = 1,
+    task_timeout: float = TIMEOUT,
+    backend: str = "auto",
+    device: int | None = None,
+) -> list[Path]:
+    """Render frames of a scene to a film or to numbered pictures, here or on the workers of a Dask cluster.
+
+    Frame i shows the time i / fps. PNG files and the frames of a film that are already there, whole, are not drawn
+    again. With a client, the bytes are the same as without one.
+
+    Parameters
+    ----------
+    scene : a Scene, or the path of a scene file. A Scene with your own definitions can be sent to workers only if they
+        can import the module of the definitions; a file is sent with all files that it reads.
+    frames : numbers of the frames, such as range(0, 90).
+    fps : frames per second, above 0. size : (width, height) in pixels.
+    out : a film (.mp4, .webm, .gif), or a name with a field for the number, "frame_{:04d}.png".
+    client : a `distributed.Client`; None draws in this process.
+    params : values of parameters by name.
+    alpha : make the sky transparent. strict : refuse a frame that has doubts, see `Frame.doubts`.
+    resources : Dask resources that a worker must have, such as {"GPU": 1}.
+    mixed_drivers : accept workers whose drivers may differ in the last bit.
+    split_samples : number of tasks that share the samples of each pixel, from 1 to the samples.
+    task_timeout : seconds after which a worker that still draws a frame ends itself, and another one draws it.
+    backend, device : as in `Renderer`.
+
+    Returns
+    -------
+    The paths of the pictures, or of the film.
+
+    Raises
+    ------
+    SceneError : an unknown format, or a scene file that is wrong.
+    ClusterError : the workers cannot be used, or frames could not be drawn. All other frames are then written.
+    """
+    numbers = [integer("render_frames: frames", number, 0, 10**9) for number in frames]
+    if not numbers:
+        raise SceneError("render_frames: no frames", legal="numbers >= 0, such as range(0, 90)")
+    fps = real("render_frames: fps", fps, 1e-9, 1e9, "a number > 0")
+    target = Path(out)
+    items = frames_of(target, numbers, fps, size)
+    suffix = target.suffix.lower()
+    shot = Shot(
+        size, ".png" if suffix in FILMS else suffix, dict(params or {}), alpha=alpha, layers=False, strict=strict
+    )
+    if suffix in FILMS:
+        items[0].file.parent.mkdir(exist_ok=True)
+    if client is None:
+        made = scene if isinstance(scene, Scene) else of_file(scene)[1]
+        failed = _draw_here(made, shot, items, backend, device)
+    else:
+        package("render_frames with a client")
+        source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
+        split = integer("render_frames: split_samples", split_samples, 1, 4096)
+        timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
+        options = Options(mixed_drivers, split, timeout, backend, device)
+        cluster: Cluster[Any] = Cluster(client, resources)
+        drawn = draw_items(cluster, source, made, shot, items, options, warnings.warn)
+        failed = [(item, outcome) for item, outcome in drawn if isinstance(outcome, Refused | Failed)]
+    if failed:
+        raise ClusterError("; ".join(failures(failed)))
+    if suffix not in FILMS:
+        return [item.file for item in items]
+    join_film(target, items, fps)
+    return [target]
+
+
+def failures(failed: Sequence[tuple[Item, Refused | Failed]]) -> list[str]:
+    """One sentence for each error, with the first picture that it concerns and the number of others."""
+    by_message: dict[str, list[Item]] = {}
+    for item, outcome in failed:
+        by_message.setdefault(outcome.message, []).append(item)
+    lines = []
+    for message, items in by_message.items():
+        more = f" and {len(items) - 1} more" if len(items) > 1 else ""
+        lines.append(f"{items[0].name}{more} cannot be drawn: {message}")
+    return lines
+
+
+def _draw_here(
+    scene: Scene, shot: Shot, items: Sequence[Item], backend: str, device: int | None
+) -> list[tuple[Item, Refused | Failed]]:
+    """Draw what is missing in this process. Returns what could not be drawn."""
+    check_scene("render_frames", scene)
+    failed: list[tuple[Item, Refused | Failed]] = []
+    with Renderer(items[0].size, backend, device) as renderer, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RenderWarning)
+        contents = Contents(scene, shot, renderer)
+        for item in items:
+            try:
+                key = key_of(contents.of(item), renderer.context.driver)
+                if shot.suffix == ".png" and key is not None and is_whole(item.file, [key]):
+                    continue
+                frame, _ = stills.draw(renderer, scene, shot, item.time)
+            except RaymarchError as fault:
+                failed.append((item, Refused(str(fault))))
+                continue
+            with written(item.file) as unfinished:
+                stills.save_view(unfinished, shot, frame, scene, key)
+    return failed

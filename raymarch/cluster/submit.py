@@ -1,0 +1,239 @@
+"""Hand out tasks to the workers of a cluster, a few for each worker at a time, and collect what they return.
+
+Dask does the rest: it sends the scene to each worker once, assigns tasks again when a worker is lost, and tries a task
+again after a fault of the device.
+"""
+
+from __future__ import annotations
+
+import time as clock_time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+from raymarch.cluster.machines import Machine
+from raymarch.cluster.source import Source
+from raymarch.cluster.worker import describe
+from raymarch.errors import ClusterError
+
+U = TypeVar("U")
+
+AHEAD = 3
+"""Tasks for each thread of the workers that are submitted and not yet collected: one is drawn, one waits at the worker,
+and the file of one is written."""
+
+RETRIES = 3
+"""Times that Dask tries a task again that failed by a fault of the device or of the program."""
+
+REVIVALS = 20
+"""Times that a task is tried again after Dask has given it up because too many workers died."""
+
+COUNTED = 2.0
+"""Seconds after which the workers are counted again."""
+
+ANSWER = 60.0
+"""Seconds to wait for workers to appear, and for the first one to open its context."""
+
+
+@dataclass(slots=True)
+class Log:
+    """What happened: pictures and seconds by worker, and the faults.
+
+    Attributes
+    ----------
+    pictures, seconds : by the address of the worker.
+    lost : workers that were lost. again : tasks that were assigned to another worker after that. workers : now.
+    """
+
+    pictures: Counter[str] = field(default_factory=Counter)
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    lost: list[str] = field(default_factory=list)
+    again: set[str] = field(default_factory=set)
+    workers: int = 0
+
+    def lines(self, what: str, spent: float) -> list[str]:
+        """The summary, one sentence each."""
+        found = [f"{sum(self.pictures.values())} {what} in {spent:.1f} s"]
+        for worker, count in sorted(self.pictures.items()):
+            found.append(f"  {worker}  {count} {what}, {self.seconds[worker]:.1f} s of work")
+        if self.lost:
+            workers = f"{len(self.lost)} worker{'s' if len(self.lost) > 1 else ''}"
+            found.append(f"  {workers} lost, {len(self.again)} tasks assigned again")
+        return found
+
+
+@dataclass(slots=True)
+class Failed:
+    """A task that did not return: the last error, and the tries."""
+
+    message: str
+
+
+@dataclass(slots=True)
+class Cluster(Generic[U]):
+    """The workers that a command uses.
+
+    Attributes
+    ----------
+    client : a `distributed.Client`. resources : Dask resources that a worker must have, such as {"GPU": 1}.
+    log : what happened. used : the kinds of workers that draw, once they are known.
+    """
+
+    client: Any
+    resources: Mapping[str, float] | None = None
+    log: Log = field(default_factory=Log)
+    used: list[Machine] = field(default_factory=list)
+
+    def machines(self, backend: str, device: int | None) -> dict[str, Machine | str]:
+        """The machine of each worker by its address, or the reason why it cannot draw.
+
+        Workers that do not answer in time are left out; their first task compares them. Raises ClusterError if there
+        is no worker, or none answers.
+        """
+        from distributed import as_completed
+
+        address = self.client.scheduler.address
+        try:
+            self.client.wait_for_workers(1, timeout=ANSWER)
+        except TimeoutError:
+            raise ClusterError(f"the scheduler {address} has no workers", legal=f"dask worker {address}") from None
+        wanted = dict(self.resources or {})
+        workers = {
+            worker: info
+            for worker, info in self.client.scheduler_info(n_workers=-1)["workers"].items()
+            if all(info.get("resources", {}).get(name, 0) >= value for name, value in wanted.items())
+        }
+        if not workers:
+            needed = ", ".join(f"{name}={value:g}" for name, value in wanted.items())
+            raise ClusterError(f"no worker has the resource {needed}", legal=f"dask worker --resources '{needed}' ...")
+        asked = {
+            self.client.submit(
+                describe,
+                backend,
+                device,
+                workers=[worker],
+                pure=False,
+                resources=self.resources,
+                allow_other_workers=False,
+            ): worker
+            for worker in workers
+        }
+        found: dict[str, Machine | str] = {}
+        with suppress(TimeoutError):
+            for future in as_completed(asked, loop=self.client.loop, timeout=ANSWER):
+                found[asked[future]] = _answer(future)
+        if not found:
+            raise ClusterError(f"none of the {len(workers)} workers answers in {ANSWER:g} s", legal="idle workers")
+        return found
+
+    def send(self, source: Source) -> Any:
+        """The future of a scene: a task, so that Dask makes it again if the workers that had it are lost."""
+        return self.client.submit(_same, source, key=f"raymarch-scene-{source.digest}")
+
+    def completed(self, units: Iterable[U], start: Callable[[U], Any]) -> Iterator[tuple[U, Any]]:
+        """The units with what their tasks returned, in the order of completion; `Failed` if a task did not return.
+
+        start : submits the task of a unit and returns its future. Only `AHEAD` tasks for each thread of the workers
+        are submitted at a time, and a result is dropped when the next is asked for. So memory does not grow with the
+        number of units. Raises ClusterError if the scheduler is lost.
+        """
+        from distributed import as_completed
+        from distributed.client import FutureCancelledError
+        from distributed.scheduler import KilledWorker
+
+        left = iter(units)
+        pending: dict[str, tuple[U, Any]] = {}
+        revived: Counter[str] = Counter()
+        done = as_completed([], loop=self.client.loop)
+        room = _Room(self)
+
+        def fill() -> None:
+            while len(pending) < room.tasks():
+                unit = next(left, None)
+                if unit is None:
+                    return
+                future = start(unit)
+                pending[future.key] = unit, future
+                done.add(future)
+
+        def watch(event: tuple[float, Mapping[str, Any]]) -> None:
+            self._watch(event[1], pending)
+
+        gone = ClusterError(
+            "the connection to the scheduler is lost; what was drawn is kept", legal="the same command again"
+        )
+        gone.where = None
+        try:
+            self.client.subscribe_topic("all", watch)
+            fill()
+            for future in done:
+                unit, _ = pending.pop(future.key)
+                if future.status == "error":
+                    fault = future.exception()
+                    if isinstance(fault, KilledWorker) and revived[future.key] < REVIVALS:
+                        revived[future.key] += 1
+                        pending[future.key] = unit, future
+                        future.retry()
+                        done.add(future)
+                        continue
+                    result: Any = Failed(_one_line(fault))
+                elif future.status in ("cancelled", "lost"):
+                    raise gone
+                else:
+                    result = future.result()
+                del future
+                yield unit, result
+                del result
+                fill()
+        except (OSError, TimeoutError, FutureCancelledError) as fault:
+            if type(fault).__module__.startswith(("distributed", "concurrent", "asyncio", "tornado")):
+                raise gone from fault
+            raise
+        finally:
+            with suppress(Exception):  # the scheduler may be gone
+                self.client.unsubscribe_topic("all")
+
+    def _watch(self, event: Mapping[str, Any], pending: Mapping[str, Any]) -> None:
+        """Count lost workers and the tasks that they had, from the scheduler's events."""
+        if event.get("action") == "remove-worker" and not event.get("expected"):
+            self.log.lost.append(str(event.get("worker")))
+            tasks = (*event.get("processing-tasks", ()), *event.get("lost-computed-tasks", ()))
+            self.log.again.update(key for key in tasks if str(key).startswith("raymarch-draw-"))
+
+
+class _Room:
+    """The number of tasks that may be submitted and not yet collected, from the number of workers now."""
+
+    def __init__(self, cluster: Cluster[Any]) -> None:
+        self.cluster = cluster
+        self.counted = -COUNTED
+        self.threads = 1
+
+    def tasks(self) -> int:
+        now = clock_time.monotonic()
+        if now - self.counted > COUNTED:
+            threads = self.cluster.client.nthreads()
+            self.cluster.log.workers = len(threads)
+            self.threads, self.counted = max(1, sum(threads.values())), now
+        return AHEAD * self.threads
+
+
+def _answer(future: Any) -> Machine | str:
+    """What a worker answered, or the reason why it did not."""
+    if future.status == "finished":
+        found: Machine | str = future.result()
+        return found
+    return _one_line(future.exception())
+
+
+def _one_line(fault: BaseException | None) -> str:
+    if isinstance(fault, ModuleNotFoundError):
+        return f"{fault.name} is not installed there (pip install 'raymarch[cluster]')"
+    text = " ".join(str(fault).split())
+    return f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+
+
+def _same(source: Source) -> Source:
+    return source
