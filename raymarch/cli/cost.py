@@ -84,6 +84,13 @@ def run(
         typer.Option(metavar="FILE", help="Record errors and evaluations of this scene; other scenes in it are kept."),
     ] = None,
     effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT|local[:N]", help="Measure on the workers of a Dask cluster."),
+    ] = None,
+    mixed_drivers: Annotated[
+        bool, typer.Option("--mixed-drivers", help="--cluster: accept workers with different drivers.")
+    ] = False,
     backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
     device: Annotated[
         int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
@@ -94,6 +101,12 @@ def run(
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
     if not 1 <= samples <= 256 or round(samples**0.5) ** 2 != samples:
         raise CommandError(f"--samples {samples}", legal="a square number from 1 to 256")
+    if cluster is not None and (check_ is not None or write_baseline is not None):
+        raise CommandError("--check or --write-baseline together with --cluster", legal="one of them")
+    if cluster is not None and effects:
+        raise CommandError("--effects together with --cluster", legal="one of them")
+    if mixed_drivers and cluster is None:
+        raise CommandError("--mixed-drivers without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
     asked = axes(_names(cross), _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
     found = load(scene)
@@ -120,6 +133,44 @@ def run(
     if by.startswith("flip_"):
         check_followed(found)
     settings = grid(found, asked, pixels)
+    if cluster is not None:
+        from raymarch.cli.on_cluster import cost_on_cluster  # Dask takes tenths of a second to import
+
+        with watched() as tell:
+            where = (cluster, mixed_drivers, backend, device)
+            costs: list[Effect] = []
+            made = cost_on_cluster(scene, settings, (pixels, time, params, samples), repeats, seed, where, tell)
+        if made.untimed and (plot is not None or html is not None):
+            raise CommandError(f"--plot or --html without times: {made.untimed}", legal="--json or --csv")
+    else:
+        made, costs = _measured(
+            scene, found, settings, pixels, time, params, samples, repeats, seed, backend, device, html is not None
+        )
+    show(made, by, everything)
+    for file, text in ((json, as_json), (csv, as_csv), (html, partial(as_html, effects=costs))):
+        if file is not None:
+            with written(file) as target:
+                target.write_text(text(made, by), encoding="utf-8")
+    if plot is not None:
+        with written(plot) as target:
+            target.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
+
+
+def _measured(
+    scene: Path,
+    found: Scene,
+    settings: Sequence[Setting],
+    pixels: tuple[int, int],
+    time: float,
+    params: dict[str, Any],
+    samples: int,
+    repeats: int,
+    seed: int,
+    backend: str,
+    device: int | None,
+    effects: bool,
+) -> tuple[Sweep, list[Effect]]:
+    """The sweep of a scene on this machine with its checks; with `effects`, also the cost of each effect."""
     with watched() as tell, Renderer(pixels, backend, device) as renderer:
 
         def say(what: str) -> None:
@@ -147,16 +198,9 @@ def run(
         )
         made.checks = check(made, found, renderer, time, params)
         costs: list[Effect] = []
-        if html is not None and any(ablations(found)):
+        if effects and any(ablations(found)):
             costs = ablate(found, renderer, time, params, repeats, seed, tell)
-    show(made, by, everything)
-    for file, text in ((json, as_json), (csv, as_csv), (html, partial(as_html, effects=costs))):
-        if file is not None:
-            with written(file) as target:
-                target.write_text(text(made, by), encoding="utf-8")
-    if plot is not None:
-        with written(plot) as target:
-            target.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
+    return made, costs
 
 
 def _write_baseline(

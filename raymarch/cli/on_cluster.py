@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock_time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,10 +11,12 @@ from typing import Any
 
 from raymarch.cli.common import CommandError, errors
 from raymarch.cluster.connect import check_address, connected
-from raymarch.cluster.frames import Options, check, draw_items, failures
+from raymarch.cluster.frames import TIMEOUT, Options, check, draw_items, failures
 from raymarch.cluster.source import of_file
 from raymarch.cluster.submit import Cluster, Failed
 from raymarch.cluster.worker import Done, Refused
+from raymarch.cost.settings import Setting
+from raymarch.cost.sweep import Progress, Sweep
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import LARGE, Contents, Item, edge_of, tiff_package, tiles_of
 from raymarch.export.stills import FORMATS, Shot, key_of
@@ -89,6 +91,36 @@ def render_on_cluster(
     if what == "tiles":
         key = key_of(whole.of(one), cluster.used[0].driver)
     return items, key
+
+
+def cost_on_cluster(
+    path: Path,
+    settings: Sequence[Setting],
+    moment: tuple[tuple[int, int], float, dict[str, Any], int],
+    repeats: int,
+    seed: int,
+    where: tuple[str, bool, str, int | None],
+    tell: Progress,
+) -> Sweep:
+    """The sweep of a scene file on a cluster.
+
+    moment : size, time, parameters, and rays per pixel of the reference picture. where : the address, whether drivers
+    may differ, the backend and the device.
+    """
+    from raymarch.cluster.sweep import Moment, sweep_on
+
+    address, mixed, backend, device = where
+    check_address(address)
+    source, scene = of_file(path)
+    start = clock_time.perf_counter()
+    with connected(address, TIMEOUT) as client:
+        cluster: Cluster[Any] = Cluster(client)
+        errors.print(f"{address}: {client.dashboard_link}", markup=False)
+        how = (path.stem, repeats, seed, TIMEOUT, mixed, backend, device)
+        made = sweep_on(cluster, source, scene, settings, Moment(*moment), *how, tell, _say)
+    spent = clock_time.perf_counter() - start
+    errors.print(f"{len(settings)} settings in {spent:.1f} s on {cluster.log.workers} workers", markup=False)
+    return made
 
 
 def _print(item: Item, done: Done) -> None:

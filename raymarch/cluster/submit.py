@@ -128,6 +128,13 @@ class Cluster(Generic[U]):
             raise ClusterError(f"none of the {len(workers)} workers answers in {ANSWER:g} s", legal="idle workers")
         return found
 
+    def alone(self) -> list[str]:
+        """The addresses of the workers that are the only one on their host."""
+        hosts: dict[str, list[str]] = defaultdict(list)
+        for worker, info in self.client.scheduler_info(n_workers=-1)["workers"].items():
+            hosts[info["host"]].append(worker)
+        return [workers[0] for workers in hosts.values() if len(workers) == 1]
+
     def send(self, source: Source) -> Any:
         """The future of a scene: a task, so that Dask makes it again if the workers that had it are lost."""
         return self.client.submit(_same, source, key=f"raymarch-scene-{source.digest}")

@@ -158,6 +158,28 @@ def limited(seconds: float) -> Iterator[None]:
         faulthandler.cancel_dump_traceback_later()
 
 
+@contextmanager
+def drawing(job: Job, size: tuple[int, int], timeout: float) -> Iterator[Renderer]:
+    """This worker's renderer at a size. Other tasks of this process wait.
+
+    A worker of another kind than the job accepts gives the task back to Dask. A fault of the device closes the context
+    and is raised as a RuntimeError, so that Dask tries the task again.
+    """
+    with STATE.lock, limited(timeout), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RenderWarning)  # reported as doubts
+        try:
+            renderer = STATE.renderer_for(job.backend, job.device, size)
+            if Machine(package(), libraries(), renderer.context.driver) not in job.machines:
+                from distributed import Reschedule
+
+                clock_time.sleep(ELSEWHERE)
+                raise Reschedule
+            yield renderer
+        except DeviceError as fault:
+            STATE.close()  # the next task opens another context
+            raise RuntimeError(f"the device failed: {fault}") from None
+
+
 def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done | Share | Refused:
     """Draw a picture, a tile, or a share of the samples.
 
@@ -165,34 +187,22 @@ def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done
     machines is refused. None is not compared.
     """
     start = clock_time.perf_counter()
-    with STATE.lock, limited(job.timeout), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RenderWarning)  # reported as doubts
-        try:
-            renderer = STATE.renderer_for(job.backend, job.device, item.size)
-            machine = Machine(package(), libraries(), renderer.context.driver)
-            if machine not in job.machines:
-                from distributed import Reschedule
-
-                clock_time.sleep(ELSEWHERE)
-                raise Reschedule
+    try:
+        with drawing(job, item.size, job.timeout) as renderer:
             scene = STATE.scene(source, job.quality)
             _compare(renderer, scene, job.shot, item, content)
             frame, doubts = draw(renderer, scene, job.shot, item.time, item.part)
-            spent = clock_time.perf_counter() - start
             if item.part is not None and item.part.samples is not None:
                 first, end = item.part.samples
+                spent = clock_time.perf_counter() - start
                 return Share(frame.color, end - first, frame.milliseconds, spent, address(), doubts)
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / f"picture{job.shot.suffix}"
-                save_view(file, job.shot, frame, scene, key_of(content, machine.driver))
+                save_view(file, job.shot, frame, scene, key_of(content, renderer.context.driver))
                 made = file.read_bytes()
-            spent = clock_time.perf_counter() - start
-            return Done(made, frame.milliseconds, spent, address(), doubts)
-        except DeviceError as fault:
-            STATE.close()  # the next task opens another context
-            raise RuntimeError(f"the device failed: {fault}") from None
-        except RaymarchError as fault:
-            return Refused(str(fault), address())
+            return Done(made, frame.milliseconds, clock_time.perf_counter() - start, address(), doubts)
+    except RaymarchError as fault:
+        return Refused(str(fault), address())
 
 
 def _compare(renderer: Renderer, scene: Scene, shot: Shot, item: Item, content: str | None) -> None:

@@ -40,8 +40,9 @@ class Check:
 def check(
     made: Sweep, scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None
 ) -> list[Check]:
-    """Run all checks of a sweep of a scene; `renderer`, `time` and `params` are those of the measurement."""
-    found = [check_clock(renderer), check_times(made)]
+    """Run all checks of a sweep of a scene; `renderer`, `time` and `params` are those of the measurement. None for the
+    renderer leaves out the check of its clock."""
+    found = [*([] if renderer is None else [check_clock(renderer)]), check_times(made)]
     field = Field(scene, set_values(scene.parameters, params, time))
     origin = scene.pose(set_values(scene.parameters, params, time), made.known.size[0] / made.known.size[1])
     full_size = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # at other scales the rays are unknown

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -36,6 +36,9 @@ METRICS = (
     "flip_max",
 )
 """The errors that settings can be ordered by."""
+
+UNTIMED = Median(float("nan"), float("nan"), float("nan"), 0.0, 0)
+"""The time of a setting that was not timed."""
 
 Progress = Callable[[str, float], None]
 """Called with the current step and the completed fraction, 0 to 1."""
@@ -88,7 +91,8 @@ class Point:
 
     @property
     def time(self) -> Median:
-        return median(self.times)
+        """The median of `times`; nan if there are none."""
+        return median(self.times) if self.times else UNTIMED
 
     @property
     def error_time(self) -> float:
@@ -117,6 +121,7 @@ class Sweep:
     seed, repeats : seed of the frame order, and number of frames of each setting.
     environment : see `raymarch.cost.environment`.
     checks : results of the self-checks; see `raymarch.cost.checks`.
+    untimed : why no times were taken; "" if they were. The front is then by evaluations.
     """
 
     name: str
@@ -126,6 +131,7 @@ class Sweep:
     repeats: int
     environment: dict[str, Any]
     checks: list[Any] = field(default_factory=list)
+    untimed: str = ""
 
     @property
     def floor(self) -> float:
@@ -144,9 +150,13 @@ class Sweep:
         sound = [p for p in self.points if p.errors.sound and (pictured or not p.setting.light)]
         return [p for p in sound if p.known is self.known]
 
+    def cost(self, point: Point) -> float:
+        """The time of a setting in milliseconds; its evaluations if no times were taken."""
+        return point.evaluations if self.untimed else point.time.value
+
     def front(self, metric: str = "pixels_p99") -> list[Point]:
-        """The comparable settings that no other beats in both time and error, fastest first."""
-        return pareto(self.comparable(metric), lambda p: p.time.value, lambda p: p.error(metric))
+        """The comparable settings that no other beats in both cost and error, cheapest first."""
+        return pareto(self.comparable(metric), self.cost, lambda p: p.error(metric))
 
 
 def sweep(
@@ -190,25 +200,30 @@ def sweep(
         for i, setting in enumerate(settings):
             tell(f"errors: {setting.name}", 2 * i / total)
             judged = known if judge is None else judge(setting)
-            points.append(_examine(scene, setting, judged, renderers.of(setting), time, params, output))
+            points.append(examine(scene, setting, judged, renderers.of(setting), time, params, output))
             if count is not None and (setting.light or i == 0):
                 points[i].all_evaluations = count(setting.of(scene), renderers.of(setting), time, params)
-        turns = random.Random(seed)
         done = 2 * len(settings)
-        for _ in range(repeats):
-            order = list(range(len(points)))
-            turns.shuffle(order)
-            for i in order:
-                setting = points[i].setting
-                tell(f"time: {setting.name}", done / total)
-                claimed, wall = timed(scene, setting, renderers.of(setting), time, params, output)
-                points[i].times.append(claimed)
-                points[i].walls.append(wall)
-                done += 1
+        for i in turns(len(settings), repeats, seed):
+            setting = points[i].setting
+            tell(f"time: {setting.name}", done / total)
+            claimed, wall = timed(scene, setting, renderers.of(setting), time, params, output)
+            points[i].times.append(claimed)
+            points[i].walls.append(wall)
+            done += 1
     return Sweep(name, known, points, seed, repeats, environment(renderer))
 
 
-def _examine(
+def turns(number: int, repeats: int, seed: int) -> Iterator[int]:
+    """The order in which settings are timed: each once in each of the repeats, in random order."""
+    chance = random.Random(seed)
+    for _ in range(repeats):
+        order = list(range(number))
+        chance.shuffle(order)
+        yield from order
+
+
+def examine(
     scene: Scene,
     setting: Setting,
     known: Reference,

@@ -66,15 +66,15 @@ def _point(point: Point, made: Sweep, on_front: bool) -> dict[str, Any]:
         "scale": point.setting.scale,
         "variations": dict.fromkeys(VARIANTS) | dict(point.setting.variations),
         "milliseconds": {
-            "median": time.value,
-            "low": time.low,
-            "high": time.high,
+            "median": _number(time.value),
+            "low": _number(time.low),
+            "high": _number(time.high),
             "confidence": time.confidence,
             "all": point.times,
         },
         "error_time": _number(point.error_time),
-        "first_frame_milliseconds": point.first_ms,
-        "compile_milliseconds": point.compile_ms,
+        "first_frame_milliseconds": _number(point.first_ms),
+        "compile_milliseconds": _number(point.compile_ms),
         "shader_bytes": point.shader_bytes,
     }
 
@@ -118,7 +118,7 @@ def in_table(made: Sweep, metric: str, shown: Sequence[Point] | None = None) -> 
     """The points of `table` in its order."""
     given = made.points if shown is None else shown
     apart = {id(p) for p in lights_of(made, metric)}
-    return sorted((p for p in given if p is made.base or id(p) not in apart), key=lambda p: p.time.value)
+    return sorted((p for p in given if p is made.base or id(p) not in apart), key=made.cost)
 
 
 def lights_of(made: Sweep, metric: str) -> list[Point]:
@@ -132,8 +132,7 @@ def light_table(made: Sweep, metric: str = "pixels_p99") -> Table | None:
     """Settings that change the light, with their costs and the errors of the picture; None if there are none."""
     points = lights_of(made, metric)
     columns: list[Column] = [
-        ("ms", lambda p: f"{p.time.value:.2f}"),
-        ("95 %", lambda p: f"{p.time.low:.2f}-{p.time.high:.2f}"),
+        *_times(made),
         ("all evals", lambda p: "-" if p.all_evaluations != p.all_evaluations else f"{p.all_evaluations:.1f}"),
         ("shader bytes", lambda p: str(p.shader_bytes)),
         ("flip p99", lambda p: _short(p.errors.flip_p99)),
@@ -172,22 +171,32 @@ def labelled(point: Point) -> str:
 
 def _columns(made: Sweep, metric: str) -> list[Column]:
     columns: list[Column] = [
-        ("ms", lambda p: f"{p.time.value:.2f}"),
-        ("95 %", lambda p: f"{p.time.low:.2f}-{p.time.high:.2f}"),
+        *_times(made),
         ("px p99", lambda p: _short(p.errors.pixels_p99)),
         ("px max", lambda p: _short(p.errors.pixels_max)),
         ("missed", lambda p: str(p.errors.missed + p.errors.false)),
         ("normal p99", lambda p: _short(p.errors.normal_p99)),
         ("flip p99", lambda p: _short(p.errors.flip_p99)),
-        ("error x time", lambda p: _short(p.error_time)),
+        *([] if made.untimed else [("error x time", lambda p: _short(p.error_time))]),
         ("evals", lambda p: f"{p.evaluations:.1f}"),
     ]
     if made.floor > 0:
         columns.append(("/N*", lambda p: f"{p.evaluations / made.floor:.2f}"))
-    columns.append(("first ms", lambda p: f"{p.first_ms:.0f}"))
+    if not made.untimed:
+        columns.append(("first ms", lambda p: f"{p.first_ms:.0f}"))
     if metric not in ("pixels_p99", "pixels_max", "normal_p99", "flip_p99"):
         columns.insert(0, (metric, lambda p: _short(float(getattr(p.errors, metric)))))
     return columns
+
+
+def _times(made: Sweep) -> list[Column]:
+    """The columns of the time, if it was taken."""
+    if made.untimed:
+        return []
+    return [
+        ("ms", lambda p: f"{p.time.value:.2f}"),
+        ("95 %", lambda p: f"{p.time.low:.2f}-{p.time.high:.2f}"),
+    ]
 
 
 def _short(value: float) -> str:
@@ -198,9 +207,12 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
     """The sentences below the table: the measurement, the front, and the rank of the scene's own setting."""
     env = made.environment
     front = made.front(metric)
+    where = f"{env['driver']['renderer']}, {env['date'][:10]}"
     lines = [
         f"{made.repeats} frames of each setting in random order (seed {made.seed}), medians with 95 % intervals, "
-        f"by the {env['clock']['kind']}; {env['driver']['renderer']}, {env['date'][:10]}",
+        f"by the {env['clock']['kind']}; {where}"
+        if not made.untimed
+        else f"no times: {made.untimed}; {where}"
     ]
     if made.known.samples > 1:
         lines.append(
@@ -218,14 +230,16 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
             "knowledge of other rays; cones can need fewer"
         )
     if front:
-        lines.append(f"* Pareto front by {metric}: no other setting is both faster and more accurate")
+        better = "has fewer evaluations and is" if made.untimed else "is both faster and"
+        lines.append(f"* Pareto front by {metric}: no other setting {better} more accurate")
+        order = "cheapest" if made.untimed else "fastest"
         lines.append(
-            "of these, each with an error at least 10 % below the one before, fastest first: "
+            f"of these, each with an error at least 10 % below the one before, {order} first: "
             + "; ".join(labelled(p) for p in worth(front, metric))
         )
     else:
         lines.append("no setting finds every hit: the front is empty")
-    if made.base.errors.sound:
+    if made.base.errors.sound and not made.untimed:
         lines.append(f"the scene's own setting {standing(made, metric)}")
     unsound = sum(not p.errors.sound for p in made.points)
     if unsound:

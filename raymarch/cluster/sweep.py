@@ -1,0 +1,206 @@
+"""`raymarch cost` on the workers of a cluster: each setting is a task, and so is each reference.
+
+Errors and evaluations do not depend on the worker. Times are taken by one worker that is alone on its machine, in the
+same random order as without a cluster; without such a worker no times are taken.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+from raymarch.cluster.machines import Machine, accepted
+from raymarch.cluster.source import Source
+from raymarch.cluster.submit import RETRIES, Cluster, Failed
+from raymarch.cluster.worker import STATE, Job, Refused, drawing
+from raymarch.cost.checks import Check, check, check_clock
+from raymarch.cost.drawing import Renderers, draw, timed
+from raymarch.cost.effects import evaluations_of
+from raymarch.cost.environment import environment
+from raymarch.cost.reference import Reference, reference
+from raymarch.cost.settings import Setting
+from raymarch.cost.sweep import Point, Progress, Sweep, examine, turns
+from raymarch.cost.variants import ideal_of
+from raymarch.errors import CostError, RaymarchError
+from raymarch.export.stills import Shot
+from raymarch.scene.scene import Scene
+
+SHARED = "more than one worker runs on each machine, so their times depend on each other"
+"""Why no times are taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What all settings of a sweep draw: size, time, parameters, and rays per pixel of the reference picture."""
+
+    size: tuple[int, int]
+    time: float
+    params: Mapping[str, Any]
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Milliseconds of each setting by the renderer's clock and by the wall clock; where they were measured."""
+
+    claimed: list[list[float]]
+    walls: list[list[float]]
+    environment: dict[str, Any]
+    clock: Check
+
+
+def sweep_on(
+    cluster: Cluster[Any],
+    source: Source,
+    scene: Scene,
+    settings: Sequence[Setting],
+    moment: Moment,
+    name: str,
+    repeats: int,
+    seed: int,
+    timeout: float,
+    mixed: bool = False,
+    backend: str = "auto",
+    device: int | None = None,
+    progress: Progress | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Sweep:
+    """As `raymarch.cost.sweep.sweep`, with its checks.
+
+    Raises ClusterError if the workers cannot be used, and CostError for a setting that cannot be drawn.
+    """
+    machines, notes = accepted(cluster.machines(backend, device), mixed)
+    for note in notes:
+        tell(note)
+    job = Job(scene.quality, Shot(moment.size), backend, device, tuple(machines), timeout)
+    run, sent, client = uuid.uuid4().hex[:8], cluster.send(source), cluster.client
+    report = progress or (lambda _what, _share: None)
+    ideals = [setting.variations if ideal_of(scene, setting.variations) is not scene else () for setting in settings]
+    references = {
+        ideal: client.submit(_reference, sent, job, moment, ideal, key=f"raymarch-reference-{run}-{k}", retries=RETRIES)
+        for k, ideal in enumerate(dict.fromkeys([(), *ideals]))
+    }
+
+    def start(unit: tuple[int, Setting]) -> Any:
+        i, setting = unit
+        words = (sent, job, moment, setting, references[ideals[i]], setting.light or i == 0)
+        how: dict[str, Any] = {"retries": RETRIES, "resources": cluster.resources}
+        return client.submit(_examine, *words, key=f"raymarch-draw-{run}-{i}", **how)
+
+    points: dict[int, Point] = {}
+    for (i, setting), found in cluster.completed(enumerate(settings), start):
+        points[i] = _checked(found, setting.name)
+        report(f"errors: {setting.name}", len(points) / (len(settings) + 1))
+    known = {ideal: _checked(future.result(), "the reference") for ideal, future in references.items()}
+    for i, ideal in enumerate(ideals):
+        points[i].known = known[ideal]
+    ordered = [points[i] for i in range(len(settings))]
+    found = _times(cluster, sent, job, moment, settings, repeats, seed, report)
+    measured_on = _environment(machines, found)
+    made = Sweep(name, known[()], ordered, seed, repeats, measured_on, untimed="" if found else SHARED)
+    for i, point in enumerate(ordered):
+        if found is None:
+            point.compile_ms = point.first_ms = float("nan")
+        else:
+            point.times, point.walls = found.claimed[i], found.walls[i]
+    made.checks = check(made, scene, None, moment.time, moment.params)
+    if found is not None:
+        made.checks.insert(0, found.clock)
+    return made
+
+
+def _checked(found: Any, what: str) -> Any:
+    """What a task returned. CostError if it failed."""
+    if isinstance(found, Refused | Failed):
+        fault = CostError(f"{what} cannot be measured: {found.message}")
+        fault.where = None
+        raise fault
+    return found
+
+
+def _times(
+    cluster: Cluster[Any],
+    sent: Any,
+    job: Job,
+    moment: Moment,
+    settings: Sequence[Setting],
+    repeats: int,
+    seed: int,
+    report: Progress,
+) -> Times | None:
+    """The times of all settings, by one worker that is alone on its machine; None if there is none."""
+    alone = cluster.alone()
+    if not alone:
+        return None
+    report("times", len(settings) / (len(settings) + 1))
+    future = cluster.client.submit(
+        _time, sent, job, moment, settings, repeats, seed, workers=alone, pure=False, retries=RETRIES
+    )
+    found: Times = _checked(future.result(), "the time")
+    return found
+
+
+def _environment(machines: Sequence[Machine], found: Times | None) -> dict[str, Any]:
+    """See `raymarch.cost.environment`. Without times there is no clock."""
+    if found is not None:
+        return found.environment
+    context = SimpleNamespace(driver=machines[0].driver, backend="cluster")
+    return environment(SimpleNamespace(context=context, clock=SimpleNamespace(kind="no clock", verdict=SHARED)))
+
+
+# On a worker
+
+
+def _reference(source: Source, job: Job, moment: Moment, ideal: tuple[tuple[str, Any], ...]) -> Reference | Refused:
+    """The reference of the scene, or of an ideal of it. Uses no OpenGL."""
+    try:
+        with STATE.lock:
+            scene = STATE.scene(source, job.quality)
+        return reference(ideal_of(scene, ideal), moment.size, moment.time, moment.params, moment.samples)
+    except RaymarchError as fault:
+        return Refused(str(fault))
+
+
+def _examine(
+    source: Source, job: Job, moment: Moment, setting: Setting, known: Reference | Refused, counted: bool
+) -> Point | Refused:
+    """A point without its times. Its reference stays on the worker."""
+    if isinstance(known, Refused):
+        return known
+    try:
+        with drawing(job, moment.size, job.timeout) as renderer, Renderers(renderer, moment.size) as renderers:
+            scene = STATE.scene(source, job.quality)
+            own = renderers.of(setting)
+            found = examine(scene, setting, known, own, moment.time, moment.params, "color")
+            if counted:
+                found.all_evaluations = evaluations_of(setting.of(scene), own, moment.time, moment.params)
+            return replace(found, known=None)  # type: ignore[arg-type]  # the client has it
+    except RaymarchError as fault:
+        return Refused(str(fault))
+
+
+def _time(
+    source: Source, job: Job, moment: Moment, settings: Sequence[Setting], repeats: int, seed: int
+) -> Times | Refused:
+    """The times of all settings, each drawn once before."""
+    limit = job.timeout * len(settings)
+    try:
+        with drawing(job, moment.size, limit) as renderer, Renderers(renderer, moment.size) as renderers:
+            scene = STATE.scene(source, job.quality)
+            renderer.kept = max(renderer.kept, 4 * len(settings))
+            where = (moment.time, moment.params)
+            for setting in settings:
+                for _ in range(2):
+                    draw(scene, setting, renderers.of(setting), *where)
+            claimed: list[list[float]] = [[] for _ in settings]
+            walls: list[list[float]] = [[] for _ in settings]
+            for i in turns(len(settings), repeats, seed):
+                took = timed(scene, settings[i], renderers.of(settings[i]), *where)
+                claimed[i].append(took[0])
+                walls[i].append(took[1])
+            return Times(claimed, walls, environment(renderer), check_clock(renderer))
+    except RaymarchError as fault:
+        return Refused(str(fault))

@@ -1,0 +1,131 @@
+"""Trials of films on a cluster of real processes: faults, scaling, large pictures, and a model of throughput.
+
+python -m tests.lab.cluster faults           # a worker killed, one stopped, the scheduler killed, a film killed 5 times
+python -m tests.lab.cluster scaling          # CPU seconds a frame with 1, 2 and 4 workers beside the plain command
+python -m tests.lab.cluster large            # the memory of a picture of 16384 x 16384 pixels
+python -m tests.lab.cluster model            # simulated throughput for 1 to 10,000 workers; writes docs/figures
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from tests.support.dask_processes import PYTHONPATH, Processes, wait_for, worker_of
+
+SCENE = """import raymarch as rm
+ball = rm.sphere(0.5).translate((rm.sin(rm.time), 0, 0)).material(rm.Material(color=(1, 0.4, 0.1)))
+walls = rm.box((4, 2, 0.2)).twist(0.2).translate((0, 0, -1))
+scene = rm.Scene(rm.union(ball, walls, k=0.2) | rm.plane(offset=-0.5), camera=rm.Camera((0, 1, 5), (0, 0, 0)))
+"""
+FRAMES = 48
+
+
+def command(folder: Path, *words: str) -> subprocess.Popen[bytes]:
+    """`raymarch render` of the scene in a folder, as a process."""
+    environment = os.environ | {"PYTHONPATH": PYTHONPATH, "LP_NUM_THREADS": "1"}
+    with (folder / "command.log").open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-m", "raymarch", "render", "scene.py", *words],
+            cwd=folder,
+            env=environment,
+            stdout=log,
+            stderr=log,
+        )
+
+
+def film(folder: Path, name: str, *words: str, frames: int = FRAMES, size: str = "320x180") -> subprocess.Popen[bytes]:
+    return command(folder, "-o", name, "--frames", f"0:{frames}", "--fps", "24", "--size", size, *words)
+
+
+def content(folder: Path, pattern: str) -> dict[str, bytes]:
+    """The bytes of all files of a pattern, by the number in their names."""
+    return {file.name.split("_")[1]: file.read_bytes() for file in folder.glob(pattern)}
+
+
+def log_of(folder: Path) -> str:
+    return (folder / "command.log").read_text(encoding="utf-8")
+
+
+def faults(folder: Path) -> None:
+    assert film(folder, "plain_%03d.png").wait() == 0
+    plain = content(folder, "plain_*.png")
+    assert len(plain) == FRAMES
+    with Processes(folder) as dask:
+        dask.start_worker()
+        dask.start_worker()
+        (folder / "command.log").unlink()
+        running = film(folder, "a_%03d.png", "--cluster", dask.address)
+        wait_for(lambda: len(content(folder, "a_*.png")) >= 12, 120, "12 frames")
+        os.kill(worker_of(dask.nannies[0]), signal.SIGKILL)
+        wait_for(lambda: len(content(folder, "a_*.png")) >= 24, 120, "24 frames")
+        stopped = worker_of(dask.nannies[1])
+        os.kill(stopped, signal.SIGSTOP)
+        code = running.wait(timeout=300)
+        text = log_of(folder)
+        print("killed and stopped: exit", code, "same bytes", content(folder, "a_*.png") == plain)
+        print("  drawn lines:", text.count("ms to draw"), " summary:", text[text.rindex("48 frames in") :].strip())
+        (folder / "command.log").unlink()
+        running = film(folder, "b_%03d.png", "--cluster", dask.address)
+        wait_for(lambda: len(content(folder, "b_*.png")) >= 20, 120, "20 frames")
+        dask.kill_scheduler()
+        print("scheduler killed: exit", running.wait(timeout=120), log_of(folder).splitlines()[-1])
+        kept = {file: file.stat().st_mtime_ns for file in folder.glob("b_*.png")}
+        for nanny in dask.nannies:
+            nanny.kill()
+        (folder / "command.log").unlink()
+        dask.start_scheduler()
+        dask.start_worker()
+        dask.start_worker()
+        code = film(folder, "b_%03d.png", "--cluster", dask.address).wait(timeout=300)
+        text = log_of(folder)
+        same = content(folder, "b_*.png") == plain
+        print(f"run again: exit {code}, same bytes {same}, {len(kept)} kept, {text.count('ms to draw')} drawn")
+        print("  kept files untouched:", all(file.stat().st_mtime_ns == then for file, then in kept.items()))
+
+
+def killed_films(folder: Path, seed: int = 1) -> None:
+    """A film that is killed at random 5 times and resumed has the bytes of an undisturbed one."""
+    chance = random.Random(seed)
+    for name in ("film.mp4", "film.gif", "still_%03d.png"):
+        assert film(folder, name).wait() == 0
+        pattern = name.replace("%03d", "*")
+        whole = {file.name: file.read_bytes() for file in folder.glob(pattern)}
+        for file in folder.glob(pattern):
+            file.unlink()
+        kills = 0
+        while kills < 5:
+            running = film(folder, name)
+            parts = f"{name}.frames/*.png" if "%" not in name else pattern
+            before = len(list(folder.glob(parts)))
+            stop = before + chance.randint(0, 8)
+            wait_for(lambda: running.poll() is not None or len(list(folder.glob(parts))) >= stop, 120, "frames")  # noqa: B023
+            time.sleep(chance.uniform(0, 0.1))
+            running.kill()
+            running.wait()
+            kills += 1
+        assert film(folder, name).wait() == 0
+        found = {file.name: file.read_bytes() for file in folder.glob(pattern)}
+        print(f"{name}: killed {kills} times, {len(found)} files, same bytes {found == whole}")
+
+
+def main() -> None:
+    what = sys.argv[1] if len(sys.argv) > 1 else ""
+    with tempfile.TemporaryDirectory(prefix="raymarch-cluster-") as name:
+        folder = Path(name)
+        (folder / "scene.py").write_text(SCENE, encoding="utf-8")
+        if what == "faults":
+            faults(folder)
+            killed_films(folder)
+        else:
+            print(__doc__)
+
+
+if __name__ == "__main__":
+    main()
