@@ -80,12 +80,16 @@ def render_on_cluster(
                     if what == "frames":
                         _print(item, outcome)
                 elif outcome is not None:
+                    if all(outcome.message != known.message for _, known in failed):
+                        _say(failures([(item, outcome)])[0])
                     failed.append((item, outcome))
-                    errors.print(f"raymarch: {failures([(item, outcome)])[0]}", markup=False)
                 elif what == "frames":
                     errors.print(f"{item.file}  is already drawn", markup=False)
     for line in cluster.log.lines(what, clock_time.perf_counter() - start):
         errors.print(line, markup=False)
+    for line in failures(failed):
+        if " more cannot" in line:
+            _say(line)
     if failed:
         raise CommandError(f"{len(failed)} of {len(items)} {what} could not be drawn", legal="see above")
     if what == "tiles":

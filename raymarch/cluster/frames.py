@@ -77,14 +77,18 @@ def draw_items(
     job = Job(scene.quality, shot, options.backend, options.device, tuple(machines), options.timeout)
     sent = cluster.send(source)
     contents, run = Contents(scene, shot), uuid.uuid4().hex[:8]
-    already: list[Item] = []
+    settled: list[tuple[Item, Outcome]] = []
 
     def missing() -> Iterator[tuple[int, Item, str | None]]:
         for number, item in enumerate(items):
-            content = _shared(contents.of(item), options.split)
+            try:
+                content = _shared(contents.of(item), options.split)
+            except RaymarchError as fault:
+                settled.append((item, Refused(str(fault))))
+                continue
             keys = [key_of(content, machine.driver) for machine in machines]
             if shot.suffix == ".png" and is_whole(item.file, keys):
-                already.append(item)
+                settled.append((item, None))
             else:
                 yield number, item, content
 
@@ -108,10 +112,9 @@ def draw_items(
             cluster.log.pictures[outcome.worker] += 1
             cluster.log.seconds[outcome.worker] += outcome.seconds
         yield item, outcome
-        while already:
-            yield already.pop(0), None
-    for item in already:
-        yield item, None
+        while settled:
+            yield settled.pop(0)
+    yield from settled
 
 
 def check(scene: Scene, shot: Shot, options: Options) -> None:

@@ -1,0 +1,133 @@
+"""Films, pictures and costs on a real scheduler with real workers: the bytes of the plain command, whatever fails."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import raymarch as rm
+from tests.support.commands import files, run
+from tests.support.dask_processes import Processes, wait_for, worker_of
+
+distributed = pytest.importorskip("distributed")
+
+SCENE = """import raymarch as rm
+from colors import RED
+ball = rm.sphere(0.5).translate((rm.time - 1, 0, 0)).material(rm.Material(color=RED))
+scene = rm.Scene(ball | rm.plane(offset=-0.5), camera=rm.Camera((0, 1, 5), (0, 0, 0)))
+"""
+SIZE = "32x24"
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
+    with Processes(tmp_path_factory.mktemp("dask")) as made:
+        made.start_worker()
+        made.start_worker()
+        yield made
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ball.py").write_text(SCENE)
+    (tmp_path / "colors.py").write_text("RED = (1, 0.2, 0.1)\n")
+    return tmp_path
+
+
+def draw(output: str, *more: str, frames: str = "0:6") -> int:
+    return run("render", "ball.py", "-o", output, "--frames", frames, "--fps", "6", "--size", SIZE, *more)
+
+
+def content(pattern: str) -> list[bytes]:
+    """The bytes of the files of a pattern, in the order of their names."""
+    return [file.read_bytes() for file in sorted(Path().glob(pattern))]
+
+
+def test_films_pictures_and_failures(folder: Path, dask: Processes, capsys: pytest.CaptureFixture[str]) -> None:
+    cluster = ("--cluster", dask.address)
+    assert draw("p%d.png") == 0 and draw("c%d.png", *cluster) == 0
+    assert content("c*.png") == content("p*.png") and len(content("c*.png")) == 6
+    told = capsys.readouterr().err
+    assert told.count(" ms to draw") == 12 and "6 frames in" in told and "s of work" in told
+    (folder / "c2.png").write_bytes(b"")
+    assert draw("c%d.png", *cluster) == 0 and content("c*.png") == content("p*.png")
+    assert capsys.readouterr().err.count(" ms to draw") == 1
+
+    assert draw("p.gif") == 0 and draw("c.gif", *cluster) == 0
+    assert content("c.gif") == content("p.gif") and not (folder / "c.gif.frames").exists()
+
+    still = ("render", "ball.py", "--size", "70x40", "--samples", "2")
+    assert run(*still, "-o", "p.png") == 0 and run(*still, "-o", "c.png", *cluster) == 0
+    assert content("c.png") == content("p.png") and not (folder / "c.png.tiles").exists()
+    assert run(*still, "-o", "s.png", *cluster, "--split-samples", "2") == 0 and len(content("s.png")[0]) > 500
+
+    capsys.readouterr()
+    (folder / "ball.py").write_text(SCENE.replace("(0, 1, 5), (0, 0, 0)", "(rm.time * 6 - 2, 0, 0), (1, 0, 0)"))
+    assert draw("f%d.png", *cluster) == 2
+    told = capsys.readouterr().err
+    assert sorted(files(folder) & {f"f{i}.png" for i in range(6)}) == [f"f{i}.png" for i in (0, 1, 2, 4, 5)]
+    assert "raymarch: frame 3 cannot be drawn: ball.py:4: " in told
+    assert told.splitlines()[-1] == "raymarch: 1 of 6 frames could not be drawn (see above)"
+
+
+def test_a_killed_and_a_hung_worker_cost_only_their_tasks(folder: Path, dask: Processes) -> None:
+    assert draw("p_%02d.png", frames="0:24") == 0
+
+    def disturb() -> None:
+        wait_for(lambda: len(content("c_*.png")) >= 4, 60, "4 frames")
+        os.kill(worker_of(dask.nannies[0]), signal.SIGKILL)
+        os.kill(worker_of(dask.nannies[1]), signal.SIGSTOP)  # the scheduler replaces it after its time to live
+
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    with distributed.Client(dask.address, set_as_default=False) as client:
+        made = rm.render_frames("ball.py", range(24), 6, (32, 24), "c_{:02d}.png", client)
+    thread.join()
+    assert [file.name for file in made] == [f"c_{i:02d}.png" for i in range(24)]
+    assert content("c_*.png") == content("p_*.png")
+
+
+def test_the_cost_has_the_same_errors_and_evaluations(
+    folder: Path, dask: Processes, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("cost", "ball.py", "--size", "24x16", "--repeats", "1", "--samples", "1", "--cross", "samples")
+    words = (*words, "--axis", "samples=1,2")
+    assert run(*words, "--json", "p.json") == 0 and run(*words, "--json", "c.json", "--cluster", dask.address) == 0
+    plain, found = (json.loads(Path(name).read_text()) for name in ("p.json", "c.json"))
+    same = ("errors", "evaluations", "iterations", "all_evaluations", "name", "shader_bytes")
+    assert [[p[n] for n in same] for p in found["points"]] == [[p[n] for n in same] for p in plain["points"]]
+    assert all(point["milliseconds"]["median"] is None for point in found["points"])
+    assert "no times: more than one worker runs on each machine" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_lost_scheduler_is_one_line_and_the_film_continues(
+    folder: Path, dask: Processes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The last test of the file: it ends the cluster."""
+    assert draw("p_%02d.png", frames="0:40") == 0
+
+    def disturb() -> None:
+        wait_for(lambda: len(content("c_*.png")) >= 3, 60, "3 frames")
+        dask.kill_scheduler()
+
+    thread = threading.Thread(target=disturb)
+    thread.start()
+    capsys.readouterr()
+    assert draw("c_%02d.png", "--cluster", dask.address, frames="0:40") == 2
+    thread.join()
+    told = capsys.readouterr().err
+    assert "raymarch: the connection to the scheduler is lost; what was drawn is kept (the same command again)" in told
+    kept = len(content("c_*.png"))
+    assert 3 <= kept < 40
+    started = time.time_ns()
+    assert draw("c_%02d.png", "--cluster", "local:1", frames="0:40") == 0
+    assert content("c_*.png") == content("p_*.png")
+    assert sum(file.stat().st_mtime_ns > started for file in folder.glob("c_*.png")) == 40 - kept
