@@ -186,7 +186,11 @@ class Cluster(Generic[U]):
                         done.add(future)
                         continue
                     result: Any = Failed(_one_line(fault))
-                elif future.status in ("cancelled", "lost"):
+                elif future.status in ("lost", "pending"):  # its worker died before it was collected: Dask repeats it
+                    pending[future.key] = unit, future
+                    done.add(future)
+                    continue
+                elif future.status == "cancelled":
                     raise gone
                 else:
                     result = future.result()

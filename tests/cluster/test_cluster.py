@@ -9,14 +9,22 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import raymarch as rm
+from raymarch.cluster.connect import connected
+from raymarch.cluster.source import of_file
+from raymarch.cluster.submit import Cluster
+from raymarch.cluster.sweep import Moment, sweep_on
+from raymarch.cost.effects import evaluations_of
+from raymarch.cost.reference import reference
+from raymarch.cost.settings import Setting
+from raymarch.cost.sweep import sweep
+from raymarch.cost.text import as_json, findings
 from tests.support.commands import files, run
-from tests.support.dask_processes import Processes, wait_for, worker_of
-
-distributed = pytest.importorskip("distributed")
+from tests.support.dask_processes import wait_for
 
 SCENE = """import raymarch as rm
 from colors import RED
@@ -27,11 +35,15 @@ SIZE = "32x24"
 
 
 @pytest.fixture(scope="module")
-def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
-    with Processes(tmp_path_factory.mktemp("dask")) as made:
-        made.start_worker()
-        made.start_worker()
+def client() -> Iterator[Any]:
+    """A client of a scheduler with two worker processes, which replaces a worker that does not answer in 5 seconds."""
+    with connected("local:2", 5.0) as made:
         yield made
+
+
+@pytest.fixture
+def cluster(client: Any) -> tuple[str, str]:
+    return "--cluster", str(client.scheduler.address)
 
 
 @pytest.fixture
@@ -51,8 +63,9 @@ def content(pattern: str) -> list[bytes]:
     return [file.read_bytes() for file in sorted(Path().glob(pattern))]
 
 
-def test_films_pictures_and_failures(folder: Path, dask: Processes, capsys: pytest.CaptureFixture[str]) -> None:
-    cluster = ("--cluster", dask.address)
+def test_films_pictures_and_failures(
+    folder: Path, cluster: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert draw("p%d.png") == 0 and draw("c%d.png", *cluster) == 0
     assert content("c*.png") == content("p*.png") and len(content("c*.png")) == 6
     told = capsys.readouterr().err
@@ -78,56 +91,61 @@ def test_films_pictures_and_failures(folder: Path, dask: Processes, capsys: pyte
     assert told.splitlines()[-1] == "raymarch: 1 of 6 frames could not be drawn (see above)"
 
 
-def test_a_killed_and_a_hung_worker_cost_only_their_tasks(folder: Path, dask: Processes) -> None:
+def test_a_killed_and_a_hung_worker_cost_only_their_tasks(folder: Path, client: Any) -> None:
     assert draw("p_%02d.png", frames="0:24") == 0
+    first, second = client.run(os.getpid).values()
 
     def disturb() -> None:
         wait_for(lambda: len(content("c_*.png")) >= 4, 60, "4 frames")
-        os.kill(worker_of(dask.nannies[0]), signal.SIGKILL)
-        os.kill(worker_of(dask.nannies[1]), signal.SIGSTOP)  # the scheduler replaces it after its time to live
+        os.kill(first, signal.SIGKILL)
+        os.kill(second, signal.SIGSTOP)  # the scheduler replaces it after its time to live
 
     thread = threading.Thread(target=disturb)
     thread.start()
-    with distributed.Client(dask.address, set_as_default=False) as client:
-        made = rm.render_frames("ball.py", range(24), 6, (32, 24), "c_{:02d}.png", client)
+    made = rm.render_frames("ball.py", range(24), 6, (32, 24), "c_{:02d}.png", client)
     thread.join()
     assert [file.name for file in made] == [f"c_{i:02d}.png" for i in range(24)]
     assert content("c_*.png") == content("p_*.png")
 
 
-def test_the_cost_has_the_same_errors_and_evaluations(
-    folder: Path, dask: Processes, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words = ("cost", "ball.py", "--size", "24x16", "--repeats", "1", "--samples", "1", "--cross", "samples")
-    words = (*words, "--axis", "samples=1,2")
-    assert run(*words, "--json", "p.json") == 0 and run(*words, "--json", "c.json", "--cluster", dask.address) == 0
-    plain, found = (json.loads(Path(name).read_text()) for name in ("p.json", "c.json"))
-    same = ("errors", "evaluations", "iterations", "all_evaluations", "name", "shader_bytes")
-    assert [[p[n] for n in same] for p in found["points"]] == [[p[n] for n in same] for p in plain["points"]]
-    assert all(point["milliseconds"]["median"] is None for point in found["points"])
-    assert "no times: more than one worker runs on each machine" in " ".join(capsys.readouterr().out.split())
+def test_the_cost_has_the_same_errors_and_evaluations(folder: Path, client: Any) -> None:
+    source, scene = of_file("ball.py")
+    settings = [Setting("base", scene.quality), Setting("plain", scene.quality.replace(tracer="plain"))]
+    moment = Moment((24, 16), 0.5, {}, 1)
+    found = sweep_on(Cluster(client), source, scene, settings, moment, "ball", 1, 1, 60.0)
+    with rm.Renderer(moment.size) as renderer:
+        known = reference(scene, moment.size, moment.time, {}, 1)
+        plain = sweep(scene, settings, known, renderer, "ball", moment.time, {}, 1, count=evaluations_of)
+    for one, other in zip(found.points, plain.points, strict=True):
+        assert one.errors == other.errors and one.evaluations == other.evaluations
+        assert (one.name, one.tracer, one.iterations) == (other.name, other.tracer, other.iterations)
+        assert not one.times and one.time.count == 0
+    assert found.points[0].all_evaluations == plain.points[0].all_evaluations
+    text = "\n".join(findings(found))
+    assert "no times: more than one worker runs on each machine" in text and "fewer evaluations" in text
+    assert json.loads(as_json(found))["points"][0]["milliseconds"]["median"] is None
 
 
 def test_a_lost_scheduler_is_one_line_and_the_film_continues(
-    folder: Path, dask: Processes, capsys: pytest.CaptureFixture[str]
+    folder: Path, client: Any, cluster: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The last test of the file: it ends the cluster."""
     assert draw("p_%02d.png", frames="0:40") == 0
 
     def disturb() -> None:
         wait_for(lambda: len(content("c_*.png")) >= 3, 60, "3 frames")
-        dask.kill_scheduler()
+        client.cluster.close()
 
     thread = threading.Thread(target=disturb)
     thread.start()
     capsys.readouterr()
-    assert draw("c_%02d.png", "--cluster", dask.address, frames="0:40") == 2
+    assert draw("c_%02d.png", *cluster, frames="0:40") == 2
     thread.join()
     told = capsys.readouterr().err
     assert "raymarch: the connection to the scheduler is lost; what was drawn is kept (the same command again)" in told
     kept = len(content("c_*.png"))
     assert 3 <= kept < 40
     started = time.time_ns()
-    assert draw("c_%02d.png", "--cluster", "local:1", frames="0:40") == 0
+    assert draw("c_%02d.png", frames="0:40") == 0
     assert content("c_*.png") == content("p_*.png")
     assert sum(file.stat().st_mtime_ns > started for file in folder.glob("c_*.png")) == 40 - kept

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -115,6 +116,40 @@ def killed_films(folder: Path, seed: int = 1) -> None:
         print(f"{name}: killed {kills} times, {len(found)} files, same bytes {found == whole}")
 
 
+def usage(folder: Path, *words: str) -> tuple[float, float]:
+    """CPU seconds of a command with all its processes, and its wall-clock seconds."""
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    assert command(folder, *words).wait() == 0, log_of(folder)[-2000:]
+    after, spent = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - start
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, spent
+
+
+def scaling(folder: Path, rounds: int = 3, few: int = 8, many: int = 72) -> None:
+    """Seconds of one more frame: the difference of a long and a short film, so that the start does not count.
+
+    The commands take turns, so that other load affects all of them. Medians over the rounds. Mesa has one thread in
+    each process.
+    """
+    kinds = {"plain": ()} | {f"local:{n}": ("--cluster", f"local:{n}") for n in (1, 2, 4)}
+    found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
+    for size in ("32x24", "320x180"):
+        for each in found.values():
+            each.clear()
+        for _ in range(rounds):
+            for kind, words in kinds.items():
+                ends = []
+                for count in (few, many):
+                    for file in folder.glob("s_*.png"):
+                        file.unlink()
+                    how = ("-o", "s_%03d.png", "--frames", f"0:{count}", "--fps", "24", "--size", size, *words)
+                    ends.append(usage(folder, *how))
+                found[kind].append(tuple((b - a) / (many - few) for a, b in zip(*ends, strict=True)))  # type: ignore
+        print(f"{size}: seconds a frame, medians of {rounds} rounds")
+        for kind, values in found.items():
+            cpu, wall = (1e3 * sorted(v[k] for v in values)[len(values) // 2] for k in (0, 1))
+            print(f"  {kind:8}  {cpu:7.1f} ms CPU  {wall:7.1f} ms wall  {60e3 / wall:7.0f} frames a minute")
+
+
 def main() -> None:
     what = sys.argv[1] if len(sys.argv) > 1 else ""
     with tempfile.TemporaryDirectory(prefix="raymarch-cluster-") as name:
@@ -123,6 +158,8 @@ def main() -> None:
         if what == "faults":
             faults(folder)
             killed_films(folder)
+        elif what == "scaling":
+            scaling(folder)
         else:
             print(__doc__)
 
