@@ -100,6 +100,10 @@ def run(
             metavar="N", min=1, help="--cluster: split the samples of a pixel into N tasks.", show_default="1"
         ),
     ] = None,
+    batch: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, help="--cluster: pictures of one task.", show_default="1"),
+    ] = None,
     task_timeout: Annotated[
         float | None,
         typer.Option(
@@ -114,7 +118,12 @@ def run(
     cut = check_view(view, slice_)
     width, height = parse_size(size)
     chooser = choose_quality(quality, error, within)
-    on_cluster = {"--workers": workers, "--split-samples": split_samples, "--task-timeout": task_timeout}
+    on_cluster = {
+        "--workers": workers,
+        "--split-samples": split_samples,
+        "--batch": batch,
+        "--task-timeout": task_timeout,
+    }
     given = [
         name for name, value in (*on_cluster.items(), ("--mixed-drivers", mixed_drivers or None)) if value is not None
     ]
@@ -141,7 +150,7 @@ def run(
 
         if error is not None or within is not None:
             raise CommandError("--error or --within with --cluster", legal="--quality, or a quality in the scene")
-        options = Options(mixed_drivers, split_samples or 1, task_timeout or TIMEOUT, backend, device)
+        options = Options(mixed_drivers, split_samples or 1, batch or 1, task_timeout or TIMEOUT, backend, device)
         chosen = found.quality if quality is None else found.quality.to_preset(quality)
         where = Where(cluster, workers, options)
         drawn, key = render_on_cluster(scene, chosen, shot, items, target, frames is not None, where)

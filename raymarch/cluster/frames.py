@@ -7,15 +7,15 @@ import uuid
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from raymarch.cluster.connect import package
 from raymarch.cluster.machines import accepted
 from raymarch.cluster.source import Source, of_file, of_scene
 from raymarch.cluster.submit import RETRIES, Cluster, Failed
-from raymarch.cluster.worker import Done, Job, Refused, draw_item, merge
+from raymarch.cluster.worker import Done, Job, Refused, draw_batch, draw_item, merge
 from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneError
 from raymarch.export import stills
 from raymarch.export.film import FILMS
@@ -29,6 +29,8 @@ from raymarch.gpu.views import VIEWS
 from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene, check_scene
 
+T = TypeVar("T")
+
 TIMEOUT = 900.0
 """Seconds that a task may take. Compilation alone may take RAYMARCH_COMPILE_LIMIT, 600 seconds."""
 
@@ -40,11 +42,13 @@ class Options:
     Attributes
     ----------
     mixed : accept workers with different drivers or libraries. split : number of shares of each pixel's samples.
+    batch : pictures of one task.
     timeout : seconds that a task may take. backend, device : of the workers' OpenGL contexts.
     """
 
     mixed: bool = False
     split: int = 1
+    batch: int = 1
     timeout: float = TIMEOUT
     backend: str = "auto"
     device: int | None = None
@@ -92,12 +96,13 @@ def draw_items(
             else:
                 yield number, item, content
 
-    def start(unit: tuple[int, Item, str | None]) -> Any:
-        number, item, content = unit
+    def start(batch: list[tuple[int, Item, str | None]]) -> Any:
+        number, item, content = batch[0]
         name = f"raymarch-draw-{run}-{number}"
         how: dict[str, Any] = {"retries": RETRIES, "resources": cluster.resources, "priority": -number}
         if options.split == 1:
-            return cluster.client.submit(draw_item, sent, job, item, content, key=name, **how)
+            pictures = [(item, content) for _, item, content in batch]
+            return cluster.client.submit(draw_batch, sent, job, pictures, key=name, **how)
         shares = []
         for k, share in enumerate(shares_of(scene.quality.samples, options.split)):
             part = item.part or Part(item.size)
@@ -105,16 +110,26 @@ def draw_items(
             shares.append(cluster.client.submit(draw_item, sent, job, one, contents.of(one), key=f"{name}-{k}", **how))
         return cluster.client.submit(merge, sent, job, content, *shares, key=f"{name}-all", **how)
 
-    for (_, item, _), outcome in cluster.completed(missing(), start):
-        if isinstance(outcome, Done):
-            with written(item.file, error) as unfinished:
-                unfinished.write_bytes(outcome.content)
-            cluster.log.pictures[outcome.worker] += 1
-            cluster.log.seconds[outcome.worker] += outcome.seconds
-        yield item, outcome
+    size = 1 if options.split > 1 else options.batch
+    for batch, result in cluster.completed(_batches(missing(), size), start):
+        outcomes = result if isinstance(result, list) else [result] * len(batch)
+        for (_, item, _), outcome in zip(batch, outcomes, strict=True):
+            if isinstance(outcome, Done):
+                with written(item.file, error) as unfinished:
+                    unfinished.write_bytes(outcome.content)
+                cluster.log.pictures[outcome.worker] += 1
+                cluster.log.seconds[outcome.worker] += outcome.seconds
+            yield item, outcome
         while settled:
             yield settled.pop(0)
     yield from settled
+
+
+def _batches(units: Iterable[T], size: int) -> Iterator[list[T]]:
+    """Lists of `size` units; the last one may be shorter."""
+    left = iter(units)
+    while batch := list(islice(left, size)):
+        yield batch
 
 
 def check(scene: Scene, shot: Shot, options: Options) -> None:
@@ -155,6 +170,7 @@ def render_frames(
     resources: Mapping[str, float] | None = None,
     mixed_drivers: bool = False,
     split_samples: int = 1,
+    batch: int = 1,
     task_timeout: float = TIMEOUT,
     backend: str = "auto",
     device: int | None = None,
@@ -177,6 +193,7 @@ def render_frames(
     resources : Dask resources that a worker must have, such as {"GPU": 1}.
     mixed_drivers : accept workers whose drivers may differ in the last bit.
     split_samples : number of tasks that share the samples of each pixel, from 1 to the samples.
+    batch : frames of one task, for frames that take less than a tenth of a second or for hundreds of workers.
     task_timeout : seconds after which a worker that still draws a frame ends itself, and another one draws it.
     backend, device : as in `Renderer`.
 
@@ -209,7 +226,8 @@ def render_frames(
         source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
         split = integer("render_frames: split_samples", split_samples, 1, 4096)
         timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
-        options = Options(mixed_drivers, split, timeout, backend, device)
+        together = integer("render_frames: batch", batch, 1, 10**6)
+        options = Options(mixed_drivers, split, together, timeout, backend, device)
         cluster: Cluster[Any] = Cluster(client, resources)
         drawn = draw_items(cluster, source, made, shot, items, options, warnings.warn)
         failed = [(item, outcome) for item, outcome in drawn if isinstance(outcome, Refused | Failed)]

@@ -2,8 +2,8 @@
 
 python -m tests.lab.cluster faults           # a worker killed, one stopped, the scheduler killed, a film killed 5 times
 python -m tests.lab.cluster scaling          # CPU seconds a frame with 1, 2 and 4 workers beside the plain command
-python -m tests.lab.cluster large            # the memory of a picture of 16384 x 16384 pixels
-python -m tests.lab.cluster model            # simulated throughput for 1 to 10,000 workers; writes docs/figures
+python -m tests.lab.cluster large            # peak memory of a picture of 16384 x 16384 pixels, of 8192 x 8192 without
+python -m tests.lab.cluster model            # throughput for 1 to 10,000 workers; writes docs/pictures/cluster.png
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
+
+from tests.lab.cluster_model import Costs, simulated, turning_point
 from tests.support.dask_processes import PYTHONPATH, Processes, wait_for, worker_of
 
 SCENE = """import raymarch as rm
@@ -116,6 +120,25 @@ def killed_films(folder: Path, seed: int = 1) -> None:
         print(f"{name}: killed {kills} times, {len(found)} files, same bytes {found == whole}")
 
 
+def large(folder: Path) -> None:
+    """Peak resident memory of the client and of a worker for a large .tif, and of the plain command."""
+    for size, words in (("16384x16384", ("--cluster", "local:1")), ("8192x8192", ())):
+        running, peak, start = command(folder, "-o", "big.tif", "--size", size, *words), {}, time.perf_counter()
+        while running.poll() is None:
+            with suppress(psutil.Error):
+                own = psutil.Process(running.pid)
+                for process in (own, *own.children(recursive=True)):
+                    with suppress(psutil.Error):
+                        kind = "command" if process.pid == running.pid else "worker"
+                        peak[kind] = max(peak.get(kind, 0), process.memory_info().rss)
+            time.sleep(0.2)
+        figures = ", ".join(f"{kind} {bytes / 2**20:.0f} MiB" for kind, bytes in peak.items())
+        file = folder / "big.tif"
+        print(f"{size} {' '.join(words)}: exit {running.returncode}, {time.perf_counter() - start:.0f} s, {figures}")
+        print(f"  {file.stat().st_size / 2**20:.0f} MiB")
+        file.unlink()
+
+
 def usage(folder: Path, *words: str) -> tuple[float, float]:
     """CPU seconds of a command with all its processes, and its wall-clock seconds."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
@@ -150,6 +173,73 @@ def scaling(folder: Path, rounds: int = 3, few: int = 8, many: int = 72) -> None
             print(f"  {kind:8}  {cpu:7.1f} ms CPU  {wall:7.1f} ms wall  {60e3 / wall:7.0f} frames a minute")
 
 
+def measured_costs(folder: Path) -> Costs:
+    """The costs of a task, from the CPU seconds of client, scheduler and worker in films of tiny frames.
+
+    Differences of a long and a short film, so that the start does not count; with batches of 1 and of 20, which
+    separates the costs of a task from those of a picture.
+    """
+    few, many, batch = 20, 140, 20
+    with Processes(folder) as dask:
+        nanny = dask.start_worker()
+        _film_cpu(folder, 1, "--cluster", dask.address)  # compiles
+        address = ("--cluster", dask.address)
+
+        def slope(*words: str) -> list[float]:
+            ends = []
+            for count in (few, many):
+                before = _cpu(dask, nanny)
+                client = _film_cpu(folder, count, *words)
+                ends.append((client, *(b - a for a, b in zip(before, _cpu(dask, nanny), strict=True))))
+            return [(b - a) / (many - few) for a, b in zip(*ends, strict=True)]
+
+        one, twenty, plain = slope(*address), slope(*address, "--batch", str(batch)), slope()[0]
+    per_task = [max((a - b) / (1 - 1 / batch), 0.0) for a, b in zip(one, twenty, strict=True)]
+    names = ("client", "scheduler", "worker")
+    for what, values in (("batch 1", one), (f"batch {batch}", twenty)):
+        print(f"CPU a frame, {what}:", ", ".join(f"{n} {1e3 * v:.1f} ms" for n, v in zip(names, values, strict=True)))
+    print(f"the plain command: {1e3 * plain:.1f} ms a frame; overhead {1e3 * (sum(one) - plain):.1f} ms")
+    return Costs(per_task[1], per_task[0], max(one[0] - per_task[0], 1e-4), per_task[2], 2e6)
+
+
+def _film_cpu(folder: Path, count: int, *words: str) -> float:
+    """CPU seconds of the command that draws a new film of tiny frames."""
+    for file in folder.glob("m_*.png"):
+        file.unlink()
+    where = ("-o", "m_%03d.png", "--frames", f"0:{count}", "--fps", "24", "--size", "32x24")
+    return usage(folder, *where, *words)[0]
+
+
+def _cpu(dask: Processes, nanny: subprocess.Popen[bytes]) -> tuple[float, float]:
+    """CPU seconds so far of the scheduler and of a nanny's worker."""
+    assert dask.scheduler is not None
+    found = [psutil.Process(pid).cpu_times() for pid in (dask.scheduler.pid, worker_of(nanny))]
+    return found[0].user + found[0].system, found[1].user + found[1].system
+
+
+def model(folder: Path) -> None:
+    """Throughput by the number of workers, for three times of a frame and two sizes of a batch, as a figure."""
+    from matplotlib.figure import Figure
+
+    costs = measured_costs(folder)
+    print(costs)
+    drawn = Figure((6.4, 4.2), layout="constrained")
+    axes = drawn.subplots()
+    counts = [1, 2, 4, 10, 30, 100, 300, 1000, 3000, 10_000]
+    for frame, color in ((0.1, "#1f6fc4"), (1.0, "#2a9d3a"), (60.0, "#b0207a")):
+        for batch, line in ((1, "-"), (20, "--")):
+            rates = [simulated(costs, n, frame, batch) for n in counts]
+            limit, name = turning_point(costs, frame, batch)
+            print(f"frame {frame:g} s, batch {batch}: {', '.join(f'{r:.3g}' for r in rates)} frames/s")
+            print(f"  the {name} is the limit from {limit:.0f} workers on")
+            axes.loglog(counts, rates, line, color=color, label=f"{frame:g} s a frame, batches of {batch}")
+    axes.set_xlabel("workers")
+    axes.set_ylabel("frames per second")
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.3)
+    drawn.savefig(Path(__file__).parents[2] / "docs" / "pictures" / "cluster.png", dpi=110)
+
+
 def main() -> None:
     what = sys.argv[1] if len(sys.argv) > 1 else ""
     with tempfile.TemporaryDirectory(prefix="raymarch-cluster-") as name:
@@ -160,6 +250,10 @@ def main() -> None:
             killed_films(folder)
         elif what == "scaling":
             scaling(folder)
+        elif what == "large":
+            large(folder)
+        elif what == "model":
+            model(folder)
         else:
             print(__doc__)
 
