@@ -143,7 +143,7 @@ def run(
         if made.untimed and (plot is not None or html is not None):
             raise CommandError(f"--plot or --html without times: {made.untimed}", legal="--json or --csv")
     else:
-        made, costs = _measured(
+        made, costs = _sweep_here(
             scene, found, settings, pixels, time, params, samples, repeats, seed, backend, device, html is not None
         )
     show(made, by, everything)
@@ -156,7 +156,7 @@ def run(
             target.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
 
 
-def _measured(
+def _sweep_here(
     scene: Path,
     found: Scene,
     settings: Sequence[Setting],

@@ -243,7 +243,7 @@ UNCALLED = {
     "__version__",
 }
 """Names that are no function that takes values, or that are made by others; those with a device are tried with one."""
-WITH_DEVICE = {"Renderer", "render", "probe", "truth"}
+WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "truth"}
 
 
 def calls() -> Iterator[Call]:
