@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import time as clock_time
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pkgutil import resolve_name
 from typing import Any, Generic, TypeVar
 
 from raymarch.cluster.machines import Machine
@@ -19,6 +20,9 @@ from raymarch.cluster.worker import describe
 from raymarch.errors import ClusterError
 
 U = TypeVar("U")
+
+UNREADABLE = "deserialization of the task graph"
+"""Part of Dask's message if the scheduler cannot import what a task consists of."""
 
 AHEAD = 3
 """Tasks for each thread of the workers that are submitted and not yet collected: one is drawn, one waits at the worker,
@@ -92,8 +96,6 @@ class Cluster(Generic[U]):
         Workers that do not answer in time are left out; their first task compares them. Raises ClusterError if there
         is no worker, or none answers.
         """
-        from distributed import as_completed
-
         address = self.client.scheduler.address
         try:
             self.client.wait_for_workers(1, timeout=ANSWER)
@@ -108,24 +110,32 @@ class Cluster(Generic[U]):
         if not workers:
             needed = ", ".join(f"{name}={value:g}" for name, value in wanted.items())
             raise ClusterError(f"no worker has the resource {needed}", legal=f"dask worker --resources '{needed}' ...")
-        asked = {
-            self.client.submit(
-                describe,
-                backend,
-                device,
-                workers=[worker],
-                pure=False,
-                resources=self.resources,
-                allow_other_workers=False,
-            ): worker
-            for worker in workers
+        installed = self._ask(list(workers), resolve_name, "raymarch.cluster.worker:describe")
+        able = [worker for worker, found in installed.items() if callable(found)]
+        answers = self._ask(able, describe, backend, device) if able else {}
+        found: dict[str, Machine | str] = {
+            worker: answers.get(worker, f"no answer in {ANSWER:g} s") if callable(answer) else str(answer)
+            for worker, answer in installed.items()
         }
-        found: dict[str, Machine | str] = {}
+        if not found:
+            raise ClusterError(f"none of the {len(workers)} workers answers in {ANSWER:g} s", legal="idle workers")
+        if any(isinstance(answer, str) and UNREADABLE in answer for answer in found.values()):
+            raise ClusterError(
+                f"the scheduler {address} cannot read the tasks: it has no raymarch, or another version",
+                legal="the same environment for scheduler, workers and command",
+            )
+        return found
+
+    def _ask(self, workers: Sequence[str], function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
+        """What each worker returns, or a sentence with its error; workers that do not answer in time are left out."""
+        from distributed import as_completed
+
+        how = {"pure": False, "resources": self.resources, "allow_other_workers": False}
+        asked = {self.client.submit(function, *arguments, workers=[worker], **how): worker for worker in workers}
+        found: dict[str, Any] = {}
         with suppress(TimeoutError):
             for future in as_completed(asked, loop=self.client.loop, timeout=ANSWER):
                 found[asked[future]] = _answer(future)
-        if not found:
-            raise ClusterError(f"none of the {len(workers)} workers answers in {ANSWER:g} s", legal="idle workers")
         return found
 
     def alone(self) -> list[str]:
@@ -231,17 +241,16 @@ class _Room:
         return AHEAD * self.threads
 
 
-def _answer(future: Any) -> Machine | str:
-    """What a worker answered, or the reason why it did not."""
+def _answer(future: Any) -> Any:
+    """What a worker returned, or a sentence with its error."""
     if future.status == "finished":
-        found: Machine | str = future.result()
-        return found
+        return future.result()
     return _one_line(future.exception())
 
 
 def _one_line(fault: BaseException | None) -> str:
     if isinstance(fault, ModuleNotFoundError):
-        return f"{fault.name} is not installed there (pip install 'raymarch[cluster]')"
+        return f"the module {fault.name} is not installed there"
     text = " ".join(str(fault).split())
     return f"{type(fault).__name__}: {text}" if text else type(fault).__name__
 

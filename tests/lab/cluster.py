@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -147,7 +148,7 @@ def usage(folder: Path, *words: str) -> tuple[float, float]:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, spent
 
 
-def scaling(folder: Path, rounds: int = 3, few: int = 8, many: int = 72) -> None:
+def scaling(folder: Path, rounds: int = 2, few: int = 8, many: int = 56, sizes: Sequence[str] = ("320x180",)) -> None:
     """Seconds of one more frame: the difference of a long and a short film, so that the start does not count.
 
     The commands take turns, so that other load affects all of them. Medians over the rounds. Mesa has one thread in
@@ -155,7 +156,7 @@ def scaling(folder: Path, rounds: int = 3, few: int = 8, many: int = 72) -> None
     """
     kinds = {"plain": ()} | {f"local:{n}": ("--cluster", f"local:{n}") for n in (1, 2, 4)}
     found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
-    for size in ("32x24", "320x180"):
+    for size in sizes:
         for each in found.values():
             each.clear()
         for _ in range(rounds):
