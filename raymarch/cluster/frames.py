@@ -21,7 +21,7 @@ from raymarch.export import stills
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
-from raymarch.expr.convert import integer, real
+from raymarch.expr.convert import integer, real, short, switch
 from raymarch.files import written
 from raymarch.gpu.part import Part
 from raymarch.gpu.renderer import Renderer
@@ -206,23 +206,30 @@ def render_frames(
     SceneError : an unknown format, or a scene file that is wrong.
     ClusterError : the workers cannot be used, or frames could not be drawn. All other frames are then written.
     """
-    numbers = [integer("render_frames: frames", number, 0, 10**9) for number in frames]
+    numbers = [integer("render_frames: frames", number, 0, 10**9) for number in _several("frames", frames)]
     if not numbers:
         raise SceneError("render_frames: no frames", legal="numbers >= 0, such as range(0, 90)")
     fps = real("render_frames: fps", fps, 1e-9, 1e9, "a number > 0")
+    edges = [integer("render_frames: size", edge, 1, 1 << 20) for edge in _several("size", size)]
+    if len(edges) != 2:
+        raise SceneError(f"render_frames: size = {short(size)}", legal="(width, height) in pixels")
+    width, height = edges
+    _check("scene", scene, Scene | str | os.PathLike, "a Scene, or the path of a scene file")
+    _check("out", out, str | os.PathLike, "a path")
+    _check("params", params, Mapping | None, "a dict of values by name, or None")
     target = Path(out)
-    items = frames_of(target, numbers, fps, size)
+    items = frames_of(target, numbers, fps, (width, height))
     suffix = target.suffix.lower()
-    shot = Shot(
-        size, ".png" if suffix in FILMS else suffix, dict(params or {}), alpha=alpha, layers=False, strict=strict
-    )
+    alpha, strict = switch("render_frames: alpha", alpha), switch("render_frames: strict", strict)
+    form = ".png" if suffix in FILMS else suffix
+    shot = Shot((width, height), form, dict(params or {}), alpha=alpha, strict=strict)
     if suffix in FILMS:
         items[0].file.parent.mkdir(exist_ok=True)
     if client is None:
         made = scene if isinstance(scene, Scene) else of_file(scene)[1]
         failed = _draw_here(made, shot, items, backend, device)
     else:
-        package("render_frames with a client")
+        _check("client", client, package("render_frames with a client").Client, "a distributed.Client, or None")
         source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
         split = integer("render_frames: split_samples", split_samples, 1, 4096)
         timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
@@ -237,6 +244,19 @@ def render_frames(
         return [item.file for item in items]
     join_film(target, items, fps)
     return [target]
+
+
+def _several(name: str, values: Any) -> list[Any]:
+    """The elements of an argument. SceneError if it is not iterable."""
+    try:
+        return list(values)
+    except Exception:
+        raise SceneError(f"render_frames: {name} = {short(values)}", legal="several integers") from None
+
+
+def _check(name: str, value: Any, kind: Any, legal: str) -> None:
+    if not isinstance(value, kind):
+        raise SceneError(f"render_frames: {name} = {short(value)} ({type(value).__name__})", legal=legal)
 
 
 def failures(failed: Sequence[tuple[Item, Refused | Failed]]) -> list[str]:
