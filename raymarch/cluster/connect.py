@@ -14,7 +14,7 @@ from raymarch.errors import ClusterError
 CONNECT = 10.0
 """Seconds to wait for a scheduler to answer."""
 
-FAILURES = 30
+FAILURES = 10
 """Deaths of workers after which Dask gives up a task that each of them was assigned, on a local cluster.
 
 Dask counts a death for all tasks that were assigned to the worker, not only for the one that it ran. Its default is 3.

@@ -31,7 +31,7 @@ and the file of one is written."""
 RETRIES = 3
 """Times that Dask tries a task again that failed by a fault of the device or of the program."""
 
-REVIVALS = 20
+REVIVALS = 10
 """Times that a task is tried again after Dask has given it up because too many workers died."""
 
 COUNTED = 2.0
