@@ -98,6 +98,8 @@ def content_of(
     if ready.plan.lights_as_data:
         uniforms["u_lights"] = lights.rows(ready.plan.scene, values)
     made = hashlib.sha256()
+    if scene.motion_blur:
+        made.update(f"shutter {scene.camera.open_seconds(values)!r}\0".encode())
     for fact in (raymarch.__version__, label, scene.quality, scene.tone, size, *([] if part is None else [part])):
         made.update(repr(fact).encode() + b"\0")
     for name, text in sorted(ready.texts.items()):  # textures are named by their content
