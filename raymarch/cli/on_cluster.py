@@ -18,7 +18,7 @@ from raymarch.cluster.worker import Done, Refused
 from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import Progress, Sweep
 from raymarch.export.film import FILMS
-from raymarch.export.sequence import LARGE, Contents, Item, edge_of, tiff_package, tiles_of
+from raymarch.export.sequence import Contents, Item, edge_of, is_large, tiff_package, tiles_of
 from raymarch.export.stills import FORMATS, Shot, key_of
 from raymarch.scene.quality import Quality
 
@@ -59,10 +59,10 @@ def render_on_cluster(
     one = items[0]
     tiled = shot.suffix in FORMATS and shot.view == "final" and quality.rays == "computed"
     if not film and tiled:
-        if target.suffix.lower() in (".tif", ".tiff") and shot.size[0] * shot.size[1] > LARGE:
+        if target.suffix.lower() in (".tif", ".tiff") and is_large(shot.size):
             tiff_package(target)
         items, shot, what = (
-            tiles_of(target, items[0].time, shot.size, edge_of(shot.size)),
+            tiles_of(target, items[0].time, shot.size, edge_of(shot.size), CommandError),
             replace(shot, suffix=".png"),
             "tiles",
         )

@@ -21,10 +21,12 @@ from raymarch.export.film import FILMS
 from raymarch.export.sequence import (
     EDGE,
     LARGE,
+    LONG,
     Contents,
     Item,
     check_suffix,
     frames_of,
+    is_large,
     join_film,
     join_tiles,
     tiff_package,
@@ -156,14 +158,16 @@ def run(
         drawn, key = render_on_cluster(scene, chosen, shot, items, target, frames is not None, where)
         join(target, drawn, fps, (width, height), key)
         return
-    large = frames is None and view == "final" and width * height > LARGE and suffix in FORMATS
+    large = frames is None and view == "final" and is_large((width, height)) and suffix in FORMATS
     if large:
         if error is not None or within is not None:
-            raise CommandError(f"--error or --within with {width}x{height} pixels", legal=f"up to {LARGE} pixels")
+            raise CommandError(
+                f"--error or --within with {width}x{height} pixels", legal=f"up to {LARGE} pixels and edges of {LONG}"
+            )
         if suffix in (".tif", ".tiff"):
             tiff_package(target)
         whole, whole_shot = items[0], shot
-        items = tiles_of(target, items[0].time, (width, height), EDGE)
+        items = tiles_of(target, items[0].time, (width, height), EDGE, CommandError)
         shot = replace(shot, suffix=".png")
     if film or large:
         items[0].file.parent.mkdir(exist_ok=True)

@@ -23,11 +23,17 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.scene.images import exr_package
 from raymarch.scene.scene import Scene
 
-LARGE = 1 << 24
-"""Pictures with more pixels are drawn in tiles, each of which is a file until the picture is complete."""
+LARGE, LONG = 1 << 24, 1 << 14
+"""Pictures with more pixels or a longer edge are drawn in tiles, each of which is a file until all are drawn."""
 
 EDGE = 1024
 """Largest edge of a tile in pixels."""
+
+WIDEST = 1 << 16
+"""Largest edge of a picture that is drawn in tiles, in pixels."""
+
+IN_MEMORY = 1 << 28
+"""Most pixels of a file that is put together in memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +90,18 @@ def check_folder(target: Path, error: type[RaymarchError] = SceneError) -> None:
         raise error(f"cannot write '{target}': no such folder", legal="a writable folder")
 
 
-def tiles_of(target: Path, time: float, size: tuple[int, int], edge: int) -> list[Item]:
-    """The tiles of a picture, each a PNG file in a folder beside it until the picture is complete."""
+def tiles_of(
+    target: Path, time: float, size: tuple[int, int], edge: int, error: type[RaymarchError] = SceneError
+) -> list[Item]:
+    """The tiles of a picture, each a PNG file in a folder beside it until the picture is complete.
+
+    Raises `error` for a picture that is too large for its file.
+    """
+    for name, pixels in zip(("width", "height"), size, strict=True):
+        if not 1 <= pixels <= WIDEST:
+            raise error(f"{name} = {pixels}", legal=f"an integer from 1 to {WIDEST}")
+    if size[0] * size[1] > IN_MEMORY and target.suffix.lower() not in (".tif", ".tiff"):
+        raise error(f"'{target}' of {size[0]}x{size[1]} pixels", legal=f"a .tif, or up to {IN_MEMORY} pixels")
     folder = _parts_folder(target, "tiles")
     return [
         Item(f"tile {x},{y}", time, folder / f"tile_{y:06d}_{x:06d}.png", own, Part(size, (x, y)))
@@ -97,6 +113,11 @@ def edge_of(size: tuple[int, int]) -> int:
     """The edge of the tiles for a cluster: an eighth of the picture, in steps of 16 from 64 to `EDGE`. It depends on
     the size only, so a rerun continues."""
     return min(EDGE, max(64, 16 * -(-max(size) // 128)))
+
+
+def is_large(size: tuple[int, int]) -> bool:
+    """True for a picture that is drawn in tiles."""
+    return size[0] * size[1] > LARGE or max(size) > LONG
 
 
 def _parts_folder(target: Path, what: str) -> Path:
@@ -143,7 +164,7 @@ def join_tiles(target: Path, items: Sequence[Item], key: str | None, error: type
     part = items[0].part
     assert part is not None
     with written(target, error) as unfinished:
-        if target.suffix.lower() in (".tif", ".tiff") and part.whole[0] * part.whole[1] > LARGE:
+        if target.suffix.lower() in (".tif", ".tiff") and is_large(part.whole):
             write_tiled(unfinished, part.whole, items)
         else:
             canvas: Image.Image | None = None

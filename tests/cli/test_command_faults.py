@@ -238,11 +238,19 @@ def test_a_bad_size(folder: Path, size: str, capsys: Any) -> None:
 
 
 def test_a_size_beyond_all_limits(folder: Path, capsys: Any) -> None:
-    for size in ("16385x1", "1x999999999999999999999"):
+    for size, legal in (
+        ("65537x1", "an integer from 1 to 65536"),
+        ("1x999999999999999999999", "an integer from 1 to 65536"),
+        ("40000x40000", "a .tif, or up to 268435456 pixels"),
+    ):
         assert run("render", "hello.py", "--backend", "egl", "--size", size) == 2
         message = capsys.readouterr().err
-        assert "an integer from 1 to 16384" in message and len(message.splitlines()) == 1
+        assert legal in message and len(message.splitlines()) == 1
     assert names(folder) == {"hello.py"}
+    assert run("render", "hello.py", "--backend", "egl", "--size", "16385x1", "-o", "wide.png") == 0
+    with Image.open(folder / "wide.png") as wide:
+        assert wide.size == (16385, 1)
+    assert names(folder) == {"hello.py", "wide.png"}
 
 
 # Drivers.

@@ -37,8 +37,8 @@ def test_a_fault_is_found(world: World, monkeypatch: pytest.MonkeyPatch) -> None
     """A tracer that takes what it only came near for a hit."""
     load = glsl.load
 
-    def spoiled(name: str) -> glsl.Module:
-        module = load(name)
+    def spoiled(name: str, variants: frozenset[str] = frozenset()) -> glsl.Module:
+        module = load(name, variants)
         lines = tuple(
             line.replace("abs(at.r) <= widths.x + hit_width(widths) * at.t", "at.r > 0.0") for line in module.lines
         )

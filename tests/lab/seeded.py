@@ -57,14 +57,15 @@ FUNCTIONS = {
 def spoil(module: str, line: int, text: str) -> Any:
     """Put a text in the place of a line of a module, from 0; returns the loader as it was."""
     original = glsl.load
+    number = original(module).numbers[line]
 
     @wraps(original)
-    def load(name: str) -> glsl.Module:
-        found = original(name)
-        if name != module:
+    def load(name: str, variants: frozenset[str] = frozenset()) -> glsl.Module:
+        found = original(name, variants)
+        if name != module or number not in found.numbers:
             return found
         lines = list(found.lines)
-        lines[line] = text
+        lines[found.numbers.index(number)] = text
         return replace(found, lines=tuple(lines))
 
     glsl.load = load  # type: ignore[assignment]
