@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from html import escape
 from importlib.util import find_spec
@@ -15,7 +14,7 @@ from raymarch.errors import PlanError, SceneError
 from raymarch.expr.convert import integer, short
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Values, set_values
-from raymarch.scene.scene import Scene, check_scene, scene_of
+from raymarch.scene.scene import Scene, check_scene, in_notebook, scene_of
 from raymarch.sdf.node import Node
 
 SIZE = (400, 300)
@@ -73,12 +72,6 @@ class Live:
 
     def __repr__(self) -> str:
         return f"<raymarch scene, {self.size[0]}x{self.size[1]}>"
-
-
-def in_notebook() -> bool:
-    """Whether this process is the kernel of a notebook."""
-    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
-    return hasattr(shell, "kernel")
 
 
 def show(scene: Scene | Node, size: tuple[int, int] = (640, 400), time: float = 0.0, params: Any = None) -> Any:

@@ -45,6 +45,12 @@ DEEPEST = {"path": 16, "whitted": 4}
 """Maximum number of bounces of each integrator."""
 
 
+def in_notebook() -> bool:
+    """Whether this process is the kernel of a notebook."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return hasattr(shell, "kernel")
+
+
 @value
 class Scene(Value):
     """A solid with camera, lights, sky, fog and quality. Immutable; `scene.replace(...)` gives a changed copy.
@@ -188,11 +194,11 @@ class Scene(Value):
         Returns the picture. Parameters and errors are those of `raymarch.render`. SceneError if there is no display.
         For a window that you can move in, use the command `raymarch view`.
         """
-        in_notebook = "ipykernel" in sys.modules
-        if not in_notebook and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}:
+        inline = in_notebook()
+        if not inline and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}:
             raise SceneError("show: this machine has no display", legal='rm.render(scene).save("picture.png")')
         picture: Image = import_module("raymarch.gpu").render(self, size, time, params)  # of a layer above
-        if not in_notebook:
+        if not inline:
             picture.show()
         return picture
 

@@ -6,6 +6,7 @@ import copy
 import pickle
 import sys
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -106,5 +107,6 @@ def test_show_opens_the_viewer_or_says_why_not(monkeypatch: pytest.MonkeyPatch) 
         SCENE.show((16, 9))
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
     assert SCENE.show((16, 9)) is shown[0] and shown[0].size == (16, 9)
-    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    notebook = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=None))
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
     assert SCENE.show((16, 9)).size == (16, 9) and len(shown) == 1
