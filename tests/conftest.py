@@ -25,25 +25,27 @@ LONG = Path(__file__).parent / "long.txt"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--all", action="store_true", help="also run the tests marked `long` and those of tests/long.txt")
+    parser.addoption("--all", action="store_true", help="also run the long tests; -m long: these alone")
 
 
-@pytest.hookimpl(trylast=True)
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave long tests out, but for those that the command line names by their id."""
+    """Mark the tests of long.txt, and leave long ones out, but for those that the command line names by their id."""
     lines = LONG.read_text(encoding="utf-8").splitlines()
     patterns = [line for line in lines if line and not line.startswith("#")]
     whole = not config.args or config.args == config.getini("testpaths")
     unknown = [p for p in patterns if whole and not any(fnmatchcase(item.nodeid, p) for item in items)]
     if unknown:
         raise pytest.UsageError(f"{LONG.name}: no test is called {', '.join(unknown)}")
+    for item in items:
+        if any(fnmatchcase(item.nodeid, pattern) for pattern in patterns):
+            item.add_marker("long")
     if config.getoption("--all"):
         return
 
     def is_left_out(item: pytest.Item) -> bool:
         named = any("::" in argument and item.nodeid.startswith(argument) for argument in config.args)
-        long = item.get_closest_marker("long") or any(fnmatchcase(item.nodeid, p) for p in patterns)
-        return bool(long) and not named
+        return item.get_closest_marker("long") is not None and not named
 
     left_out = {item for item in items if is_left_out(item)}
     config.hook.pytest_deselected(items=list(left_out))
