@@ -186,11 +186,18 @@ def judge(loads: Sequence[int], wall: Sequence[float], timer: Sequence[float]) -
 
 
 def _lightest_load(context: Context, draw: Callable[[int], Callable[[], None]]) -> int:
-    """Loop iterations per pixel for a draw of `_LIGHTEST_MS`, limited by the driver's loop limit."""
+    """Loop iterations per pixel for a draw that takes `_LIGHTEST_MS` and three times as long as one of hardly any
+    iterations, limited by the driver's loop limit. The cost that all draws share would hide the load of a lighter one.
+    """
     most = _MOST_ITERATIONS_SOFTWARE if context.driver.is_software else _MOST_ITERATIONS
     iterations = _FEWEST_ITERATIONS
+
+    def least() -> float:
+        return min(wall_time(context, draw(iterations)) for _ in range(_REPEATS))
+
     wall_time(context, draw(iterations))  # the first draw of a program also compiles it
-    while wall_time(context, draw(iterations)) < _LIGHTEST_MS and 2 * iterations <= most:
+    enough = max(_LIGHTEST_MS, 3.0 * least())
+    while least() < enough and 2 * iterations <= most:
         iterations *= 2
     return iterations
 
