@@ -455,6 +455,12 @@ class Spec:
     bounces: int = 0
     moving: int = 0
     """If not 0, which of the numbers are parameters or depend on time; the values are the same."""
+    height: float | None = None
+    """Of an orthographic picture, in scene units; None is perspective."""
+    near: float = 0.0
+    far: float = math.inf
+    quality: dict[str, Any] = field(default_factory=dict)
+    """Settings that must not change the picture."""
     tags: tuple[str, ...] = field(default=())
 
     def changed(self, **parts: Any) -> Spec:
@@ -519,11 +525,16 @@ class Brute:
         self.parts = parts_of(spec.trees)
         self.eye = np.asarray(spec.position, float)
         self.scale = float(np.linalg.norm(np.asarray(spec.target, float) - self.eye))
-        self.tan = math.tan(math.radians(spec.fov) / 2.0)
+        self.parallel = spec.height is not None
+        self.tan = 0.5 * (spec.height or 0.0) if self.parallel else math.tan(math.radians(spec.fov) / 2.0)
         self.pixel = 2.0 * self.tan / size[1]
 
-    def directions(self, x: Array, y: Array) -> Array:
-        """Unit rays through places of the picture, in pixels from its upper left corner."""
+    def foot(self, t: Array) -> Array:
+        """Width of a pixel at distances along rays."""
+        return np.full_like(t, self.pixel) if self.parallel else self.pixel * t
+
+    def camera_rays(self, x: Array, y: Array) -> Rays:
+        """Rays through places of the picture, in pixels from its upper left corner."""
         width, height = self.size
         back = (self.eye - np.asarray(self.spec.target, float)) / self.scale
         right = np.cross((0.0, 1.0, 0.0), back)
@@ -531,23 +542,27 @@ class Brute:
         up = np.cross(back, right)
         u = (2.0 * x / width - 1.0) * self.tan * width / height
         v = (1.0 - 2.0 * y / height) * self.tan
-        d = u[:, None] * right + v[:, None] * up - back
-        return np.asarray(d / np.linalg.norm(d, axis=1)[:, None])
+        aside = u[:, None] * right + v[:, None] * up
+        n, coarse = len(x), 8 * ULP * np.abs(self.eye).max()
+        origin = np.tile(self.eye, (n, 1)) + (aside if self.parallel else 0.0)
+        d = np.tile(-back, (n, 1)) if self.parallel else aside - back
+        d /= np.linalg.norm(d, axis=1)[:, None]
+        cosine = d @ -back
+        start, end = self.spec.near / cosine, np.minimum(self.spec.far / cosine, FAR * self.scale)
+        wide = coarse + (0.3 * self.pixel if self.parallel else 0.0)
+        grows = 8 * ULP + (0.0 if self.parallel else 0.3 * self.pixel)
+        return Rays(origin, d, start, end, np.full(n, wide), np.full(n, grows))
 
     def trace(self, x: Array, y: Array) -> Shaded:
-        n = len(x)
-        d = self.directions(x, y)
-        origin = np.tile(self.eye, (n, 1))
-        coarse = 8 * ULP * np.abs(self.eye).max()
-        rays = Rays(
-            origin,
-            d,
-            np.zeros(n),
-            np.full(n, FAR * self.scale),
-            np.full(n, coarse),
-            np.full(n, 0.3 * self.pixel + 8 * ULP),
-        )
-        return self._shaded(rays, np.zeros(n), None, self.spec.bounces)
+        rays = self.camera_rays(x, y)
+        made = self._shaded(rays, np.zeros(len(x)), None, self.spec.bounces)
+        if self.spec.near > 0.0 or self.parallel:  # what starts in a solid shows its inner side
+            first = rays.at(rays.start)
+            within = np.min([distance(part.tree, first) for part in self.parts], axis=0)
+            made.close |= within < rays.width(rays.start)
+        if math.isfinite(self.spec.far):
+            made.close |= np.abs(made.t - rays.end) < 4.0 * rays.width(rays.end)
+        return made
 
     def _shaded(self, rays: Rays, travelled: Array, own: Any, bounces: int) -> Shaded:
         spec, n = self.spec, len(rays.start)
@@ -562,7 +577,7 @@ class Brute:
             return made
         t, d = met.t[hit], rays.direction[hit]
         p, part = rays.origin[hit] + t[:, None] * d, met.part[hit]
-        foot = self.pixel * (travelled[hit] + t)
+        foot = self.foot(travelled[hit] + t)
         normal, values = self._local(p, part, foot)
         made.close[hit] |= self._beside_a_border(p, d, normal, part, foot, values)
         made.normal[hit] = normal

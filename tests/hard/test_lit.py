@@ -95,7 +95,7 @@ MATTE = [{"color": (0.6, 0.4, 0.2), "specular": 0.0, "ambient": 0.0}]
 def floor_points(judge: Brute, t: NDArray[np.float64]) -> NDArray[np.float64]:
     width, height = SIZE
     x, y = (a.ravel() for a in np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5))
-    return judge.eye + t.reshape(-1, 1) * judge.directions(x, y)
+    return judge.eye + t.reshape(-1, 1) * judge.camera_rays(x, y).direction
 
 
 @pytest.mark.parametrize("away", [3.0, 1e5])

@@ -22,6 +22,7 @@ import numpy as np
 import raymarch as rm
 from raymarch.errors import RaymarchError
 from raymarch.gpu import Frame, Renderer
+from raymarch.scene.quality import SCHEDULES, TRACERS
 from tests.hard.brute import FAMILIES, Brute, Picture, Spec, Tree, around, distance, parts_of
 from tests.lab.long_runs import keep
 
@@ -116,15 +117,19 @@ class Text:
         lines += [f"m{i} = {self.material(material)}" for i, material in enumerate(spec.materials)]
         nodes = [self.node(tree) for tree in spec.trees]
         lines.append(f"node = {nodes[0] if len(nodes) == 1 else 'rm.union(' + ', '.join(nodes) + ')'}")
-        position = self.vector(spec.position, True)
-        lines.append(f"camera = rm.Camera({position}, {self.vector(spec.target)}, fov={spec.fov!r})")
+        lens = f"fov={spec.fov!r}"
+        if spec.height is not None:
+            lens = f"projection='orthographic', height={self.number(spec.height)}"
+        if spec.near or math.isfinite(spec.far):
+            lens += f", near={self.number(spec.near)}, far={self.number(spec.far)}"
+        lines.append(f"camera = rm.Camera({self.vector(spec.position, True)}, {self.vector(spec.target)}, {lens})")
         lines.append(f"lights = [{', '.join(self.light(light) for light in spec.lights)}]")
         rest = [f"sky=rm.Sky({tuple(spec.sky)!r}, light={spec.sky_light})"]
         if spec.fog is not None:
             rest.append(f"fog=rm.Fog({tuple(spec.fog[0])!r}, {spec.fog[1]!r})")
         if spec.occlusion is not None:
             rest.append(f"occlusion=rm.AmbientOcclusion{spec.occlusion!r}")
-        quality = "max_steps=2048"
+        quality = ", ".join(f"{name}={value!r}" for name, value in {"max_steps": 2048, **spec.quality}.items())
         if spec.bounces:
             rest.append(f"bounces={spec.bounces}")
             quality += ", integrator='whitted'"
@@ -312,6 +317,23 @@ class Draw:
             made["blend"] = float(self.one(0.0, 0.2, 1.0))
         return {"kind": kind, **made}
 
+    def quality(self) -> dict[str, Any]:
+        """Settings that must not change the picture."""
+        made: dict[str, Any] = {}
+        if self.chance(0.3):
+            made["tracer"] = self.one(*(name for name in TRACERS if name != "auto"))
+        if self.chance(0.3):
+            made["schedule"] = self.one(*(name for name in SCHEDULES if name != "auto"))
+        if self.chance(0.15):
+            made["rays"] = "interpolated"
+        if self.chance(0.15):
+            made["steps_per_pass"] = int(self.random.integers(4, 40))
+        if self.chance(0.1) and made.get("tracer", "plain") == "plain":
+            made[self.one("step_scale", "step_variation")] = 0.7
+        if self.chance(0.15):
+            made["objects"] = "data"
+        return made
+
     def occluder(self, light: dict[str, Any]) -> Tree | None:
         """A solid between the middle of the scene and a light, far or near."""
         if light["kind"] == "sun":
@@ -381,6 +403,14 @@ def drawn(seed: int) -> Spec:
         spec.moving = seed + 1
     if draw.unit != 1.0:
         draw.tags.append("scaled")
+    if draw.chance(0.25):
+        draw.tags.append("orthographic")
+        spec.height = 2.0 * math.tan(math.radians(fov) / 2.0) * away
+    if draw.chance(0.2):
+        draw.tags.append("clipped")
+        reach = math.dist(position, target)
+        spec.near, spec.far = reach * float(random.uniform(0.0, 1.0)), reach * float(random.uniform(1.0, 2.0))
+    spec.quality = draw.quality()
     spec.tags = tuple(sorted(set(draw.tags)))
     if blocked(spec):
         return drawn(seed + 1_000_003)
@@ -440,7 +470,8 @@ def differences(spec: Spec, judge: Picture, frame: Frame) -> Difference | None:
     eye = np.abs(spec.position).max()
     t = np.where(both, judge.t, 1.0)
     with np.errstate(invalid="ignore"):
-        slack = 0.3 * judge.apart + 3e-6 * (t + eye) + 0.01 * t * math.radians(spec.fov) / SIZE[1]
+        wide = t * math.radians(spec.fov) if spec.height is None else spec.height
+        slack = 0.3 * judge.apart + 3e-6 * (t + eye) + 0.01 * wide / SIZE[1]
         deep = both & ~(np.abs(depth - judge.t) <= slack)
     note(deep, "depth", depth, judge.t)
     both &= ~deep
@@ -520,7 +551,11 @@ def smaller(spec: Spec) -> Iterator[Spec]:
         yield spec.changed(trees=spec.trees[:i] + spec.trees[i + 1 :])
     for i in range(len(spec.lights)):
         yield spec.changed(lights=spec.lights[:i] + spec.lights[i + 1 :])
-    for name, value in (("moving", 0), ("fog", None), ("occlusion", None), ("sky_light", False), ("bounces", 0)):
+    for name in spec.quality:
+        yield spec.changed(quality={key: value for key, value in spec.quality.items() if key != name})
+    plain: dict[str, Any] = {"near": 0.0, "far": math.inf, "height": None}
+    plain |= {"moving": 0, "fog": None, "occlusion": None, "sky_light": False, "bounces": 0}
+    for name, value in plain.items():
         if getattr(spec, name) != value and (name != "bounces" or not any("mirror" in m for m in spec.materials)):
             yield spec.changed(**{name: value})
     for i, tree in enumerate(spec.trees):

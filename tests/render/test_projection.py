@@ -57,6 +57,28 @@ def test_parallel_edges_stay_parallel(small: Renderer) -> None:
     assert np.array_equal(np.flatnonzero(hit.any(axis=1))[[0, -1]], [16, 31])
 
 
+def test_rays_that_start_on_a_floor_see_its_upper_side(small: Renderer) -> None:
+    """The box of a plane ends in the plane, so rays from above begin their march on the surface."""
+    random = np.random.default_rng(1)
+    for _ in range(6):
+        scale = 10.0 ** random.uniform(-3, 3)
+        position, target = scale * (random.uniform(-1, 1, 3) + (0, 2, 0)), scale * random.uniform(-0.5, 0.5, 3)
+        camera = rm.Camera(tuple(position), tuple(target), projection="orthographic", height=1.2 * scale)
+        color = small.render(scene(camera, rm.plane()), outputs=("color",)).array("color")
+        assert np.ptp(color, axis=(0, 1)).max() < 1e-6
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_a_clip_plane_on_a_face_shows_the_face(small: Renderer, projection: str) -> None:
+    height = 3 if projection == "orthographic" else None
+    camera = rm.Camera((0, 0, 5.3), (0, 0, 0), projection=projection, near=4.4, height=height)
+    frame = small.render(scene(camera, rm.box((2, 2, 1.8))), outputs=("depth", "color"))
+    hit = np.isfinite(frame.depth)
+    assert hit.sum() > 600
+    assert np.ptp(frame.array("color")[hit], axis=0).max() < 0.02
+    assert frame.array("color")[hit].min() > 0.3
+
+
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_scale_changes_nothing(small: Renderer, factor: float) -> None:
     camera = rm.Camera(
