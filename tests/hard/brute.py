@@ -207,48 +207,59 @@ def _values(material: dict[str, Any], p: Array) -> Array:
     return made
 
 
-def surface(tree: Tree, p: Array, materials: list[dict[str, Any]]) -> tuple[Array, Array | None]:
-    """The field and what the surface is made of, (N, 7); None if nothing says it. Blends mix by their derivatives."""
+@dataclass
+class Made:
+    """A field, what its surface is made of, (N, 7), or None if nothing says it, and the size of its derivative by the
+    fields of all its leaves."""
+
+    distance: Array
+    values: Array | None
+    weight: Array
+
+
+def surface(tree: Tree, p: Array, materials: list[dict[str, Any]]) -> Made:
+    """Blends mix the materials of their leaves by the derivatives of the field."""
     kind = tree[0]
     if kind == "paint":
-        d, inner = surface(tree[2], p, materials)
-        return d, _values(materials[tree[1]], p) if inner is None else inner
+        found = surface(tree[2], p, materials)
+        return replace(found, values=_values(materials[tree[1]], p)) if found.values is None else found
     if kind in ("move", "turn", "scale", "mirror"):
         factor, q = _inner(tree, p)
-        d, values = surface(tree[-1], q, materials)
-        return factor * d, values
+        found = surface(tree[-1], q, materials)
+        return replace(found, distance=factor * found.distance)
     if kind == "repeat":
-        found = [surface(tree[3], p - c, materials) for c in _copies(tree[1], tree[2])]
-        nearest = np.argmin([d for d, _ in found], axis=0)
-        values = None if found[0][1] is None else np.array([v for _, v in found])[nearest, np.arange(len(p))]
-        return np.min([d for d, _ in found], axis=0), values
+        copies = [surface(tree[3], p - c, materials) for c in _copies(tree[1], tree[2])]
+        near, rows = np.argmin([copy.distance for copy in copies], axis=0), np.arange(len(p))
+        values = None if copies[0].values is None else np.array([copy.values for copy in copies])[near, rows]
+        distances, weights = ([getattr(copy, name) for copy in copies] for name in ("distance", "weight"))
+        return Made(np.min(distances, axis=0), values, np.array(weights)[near, rows])
     if kind in ("union", "intersection", "difference"):
         k, family, first, *others = tree[1:]
-        a, va = surface(first, p, materials)
+        made = surface(first, p, materials)
         for other in others:
-            b, vb = surface(other, p, materials)
-            va = _mixed(kind, (a, va), (b, vb), k, family)
-            a = _joined(kind, a, b, k, family)
-        return a, va
-    return _leaf(tree, p), None
+            made = _mixed(kind, made, surface(other, p, materials), k, family)
+        return made
+    return Made(_leaf(tree, p), None, np.ones(len(p)))
 
 
-def _mixed(kind: str, first: tuple[Array, Any], second: tuple[Array, Any], k: float, family: str) -> Array | None:
-    (a, va), (b, vb) = first, second
-    if va is None and vb is None:
-        return None
-    if kind == "difference" and vb is None:
-        return np.asarray(va)
-    grey = _values(GREY, np.zeros((len(a), 3)))
-    va, vb = (grey if v is None else v for v in (va, vb))
+def _mixed(kind: str, first: Made, second: Made, k: float, family: str) -> Made:
+    a, b = first.distance, second.distance
     h = 1e-5 * k if k else np.maximum(1e-9 * np.abs(a - b), 1e-300)
-    wa = np.abs(_joined(kind, a + h, b, k, family) - _joined(kind, a - h, b, k, family))
-    wb = np.abs(_joined(kind, a, b + h, k, family) - _joined(kind, a, b - h, k, family))
+    wa = np.abs(_joined(kind, a + h, b, k, family) - _joined(kind, a - h, b, k, family)) / (2.0 * h)
+    wb = np.abs(_joined(kind, a, b + h, k, family) - _joined(kind, a, b - h, k, family)) / (2.0 * h)
     if k == 0.0:
         wins = a <= b if kind == "union" else a >= (b if kind == "intersection" else -b)
         wa, wb = wins.astype(float), 1.0 - wins
+    wa, wb = wa * first.weight, wb * second.weight
+    joined = _joined(kind, a, b, k, family)
+    if kind == "difference" and second.values is None:
+        return Made(joined, first.values, wa)
+    if first.values is None and second.values is None:
+        return Made(joined, None, wa + wb)
+    grey = _values(GREY, np.zeros((len(a), 3)))
+    va, vb = (grey if made.values is None else made.values for made in (first, second))
     share = (wb / (wa + wb))[:, None]
-    return np.asarray((1.0 - share) * va + share * vb)
+    return Made(joined, (1.0 - share) * va + share * vb, wa + wb)
 
 
 # Rays
@@ -621,7 +632,7 @@ class Brute:
                     normal[rows] = normal_of(one, p[rows], size)
                 for side, sign in enumerate((-1.0, 1.0)):
                     at = p[rows] + sign * (1e-5 * size)[:, None] * normal[rows]
-                    found = surface(one.tree, at, self.spec.materials)[1]
+                    found = surface(one.tree, at, self.spec.materials).values
                     values[side, rows] = _values(GREY, at) if found is None else found
         return normal, values
 
