@@ -329,7 +329,7 @@ class Draw:
         if self.chance(0.15):
             made["steps_per_pass"] = int(self.random.integers(4, 40))
         if self.chance(0.1) and made.get("tracer", "plain") == "plain":
-            made[self.one("step_scale", "step_variation")] = 0.7
+            made |= {self.one("step_scale", "step_variation"): 0.7, "max_steps": 8192}
         if self.chance(0.15):
             made["objects"] = "data"
         return made
