@@ -40,6 +40,7 @@ class Text:
     def __init__(self, moving: int) -> None:
         self.random = np.random.default_rng(moving) if moving else None
         self.params: dict[str, float] = {}
+        self.horizon = math.inf
 
     def number(self, value: float, free: bool = False) -> str:
         """free : it may depend on time, which has no range, or be a parameter of any sign."""
@@ -79,7 +80,8 @@ class Text:
             return f"{child}.repeat({tree[1]!r}, {tree[2]!r})"
         child = self.node(tree[-1])
         if kind == "move":
-            return f"{child}.translate({self.vector(tree[1], True)})"
+            near = math.hypot(*tree[1]) < self.horizon  # with a parameter that has no range, rays end at the horizon
+            return f"{child}.translate({self.vector(tree[1], True) if near else repr(tuple(tree[1]))})"
         if kind == "turn":
             return f"{child}.rotate({self.number(tree[1], True)}, {self.vector(tree[2])})"
         if kind == "scale":
@@ -114,6 +116,7 @@ class Text:
     def scene(self, spec: Spec) -> str:
         """A program that leaves `scene`."""
         lines = ["import raymarch as rm", ""]
+        self.horizon = 1e3 * math.dist(spec.position, spec.target)
         lines += [f"m{i} = {self.material(material)}" for i, material in enumerate(spec.materials)]
         nodes = [self.node(tree) for tree in spec.trees]
         lines.append(f"node = {nodes[0] if len(nodes) == 1 else 'rm.union(' + ', '.join(nodes) + ')'}")
