@@ -104,7 +104,7 @@ def run(
     ] = None,
     batch: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="--cluster: pictures of one task.", show_default="1"),
+        typer.Option(metavar="N", min=1, help="--cluster: pictures of one task.", show_default="as many as take 0.5 s"),
     ] = None,
     task_timeout: Annotated[
         float | None,
@@ -152,7 +152,7 @@ def run(
 
         if error is not None or within is not None:
             raise CommandError("--error or --within with --cluster", legal="--quality, or a quality in the scene")
-        options = Options(mixed_drivers, split_samples or 1, batch or 1, task_timeout or TIMEOUT, backend, device)
+        options = Options(mixed_drivers, split_samples or 1, batch, task_timeout or TIMEOUT, backend, device)
         chosen = found.quality if quality is None else found.quality.to_preset(quality)
         where = Where(cluster, workers, options)
         drawn, key = render_on_cluster(scene, chosen, shot, items, target, frames is not None, where)

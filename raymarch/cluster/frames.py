@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import statistics
 import uuid
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
+from operator import length_hint
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,7 +24,7 @@ from raymarch.export import stills
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
-from raymarch.expr.convert import integer, real, short, switch
+from raymarch.expr.convert import integer, optional, real, short, switch
 from raymarch.files import written
 from raymarch.gpu.part import Part
 from raymarch.gpu.renderer import Renderer
@@ -34,6 +37,12 @@ T = TypeVar("T")
 TIMEOUT = 900.0
 """Seconds that a task may take. Compilation alone may take RAYMARCH_COMPILE_LIMIT, 600 seconds."""
 
+TASK = 0.5
+"""Seconds of a task of short pictures. A task costs scheduler, client and worker some milliseconds."""
+
+LARGEST_BATCH = 32
+"""Pictures of such a task at most."""
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
@@ -42,13 +51,13 @@ class Options:
     Attributes
     ----------
     mixed : accept workers with different drivers or libraries. split : number of shares of each pixel's samples.
-    batch : pictures of one task.
+    batch : pictures of one task. None: as many as take `TASK` seconds.
     timeout : seconds that a task may take. backend, device : of the workers' OpenGL contexts.
     """
 
     mixed: bool = False
     split: int = 1
-    batch: int = 1
+    batch: int | None = None
     timeout: float = TIMEOUT
     backend: str = "auto"
     device: int | None = None
@@ -82,9 +91,21 @@ def draw_items(
     sent = cluster.send(source)
     contents, run = Contents(scene, shot), uuid.uuid4().hex[:8]
     settled: list[tuple[Item, Outcome]] = []
+    recent: deque[float] = deque(maxlen=9)  # seconds of the last pictures
+    left = length_hint(items, LARGEST_BATCH)
+
+    def batch_size() -> int:
+        if options.split > 1 or (options.batch is None and not recent):
+            return 1
+        if options.batch is not None:
+            return options.batch
+        fair = left // (2 * cluster.threads) if left > 0 else 1  # so that all workers end at about the same time
+        return max(1, min(int(TASK / max(statistics.median(recent), 1e-3)), LARGEST_BATCH, fair))
 
     def missing() -> Iterator[tuple[int, Item, str | None]]:
+        nonlocal left
         for number, item in enumerate(items):
+            left -= 1
             try:
                 content = _shared(contents.of(item), options.split)
             except RaymarchError as fault:
@@ -110,8 +131,7 @@ def draw_items(
             shares.append(cluster.client.submit(draw_item, sent, job, one, contents.of(one), key=f"{name}-{k}", **how))
         return cluster.client.submit(merge, sent, job, content, *shares, key=f"{name}-all", **how)
 
-    size = 1 if options.split > 1 else options.batch
-    for batch, result in cluster.completed(_batches(missing(), size), start):
+    for batch, result in cluster.completed(_batches(missing(), batch_size), start):
         outcomes = result if isinstance(result, list) else [result] * len(batch)
         for (_, item, _), outcome in zip(batch, outcomes, strict=True):
             if isinstance(outcome, Done):
@@ -119,16 +139,17 @@ def draw_items(
                     unfinished.write_bytes(outcome.content)
                 cluster.log.pictures[outcome.worker] += 1
                 cluster.log.seconds[outcome.worker] += outcome.seconds
+                recent.append(outcome.seconds)
             yield item, outcome
         while settled:
             yield settled.pop(0)
     yield from settled
 
 
-def _batches(units: Iterable[T], size: int) -> Iterator[list[T]]:
-    """Lists of `size` units; the last one may be shorter."""
+def _batches(units: Iterable[T], size: Callable[[], int]) -> Iterator[list[T]]:
+    """Lists of as many units as `size` says then; the last one may be shorter."""
     left = iter(units)
-    while batch := list(islice(left, size)):
+    while batch := list(islice(left, size())):
         yield batch
 
 
@@ -170,7 +191,7 @@ def render_frames(
     resources: Mapping[str, float] | None = None,
     mixed_drivers: bool = False,
     split_samples: int = 1,
-    batch: int = 1,
+    batch: int | None = None,
     task_timeout: float = TIMEOUT,
     backend: str = "auto",
     device: int | None = None,
@@ -193,7 +214,7 @@ def render_frames(
     resources : Dask resources that a worker must have, such as {"GPU": 1}.
     mixed_drivers : accept workers whose drivers may differ in the last bit.
     split_samples : number of tasks that share the samples of each pixel, from 1 to the samples.
-    batch : frames of one task, for frames that take less than a tenth of a second or for hundreds of workers.
+    batch : frames of one task. None: as many as take half a second, up to 32.
     task_timeout : seconds after which a worker that still draws a frame ends itself, and another one draws it.
     backend, device : as in `Renderer`.
 
@@ -233,7 +254,7 @@ def render_frames(
         source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
         split = integer("render_frames: split_samples", split_samples, 1, 4096)
         timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
-        together = integer("render_frames: batch", batch, 1, 10**6)
+        together = optional(integer, "render_frames: batch", batch, 1, 10**6)
         options = Options(mixed_drivers, split, together, timeout, backend, device)
         cluster: Cluster[Any] = Cluster(client, resources)
         drawn = draw_items(cluster, source, made, shot, items, options, warnings.warn)

@@ -89,6 +89,18 @@ class Cluster(Generic[U]):
     resources: Mapping[str, float] | None = None
     log: Log = field(default_factory=Log)
     used: list[Machine] = field(default_factory=list)
+    _threads: int = 1
+    _counted: float = -COUNTED
+
+    @property
+    def threads(self) -> int:
+        """The number of threads of all workers, at least 1; counted anew every `COUNTED` seconds."""
+        now = clock_time.monotonic()
+        if now - self._counted > COUNTED:
+            threads = self.client.nthreads()
+            self.log.workers = len(threads)
+            self._threads, self._counted = max(1, sum(threads.values())), now
+        return self._threads
 
     def machines(self, backend: str, device: int | None) -> dict[str, Machine | str]:
         """The machine of each worker by its address, or the reason why it cannot draw.
@@ -164,10 +176,9 @@ class Cluster(Generic[U]):
         pending: dict[str, tuple[U, Any]] = {}
         revived: Counter[str] = Counter()
         done = as_completed([], loop=self.client.loop)
-        room = _Room(self)
 
         def fill() -> None:
-            while len(pending) < room.tasks():
+            while len(pending) < AHEAD * self.threads:
                 unit = next(left, None)
                 if unit is None:
                     return
@@ -222,23 +233,6 @@ class Cluster(Generic[U]):
             self.log.lost.append(str(event.get("worker")))
             tasks = (*event.get("processing-tasks", ()), *event.get("lost-computed-tasks", ()))
             self.log.again.update(key for key in tasks if str(key).startswith("raymarch-draw-"))
-
-
-class _Room:
-    """The number of tasks that may be submitted and not yet collected, from the number of workers now."""
-
-    def __init__(self, cluster: Cluster[Any]) -> None:
-        self.cluster = cluster
-        self.counted = -COUNTED
-        self.threads = 1
-
-    def tasks(self) -> int:
-        now = clock_time.monotonic()
-        if now - self.counted > COUNTED:
-            threads = self.cluster.client.nthreads()
-            self.cluster.log.workers = len(threads)
-            self.threads, self.counted = max(1, sum(threads.values())), now
-        return AHEAD * self.threads
 
 
 def _answer(future: Any) -> Any:

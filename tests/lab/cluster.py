@@ -12,6 +12,7 @@ import os
 import random
 import resource
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -148,13 +149,17 @@ def usage(folder: Path, *words: str) -> tuple[float, float]:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, spent
 
 
+CORES = len(os.sched_getaffinity(0))
+
+
 def scaling(folder: Path, rounds: int = 2, few: int = 8, many: int = 56, sizes: Sequence[str] = ("320x180",)) -> None:
     """Seconds of one more frame: the difference of a long and a short film, so that the start does not count.
 
     The commands take turns, so that other load affects all of them. Medians over the rounds. Mesa has one thread in
     each process.
     """
-    kinds = {"plain": ()} | {f"local:{n}": ("--cluster", f"local:{n}") for n in (1, 2, 4)}
+    kinds: dict[str, tuple[str, ...]] = {"plain": (), "local:1, batch 1": ("--cluster", "local:1", "--batch", "1")}
+    kinds |= {f"local:{n}": ("--cluster", f"local:{n}") for n in (1, 2, 4)}
     found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
     for size in sizes:
         for each in found.values():
@@ -169,9 +174,15 @@ def scaling(folder: Path, rounds: int = 2, few: int = 8, many: int = 56, sizes: 
                     ends.append(usage(folder, *how))
                 found[kind].append(tuple((b - a) / (many - few) for a, b in zip(*ends, strict=True)))  # type: ignore
         print(f"{size}: seconds a frame, medians of {rounds} rounds")
-        for kind, values in found.items():
-            cpu, wall = (1e3 * sorted(v[k] for v in values)[len(values) // 2] for k in (0, 1))
-            print(f"  {kind:8}  {cpu:7.1f} ms CPU  {wall:7.1f} ms wall  {60e3 / wall:7.0f} frames a minute")
+        figures = {
+            kind: [1e3 * statistics.median(v[k] for v in values) for k in (0, 1)] for kind, values in found.items()
+        }
+        for kind, (cpu, wall) in figures.items():
+            line = f"  {kind:16}  {cpu:7.1f} ms CPU  {wall:7.1f} ms wall  {60e3 / wall:7.0f} frames a minute"
+            if kind != "plain":  # all processes share the cores
+                n = int(kind.removeprefix("local:").split(",")[0])
+                line += f"; expected {60e3 / max(figures['plain'][1] / n, cpu / CORES):7.0f}"
+            print(line)
 
 
 def measured_costs(folder: Path) -> Costs:
@@ -194,7 +205,7 @@ def measured_costs(folder: Path) -> Costs:
                 ends.append((client, *(b - a for a, b in zip(before, _cpu(dask, nanny), strict=True))))
             return [(b - a) / (many - few) for a, b in zip(*ends, strict=True)]
 
-        one, twenty, plain = slope(*address), slope(*address, "--batch", str(batch)), slope()[0]
+        one, twenty, plain = slope(*address, "--batch", "1"), slope(*address, "--batch", str(batch)), slope()[0]
     per_task = [max((a - b) / (1 - 1 / batch), 0.0) for a, b in zip(one, twenty, strict=True)]
     names = ("client", "scheduler", "worker")
     for what, values in (("batch 1", one), (f"batch {batch}", twenty)):
@@ -238,6 +249,8 @@ def model(folder: Path) -> None:
     axes.set_ylabel("frames per second")
     axes.legend(fontsize=8)
     axes.grid(alpha=0.3)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:,.10g}")
     drawn.savefig(Path(__file__).parents[2] / "docs" / "pictures" / "cluster.png", dpi=110)
 
 

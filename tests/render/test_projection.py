@@ -62,7 +62,7 @@ def test_rays_that_start_on_a_floor_see_its_upper_side(small: Renderer) -> None:
     random = np.random.default_rng(1)
     for _ in range(6):
         scale = 10.0 ** random.uniform(-3, 3)
-        position, target = scale * (random.uniform(-1, 1, 3) + (0, 2, 0)), scale * random.uniform(-0.5, 0.5, 3)
+        position, target = scale * random.uniform((-1, 1, -1), (1, 3, 1)), scale * random.uniform(-0.5, 0.5, 3)
         camera = rm.Camera(tuple(position), tuple(target), projection="orthographic", height=1.2 * scale)
         color = small.render(scene(camera, rm.plane()), outputs=("color",)).array("color")
         assert np.ptp(color, axis=(0, 1)).max() < 1e-6
