@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -12,18 +14,30 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.convert import file_path, integer, numbers, short, switch
 from raymarch.files import written
-from raymarch.scene.parameter import ParamValue, Values, set_values
+from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene, check_scene, scene_of
 from raymarch.sdf.node import Node
 
 Progress = Callable[[float], None]
 Corner = Sequence[float]
 
+SHADERTOY = "shadertoy"
+"""The form of `shadertoy=True`; its files end as those of GLSL."""
+
+TEXTS = {
+    f".{found.name}": found.name
+    for found in iter_modules([str(Path(__file__).parent / "text")])
+    if found.name != SHADERTOY
+} | {".frag": "glsl", ".htm": "html"}
+"""The modules of `raymarch.export.text` by the suffixes of their files."""
+
+GLSL = tuple(suffix for suffix, name in TEXTS.items() if name == "glsl")
 MESHES = (".stl", ".obj", ".ply", ".glb")
-TEXTS = (".glsl", ".frag")
-PAGES = (".html", ".htm")
-SUFFIXES = (*TEXTS, *PAGES, *MESHES)
+SUFFIXES = (*TEXTS, *MESHES)
 """Suffixes that `export` writes."""
+
+TEXTURES = ".textures.npz"
+"""Suffix of the file with the textures of a .glsl file."""
 
 CELLS = 128
 """Default number of cells of a mesh along the longest edge of its box."""
@@ -47,10 +61,12 @@ def export(
     scene : a Scene, or a node, which is wrapped in one.
     path : file to write. It is written whole or not at all.
         .glsl, .frag: one fragment shader, GLSL 330 core, with the scene's values as initial values of its uniforms.
+            Textures that are too large for constants are arrays of a second file, which ends in .textures.npz.
         .html: a page that draws the scene by WebGL 2, with a slider for each Param, and without a network.
         .stl, .obj, .ply, .glb: a closed triangle mesh; all but .stl with normals, vertex colours and shared vertices.
     time, params : values for meshes; initial values of shaders and pages.
-    shadertoy : .glsl only. True writes a shader for Shadertoy.
+    shadertoy : .glsl only. True writes a shader for Shadertoy: the tab Image, or the tabs Buffer A and Image if a still
+        scene takes several samples.
     cells : meshes only. Cells along the longest edge of the box, 2 to 2048; None is 128. The mesh is at most half the
         diagonal of a cell away from smooth surfaces, and cuts off sharp edges and corners by up to 1.2 cells.
     box : meshes only. Corners (lower, upper), to which the solid is clipped. None is the bounds of the solid.
@@ -79,24 +95,20 @@ def export(
         with written(file) as unfinished:
             mesh_files.WRITERS[suffix](unfinished, made)
         return
-    text = _text(scene, suffix, values, shadertoy)
+    form = SHADERTOY if shadertoy else TEXTS[suffix]
+    text = import_module(f"raymarch.export.text.{form}").text_of(scene, values)
+    if text.arrays:
+        with written(file.with_suffix(TEXTURES)) as unfinished, unfinished.open("wb") as out:
+            np.savez_compressed(out, **text.arrays)
     with written(file) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
-
-
-def _text(scene: Scene, suffix: str, values: Values, shadertoy: bool) -> str:
-    from raymarch.export import glsl, page
-
-    if suffix in PAGES:
-        return page.page_text(scene, values)
-    return glsl.shadertoy_text(scene, values) if shadertoy else glsl.glsl_text(scene, values)
+        unfinished.write_text(text.text, encoding="utf-8")
 
 
 def check_options(suffix: str, file: Path, **given: Any) -> None:
     """SceneError for a suffix that is not known, or an option that its form does not have."""
     if suffix not in SUFFIXES:
         raise SceneError(f"cannot export '{file}'", legal=f"a file ending in {', '.join(SUFFIXES)}")
-    belong = {"shadertoy": TEXTS, "cells": MESHES, "box": MESHES}
+    belong = {"shadertoy": GLSL, "cells": MESHES, "box": MESHES}
     for name, value in given.items():
         if value is not None and value is not False and suffix not in belong[name]:
             raise SceneError(f"{name} = {short(value)} for a {suffix} file", legal=f"with {', '.join(belong[name])}")

@@ -57,7 +57,7 @@ class Live:
     size: tuple[int, int]
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
-        from raymarch.export.page import page_text
+        from raymarch.export.text.html import page_text
 
         image = render(self.scene, self.size, self.values.time, self.values.params)
         found: dict[str, Any] = {"image/png": encoded(image), "text/plain": repr(self)}

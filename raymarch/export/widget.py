@@ -9,7 +9,7 @@ from typing import Any
 
 from raymarch.errors import SceneError
 from raymarch.export.notebook import Live
-from raymarch.export.page import page_text
+from raymarch.export.text.html import page_text
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Value, set_values
 

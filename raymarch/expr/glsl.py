@@ -18,7 +18,8 @@ from raymarch.expr import hashing
 from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr, const, make, var
 from raymarch.expr.raw import RawFunction, slope_text
-from raymarch.expr.samples import GLSL_HELPERS, Samples
+from raymarch.expr.samples import Samples
+from raymarch.expr.samples import glsl_helper as samples_helper
 from raymarch.expr.tables import Table
 from raymarch.expr.tables import glsl_helper as table_helper
 from raymarch.expr.texels import Texels
@@ -371,7 +372,8 @@ def _sample(component: str) -> Template:
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         dimension = node.data.dimension
-        printer.helpers["interpolated", str(dimension)] = GLSL_HELPERS[dimension]
+        constant = node.data.name in printer.text.constants
+        printer.helpers["interpolated", f"{dimension} {constant}"] = samples_helper(dimension, constant)
         printer.text.samples[node.data.name] = node.data
         call = call_text("interpolated", [Piece(node.data.name, ATOM, 0), *pieces], [node, *node.args])
         picked = "xyzw"[dimension] if component == "value" else "xyz"[:dimension]
@@ -391,8 +393,9 @@ def _texture(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> P
 
 def _fetch(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     """A texel of a table."""
-    name, text = table_helper(node.data.channels)
-    printer.helpers[name, ""] = text
+    constant = node.data.name in printer.text.constants
+    name, text = table_helper(node.data.channels, constant)
+    printer.helpers[name, str(constant)] = text
     printer.text.samples[node.data.name] = node.data
     return call_text(name, [Piece(node.data.name, ATOM, 0), *pieces], [node, *node.args])
 
@@ -509,7 +512,7 @@ struct common partition active asm class union enum typedef template this resour
 static extern external interface long short half fixed unsigned superp input output filter cast namespace using
 packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
-atan sinh cosh tanh interpolated cell_hash pcg is_finite
+atan sinh cosh tanh interpolated cell_hash pcg is_finite constant_number constant_numbers
 filtered filtered_mirrored texel1 texel2 texel4
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
@@ -557,6 +560,8 @@ class Text:
     """Functions that it calls and that the shader must define."""
     for_web: bool = False
     """True if browsers must take it, too: WebGL refuses `?:` for structures."""
+    constants: frozenset[str] = frozenset()
+    """Names of the data that are in the constant array `constant_numbers`, in place of textures."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -568,8 +573,10 @@ class Text:
         return result[:-1]
 
 
-def print_functions(roots: Sequence[Function], taken: Iterable[str] = (), for_web: bool = False) -> Text:
-    """GLSL of some functions and of all their callees, each once. for_web : see `Text`."""
+def print_functions(
+    roots: Sequence[Function], taken: Iterable[str] = (), for_web: bool = False, constants: frozenset[str] = frozenset()
+) -> Text:
+    """GLSL of some functions and of all their callees, each once. for_web, constants : see `Text`."""
     order = _callees_first(roots)
     names: dict[Function, str] = {}
     expressions = [e for f in roots for e in f.inner]
@@ -581,7 +588,7 @@ def print_functions(roots: Sequence[Function], taken: Iterable[str] = (), for_we
             wanted = definition.name
             names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
             occupied.add(names[definition])
-    text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web)
+    text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web, constants=constants)
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())

@@ -7,6 +7,7 @@ The GLSL fetches texels and interpolates in float32, because texture units round
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -155,27 +156,49 @@ def interval(node: Expr, *_at: Any) -> tuple[Array, Array]:
     return np.asarray(node.data.values.min(), np.float64), np.asarray(node.data.values.max(), np.float64)
 
 
-GLSL_HELPERS = {
-    2: """vec3 interpolated(sampler2D data, vec2 at) {
+def glsl_helper(dimension: int, constant: bool = False) -> str:
+    """Text of the GLSL function that interpolates.
+
+    constant : the numbers are in the array `constant_numbers`, and the data are an ivec3 or ivec4: where they start,
+    and their size along each axis.
+    """
+    ints = f"ivec{dimension}"
+    if not constant:
+        text = _in_plane if dimension == 2 else _in_space
+        return text(f"sampler{dimension}D", "textureSize(data, 0)", lambda at: f"texelFetch(data, {at}, 0).r")
+    type, size = f"ivec{dimension + 1}", "data.yz" if dimension == 2 else "data.yzw"
+    row = "at.y" if dimension == 2 else "(at.y + data.z * at.z)"
+    read = (
+        f"float constant_number({type} data, {ints} at) {{\n"
+        f"    return constant_numbers[data.x + at.x + data.y * {row}];\n}}\n\n"
+    )
+    return read + (_in_plane if dimension == 2 else _in_space)(type, size, lambda at: f"constant_number(data, {at})")
+
+
+def _in_plane(type: str, size: str, read: Callable[[str], str]) -> str:
+    return f"""vec3 interpolated({type} data, vec2 at) {{
     // (d/dx, d/dy, value), per texel
-    ivec2 cell = ivec2(clamp(floor(at), vec2(0.0), vec2(textureSize(data, 0) - 2)));
+    ivec2 cell = ivec2(clamp(floor(at), vec2(0.0), vec2({size} - 2)));
     vec2 w = at - vec2(cell);
-    float a = texelFetch(data, cell, 0).r;
-    float b = texelFetch(data, cell + ivec2(1, 0), 0).r;
-    float c = texelFetch(data, cell + ivec2(0, 1), 0).r;
-    float d = texelFetch(data, cell + ivec2(1, 1), 0).r;
+    float a = {read("cell")};
+    float b = {read("cell + ivec2(1, 0)")};
+    float c = {read("cell + ivec2(0, 1)")};
+    float d = {read("cell + ivec2(1, 1)")};
     return vec3(mix(b - a, d - c, w.y), mix(c - a, d - b, w.x), mix(mix(a, b, w.x), mix(c, d, w.x), w.y));
-}""",
-    3: """vec4 interpolated(sampler3D data, vec3 at) {
+}}"""
+
+
+def _in_space(type: str, size: str, read: Callable[[str], str]) -> str:
+    return f"""vec4 interpolated({type} data, vec3 at) {{
     // (d/dx, d/dy, d/dz, value), per texel
-    ivec3 cell = ivec3(clamp(floor(at), vec3(0.0), vec3(textureSize(data, 0) - 2)));
+    ivec3 cell = ivec3(clamp(floor(at), vec3(0.0), vec3({size} - 2)));
     vec3 w = at - vec3(cell);
     vec4 low, high;  // the four corners of the near and of the far face: x runs first, then y
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 4; i++) {{
         ivec3 corner = cell + ivec3(i & 1, i >> 1, 0);
-        low[i] = texelFetch(data, corner, 0).r;
-        high[i] = texelFetch(data, corner + ivec3(0, 0, 1), 0).r;
-    }
+        low[i] = {read("corner")};
+        high[i] = {read("corner + ivec3(0, 0, 1)")};
+    }}
     vec4 face = mix(low, high, w.z);
     vec2 rows = mix(face.xz, face.yw, w.x);
     vec4 rise = high - low;
@@ -183,5 +206,4 @@ GLSL_HELPERS = {
     return vec4(
         mix(face.y - face.x, face.w - face.z, w.y), rows.y - rows.x,
         mix(rises.x, rises.y, w.y), mix(rows.x, rows.y, w.y));
-}""",
-}
+}}"""

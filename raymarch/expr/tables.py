@@ -107,10 +107,20 @@ def interval(node: Expr, _index: Any) -> tuple[Array, Array]:
     return (low[0], high[0]) if node.type is FLOAT else (low, high)
 
 
-def glsl_helper(channels: int) -> tuple[str, str]:
-    """Name and text of the GLSL function that fetches a texel."""
+def glsl_helper(channels: int, constant: bool = False) -> tuple[str, str]:
+    """Name and text of the GLSL function that fetches a texel.
+
+    constant : the numbers are in the array `constant_numbers`, and the table is an int, where they start.
+    """
     type, picked = vector(channels), "xyzw"[:channels]
     name = f"texel{channels}"
+    if constant:
+        parts = ", ".join(f"constant_numbers[i{f' + {k}' if k else ''}]" for k in range(channels))
+        return name, (
+            f"{type} {name}(int data, float index) {{\n"
+            f"    int i = data + {channels} * int(index);\n"
+            f"    return {parts if channels == 1 else f'{type}({parts})'};\n}}"
+        )
     suffix = "" if channels == 4 else f".{picked}"
     return name, (
         f"{type} {name}(sampler2D data, float index) {{\n"

@@ -60,6 +60,9 @@ DRAWN: Final = {
     ),
     "samples": Pass("samples", "view/accumulate", 1, "a page that adds samples was requested", shades=True),
     "standalone": Pass("standalone", "view/standalone", 1, "a shader for other programs was requested", shades=True),
+    "shadertoy_buffer": Pass(
+        "shadertoy_buffer", "view/shadertoy_buffer", 1, "a buffer of Shadertoy that adds samples", shades=True
+    ),
     "shadertoy": Pass("shadertoy", "view/shadertoy", 1, "a shader for Shadertoy was requested", shades=True),
 }
 """The passes that can be requested, by name."""

@@ -62,6 +62,7 @@ class Shader:
     uses_time : True if it has a uniform u_time.
     samples : sampled data and pictures, by the name of their texture.
     modules : the linked GLSL modules with their reasons.
+    constants : the names of textures whose data the caller declares as constants.
     """
 
     body: tuple[Mapped, ...]
@@ -71,6 +72,7 @@ class Shader:
     uses_time: bool
     samples: Mapping[str, Samples | Texels | Table]
     modules: Mapping[str, str]
+    constants: frozenset[str] = frozenset()
 
     def text(
         self,
@@ -112,24 +114,27 @@ class Shader:
         return self.body[index].made_by, self.body[index].where
 
 
-def assemble(plan: Plan, inputs: Mapping[str, str] = MappingProxyType({})) -> Shader:
+def assemble(
+    plan: Plan, inputs: Mapping[str, str] = MappingProxyType({}), constants: frozenset[str] = frozenset()
+) -> Shader:
     """The shader of a plan.
 
     inputs : for a standalone plan, GLSL expressions that replace uniforms, by the name of the uniform.
+    constants : names of sampled data, tables and `u_lights` that the caller declares as constants, not as textures.
     """
     mains = [module(p.module, plan.variants) for p in plan.passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in plan.passes) else None
     setup = Setup(plan, values, inputs) if plan.standalone else None
     roots = _roots(plan, values)
-    constants = _constants(plan)
+    fixed = _constants(plan)
     generated: dict[str, Callable[[], Chunk]] = {
-        **{name: partial(Chunk.of, name, [line]) for name, line in constants.items()},
+        **{name: partial(Chunk.of, name, [line]) for name, line in fixed.items()},
         **{root.name: partial(_promised, roots) for root in roots},
         **({"shade": lambda: shade} if shade is not None else {}),
         "scene_box": partial(scene_box, plan),
         "scene_cone": partial(scene_cone, plan),
-        "u_lights": light_rows,
+        **{name: partial(light_rows, plan, "u_lights" in constants) for name in ("u_lights", "light_texel")},
         "Material": partial(material_struct, plan),
         "pcg": _pcg,
         **(setup.promised() if setup is not None else {}),
@@ -137,8 +142,8 @@ def assemble(plan: Plan, inputs: Mapping[str, str] = MappingProxyType({})) -> Sh
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
     promised = link(mains, plan.choices, generated, plan.variants)
     taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
-    fields, parameters, text = _fields(plan, roots, taken)
-    declared = Chunk.of("constants", [line for name, line in constants.items() if name in taken])
+    fields, parameters, text = _fields(plan, roots, taken, constants)
+    declared = Chunk.of("constants", [line for name, line in fixed.items() if name in taken])
     generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}
     if setup is not None:
         generated |= setup.chunks(parameters, text.uses_time, promised.names)
@@ -148,7 +153,7 @@ def assemble(plan: Plan, inputs: Mapping[str, str] = MappingProxyType({})) -> Sh
     body += _main(mains)
     names, heads = tuple(p.name for p in plan.passes), tuple(p.head for p in plan.passes)
     modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
-    return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples, modules)
+    return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples, modules, constants)
 
 
 def _main(mains: Sequence[Chunk]) -> list[Mapped]:
@@ -241,9 +246,11 @@ def _promised(roots: Sequence[Function]) -> Chunk:
     return Chunk("field", _records(roots), frozenset(root.name for root in roots), ())
 
 
-def _fields(plan: Plan, roots: Sequence[Function], taken: frozenset[str]) -> tuple[Chunk, dict[str, str], Text]:
+def _fields(
+    plan: Plan, roots: Sequence[Function], taken: frozenset[str], constants: frozenset[str]
+) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
-    text = print_functions(roots, taken, plan.standalone)
+    text = print_functions(roots, taken, plan.standalone, constants)
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}

@@ -118,9 +118,9 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
     head = lights.headed(scene)
     if head:
-        add("vec4 head = texelFetch(u_lights, ivec2(0, i), 0);  // form, kind of shadow, softness, shadow radius")
+        add(f"vec4 head = {_texel(plan, 0)};  // form, kind of shadow, softness, shadow radius")
     for k in range(lights.texels(scene) - head):
-        add(f"vec4 value_{k} = texelFetch(u_lights, ivec2({k + head}, i), 0);")
+        add(f"vec4 value_{k} = {_texel(plan, k + head)};")
     add("Light light;")
     kinds, samples = lights.shadows(scene), scene.quality.light_samples
     limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
@@ -181,7 +181,18 @@ def _width_of_row(scene: Scene) -> str:
     return "head.z" if len(far) == len(positioned) else f"head.z / ({' || '.join(far)} ? 1.0 : light.distance)"
 
 
-def light_rows() -> Chunk:
-    """The texture with the values of all lights."""
-    lines = (Mapped("uniform sampler2D u_lights;  // one row per light", "the scene's lights"),)
+def _texel(plan: Plan, k: int) -> str:
+    """Texel k of the row of light i."""
+    return f"light_texel({k}, i)" if plan.standalone else f"texelFetch(u_lights, ivec2({k}, i), 0)"
+
+
+def light_rows(plan: Plan, constant: bool = False) -> Chunk:
+    """The texture with the values of all lights. constant : an array is declared in its place."""
+    by = "the scene's lights"
+    lines = [Mapped("uniform sampler2D u_lights;  // one row per light", by)]
+    if plan.standalone:
+        read = f"u_lights[light * {lights.texels(plan.scene)} + texel]"
+        read = read if constant else "texelFetch(u_lights, ivec2(texel, light), 0)"
+        body = ["vec4 light_texel(int texel, int light) {", f"    return {read};", "}"]
+        lines += [Mapped(line, by) for line in ["", *body]]
     return Chunk.of("light rows", lines)

@@ -32,7 +32,7 @@ Array = NDArray[Any]
 ASPECT = var("aspect", FLOAT)
 """Width over height of the picture."""
 
-HOST = ("iResolution", "iTime", "iMouse")
+HOST = ("iResolution", "iTime", "iMouse", "iFrame", "iChannel0")
 """Names that Shadertoy defines."""
 
 BY = "the camera"
@@ -106,6 +106,7 @@ class Setup:
         return {
             "set_frame": lambda: Chunk("set_frame", frozenset(needs), frozenset({"set_frame"}), ()),
             "begin_sample": lambda: Chunk("begin_sample", frozenset(), frozenset({"begin_sample"}), ()),
+            **{name: partial(Chunk, "Shadertoy", frozenset(), frozenset(HOST), ()) for name in HOST},
         }
 
     def chunks(

@@ -20,20 +20,9 @@ from raymarch.gpu.targets import Target
 from raymarch.scene import load
 from tests.support.commands import files, run
 from tests.support.required import glslang
+from tests.support.shadertoy import HOST, MAIN, Shadertoy, tabs
 
 EXAMPLES = Path(rm.__file__).parents[1] / "examples"
-
-HOST = """#version 300 es
-precision highp float;
-precision highp int;
-uniform vec3 iResolution;
-uniform float iTime;
-uniform vec4 iMouse;
-out vec4 host_color;
-"""
-"""What Shadertoy writes before a shader."""
-MAIN = "void main() { mainImage(host_color, gl_FragCoord.xy); }\n"
-DESKTOP_HOST = HOST.replace("300 es", "330 core")
 
 SIZE = rm.Param("size", 1.0, 0.5, 2.0)
 TINT = rm.Param("tint", (0.9, 0.2, 0.1), 0.0, 1.0)
@@ -128,20 +117,96 @@ def test_an_orbit_turns_the_camera_about_its_target(renderer: Renderer, tmp_path
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_shader_for_shadertoy_draws_the_picture(name: str, renderer: Renderer, tmp_path: Path) -> None:
+    """Samples of a still scene add up in a buffer, one in each frame."""
     scene = SCENES[name]
     text = export_text(tmp_path, scene, shadertoy=True)
-    uniforms = {"iResolution": (64.0, 48.0, 1.0), "iTime": 0.6, "iMouse": (0.0,) * 4}
-    found = drawn(renderer, DESKTOP_HOST + text + MAIN, uniforms)
-    compare(found, picture(renderer, scene, 0.6))
+    assert set(tabs(text)) == ({"Buffer A", "Image"} if scene.quality.samples > 1 else {"Image"})
+    with Shadertoy(renderer.context, text, (64, 48)) as host:
+        compare(host.draw(scene.quality.samples, time=0.6), picture(renderer, scene, 0.6))
+
+
+def test_samples_of_a_scene_that_moves_are_drawn_in_each_frame(renderer: Renderer, tmp_path: Path) -> None:
+    scene = SCENES["hoisted"].replace(quality=rm.Quality(samples=3))
+    text = export_text(tmp_path, scene, shadertoy=True)
+    with Shadertoy(renderer.context, text, (64, 48)) as host:
+        host.draw(time=0.1)
+        compare(host.draw(time=0.6), picture(renderer, scene, 0.6))
+
+
+def test_a_buffer_starts_again(renderer: Renderer, tmp_path: Path) -> None:
+    """When the mouse drags, which turns the camera, and when the size changes."""
+    scene = SCENES["samples"]
+    text = export_text(tmp_path, scene, shadertoy=True)
+    with Shadertoy(renderer.context, text, (64, 48)) as host:
+        still = host.draw(4)
+        turned = host.draw(2, mouse=(20.0, 24.0, 20.0, 24.0))
+        assert np.mean(np.abs(turned - still).max(axis=2) > 2) > 0.1
+        released = host.draw(3, mouse=(20.0, 24.0, -20.0, -24.0))
+        with Shadertoy(renderer.context, text, (64, 48)) as other:
+            compare(released, other.draw(4, mouse=(20.0, 24.0, -20.0, -24.0)))
+        host.resize((48, 48))
+        with Shadertoy(renderer.context, text, (48, 48)) as other:
+            compare(host.draw(4), other.draw(4))
 
 
 @pytest.mark.parametrize("name", ["parameters", "samples", "paths", "sky"])
 def test_the_reference_compiler_takes_both_forms(name: str, tmp_path: Path) -> None:
-    desktop, web = tmp_path / "desktop.frag", tmp_path / "web.frag"
+    desktop = tmp_path / "desktop.frag"
     desktop.write_text(export_text(tmp_path, SCENES[name]))
-    web.write_text(HOST + export_text(tmp_path, SCENES[name], shadertoy=True) + MAIN)
-    done = subprocess.run([glslang(), str(desktop), str(web)], capture_output=True, text=True)
+    given = [desktop]
+    for tab, text in tabs(export_text(tmp_path, SCENES[name], shadertoy=True)).items():
+        given.append(tmp_path / f"{tab}.frag")
+        given[-1].write_text(HOST + text + MAIN)
+    done = subprocess.run([glslang(), *map(str, given)], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
+
+
+def data_scenes() -> dict[str, rm.Scene]:
+    grid = rm.grid(np.linalg.norm(np.mgrid[-1:1:8j, -1:1:8j, -1:1:8j], axis=0) - 0.5)
+    land = rm.heightmap(np.sin(np.mgrid[0:3:9j, 0:4:12j]).sum(axis=0) * 0.2)
+    lights = [rm.PointLight((i - 4, 2, 3), intensity=2 + i) for i in range(9)]
+    balls = rm.union(*(rm.sphere(0.3 + 0.01 * i).translate((i % 5 - 2, i // 5 - 2, 0)) for i in range(25)))
+    return {
+        "grids": rm.Scene(grid | land.translate((0, -1, 0))),
+        "lights": rm.Scene(rm.torus(), lights=lights),
+        "rows": rm.Scene(balls, quality=rm.Quality(objects="data")),
+    }
+
+
+@pytest.mark.parametrize("name", ["grids", "lights", "rows"])
+def test_small_data_are_constants(name: str, renderer: Renderer, tmp_path: Path) -> None:
+    scene = data_scenes()[name]
+    wanted = picture(renderer, scene)
+    text = export_text(tmp_path, scene)
+    assert "sampler" not in "".join(line for line in text.splitlines() if line.startswith("uniform"))
+    compare(drawn(renderer, text, {"u_resolution": (64, 48)}), wanted)
+    with Shadertoy(renderer.context, export_text(tmp_path, scene, shadertoy=True), (64, 48)) as host:
+        compare(host.draw(), wanted)
+    assert files(tmp_path) == {"made.glsl"}
+
+
+def test_large_textures_are_samplers_and_arrays(renderer: Renderer, tmp_path: Path) -> None:
+    image = np.random.default_rng(3).uniform(0, 1, (32, 32, 3))
+    solid = rm.box().rotate(0.5).material(rm.Material(albedo=rm.triplanar(image)))
+    scene = rm.Scene(solid | rm.grid(np.linalg.norm(np.mgrid[-1:1:20j, -1:1:20j, -1:1:20j], axis=0) - 0.6))
+    wanted = picture(renderer, scene)
+    text = export_text(tmp_path, scene)
+    assert files(tmp_path) == {"made.glsl", "made.textures.npz"}
+    arrays = dict(np.load(tmp_path / "made.textures.npz"))
+    levels = sorted({name.partition(".")[0] for name in arrays if "texels" in name})
+    assert len(levels) == 1 and "32 x 32, 3 half floats, 6 levels, filtered linearly" in text
+    gl = renderer.context.gl
+    with renderer.context.bound():
+        (base,) = levels
+        picture_texture = gl.texture((32, 32), 3, dtype="f2")
+        picture_texture.build_mipmaps()
+        for k in range(6):
+            picture_texture.write(arrays[f"{base}.{k}"].tobytes(), level=k, alignment=1)
+        picture_texture.filter = (gl.LINEAR_MIPMAP_LINEAR, gl.LINEAR)
+        (samples,) = (name for name in arrays if "samples" in name)
+        grid = gl.texture3d((20, 20, 20), 1, arrays[samples].tobytes(), dtype="f4")
+        grid.filter = (gl.NEAREST, gl.NEAREST)
+    compare(drawn(renderer, text, {"u_resolution": (64, 48), base: picture_texture, samples: grid}), wanted)
 
 
 def refused(scene: rm.Scene, folder: Path, **options: Any) -> str:
@@ -154,15 +219,17 @@ def refused(scene: rm.Scene, folder: Path, **options: Any) -> str:
 
 def test_what_a_shader_cannot_hold_is_refused_with_its_line(tmp_path: Path) -> None:
     textures = load(EXAMPLES / "textures.py")
-    assert "textures.py:48: array of 256 x 256 x 3: a .glsl file holds no textures" in refused(textures, tmp_path)
-    assert "Shadertoy file holds no textures" in refused(textures, tmp_path, shadertoy=True)
-    lights = [rm.PointLight((i, 2, 3)) for i in range(9)]
-    assert "9 lights" in refused(rm.Scene(rm.sphere(), lights=lights), tmp_path)
+    message = refused(textures, tmp_path, shadertoy=True)
+    assert "textures.py:48: array of 256 x 256 x 3: a Shadertoy file holds no textures" in message
+    lights = [rm.PointLight((i + rm.time, 2, 3)) for i in range(9)]
+    assert "9 lights, one of which depends on time" in refused(rm.Scene(rm.sphere(), lights=lights), tmp_path)
+    many = [rm.PointLight((i, 2, 3)) for i in range(600)]
+    assert "600 lights with more" in refused(rm.Scene(rm.sphere(), lights=many), tmp_path, shadertoy=True)
     sky = rm.Sky(TINT, light=True)
     message = refused(rm.Scene(rm.sphere(), sky=sky), tmp_path)
     assert "Sky(light=True) depends on time or a Param" in message and "test_shaders.py" in message
-    field = rm.grid(np.linalg.norm(np.mgrid[-1:1:8j, -1:1:8j, -1:1:8j], axis=0) - 0.5)
-    assert "samples of 8 x 8 x 8" in refused(rm.Scene(field), tmp_path)
+    field = rm.grid(np.linalg.norm(np.mgrid[-1:1:20j, -1:1:20j, -1:1:20j], axis=0) - 0.5)
+    assert "samples of 20 x 20 x 20" in refused(rm.Scene(field), tmp_path, shadertoy=True)
 
 
 def test_options_of_other_forms_are_refused(tmp_path: Path) -> None:
@@ -184,7 +251,7 @@ def test_the_command_writes_a_shader(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert run("export", str(EXAMPLES / "columns.py"), "-o", str(file), "--set", "gap=4", "--shadertoy") == 0
     assert "const float u_gap = 4.0;" in file.read_text() and "mainImage" in file.read_text()
     before = file.read_bytes()
-    assert run("export", str(EXAMPLES / "textures.py"), "-o", str(file)) == 2
+    assert run("export", str(EXAMPLES / "textures.py"), "-o", str(file), "--shadertoy") == 2
     assert "textures.py:48" in capsys.readouterr().err and file.read_bytes() == before
     assert run("export", str(EXAMPLES / "csg.py"), "-o", str(file), "--box", "1,2") == 2
     assert "--box 1,2 (two corners" in capsys.readouterr().err

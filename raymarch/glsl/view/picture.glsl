@@ -1,11 +1,4 @@
 // The colour of a pixel for the screen: the mean of its samples that are finite, tone mapped and encoded in sRGB.
-const vec2 R2 = vec2(0.7548776662466927, 0.5698402909980532);  // the R2 sequence (Roberts 2018)
-
-// In pixels, from the centre of the pixel, which is sample 0.
-vec2 sample_offset(int index) {
-    return fract(0.5 + float(index) * R2) - 0.5;
-}
-
 vec3 picture(vec2 pixel) {
     vec4 sum = vec4(0.0);
     for (int i = 0; i < picture_samples; i++) {

@@ -15,16 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import PlanError
-from raymarch.export.glsl import alone, is_own, sky_light
+from raymarch.export.inputs import Text, alone, is_own, light_rows, sky_light
 from raymarch.expr.glsl import TIME
-from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
-from raymarch.expr.walk import find
 from raymarch.gpu.colormaps import MAPS
-from raymarch.plan import Plan, lights, plan
+from raymarch.plan import Plan, plan
 from raymarch.scene.camera import framed_box
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
@@ -83,8 +80,13 @@ void main() {
 """
 
 
-def page_text(scene: Scene, values: Values) -> str:
+def text_of(scene: Scene, values: Values) -> Text:
     """The page. Raises PlanError for many lights or a sky light that change."""
+    return Text(page_text(scene, values))
+
+
+def page_text(scene: Scene, values: Values) -> str:
+    """The page as text."""
     made = plan(alone(scene), ("samples", "geometry"), standalone=True)
     shader = assemble(made)
     lines = {name: f"{kind.partition('[')[0]} {name};" for name, kind in shader.uniforms.items() if is_own(name)}
@@ -167,19 +169,7 @@ def _textures(made: Plan, shader: Shader, values: Values) -> Iterator[dict[str, 
     for name, data in shader.samples.items():
         yield _image(name, data) if isinstance(data, Texels) else _numbers(name, data)
     if made.lights_as_data:
-        for light in made.scene.lights:
-            if find(_expressions(light), "time", "param"):
-                raise PlanError(
-                    f"{len(made.scene.lights)} lights, one of which depends on time or a Param: a page has more than "
-                    f"{lights.AS_TEXT} lights as constants",
-                    legal=f"lights that do not change, or up to {lights.AS_TEXT}",
-                    where=light.where,
-                )
-        yield _packed("u_lights", lights.rows(made.scene, values))
-
-
-def _expressions(light: Any) -> list[Expr]:
-    return list(light.expressions)
+        yield _packed("u_lights", light_rows(made, values))
 
 
 def _numbers(name: str, data: Samples | Table) -> dict[str, Any]:
