@@ -68,7 +68,7 @@ def export(
     shadertoy : .glsl only. True writes a shader for Shadertoy: the tab Image, or the tabs Buffer A and Image if a still
         scene takes several samples.
     cells : meshes only. Cells along the longest edge of the box, 2 to 2048; None is 128. The mesh is at most half the
-        diagonal of a cell away from smooth surfaces, and cuts off sharp edges and corners by up to 1.2 cells.
+        diagonal of a cell away from the surface, where that is thicker than a cell, and has sharp edges and corners.
     box : meshes only. Corners (lower, upper), to which the solid is clipped. None is the bounds of the solid.
     progress : called with the fraction done, 0 to 1.
 

@@ -97,9 +97,8 @@ def check_packages(suffix: str) -> None:
     """SceneError if a package that a mesh file needs is not installed."""
     from importlib.util import find_spec
 
-    for module, package in (("skimage", "scikit-image"), ("trimesh", "trimesh")):
-        if find_spec(module) is None:
-            raise SceneError(f"a {suffix} file needs the package {package}", legal="pip install 'raymarch[mesh]'")
+    if find_spec("trimesh") is None:
+        raise SceneError(f"a {suffix} file needs the package trimesh", legal="pip install 'raymarch[mesh]'")
 
 
 def _trimesh(surface: Surface, colored: bool = True) -> Any:

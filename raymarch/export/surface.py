@@ -1,4 +1,4 @@
-"""The surface of a scene as a closed triangle mesh: marching cubes in the blocks that may contain the surface.
+"""The surface of a scene as a closed triangle mesh: dual contouring in the blocks that may contain the surface.
 
 A field that changes by at most L times the length of a step has no zero in a ball of radius r around a point where its
 absolute value exceeds L r. Blocks are halved until they have `BLOCK` cells along an edge; those that this rules out are
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.export.dual import contour
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
 from raymarch.scene.parameter import Values
@@ -34,8 +35,14 @@ BATCH = 1 << 15
 """Points that are evaluated at once."""
 
 SNAP = 1e-3
-"""Least absolute value of the field at a grid point, in cells: vertices then keep this distance from grid points, so
-that they are distinct in float32."""
+"""Least absolute value of the field at a grid point, in cells, so that float32 and float64 agree on its sign."""
+
+NEAR = 1e-6
+"""A zero on an edge of the grid is found if the absolute value of the field there is at most this, in cells."""
+
+CREASE = 0.9
+"""A vertex where the gradient's cosine to the mean normal of the faces around is less lies on a sharp edge or corner,
+and takes the mean normal."""
 
 LARGEST = 2048
 """Maximum number of cells along the longest edge."""
@@ -49,8 +56,8 @@ class Surface:
     ----------
     vertices : (N, 3) float64, in scene units. normals : (N, 3), unit, outward. faces : (M, 3) int64, counter-clockwise
         seen from outside. colors : (N, 3), linear RGB from 0 to 1.
-    cell : length of the edge of a cell. The mesh is at most half the diagonal of a cell away from smooth surfaces.
-        Sharp edges and corners are cut off by up to 1.2 cells.
+    cell : length of the edge of a cell. The mesh is at most half the diagonal of a cell away from the surface, except
+        for parts that are thinner than a cell. Vertices lie on sharp edges and corners.
     blocks, sampled : numbers of blocks of cells in the box, and of those that were sampled.
     """
 
@@ -82,7 +89,17 @@ def surface_of(
     shape = np.ceil((upper_corner - lower_corner) / cell - 1e-9).astype(np.int64) + 2  # one cell around the box
     first = (lower_corner + upper_corner) / 2 - cell * shape / 2
     blocks = _blocks_near_surface(solid, first, shape, cell)
-    vertices, faces = _marched(solid, first, cell, blocks, progress)
+    field = Field(scene, values)
+
+    def tangents(starts: Array, axes: Array, ends: Array) -> tuple[Array, Array]:
+        found = _zeros(solid, first, cell, starts, axes, ends)
+        return (found - first) / cell, _gradients(field, solid, found)
+
+    def nearby(points: Array) -> tuple[Array, Array]:
+        return _linear(field, solid, first + cell * points, cell)
+
+    mesh = contour(_values_of_blocks(solid, first, cell, blocks, progress), tangents, nearby)
+    vertices, faces = first + cell * mesh.vertices, mesh.faces
     if not len(faces):
         raise SceneError(
             "the mesh is empty: no point of the grid lies inside the solid",
@@ -90,7 +107,11 @@ def surface_of(
             where=scene.node.where,
         )
     count = int(np.prod(-(-shape // BLOCK)))
-    normals, colors = _attributes(scene, values, solid, vertices, faces, cell)
+    normals = _normals(_gradients(field, solid, vertices), mesh.normals, vertices, faces)
+    colors = np.empty_like(vertices)
+    for i in range(0, len(vertices), BATCH):
+        part = slice(i, i + BATCH)
+        colors[part] = np.clip(_colors(field, vertices[part], normals[part], cell), 0.0, 1.0)
     return Surface(vertices, normals, faces, colors, cell, count, len(blocks))
 
 
@@ -146,6 +167,10 @@ class _Solid:
         """Distance by which the points are outside the box in the maximum norm; negative inside."""
         return np.max(np.abs(points - self.middle) - self.half, axis=-1)
 
+    def clipped(self, points: Array) -> Array:
+        """The field, clipped to the box."""
+        return np.maximum(self.distance(points), self.outside(points))
+
     def distance(self, points: Array, dtype: type[np.floating[Any]] = np.float64) -> Array:
         """The field, not clipped; points (N, 3) float64 -> (N,)."""
         run = self._double if dtype is np.float64 else self._single
@@ -171,7 +196,7 @@ def _blocks_near_surface(solid: _Solid, first: Array, shape: Array, cell: float)
             # by a thousandth longer, for rounding and for vertices on the faces of blocks
             reach = 1.001 * solid.lipschitz * edge * np.sqrt(3.0) / 2
             parts = np.array_split(first + (blocks + 0.5) * edge, 1 + len(blocks) // BATCH)
-            near = [np.abs(np.maximum(solid.distance(part), solid.outside(part))) <= reach for part in parts]
+            near = [np.abs(solid.clipped(part)) <= reach for part in parts]
             blocks = blocks[np.concatenate(near)]
         if size == 1:
             return blocks[np.lexsort(blocks.T[::-1])]
@@ -180,49 +205,10 @@ def _blocks_near_surface(solid: _Solid, first: Array, shape: Array, cell: float)
         blocks = (2 * blocks[:, None, :] + children).reshape(-1, 3)
 
 
-def _marched(
-    solid: _Solid, first: Array, cell: float, blocks: Array, progress: Progress | None
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices and faces of the surface in some blocks.
-
-    Each grid point is evaluated once, so that blocks agree on its value, and vertices on the faces between blocks are
-    the same grid edges: vertices are joined by the number of their edge.
-    """
-    try:
-        from skimage.measure import marching_cubes
-    except ImportError:
-        raise SceneError("meshes need the package scikit-image", legal="pip install 'raymarch[mesh]'") from None
-    if not len(blocks):
-        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-    numbering = np.max(blocks, axis=0) * BLOCK + BLOCK + 2
-    keys: list[Array] = []
-    places: list[Array] = []
-    triangles: list[Array] = []
-    before = 0
-    for block, values in _values_of_blocks(solid, first, cell, blocks, progress):
-        if values.min() > 0.0 or values.max() < 0.0:
-            continue
-        corners, faces, _, _ = marching_cubes(values, 0.0, gradient_direction="descent")
-        corner = np.floor(corners)
-        across = corners != corner
-        # an edge along an axis, or (3) the centre of a cell, which some cases need
-        axis = np.where(across.sum(axis=1) == 1, np.argmax(across, axis=1), 3)
-        index = corner.astype(np.int64) + block * BLOCK
-        keys.append(((index[:, 0] * numbering[1] + index[:, 1]) * numbering[2] + index[:, 2]) * 4 + axis)
-        places.append(corners.astype(np.float64) + block * BLOCK)
-        triangles.append(faces.astype(np.int64) + before)
-        before += len(corners)
-    if not keys:
-        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-    _, chosen, joined = np.unique(np.concatenate(keys), return_index=True, return_inverse=True)
-    vertices = first + cell * np.concatenate(places)[chosen]
-    return vertices, joined[np.concatenate(triangles)]
-
-
 def _values_of_blocks(
     solid: _Solid, first: Array, cell: float, blocks: Array, progress: Progress | None
 ) -> Iterator[tuple[Array, NDArray[np.float32]]]:
-    """Each block with its values in cells at all its grid points, (BLOCK + 1) along each edge.
+    """The first point of each block, and its values in cells at all its points, (BLOCK + 1) along each edge.
 
     A block owns the points of its cells' lower corners; those of its upper faces belong to the next blocks. Only two
     layers of blocks are in memory.
@@ -259,7 +245,7 @@ def _values_of_blocks(
                 to = tuple(slice(BLOCK, None) if s else slice(0, BLOCK) for s in step)
                 of = tuple(slice(0, 1) if s else slice(None) for s in step)
                 values[to] = layers[owner[0]][owner][of]
-            yield np.array(block), values
+            yield BLOCK * np.array(block), values
             done += 1
         if progress is not None:
             progress(done / len(wanted))
@@ -279,36 +265,78 @@ def _sampled(solid: _Solid, first: Array, cell: float, blocks: Array, points: Ar
     return found
 
 
-def _attributes(
-    scene: Scene, values: Values, solid: _Solid, vertices: Array, faces: Array, cell: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Normals from the gradient, of the box where that clips the solid, and linear colours of the materials."""
-    field = Field(scene, values)
-    normals, colors = np.empty_like(vertices), np.empty_like(vertices)
-    for i in range(0, len(vertices), BATCH):
-        part, points = slice(i, i + BATCH), vertices[i : i + BATCH]
-        gradient = field.gradient(points)
-        away = points - solid.middle
+def _zeros(solid: _Solid, first: Array, cell: float, starts: Array, axes: Array, ends: Array) -> NDArray[np.float64]:
+    """The zeros of the clipped field on some edges of the grid, by the Illinois variant of regula falsi.
+
+    starts : the lower ends as indices. ends : the values at both ends in cells, of different signs.
+    """
+    origin = first + cell * starts
+    ahead = cell * np.eye(3)[axes]
+    low, high = np.zeros(len(starts)), np.ones(len(starts))
+    low_value, high_value = ends[:, 0].astype(np.float64), ends[:, 1].astype(np.float64)
+    at = low_value / (low_value - high_value)
+    side = np.zeros(len(starts), np.int8)
+    rows = np.arange(len(starts))
+    for _ in range(30):
+        found = np.concatenate(
+            [
+                solid.clipped(origin[part] + at[part, None] * ahead[part]) / cell
+                for part in np.array_split(rows, 1 + len(rows) // BATCH)
+            ]
+        )
+        going = np.abs(found) > NEAR
+        rows, found = rows[going], found[going]
+        if not len(rows):
+            break
+        is_low = (found < 0.0) == (low_value[rows] < 0.0)
+        for chosen, end, value, other, sign in (
+            (is_low, low, low_value, high_value, 1),
+            (~is_low, high, high_value, low_value, -1),
+        ):
+            moved = rows[chosen]
+            end[moved], value[moved] = at[moved], found[chosen]
+            again = moved[side[moved] == sign]
+            other[again] *= 0.5  # an end that stays for two turns counts half
+            side[moved] = sign
+        at[rows] = low[rows] + (high[rows] - low[rows]) * low_value[rows] / (low_value[rows] - high_value[rows])
+    return origin + at[:, None] * ahead
+
+
+def _gradients(field: Field, solid: _Solid, points: Array) -> NDArray[np.float64]:
+    """The unit gradients at some points, of the box where that clips the solid; 0 where the field has none."""
+    return _linear(field, solid, points, 1.0)[1]
+
+
+def _linear(field: Field, solid: _Solid, points: Array, cell: float) -> tuple[Array, Array]:
+    """The values of the clipped field in cells over the length of its gradient, and the unit gradients."""
+    distances, found = np.empty(len(points)), np.empty_like(points)
+    for i in range(0, len(points), BATCH):
+        part = points[i : i + BATCH]
+        gradient, value = field.gradient(part), field.distance(part)
+        away = part - solid.middle
         beyond = np.abs(away) - solid.half
-        cut = np.max(beyond, axis=1) > field.distance(points)
+        cut = np.max(beyond, axis=1) > value
         axis = np.argmax(beyond, axis=1)
         gradient[cut] = np.eye(3)[axis[cut]] * np.sign(away[np.arange(len(away)), axis])[cut, None]
-        normals[part] = gradient
-    normals[:] = _unit(normals, vertices, faces)
-    for i in range(0, len(vertices), BATCH):
-        part = slice(i, i + BATCH)
-        colors[part] = np.clip(_colors(field, vertices[part], normals[part], cell), 0.0, 1.0)
-    return normals, colors
+        size = np.linalg.norm(gradient, axis=1)
+        flat = size < 1e-12
+        size[flat] = 1.0
+        gradient[flat] = 0.0
+        distances[i : i + BATCH] = np.where(cut, np.max(beyond, axis=1), value) / (size * cell)
+        found[i : i + BATCH] = gradient / size[:, None]
+    return distances, found
 
 
-def _unit(gradient: Array, vertices: Array, faces: Array) -> Array:
-    """Unit normals; where the gradient vanishes, from the faces around the vertex."""
-    size = np.linalg.norm(gradient, axis=1)
-    flat = size < 1e-12
+def _normals(gradients: Array, sums: Array, vertices: Array, faces: Array) -> NDArray[np.float64]:
+    """Unit normals: the gradient; on sharp edges and corners the mean of the faces around the vertex."""
+    size = np.linalg.norm(sums, axis=1, keepdims=True)
+    flat = size[:, 0] < 1e-6
     if np.any(flat):
-        gradient[flat] = _face_normals(vertices, faces)[flat]
-        size[flat] = np.maximum(np.linalg.norm(gradient[flat], axis=1), 1e-300)
-    return gradient / size[:, None]
+        sums[flat] = _face_normals(vertices, faces)[flat]
+        size = np.linalg.norm(sums, axis=1, keepdims=True)
+    mean = sums / np.maximum(size, 1e-300)
+    smooth = np.einsum("ij,ij->i", gradients, mean) > CREASE
+    return np.where(smooth[:, None], gradients, mean)
 
 
 def _colors(field: Field, vertices: Array, normals: Array, cell: float) -> NDArray[np.float64]:
