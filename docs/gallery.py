@@ -1,7 +1,10 @@
-"""Render all example scenes: docs/gallery.md, its pictures, and their contact sheet in the README.
+"""Render all example scenes and the steps of the tutorial: docs/gallery.md, docs/tutorial.md and their pictures.
 
-python docs/gallery.py            # everything
-python docs/gallery.py NAME ...   # only the pictures of these, and the page
+python docs/gallery.py            # everything, and the contact sheet in the README
+python docs/gallery.py NAME ...   # only these examples or steps, and the pages
+python docs/gallery.py --text     # only the pages
+
+A picture that is the same to the eye keeps its file.
 """
 
 from __future__ import annotations
@@ -9,14 +12,19 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from PIL import Image
 
 import raymarch as rm
+from raymarch.cost.effects import evaluations_of
+from raymarch.plan import plan
 from raymarch.scene import load
+from raymarch.shader import assemble
 
 HERE = Path(__file__).parent
-EXAMPLES = HERE.parent / "examples"
+EXAMPLES, STEPS = HERE.parent / "examples", HERE / "tutorial"
 PICTURES = HERE / "pictures" / "gallery"
 COUNTS = HERE / "figures" / "gallery.json"
 SIZE = (480, 270)
@@ -35,58 +43,183 @@ def files() -> list[Path]:
     ]
 
 
+def steps() -> list[Path]:
+    """The steps of the tutorial, in order."""
+    return sorted(STEPS.glob("*.py"))
+
+
 def name_of(file: Path) -> str:
     """The name of a scene and of its picture."""
-    return "-".join(file.relative_to(EXAMPLES).with_suffix("").parts)
+    folder = STEPS.parent if file.is_relative_to(STEPS) else EXAMPLES
+    return "-".join(file.relative_to(folder).with_suffix("").parts)
 
 
-def draw(file: Path, renderer: rm.Renderer) -> dict[str, float]:
-    """Render a scene's picture; return its rays per pixel and evaluations per pixel."""
+def command(file: Path) -> str:
+    """The path of a scene in the commands of a page."""
+    return file.relative_to(HERE.parent).as_posix()
+
+
+def chosen(scene: rm.Scene) -> dict[str, Any]:
+    """What the plan of a scene at the size of its picture chooses."""
+    made = plan(scene, size=SIZE)
+    return {
+        "exactness": made.given.node.exactness,
+        "operations": made.operations,
+        "tracer": made.marching.tracer,
+        "passes": [p.name for p in made.passes],
+        "used": [feature.name for feature in made.features if feature.used],
+        "bytes": len(assemble(made).text().encode()),
+    }
+
+
+def draw(file: Path, renderer: rm.Renderer) -> dict[str, Any]:
+    """Render a scene's picture; return its plan and its cost."""
     scene = load(file)
     random = scene.bounces > 0 and scene.quality.integrator == "path"
-    scene = scene.replace(quality=scene.quality.replace(samples=NOISY if random else SAMPLES))
-    frame = renderer.render(scene)
-    frame.image().save(PICTURES / f"{name_of(file)}.png", optimize=True)
-    scene = scene.replace(quality=scene.quality.replace(samples=1))
-    once = renderer.render(scene, outputs=("evaluations",))
-    return {"samples": NOISY if random else SAMPLES, "evaluations": round(float(once.evaluations.mean()), 1)}
+    samples = NOISY if random else SAMPLES
+    drawn = scene.replace(quality=scene.quality.replace(samples=samples))
+    write(renderer.render(drawn).image(), PICTURES / f"{name_of(file)}.png")
+    once = renderer.render(scene.replace(quality=scene.quality.replace(samples=1)), outputs=("evaluations",))
+    return {
+        "samples": samples,
+        "evaluations": round(float(once.evaluations.mean()), 1),
+        "all_evaluations": round(evaluations_of(scene, renderer), 1),
+        "plan": chosen(scene),
+    }
+
+
+def write(image: Image.Image, file: Path, colors: int = 256) -> None:
+    """Write a picture, with a palette if it is over 150 kB without one. Keep a file that looks the same."""
+    if file.exists() and _alike(Image.open(file), image):
+        return
+    file.parent.mkdir(parents=True, exist_ok=True)
+    image.save(file, optimize=True)
+    if file.stat().st_size > 150_000:
+        image.convert("RGB").quantize(colors, dither=Image.Dither.FLOYDSTEINBERG).save(file, optimize=True)
+
+
+def _alike(before: Image.Image, now: Image.Image) -> bool:
+    """True if no block of 6x6 pixels differs by 8 of 255 in its mean, which noise and rounding do not change so far."""
+    if before.size != now.size:
+        return False
+    small = (now.width // 6, now.height // 6)
+    first, second = (np.asarray(p.convert("RGB").resize(small, Image.Resampling.BOX), float) for p in (before, now))
+    return bool(np.abs(first - second).max() < 8)
+
+
+def docstring(file: Path) -> tuple[str, str]:
+    """The docstring of a scene's file, and the code after it."""
+    text = file.read_text(encoding="utf-8")
+    if not text.startswith('"""'):
+        return "", text
+    words, _, code = text[3:].partition('"""\n\n')
+    return words.strip(), code
 
 
 def caption(file: Path) -> str:
     """The first paragraph of the docstring of a scene's file."""
-    text = file.read_text(encoding="utf-8")
-    if not text.startswith('"""'):
-        return "The first scene: a hollowed rounded box, a sphere blended with a torus, and a plane."
-    return " ".join(text[3:].split('"""')[0].split("\n\n")[0].split())
+    words = docstring(file)[0] or "The first scene: a hollowed rounded box, a sphere blended with a torus, and a plane."
+    return " ".join(words.split("\n\n")[0].split())
 
 
-def page(counts: dict[str, dict[str, float]]) -> str:
+def cost(count: dict[str, Any]) -> str:
+    """What a scene costs, as one sentence."""
+    primary, every = count["evaluations"], count["all_evaluations"]
+    return f"{primary:g} evaluations per pixel for camera rays, {every:g} with shading and all other rays"
+
+
+def page(counts: dict[str, dict[str, Any]]) -> str:
     """The text of docs/gallery.md."""
     text = [
         "# Gallery",
         "",
-        "After this page you can choose an example to start from. It shows all scenes of `examples/`, rendered by",
-        "`python docs/gallery.py`. Evaluations of the field are those of the primary ray of a pixel, at one ray per",
-        "pixel; shadows and bounces add to them.",
+        "After this page you can choose an example to start from, and know what it costs. It shows all scenes of",
+        "`examples/`, drawn by `python docs/gallery.py`.",
+        "",
+        "- **Plan** is what `raymarch explain` chooses and prints with reasons: the exactness of the field, the",
+        "  [tracer](marching.md#tracers), the [cones](marching.md#cones), the passes, the effects in the shader.",
+        "- **Cost** is counted by the shader and is the same on every machine: evaluations of the field, and of its",
+        "  gradient, per pixel at one ray per pixel and without cones, for camera rays and in all. An evaluation takes",
+        "  the given number of arithmetic operations. [cost.md](cost.md) shows how to measure errors and times.",
     ]
     for file in files():
-        name, path = name_of(file), file.relative_to(HERE.parent).as_posix()
+        name, path = name_of(file), command(file)
         count = counts[name]
+        chose = count["plan"]
+        passes = " and ".join(f"`{each}`" for each in chose["passes"])
         text += [
             "",
             f"## {name}",
             "",
             f"![{name}](pictures/gallery/{name}.png)",
             "",
-            f"{caption(file)} {count['evaluations']:g} evaluations per pixel.",
+            caption(file),
             "",
-            f"`raymarch render {path} --size {SIZE[0]}x{SIZE[1]} --samples {count['samples']:g}`",
+            f"- **Plan**: {chose['exactness']}; tracer `{chose['tracer']}`; "
+            f"pass{'es' if len(chose['passes']) > 1 else ''} {passes}; {', '.join(chose['used'])}.",
+            f"- **Cost**: {cost(count)}; {chose['operations']:,} operations per evaluation; "
+            f"{chose['bytes'] / 1000:.0f} kB of shader.",
+            f"- **Draw it**: `raymarch render {path} --size {SIZE[0]}x{SIZE[1]} --samples {count['samples']:g}`",
+            f"- **Browser**: `raymarch export {path} -o {name}.html`",
+            "",
+            "<details>",
+            f"<summary>Code: {path}</summary>",
+            "",
+            "```python",
+            file.read_text(encoding="utf-8").rstrip(),
+            "```",
+            "",
+            "</details>",
         ]
     return "\n".join(text) + "\n"
 
 
+def tutorial(counts: dict[str, dict[str, Any]]) -> str:
+    """The text of docs/tutorial.md."""
+    text = [
+        "# Tutorial: from a sphere to glass on a carpet",
+        "",
+        "After this page you can write a scene with solids of your own, materials, lights, a sky, parameters, data and",
+        "glass. Each of the ten steps is a complete file of `docs/tutorial`. Keep one open in the window while you",
+        "read, and edit it: the window reloads the file when you save it.",
+        "",
+        "```sh",
+        "raymarch view docs/tutorial/01_sphere.py",
+        "```",
+        "",
+        "Below each picture is its cost: the evaluations of the field per pixel, counted by the shader.",
+    ]
+    for number, file in enumerate(steps(), 1):
+        words, code = docstring(file)
+        title, _, rest = words.partition("\n\n")
+        count = counts[name_of(file)]
+        text += [
+            "",
+            f"## {number}. {title}",
+            "",
+            rest.strip(),
+            "",
+            f"```python\n{code.rstrip()}\n```",
+            "",
+            f"![step {number}: {title[0].lower()}{title[1:]}](pictures/gallery/{name_of(file)}.png)",
+            "",
+            f"`{command(file)}`: {cost(count)}; {count['plan']['bytes'] / 1000:.0f} kB of shader.",
+        ]
+    text += [
+        "",
+        "## Next",
+        "",
+        "- [All nodes](nodes.md): every shape and operator with its picture.",
+        "- [Materials, lights and skies](light.md), [cameras](camera.md), [large scenes](scale.md).",
+        "- [Export](export.md): the scene as a film, a mesh, a shader or a page for browsers.",
+        "- [What accuracy costs](cost.md): choose a quality by its error or its time.",
+        "- [Your own shapes](extending.md).",
+    ]
+    return "\n".join(text) + "\n"
+
+
 def sheet() -> Image.Image:
-    """The contact sheet of all pictures."""
+    """The contact sheet of all pictures of the examples."""
     names = [name_of(file) for file in files()]
     rows = -(-len(names) // COLUMNS)
     made = Image.new("RGB", (COLUMNS * TILE[0], rows * TILE[1]), "white")
@@ -96,19 +229,21 @@ def sheet() -> Image.Image:
     return made
 
 
-def main() -> None:
-    PICTURES.mkdir(parents=True, exist_ok=True)
+def main(arguments: list[str]) -> None:
     counts = json.loads(COUNTS.read_text()) if COUNTS.exists() else {}
-    wanted = sys.argv[1:]
-    with rm.Renderer(SIZE) as renderer:
-        for file in files():
-            if not wanted or name_of(file) in wanted:
-                counts[name_of(file)] = draw(file, renderer)
-    counts = {name_of(file): counts[name_of(file)] for file in files()}
-    COUNTS.write_text(json.dumps(counts, indent=1) + "\n")
+    scenes = [*files(), *steps()]
+    if "--text" not in arguments:
+        with rm.Renderer(SIZE) as renderer:
+            for file in scenes:
+                if not arguments or name_of(file) in arguments:
+                    counts[name_of(file)] = draw(file, renderer)
+                    print(f"{name_of(file)}: {cost(counts[name_of(file)])}", flush=True)
+        counts = {name_of(file): counts[name_of(file)] for file in scenes}
+        COUNTS.write_text(json.dumps(counts, indent=1) + "\n")
+        write(sheet(), HERE / "pictures" / "gallery.png")
     (HERE / "gallery.md").write_text(page(counts), encoding="utf-8")
-    sheet().save(HERE / "pictures" / "gallery.png", optimize=True)
+    (HERE / "tutorial.md").write_text(tutorial(counts), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -22,6 +22,7 @@ from raymarch import glsl
 from raymarch.cli.commands import app, main
 from raymarch.expr import arrays, derivative, intervals
 from raymarch.expr import glsl as printer
+from raymarch.scene import load
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -31,7 +32,12 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
-PYTHON = [(page, i, text) for page in PAGES for i, text in enumerate(blocks(page, "python"))]
+GENERATED = {"gallery"}
+"""Pages whose code is that of files which other tests run; a test below compares the page with the files."""
+
+PYTHON = [
+    (page, i, text) for page in PAGES if page.stem not in GENERATED for i, text in enumerate(blocks(page, "python"))
+]
 
 
 @pytest.mark.parametrize(("page", "i", "text"), PYTHON, ids=[f"{p.stem}-{i}" for p, i, _ in PYTHON])
@@ -54,8 +60,8 @@ def test_there_is_something_to_run():
     assert len(PYTHON) >= 8
 
 
-def test_the_readme_shows_the_example_as_it_is():
-    shown = blocks(ROOT / "README.md", "python")
+def test_the_page_of_scenes_shows_the_example_as_it_is():
+    shown = blocks(ROOT / "docs" / "scene.md", "python")
     example = (ROOT / "examples" / "csg.py").read_text().partition('"""\n\n')[2]
     assert example in shown
 
@@ -73,8 +79,8 @@ def test_the_new_shape_takes_fifteen_lines_at_most():
     assert len(definition.splitlines()) <= 15
 
 
-def test_the_readme_commands_exist(tmp_path, monkeypatch):
-    """Each `raymarch ...` line of the README parses: its command and options are those of the program."""
+def test_the_commands_run(tmp_path, monkeypatch):
+    """Each `raymarch ...` line of the page of commands runs. Those of other pages are parsed: test_site.py."""
     monkeypatch.chdir(tmp_path)
     # A window needs a display, and stays; its own tests open some.
     monkeypatch.setattr("raymarch.window.viewer.Viewer", lambda *_: SimpleNamespace(run=lambda _: 0))
@@ -82,7 +88,7 @@ def test_the_readme_commands_exist(tmp_path, monkeypatch):
     few = {"cost": ["--cross", "normals", "--repeats", "1", "--samples", "1"]}
     scene = tmp_path / "SCENE.py"
     scene.write_text('import raymarch as rm\nscene = rm.sphere(rm.Param("gap", 1, 0.5, 5))\n')
-    lines = [line for block in blocks(ROOT / "README.md", "sh") for line in block.splitlines()]
+    lines = [line for block in blocks(ROOT / "docs" / "commands.md", "sh") for line in block.splitlines()]
     commands = [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("raymarch ")]
     assert len(commands) >= 5
     assert {c[0] for c in commands} == {c.name for c in app.registered_commands}
@@ -179,9 +185,28 @@ def test_every_module_has_a_header():
         glsl.load(f"{file.parent.name}/{file.stem}")
 
 
-def test_the_gallery_shows_all_examples_as_its_script_writes_it():
-    gallery = runpy.run_path(str(ROOT / "docs" / "gallery.py"))
-    counts = json.loads((ROOT / "docs" / "figures" / "gallery.json").read_text())
-    assert list(counts) == [gallery["name_of"](file) for file in gallery["files"]()]
-    assert gallery["page"](counts) == (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
-    assert all((ROOT / "docs" / "pictures" / "gallery" / f"{name}.png").is_file() for name in counts)
+GALLERY = runpy.run_path(str(ROOT / "docs" / "gallery.py"))
+COUNTS = json.loads((ROOT / "docs" / "figures" / "gallery.json").read_text())
+
+
+def test_the_gallery_and_the_tutorial_show_their_scenes_as_their_script_writes_them():
+    scenes = [*GALLERY["files"](), *GALLERY["steps"]()]
+    assert list(COUNTS) == [GALLERY["name_of"](file) for file in scenes]
+    for name, page in (("gallery", "page"), ("tutorial", "tutorial")):
+        assert GALLERY[page](COUNTS) == (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8"), "docs/gallery.py"
+    assert all((ROOT / "docs" / "pictures" / "gallery" / f"{name}.png").is_file() for name in COUNTS)
+
+
+@pytest.mark.parametrize("name", ["hello", "csg", "columns"])
+def test_the_gallery_states_what_the_plan_chooses(name):
+    """All but the size of the shader, which small changes of GLSL alter. `python docs/gallery.py` renews it."""
+    chosen = GALLERY["chosen"](load(ROOT / "examples" / f"{name}.py"))
+    assert {**chosen, "bytes": 0} == {**COUNTS[name]["plan"], "bytes": 0}
+
+
+def test_the_tutorial_has_ten_steps_that_go_on_from_each_other():
+    steps = GALLERY["steps"]()
+    assert [file.stem[:2] for file in steps] == [f"{i:02}" for i in range(1, 11)]
+    assert all(GALLERY["docstring"](file)[0].count("\n\n") >= 1 for file in steps)
+    used = [set(COUNTS[GALLERY["name_of"](file)]["plan"]["used"]) for file in steps]
+    assert "hard shadows" in used[4] and "glass" in used[9] and len(used[9]) > len(used[0])
