@@ -48,6 +48,13 @@ def on_page_markdown(markdown: str, page: Any, files: Files, **_: Any) -> str:
     return SCENES.sub(link, markdown)
 
 
+def on_post_page(output: str, **_: Any) -> str:
+    """Name the dialogue of the search, for readers of the screen."""
+    return output.replace(
+        'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
+    )
+
+
 def _as_text(name: str) -> str:
     """The path on the site of a copy of a file: browsers show .txt and download .py."""
     return f"source/{name}.txt"
