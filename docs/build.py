@@ -164,7 +164,7 @@ def row(definition: Definition) -> str:
         facts = f"{node.exactness} | {node.facts.divisor:.3g} | {extent}"
     else:
         facts = "— | — | —"
-    picture = f"![{definition.name}](pictures/nodes/{definition.name}.png)" if node is not None else ""
+    picture = f"![{definition.called}](pictures/nodes/{definition.name}.png)" if node is not None else ""
     call = ", ".join(f"`{text}`" for text in calls(definition))
     return f"| {picture} | {call} | {first} | {facts} |"
 
@@ -267,7 +267,7 @@ def pictures(names: Collection[str] = ()) -> None:
             image = draw(node, renderer)
             if not names or definition.name in names:
                 image.quantize(64).save(folder / f"{definition.name}.png", optimize=True)
-            drawn.append((definition.name, image))
+            drawn.append((definition.called, image))
     rows = -(-len(drawn) // COLUMNS)
     width, height = SIZE[0], SIZE[1] + 16
     sheet = Image.new("RGB", (COLUMNS * width, rows * height), "white")

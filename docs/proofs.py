@@ -42,11 +42,17 @@ def short(value: float | None, digits: int = 3) -> str:
     return "0" if value == 0 else f"{value:.{digits}g}"
 
 
+def shown(name: str) -> str:
+    """The name that a user calls, and the definition's own where it differs."""
+    called = REGISTRY[name].called
+    return f"`{called}`" if called == name else f"`{called}`, {name}"
+
+
 def row(name: str, found: dict[str, Any]) -> str:
     kinds = found["exactness"] if found["best"] == found["exactness"] else f"{found['best']}, {found['exactness']}"
     twin = short(found["twin"], 2) + ("" if found["twin_limit"] == 16 else f" of {short(found['twin_limit'])}")
     cells = [
-        f"`{name}`", str(found["samples"]), kinds, short(found["divisor"]), twin, short(found["gradient"], 1),
+        shown(name), str(found["samples"]), kinds, short(found["divisor"]), twin, short(found["gradient"], 1),
         "—" if found["slope"] is None else f"{found['slope']:.4f}", short(found["looseness"]), short(found["usual"]),
         short(found["margin"], 1), short(found["short_outside"], 1), short(found["short_inside"], 1),
         short(found["over"], 1), str(found["violations"]),
@@ -62,11 +68,11 @@ def summary(rows: dict[str, dict[str, Any]]) -> list[str]:
     return [
         f"- {len(rows)} nodes, {sum(r['samples'] for r in rows.values())} samples, "
         f"**{sum(r['violations'] for r in rows.values())} violations**.",
-        f"- Looseness: median {np.median(list(loose.values())):.3f}, largest {loose[worst]:.3f} (`{worst}`).",
+        f"- Looseness: median {np.median(list(loose.values())):.3f}, largest {loose[worst]:.3f} ({shown(worst)}).",
         f"- Usual looseness at the surface: median {np.median(list(usual.values())):.3f}, "
-        f"largest {usual[rough]:.3f} (`{rough}`).",
+        f"largest {usual[rough]:.3f} ({shown(rough)}).",
         f"- Difference of GLSL in float32 from float64: at most {rows[off]['twin']:.2f} ulp of "
-        f"{rows[off]['twin_limit']:g} (`{off}`).",
+        f"{rows[off]['twin_limit']:g} ({shown(off)}).",
     ]
 
 
@@ -78,6 +84,8 @@ asymmetric, and inexact. A row shows the worst of them. Estimates have no bound 
 The facts (exactness, divisor, Lipschitz constant, box, spread) are defined in
 [how it is built](how-it-is-built.md#facts).
 
+- **node**: the name that a user calls, and after it the name of the definition where that differs: `union` is several
+  definitions, by its blend and dimension.
 - **samples**: the number of samples.
 - **exactness**: the best and the weakest of the samples.
 - **divisor**: the largest divisor of the field, see `Facts.divisor`.
