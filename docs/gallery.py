@@ -229,6 +229,14 @@ def sheet() -> Image.Image:
     return made
 
 
+def first(renderer: rm.Renderer) -> Image.Image:
+    """The picture of the first code on docs/start.md."""
+    code = (HERE / "start.md").read_text(encoding="utf-8").partition("```python\n")[2].partition("```")[0]
+    values: dict[str, Any] = {}
+    exec(code, values)
+    return renderer.render(values["scene"].replace(quality=rm.Quality(samples=SAMPLES))).image()
+
+
 def main(arguments: list[str]) -> None:
     counts = json.loads(COUNTS.read_text()) if COUNTS.exists() else {}
     scenes = [*files(), *steps()]
@@ -238,6 +246,7 @@ def main(arguments: list[str]) -> None:
                 if not arguments or name_of(file) in arguments:
                     counts[name_of(file)] = draw(file, renderer)
                     print(f"{name_of(file)}: {cost(counts[name_of(file)])}", flush=True)
+            write(first(renderer), HERE / "pictures" / "start.png")
         counts = {name_of(file): counts[name_of(file)] for file in scenes}
         COUNTS.write_text(json.dumps(counts, indent=1) + "\n")
         write(sheet(), HERE / "pictures" / "gallery.png")
