@@ -65,8 +65,8 @@ def _head(made: Suite) -> str:
     clock = env["clock"]["kind"]
     return (
         "# Accuracy against time\n\n"
-        "After this page you can compare the tracers and schedules by error, evaluations and time, and know which claims "
-        "of a paper hold here.\n\n"
+        "After this page you can compare the tracers and schedules by error, evaluations and time, and know which "
+        "claims of a paper hold here.\n\n"
         "`python -m tests.lab.accuracy` writes this page. It repeats the comparison of Bálint and Valasek, "
         '"Accelerating Sphere Tracing" (2018), over scenes like the three of the paper, and adds later tracers. '
         "[cost.md](cost.md) describes how errors and times are measured.\n\n"
