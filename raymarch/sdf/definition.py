@@ -274,7 +274,12 @@ class Definition:
         arguments = {**symbols, **statics}
         extra: tuple[Any, ...] = (children,) if self.arity == "many" else tuple(children)
         region = self.bounds(*extra, **arguments)
-        lower, upper = region if isinstance(region, tuple) else (region, region)
+        corners = region if isinstance(region, tuple) else (region, region)
+        if len(corners) != 2 or any(expr(corner).type is not vector(self.dimension) for corner in corners):
+            raise SceneError(
+                f"{self.called}: bounds gives {short(region)}", legal="the corners (lower, upper), such as cube(half)"
+            )
+        lower, upper = corners
         steep = self.lipschitz(*extra, **arguments) if callable(self.lipschitz) else self.lipschitz
         spread = self.spread(*extra, **arguments) if callable(self.spread) else self.spread
         roots = [

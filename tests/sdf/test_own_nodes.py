@@ -242,6 +242,14 @@ WRONG: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
         ("'perfect'", "'exact', 'bound' or 'estimate'"),
     ),
     "operator without bounds": (lambda: operator()(lambda p, child: child(p)), ("states no bounds",)),
+    "bounds of one number": (
+        lambda: shape(exactness="exact", bounds=lambda r: r)(lambda p, r=1.0: v.length(p) - r)(),
+        ("bounds gives", "(lower, upper)", "cube(half)"),
+    ),
+    "bounds of three numbers": (
+        lambda: shape(exactness="exact", bounds=lambda: (1, 1, 1))(lambda p: v.length(p) - 1)(),
+        ("bounds gives (1, 1, 1)",),
+    ),
     "operator without child": (
         lambda: operator(bounds=lambda child: child.box)(lambda p: p),
         ("too few parameters", "a point p and a child"),
