@@ -170,7 +170,7 @@ def focus(view: View, point: Vector) -> View:
 
 
 def as_python(view: View) -> str:
-    """The view as a Camera(...) line for a scene file, exact to a millionth of `reach`."""
+    """The view as an rm.Camera(...) line for a scene file, exact to a millionth of `reach`."""
     digits = int(np.clip(6 - np.floor(np.log10(max(view.reach, 1e-300))), 0, 12))
     parts = [f"position={_tuple(view.position, digits)}", f"target={_tuple(view.target, digits)}"]
     if not np.array_equal(view.up, (0.0, 1.0, 0.0)):
@@ -182,7 +182,7 @@ def as_python(view: View) -> str:
     parts += [f"{name}={end:.6g}" for name, end in (("near", view.near), ("far", view.far)) if 0.0 < end < np.inf]
     if view.aperture > 0.0:
         parts += [f"aperture={view.aperture:.6g}", f"focus={view.focus:.6g}"]
-    return f"Camera({', '.join(parts)})"
+    return f"rm.Camera({', '.join(parts)})"
 
 
 def _tuple(vector: Vector, digits: int) -> str:

@@ -1,11 +1,12 @@
 """Edits of lights, materials and quality in the window: applied to a scene, and exported as Python.
 
 An edited number becomes a parameter of the scene, so moving its slider does not recompile. Adding or removing a light,
-or changing an option such as its shadow, compiles a new shader.
+setting a value that had none, or changing an option such as a shadow, compiles a new shader.
 """
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ import numpy as np
 
 from raymarch.expr.node import Expr
 from raymarch.scene import light as lights
-from raymarch.scene.light import Light, Range
+from raymarch.scene.light import PENUMBRAS, Light, Range
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, Spec, Value
 from raymarch.scene.scene import Scene
@@ -23,16 +24,20 @@ from raymarch.scene.value import parameters_of
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.node import Node
 
-KINDS: dict[str, tuple[type[Light], Mapping[str, Range]]] = {
-    kind.__name__: (kind, kind.EDITED) for kind in lights.KINDS
+KINDS: dict[str, type[Light]] = {kind.__name__: kind for kind in lights.KINDS}
+"""The kinds of lights."""
+
+UNSET: Mapping[str, tuple[Any, Range]] = {
+    "softness": (0.1, (0.0, 10.0)),
+    "range": (10.0, (0.01, None)),
+    "shadow_radius": (10.0, (0.01, None)),
+    "attenuation": ((1.0, 0.0, 1.0), (0.0, None)),
+    "up": ((0.0, 1.0, 0.1), (-1.0, 1.0)),
 }
-"""The kinds of lights, with their editable values and ranges."""
+"""Values that a light may lack: what they start with when they are set, and their ranges."""
 
-KEPT = ("range", "shadow_radius", "attenuation")
-"""Values of lights that cannot be edited."""
-
-SOFT = 0.1
-"""Initial softness of a shadow."""
+OPTIONS: Mapping[str, tuple[Any, ...]] = {"shadow": (False, True), "penumbra": PENUMBRAS}
+"""Values of lights that are chosen, not moved."""
 
 PHONG: dict[str, Range] = {
     "color": (0.0, 1.0),
@@ -48,23 +53,30 @@ PHYSICAL: dict[str, Range] = {
     "f0": (0.0, 1.0),
     "emission": (0.0, None),
 }
-COATED: dict[str, Range] = {**PHYSICAL, "clearcoat": (0.0, 1.0), "clearcoat_roughness": (0.0, 1.0)}
+GLASS: dict[str, tuple[Any, Range]] = {
+    "transmission": (0.5, (0.0, 1.0)),
+    "ior": (1.5, (1.0, 4.0)),
+    "absorption": ((0.1, 0.1, 0.1), (0.0, None)),
+    "clearcoat": (0.5, (0.0, 1.0)),
+    "clearcoat_roughness": (0.1, (0.0, 1.0)),
+}
+MAPS: dict[str, tuple[Any, Range]] = {"normal_strength": (1.0, (0.0, 4.0)), "height_scale": (0.02, (-0.2, 0.2))}
+OCCLUSION: dict[str, tuple[Any, Range]] = {"occlusion": (1.0, (0.0, 1.0))}
+"""Values that a material may lack, which then cost nothing: what they start with when they are set, and their
+ranges."""
 
 
 @dataclass(frozen=True, slots=True)
 class LightEdit:
-    """An editable light: its kind, its numbers by name, its options.
+    """An editable light: its kind and its constructor arguments. None and a softness of 0 are unset.
 
-    `number` identifies its parameters and does not change when other lights are added or removed. Values that are not
-    plain numbers are kept unchanged and cannot be edited.
+    `number` identifies its parameters and does not change when other lights are added or removed. Expressions of the
+    scene file are kept and cannot be edited.
     """
 
     number: int
     kind: str
     values: dict[str, Any]
-    shadow: bool
-    penumbra: str
-    kept: dict[str, Any] = field(default_factory=dict)
     own: Light | None = None
     """The light itself if it is of a kind of the user's own, which is not editable."""
 
@@ -72,32 +84,40 @@ class LightEdit:
         """The name of the parameter for a value."""
         return f"light {self.number} {value}"
 
-    def softened(self) -> LightEdit:
-        """The light with a soft shadow, whose width is then editable."""
-        return replace(self, values={**self.values, "softness": SOFT}, shadow=True)
+    @property
+    def unset(self) -> list[str]:
+        """The values that it lacks."""
+        return [name for name, value in self.values.items() if name in UNSET and _is_unset(value)]
+
+    @property
+    def moved(self) -> list[str]:
+        """The values with sliders, or kept as expressions."""
+        return [n for n, v in self.values.items() if n not in OPTIONS and not (n in UNSET and _is_unset(v))]
+
+    def with_value(self, name: str, value: Any) -> LightEdit:
+        """The light with another value. A softness needs a shadow."""
+        shadow = {"shadow": True} if name == "softness" and "shadow" in self.values else {}
+        return replace(self, values={**self.values, name: value, **shadow})
 
     def light(self) -> Light:
         """The light with parameters for its numbers."""
         if self.own is not None:
             return self.own
-        made, ranges = KINDS[self.kind]
-        values: dict[str, Any] = {}
-        for name, value in self.values.items():
-            values[name] = value if isinstance(value, Expr) else Param(self.name(name), value, *ranges[name])
-        kind: Any = made
-        options = {"shadow": self.shadow, "penumbra": self.penumbra}
-        return kind(**values, **{n: v for n, v in options.items() if n in parameters_of(made)}, **self.kept)
+        kind: Any = KINDS[self.kind]
+        made = dict(self.values)
+        for name in self.moved:
+            if _number(made[name]):
+                made[name] = _param(self.name(name), made[name], _range_of_light(kind, name))
+        return kind(**made)
 
-    def python(self, params: dict[str, Value]) -> str:
-        """The light as Python; `params` are the values of changed parameters."""
+    def python(self, params: Mapping[str, Value]) -> str:
+        """The light as Python; `params` are the values of changed parameters. Expressions are read from `scene`."""
+        kept = f"scene.lights[{self.number - 1}]"
         if self.own is not None:
-            return f"{self.kind}(...)"
-        parts = [f"{name}={_written(params.get(self.name(name), value))}" for name, value in self.values.items()]
-        if self.shadow:
-            parts.append("shadow=True")
-        if self.penumbra != "two-sided" and "penumbra" in parameters_of(KINDS[self.kind][0]):
-            parts.append(f"penumbra={self.penumbra!r}")
-        parts += [f"{name}={_written(value)}" for name, value in self.kept.items()]
+            return kept
+        usual = {n: p.default for n, p in inspect.signature(KINDS[self.kind]).parameters.items()}
+        now = {n: params.get(self.name(n), v) for n, v in self.values.items()}
+        parts = [f"{n}={_written(v, f'{kept}.{n}')}" for n, v in now.items() if isinstance(v, Expr) or v != usual[n]]
         return f"rm.{self.kind}({', '.join(parts)})"
 
 
@@ -126,32 +146,36 @@ class Edits:
             return scene
         lights = scene.lights if self.lights is None else tuple(light.light() for light in self.lights)
         node = _painted(scene, self.materials) if self.materials else scene.node
-        quality = scene.quality.replace(**self.quality)
-        return scene.replace(node=node, lights=lights, quality=quality)
+        return scene.replace(node=node, lights=lights, quality=scene.quality.replace(**self.quality))
 
-    def python(self, scene: Scene, params: dict[str, Value]) -> str:
-        """The edits as lines for the scene file."""
-        lines = []
+    def python(self, scene: Scene, params: Mapping[str, Value]) -> str:
+        """The edits as lines for the end of the scene file, which can be run there."""
+        lines, given = [], []
         if self.lights is not None:
             lines += ["lights = [", *(f"    {light.python(params)}," for light in self.lights), "]"]
+            given.append("lights=lights")
         for index, values in self.materials.items():
-            parts = [f"{n}={_written(params.get(material_name(index, n), v))}" for n, v in values.items()]
-            old = scene.materials[index] if index < len(scene.materials) else None
-            parts += _kept_glass(old) if old is not None else []
-            where = f"  # {old.where}" if old is not None and old.where else ""
-            lines.append(f"material_{index} = rm.Material({', '.join(parts)}){where}")
+            if index < len(scene.materials):
+                now = {n: params.get(material_name(index, n), v) for n, v in values.items()}
+                lines.append(f"material_{index} = {_material_python(scene.materials[index], index, now)}")
         if self.quality:
             parts = [f"{name}={value!r}" for name, value in self.quality.items()]
-            lines.append(f"quality = rm.Quality({', '.join(parts)})")
+            lines.append(f"quality = scene.quality.replace({', '.join(parts)})")
+            given.append("quality=quality")
+        if given:
+            lines.append(f"scene = scene.replace({', '.join(given)})")
         return "\n".join(lines)
 
 
-def _kept_glass(material: Material) -> list[str]:
-    """The values of a transmissive material that are not editable; `...` for non-constant ones."""
-    if not material.transmits:
-        return []
-    kept = {"transmission": material.transmission, "ior": material.ior, "absorption": material.absorption}
-    return [f"{name}={_written(value)}" for name, value in kept.items()]
+def _material_python(old: Material, index: int, now: Mapping[str, Any]) -> str:
+    """A material as Python, with the line of the file that it replaces."""
+    where = f"  # in place of {old.where}" if old.where else ""
+    given = {n: v for n, v in old.arguments().items() if v is not None and n not in (*MAPS, "normal", "height")}
+    given = {n: _plain(v) for n, v in given.items() if not (n == "color" and "albedo" in now)}
+    plain = all(_number(v) for v in given.values()) and old.normal is None and old.height is None
+    values = {n: v for n, v in {**(given if plain else {}), **now}.items() if _number(v)}
+    made = "rm.Material" if plain else f"scene.materials[{index}].replace"
+    return f"{made}({', '.join(f'{n}={_written(v)}' for n, v in values.items())}){where}"
 
 
 def params_as_python(specs: Mapping[str, Spec], params: Mapping[str, Value]) -> str:
@@ -159,48 +183,62 @@ def params_as_python(specs: Mapping[str, Spec], params: Mapping[str, Value]) -> 
     lines = []
     for name, value in params.items():
         spec = specs[name]
-        ends = [
-            f"{end}={_written(bound)}" for end, bound in (("min", spec.min), ("max", spec.max)) if bound is not None
-        ]
+        ends = [f"{end}={_written(at)}" for end, at in (("min", spec.min), ("max", spec.max)) if at is not None]
         lines.append(f"rm.Param({', '.join([json.dumps(name), _written(value), *ends])})")
     return "\n".join(lines)
 
 
 def editable_lights(scene: Scene) -> tuple[LightEdit, ...]:
     """The lights of a scene in editable form."""
-    return tuple(_editable(i, light) for i, light in enumerate(scene.lights, 1))
+    return tuple(
+        LightEdit(i, type(light).__name__, {n: _plain(v) for n, v in light.arguments().items()})
+        if type(light) in lights.KINDS
+        else LightEdit(i, type(light).__name__, {}, own=light)
+        for i, light in enumerate(scene.lights, 1)
+    )
 
 
 def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
     """A new light of a kind, above the subject of a scene."""
     subject = scene.subject
     reach = 1.0 if subject is None or not subject.bounded or subject.empty else float(np.linalg.norm(subject.size))
-    place = (0.6 * reach, 1.2 * reach, 0.8 * reach)
-    bright = 1.0 if kind == "Sun" else round(reach**2, 3)
+    place = tuple(round(v, 3) for v in (0.6 * reach, 1.2 * reach, 0.8 * reach))
     first: dict[str, Any] = {
         "direction": (0.4, 0.8, 0.45) if kind == "Sun" else (-0.4, -0.8, -0.45),
-        "position": tuple(round(v, 3) for v in place),
+        "position": place,
         "width": round(0.5 * reach, 3),
         "height": round(0.5 * reach, 3),
-        "angle": 0.5,
-        "blend": 0.2,
         "radius": round(0.1 * reach, 3),
-        "color": (1.0, 1.0, 1.0),
-        "intensity": bright,
+        "intensity": 1.0 if kind == "Sun" else round(reach**2, 3),
     }
-    return LightEdit(number, kind, {n: first[n] for n in KINDS[kind][1] if n in first}, False, "two-sided")
+    given = {n: v for n, v in first.items() if n in parameters_of(KINDS[kind])}
+    made: Any = KINDS[kind]
+    return LightEdit(number, kind, {n: _plain(v) for n, v in made(**given).arguments().items()})
 
 
 def editable_material(material: Material) -> dict[str, Any]:
-    """The values of a material that are numbers or parameters, by name."""
-    return {name: _plain(material_value(material, name)) for name in _ranges(material)}
+    """The values of a material by name: numbers, and expressions that cannot be edited. Values that it lacks, such as
+    a clear coat, are not among them, because each costs time; see `unset_values`."""
+    given = material.arguments()
+    base = [*(PHYSICAL if material.physical else PHONG)]
+    more = [name for name in _optional(material) if given.get(name) is not None]
+    return {name: _plain(material_value(material, name)) for name in (*base, *more)}
+
+
+def unset_values(material: Material, values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values that an edited material lacks, with those that they start with when they are set."""
+    return {name: start for name, (start, _) in _optional(material).items() if name not in values}
+
+
+def _optional(material: Material) -> dict[str, tuple[Any, Range]]:
+    maps = {"normal_strength": material.normal, "height_scale": material.height}
+    scales = {name: MAPS[name] for name, map in maps.items() if map is not None}
+    return {**(GLASS if material.physical else {}), **OCCLUSION, **scales}
 
 
 def _ranges(material: Material) -> dict[str, Range]:
-    """The editable values of a material. One without a clear coat gets none, because it would cost time."""
-    if not material.physical:
-        return PHONG
-    return COATED if material.coated else PHYSICAL
+    base = PHYSICAL if material.physical else PHONG
+    return {**base, **{name: range for name, (_, range) in _optional(material).items()}}
 
 
 def material_value(material: Material, name: str) -> Any:
@@ -213,15 +251,19 @@ def material_name(index: int, value: str) -> str:
     return f"material {index} {value}"
 
 
-def _editable(number: int, light: Light) -> LightEdit:
-    kind = type(light).__name__
-    if type(light) not in lights.KINDS:
-        return LightEdit(number, kind, {}, light.shadow, light.penumbra, own=light)
-    values = {name: _plain(getattr(light, name)) for name in KINDS[kind][1]}
-    if values.get("softness") == 0.0:
-        del values["softness"]  # a parameter could be > 0, which would require a soft shadow
-    kept = {name: getattr(light, name) for name in KEPT if getattr(light, name, None) is not None}
-    return LightEdit(number, kind, values, light.shadow, light.penumbra, kept)
+def _range_of_light(kind: type[Light], name: str) -> Range:
+    return kind.EDITED[name] if name in kind.EDITED else UNSET[name][1]
+
+
+def _is_unset(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and value == 0.0)
+
+
+def _param(name: str, value: Any, range: Range) -> Expr:
+    """A parameter whose range holds its value."""
+    low, high = range
+    ends = None if low is None else min(low, np.min(value)), None if high is None else max(high, np.max(value))
+    return Param(name, value, *(None if end is None else float(end) for end in ends))
 
 
 def _plain(value: Any) -> Any:
@@ -240,7 +282,7 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
             old = scene.materials[index]
             ranges = _ranges(old)
             new = {
-                name: Param(material_name(index, name), value, *ranges[name])
+                name: _param(material_name(index, name), value, ranges[name])
                 for name, value in values.items()
                 if name in ranges and _number(value)  # a pattern or an image is not editable
             }
@@ -254,8 +296,11 @@ def _number(value: Any) -> bool:
     return isinstance(value, int | float | tuple)
 
 
-def _written(value: Any) -> str:
+def _written(value: Any, expression: str = "...") -> str:
+    """A value as Python; `expression` stands for one that is not plain."""
     plain = _plain(value)
     if isinstance(plain, tuple):
         return f"({', '.join(f'{v:.6g}' for v in plain)})"
-    return f"{plain:.6g}" if isinstance(plain, int | float) else "..."
+    if isinstance(plain, bool | str) or plain is None:
+        return repr(plain)
+    return f"{plain:.6g}" if isinstance(plain, int | float) else expression

@@ -2,47 +2,65 @@
 
 from __future__ import annotations
 
-import time as clock_time
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-from raymarch.gpu.views import VIEWS
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import Values
-from raymarch.window.overlay import Message
-
-if TYPE_CHECKING:
-    from raymarch.window.viewer import Viewer
+from raymarch.window import commands, keys
+from raymarch.window.model import Model
+from raymarch.window.news import near
 
 PATIENT = 0.6
 """Seconds after which a running trial is shown."""
 
 
-def messages_of(viewer: Viewer, now: float) -> list[Message]:
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A block of text.
+
+    Attributes
+    ----------
+    text : the lines; a tab separates two columns.
+    kind : "error", "note" or "busy".
+    corner : "top left", "top right", "bottom left" or "middle" of the picture; at its top, "left" or "right" of the
+        divider.
+    """
+
+    text: str
+    kind: str = "note"
+    corner: str = "top left"
+
+
+def messages_of(model: Model, now: float) -> list[Message]:
     """The messages to show now. Removes expired notices."""
-    if viewer.help:
-        return [Message(viewer.keys.help(), "note", "middle")]
-    messages = []
-    if viewer.fault is not None:
-        messages.append(Message(viewer.fault.text(), "error", "bottom left"))
-    elif viewer.picture.canvas is not None:
-        messages += [Message(sentence, "busy", "bottom left") for sentence in broken(viewer)]
-    since = viewer.reloader.busy_since
-    if since is not None and viewer.reloading is not None and clock_time.monotonic() - since > PATIENT:
-        waited = clock_time.monotonic() - since
-        messages.append(
-            Message(f"{viewer.reloader.file.name}: testing for {waited:.0f} s (Esc stops it)", "busy", "bottom left")
-        )
-    viewer.notices = [(until, text) for until, text in viewer.notices if until > now]
-    messages += [Message(text, "note", "top left") for _, text in viewer.notices]
-    if viewer.state.selected is not None:
-        messages.append(Message(viewer.keys.parameters(), "note", "top left"))
-    if viewer.pick is not None:
-        messages.append(Message(viewer.pick.text(), "note", "top right"))
+    if model.help:
+        return [Message(keys.help_text(), "note", "middle")]
+    messages = _sides(model)
+    if model.fault is not None:
+        messages.append(Message(model.fault.text(), "error", "bottom left"))
+    elif model.plan is not None and model.plan.conditions:
+        shot = model.state.shot()
+        broken = violations(model.plan.conditions, Values(shot.params, shot.time))
+        messages += [Message(sentence, "busy", "bottom left") for sentence in broken]
+    if model.trial is not None and now - model.trial[1] > PATIENT:
+        file, since = model.trial
+        waits = f"{near(str(file))}: testing for {now - since:.0f} s (Esc stops it)"
+        messages.append(Message(waits, "busy", "bottom left"))
+    model.notices = [(until, text) for until, text in model.notices if until > now]
+    messages += [Message(text, "note", "top left") for _, text in model.notices]
+    if model.state.selected is not None:
+        messages.append(Message(commands.parameters(model), "note", "top left"))
+    if model.pick is not None:
+        messages.append(Message(model.pick.text(), "note", "top right"))
     return messages
 
 
-def broken(viewer: Viewer) -> list[str]:
-    """One sentence for each condition that the current values violate."""
-    shot = viewer.state.shot()
-    conditions = viewer.renderer.prepared(shot.scene, VIEWS[shot.view]).plan.conditions
-    return violations(conditions, Values(shot.params, shot.time)) if conditions else []
+def _sides(model: Model) -> list[Message]:
+    """What the two sides of a split picture are, and how far the reference is computed."""
+    compare, computed = model.compare, f"{100 * model.known:.0f} % computed"
+    if compare.side == "off":
+        return [Message(f"reference: {computed}", "note", "bottom left")] if compare.errors and model.known < 1 else []
+    right = model.stops[-1].name if compare.side == "exact" else "float64 reference"
+    if compare.reference and model.known < 1:
+        right += f", {computed}"
+    return [Message("this setting", "note", "left"), Message(right, "note", "right")]

@@ -1,20 +1,14 @@
-"""Meters of the panel: frame times by part, cost per pixel, the plan."""
+"""Meters of the panel: frame times by part, progress, cost per pixel, the plan."""
 
 from __future__ import annotations
 
-from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from raymarch.plan import explain
 from raymarch.shader import assemble
-from raymarch.window.inspection import evaluations
+from raymarch.window import commands as do
+from raymarch.window.model import FRAMES, Model
 from raymarch.window.theme import ACCENT, FAINT, WARNING, shade
-
-if TYPE_CHECKING:
-    from raymarch.window.viewer import Viewer
-
-SHOWN = 120
-"""Number of frames in the graph."""
 
 HIGH = 48.0
 """Size of the graph at display scale 1, in pixels."""
@@ -24,47 +18,43 @@ PARTS = (("scene", ACCENT), ("window", FAINT), ("compile", WARNING))
 
 
 class Meters:
-    """Collects frame times, and draws the sections for them and for the plan."""
+    """Draws the sections of frame times and of the plan."""
 
-    def __init__(self, imgui: Any, viewer: Viewer) -> None:
-        self._imgui, self._viewer = imgui, viewer
-        self._frames: deque[tuple[float, ...]] = deque([(0.0, 0.0, 0.0)] * SHOWN, SHOWN)
+    def __init__(self, imgui: Any, model: Model) -> None:
+        self._imgui, self._model = imgui, model
         self._facts: tuple[Any, dict[str, Any]] | None = None
 
-    def note(self, scene: float, window: float, compile: float) -> None:
-        """Record a frame in milliseconds: drawing the scene, everything else, compiling."""
-        self._frames.append((scene, window, compile))
-
     def frame(self) -> None:
-        """Draw the graph and the numbers of the last frame."""
-        imgui, viewer, drawn = self._imgui, self._viewer, self._viewer.picture.drawn
-        self._graph(viewer.picture.pace.budget)
+        """Draw the graph, the numbers of the last frame, and how far the picture is."""
+        imgui, model, drawn = self._imgui, self._model, self._model.drawn
+        self._graph(model.budget)
         for i, (name, color) in enumerate(PARTS):
             if i:
                 imgui.same_line()
-            imgui.text_colored(imgui.ImVec4(*color, 1.0), f"{name} {self._frames[-1][i]:.1f}")
+            imgui.text_colored(imgui.ImVec4(*color, 1.0), f"{name} {model.frames[-1][i]:.1f}")
         imgui.same_line()
-        imgui.text_disabled(f"of {viewer.picture.pace.budget:g} ms")
+        imgui.text_disabled(f"of {model.budget:g} ms")
         width, height = drawn.size
-        samples = f"{drawn.samples} sample{'' if drawn.samples == 1 else 's'} per pixel"
-        imgui.text(f"{width} x {height}, {samples}{'' if drawn.whole else ', refining'}")
-        cost = evaluations(viewer)
-        imgui.text("evaluations a pixel: " + ("..." if cost is None else f"{cost:.1f}"))
-        imgui.text_disabled(f"{viewer.renderer.compiled} programs compiled")
+        imgui.text(f"{width} x {height}, {drawn.samples} of {drawn.wanted} sample{'' if drawn.wanted == 1 else 's'}")
+        imgui.progress_bar(drawn.share, imgui.ImVec2(-1.0, 0.0), "complete" if drawn.whole else f"{100 * drawn.share:.0f} %")
+        do.measure(model)
+        cost = model.evaluations
+        imgui.text("evaluations a pixel: " + ("..." if cost is None else f"{cost[1]:.1f}"))
+        imgui.text_disabled(f"{model.compiled} programs compiled")
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*FAINT, 1.0))
-        imgui.text_wrapped(viewer.window.context.driver.renderer)
+        imgui.text_wrapped(model.driver)
         imgui.pop_style_color()
 
     def _graph(self, budget: float) -> None:
         """Draw a bar for each frame, clipped at the top, and the budget as a line at half the height."""
         imgui = self._imgui
         corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-        high = HIGH * self._viewer.window.density
+        high = HIGH * imgui.get_style().font_scale_dpi
         ink, at = imgui.get_window_draw_list(), imgui.ImVec2
         floor = corner.y + high
         ink.add_rect_filled(at(corner.x, corner.y), at(corner.x + width, floor), shade(imgui, (0.07, 0.07, 0.08)), 3.0)
-        step = width / SHOWN
-        for i, parts in enumerate(self._frames):
+        step = width / FRAMES
+        for i, parts in enumerate(self._model.frames):
             base = floor
             for part, (_, color) in zip(parts, PARTS, strict=True):
                 top = max(base - high * part / (2 * budget), corner.y)
@@ -79,7 +69,9 @@ class Meters:
     def plan(self) -> None:
         """Draw the plan: features with reasons; unused ones are dimmed."""
         imgui = self._imgui
-        plan = self._viewer.plan()
+        plan = self._model.plan
+        if plan is None:
+            return
         if self._facts is None or self._facts[0] is not plan:
             self._facts = (plan, explain.as_dict(plan, assemble(plan).modules))
         facts = self._facts[1]

@@ -5,14 +5,15 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from raymarch.gpu.scale import Scale, with_bar
 from raymarch.gpu.screen import Screen
+from raymarch.window.messages import Message
 
 POINTS = 14
 """Height of the text at display scale 1, in pixels."""
@@ -26,20 +27,23 @@ BACKGROUNDS = {"error": (92, 14, 14, 255), "note": (18, 20, 24, 215), "busy": (6
 WHITE, FAINT = (255, 255, 255, 255), (176, 184, 194, 255)
 
 
+BAR = 240
+"""Width of a colour bar at display scale 1, in pixels."""
+
+
 @dataclass(frozen=True, slots=True)
-class Message:
-    """A block of text.
+class Bar:
+    """The colour bar of a scale, with its quantity and unit."""
 
-    Attributes
-    ----------
-    text : the lines; a tab separates two columns.
-    kind : "error", "note" or "busy".
-    corner : "top left", "top right", "bottom left" or "middle" of the window.
-    """
+    scale: Scale
+    corner: str = "bottom right"
 
-    text: str
-    kind: str = "note"
-    corner: str = "top left"
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """The divider of a split picture."""
+
+    corner: str = "divider"
 
 
 class Overlay:
@@ -47,16 +51,17 @@ class Overlay:
 
     def __init__(self, screen: Screen) -> None:
         self._screen = screen
-        self._made: dict[tuple[Message, tuple[int, int], float], Any] = {}
+        self._made: dict[tuple[Message | Bar | Line, tuple[int, int], float], Any] = {}
 
-    def draw(self, messages: list[Message], density: float, edge: int = 0) -> None:
-        """Draw messages over the screen, to the right of `edge`; messages of one corner are stacked.
+    def draw(self, messages: list[Message | Bar], density: float, left: int = 0, divider: int | None = None) -> None:
+        """Draw messages over the picture, which begins at column `left`; messages of one corner are stacked.
 
-        Frees the images of other messages.
+        Frees the images of other messages. divider : column of the divider of a split picture, which is drawn.
         """
         width, height = self._screen.size
-        free = (max(1, width - edge), height)
-        wanted = {(message, free, density): None for message in messages if message.text}
+        free = (max(1, width - left), height)
+        split = [] if divider is None else [Line()]
+        wanted = {(message, free, density): None for message in [*split, *messages]}
         for key in [key for key in self._made if key not in wanted]:
             self._screen.free(self._made.pop(key))
         margin = round(8 * density)
@@ -66,13 +71,17 @@ class Overlay:
                 self._made[key] = self._screen.image(picture_of(*key))
             texture = self._made[key]
             (wide, high), corner = texture.size, key[0].corner
+            if isinstance(key[0], Line):
+                self._screen.lay(texture, (divider or 0) - wide // 2, 0)
+                continue
             before = used.get(corner, margin)
-            left = edge + margin if corner.endswith("left") else width - wide - margin
-            top = before if corner.startswith("top") else height - before - high
+            columns = {"right": (divider or 0) + margin, "left": (divider or 0) - wide - margin}
+            x = columns.get(corner, left + margin if corner.endswith("left") else width - wide - margin)
+            y = height - before - high if corner.startswith("bottom") else before
             if corner == "middle":
-                left, top = edge + (width - edge - wide) // 2, (height - high) // 2
-            self._screen.lay(texture, left, top)
-            used[corner] = before + high + margin
+                x, y = left + (width - left - wide) // 2, (height - high) // 2
+            self._screen.lay(texture, x, y)
+            used["top " + corner if corner in columns else corner] = before + high + margin
 
     def release(self) -> None:
         """Free the images."""
@@ -81,14 +90,17 @@ class Overlay:
         self._made.clear()
 
 
-def near(file: str) -> str:
-    """The path of a file, relative to the current folder if it is inside it."""
-    path = Path(file)
-    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else file
-
-
-def picture_of(message: Message, size: tuple[int, int], density: float) -> NDArray[np.uint8]:
+def picture_of(message: Message | Bar | Line, size: tuple[int, int], density: float) -> NDArray[np.uint8]:
     """A message as RGBA pixels, (H, W, 4), wrapped, and scaled down if necessary, to fit a window of `size`."""
+    if isinstance(message, Line):
+        line = np.full((size[1], 3 * max(1, round(density)), 4), 255, np.uint8)
+        line[:, [0, -1], :3] = 40
+        return line
+    if isinstance(message, Bar):
+        width = min(BAR, max(80, size[0] - 16))
+        bar = with_bar(Image.new("RGB", (width, 1)), message.scale)
+        bar = bar.crop((0, 1, *bar.size)).resize((round(width * density), round((bar.height - 1) * density)))
+        return np.asarray(bar.convert("RGBA"), np.uint8)
     while True:
         made = _drawn(message, size[0], density)
         if made.shape[0] <= size[1] or density * POINTS <= SMALLEST:

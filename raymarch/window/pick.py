@@ -22,8 +22,8 @@ from raymarch.sdf.placing import with_label
 from raymarch.sdf.weights import weights_of
 from raymarch.truth import truth
 from raymarch.window.control import View
-from raymarch.window.overlay import near
-from raymarch.window.picture import Shot
+from raymarch.window.news import near
+from raymarch.window.shot import Shot
 
 Vector = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ The last picture stays on a separate canvas, so that it can be shown again whate
 from __future__ import annotations
 
 import time as clock_time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,60 +16,16 @@ from numpy.typing import NDArray
 from raymarch.gpu.draw_calls import DrawCall
 from raymarch.gpu.frame import Frame, unpack
 from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.scale import Scale
 from raymarch.gpu.screen import Screen
 from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import Tile, tiles_of
-from raymarch.gpu.views import VIEWS
+from raymarch.gpu.views import VIEWS, scale_of
 from raymarch.gpu.views import picture as picture_of
-from raymarch.scene.camera import Pose
-from raymarch.scene.scene import Scene
 from raymarch.scene.srgb import srgb_to_linear
+from raymarch.window.model import Drawn
 from raymarch.window.pace import Pace, scaled
-
-
-def progressive(scene: Scene) -> Scene:
-    """The scene as the window draws it: one sample a frame, accumulated while nothing moves.
-
-    The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
-    """
-    quality = scene.quality
-    temporal = "accumulate" if quality.temporal == "off" else quality.temporal
-    if quality.samples == 1 and temporal == quality.temporal:
-        return scene
-    return scene.replace(quality=quality.replace(samples=1, temporal=temporal))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shot:
-    """The inputs of a picture: a change of any of them makes a new picture."""
-
-    scene: Scene
-    time: float
-    params: Mapping[str, Any]
-    pose: Pose
-    view: str = "final"
-    samples: int = 1
-
-    def same(self, other: Shot | None) -> bool:
-        """True if another shot gives the same picture."""
-        if other is None or self.scene is not other.scene or self.view != other.view or self.time != other.time:
-            return False
-        mine, its = self.pose, other.pose
-        return mine.same(its) and self.params == other.params
-
-
-@dataclass(slots=True)
-class Drawn:
-    """The last step: milliseconds, drawn size, whether the picture is complete, whether it moves, milliseconds of
-    compiling, complete samples per pixel at full size, and evaluations per pixel if known."""
-
-    milliseconds: float = 0.0
-    size: tuple[int, int] = (0, 0)
-    whole: bool = False
-    moving: bool = True
-    compile: float = 0.0
-    samples: int = 0
-    evaluations: float | None = None
+from raymarch.window.shot import Shot
 
 
 @dataclass(slots=True)
@@ -99,8 +55,10 @@ class Picture:
         self._shot: Shot | None = None
         self._rest: list[_Part] | None = None
         self._drawing: list[DrawCall] = []
-        self._done = 0
+        self._done = self._pixels = 0
         self._spent = 0.0
+        self.scale: Scale | None = None
+        """The colour scale of the view; None for views without one."""
         self.frame: float | None = None
         """Milliseconds of the last complete sample at full size; None before the first of a shot."""
 
@@ -108,6 +66,11 @@ class Picture:
     def canvas(self) -> Target | None:
         """The picture, at the window's size; None before the first."""
         return self._canvas
+
+    @property
+    def shot(self) -> Shot | None:
+        """The shot on the canvas."""
+        return self._shot
 
     @property
     def whole(self) -> bool:
@@ -140,7 +103,7 @@ class Picture:
                 self._canvas.release()
             self._canvas = fresh
         self._put(shot, draw_calls, None)
-        self._shot, self._rest, self._done = shot, None, 1 if small == size else 0
+        self._shot, self._rest, self._pixels, self._done = shot, None, 0, 1 if small == size else 0
         self.frame = spent if small == size and not compiled else None
         self._say(spent, small, compiled, moving=True)
 
@@ -185,6 +148,7 @@ class Picture:
             compiled = sum(call.compile for call in draw_calls)
             self._spent = 0.0
             self._rest, self._drawing = [_Part(call, self._tiles(call.target.size)) for call in draw_calls], draw_calls
+            self._pixels = 0
         rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
         part = rest[0]
         done: list[Tile] = []
@@ -193,6 +157,7 @@ class Picture:
             part.call.draw(tile)
             self._renderer.context.finish()
             done.append(tile)
+            self._pixels += tile[2] * tile[3]
             spent = 1e3 * (clock_time.perf_counter() - start)
         last = len(rest) == 1
         if last and shot.view == "final" and self._done == 0:
@@ -211,9 +176,12 @@ class Picture:
     def _say(self, spent: float, size: tuple[int, int], compiled: float, *, moving: bool) -> None:
         shot = self._shot
         assert shot is not None
-        enough = max(self.samples, shot.samples) if shot.view == "final" else 1
-        whole = self._done >= enough
-        self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, self.drawn.evaluations)
+        wanted = max(self.samples, shot.samples) if shot.view == "final" else 1
+        whole = self._done >= wanted
+        sizes = [] if self._rest is None else [call.target.size for call in self._drawing]
+        sample = self._pixels / max(sum(width * height for width, height in sizes), 1) if sizes else 0.0
+        share = 1.0 if whole else (self._done + sample) / wanted
+        self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, wanted, share)
 
     def _tiles(self, size: tuple[int, int]) -> list[Tile]:
         """Tiles that take about half of the budget each, from the centre outwards."""
@@ -239,6 +207,7 @@ class Picture:
         assert self._canvas is not None
         last = draw_calls[-1]
         if shot.view == "final":
+            self.scale = None
             self._screen.copy(last.target, self._canvas, tile)
             return
         arrays: dict[str, NDArray[Any]] = {}
@@ -246,9 +215,8 @@ class Picture:
             d.chosen.name: d for d in draw_calls if d.chosen.name not in ("cone", "sample", "before")
         }.values():
             arrays |= unpack(call.chosen.name, [call.target.read(k) for k in range(call.chosen.textures)])
-        if "evaluations" in arrays:
-            self.drawn.evaluations = float(arrays["evaluations"].mean())
         frame = Frame(last.target.size, shot.time, [], arrays, _nothing, shot.scene.tone, pose=shot.pose)
+        self.scale = scale_of(frame, shot.view)
         shown = picture_of(frame, shot.view, shot.scene).convert("RGB").resize(self._canvas.size, 0)
         self._canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
 

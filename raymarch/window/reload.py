@@ -8,18 +8,17 @@ import io
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, TypeAlias
+from typing import Any
 
 from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.constants import Constants
-from raymarch.window.overlay import near
-from raymarch.window.picture import progressive
+from raymarch.window.news import Failed, Fault, Loaded, News, Started, Watching
+from raymarch.window.shot import progressive
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
 
@@ -29,55 +28,6 @@ PATIENCE = 60.0
 HERE_AT_LEAST = 5.0
 HERE_FACTOR = 20.0
 """Time limits of loading in the window's process after a trial: seconds, and a multiple of the time of the trial."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """An error of a scene file, with its location."""
-
-    what: str
-    legal: str = ""
-    file: str | None = None
-    line: int | None = None
-
-    def text(self) -> str:
-        """The text for the overlay: location, source line, message."""
-        place = f"{near(self.file)}:{self.line}\n" if self.file else ""
-        source = _line_of(self.file, self.line) if self.file and self.line else ""
-        cure = f"\n({self.legal})" if self.legal else ""
-        return f"{place}{source}{self.what}{cure}"
-
-
-@dataclass(frozen=True, slots=True)
-class Started:
-    """A file changed; the trial of the scene runs."""
-
-
-@dataclass(frozen=True, slots=True)
-class Watching:
-    """The trial of the visible scene ended: the files that it reads are known and watched."""
-
-    files: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Loaded:
-    """A scene that passed its trial and is ready to be drawn. `ms` has the time of each stage."""
-
-    scene: Scene
-    prepared: Prepared
-    file: Path
-    ms: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Failed:
-    """A scene that failed its trial."""
-
-    fault: Fault
-
-
-News: TypeAlias = Started | Watching | Loaded | Failed
 
 
 class Reloader:
@@ -179,7 +129,7 @@ class Reloader:
         self._silent = silent
         self.busy_since = time.monotonic()
         if not silent:
-            self._tell(Started())
+            self._tell(Started(self.file))
         file = self.file
         known = {"constants": self._constants.as_json(), "clicks": self._clicks.as_json()}
         answer = self._trials.run(str(file), self._params(), self.size, known, self._over)
@@ -255,13 +205,3 @@ def _guarded(work: Callable[[], Any], seconds: float) -> Any:
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(_Interrupted))
         thread.join(1.0)
     return box[0] if box else _Interrupted()
-
-
-def _line_of(file: str, line: int) -> str:
-    """A source line with its number, for an error message."""
-    try:
-        with open(file, encoding="utf-8", errors="replace") as lines:
-            text = next(text for number, text in enumerate(lines, 1) if number == line)
-    except (OSError, StopIteration):
-        return ""
-    return f"{line} | {text.strip()}\n" if text.strip() else ""

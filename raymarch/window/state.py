@@ -1,4 +1,4 @@
-"""The state of the window: scene, parameters, camera, time, view. Independent of glfw and OpenGL."""
+"""What the window shows: scene, edits, parameters, camera, time, view. Independent of glfw and OpenGL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from raymarch.scene.parameter import Spec, Value, Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.window import control
 from raymarch.window.control import View
-from raymarch.window.picture import Shot, progressive
+from raymarch.window.edits import Edits
+from raymarch.window.shot import Shot, progressive
 from raymarch.window.timeline import Timeline
 
 
@@ -28,8 +29,9 @@ class State:
 
     Attributes
     ----------
-    file, scene : the visible scene. progressive : the scene as the window draws it; see `picture.progressive`.
-    specs : its parameters.
+    file, base : the scene file and its scene. edits : changes of it. scene : the result, which is visible.
+    progressive : the scene as the window draws it; see `shot.progressive`.
+    specs : its parameters, in the order of the file; those of edited lights and materials follow.
     params : values that differ from the defaults.
     camera : the user's view.
     moved : whether the user moved the camera; until then it follows the scene's camera.
@@ -40,6 +42,7 @@ class State:
     """
 
     file: Path
+    base: Scene
     scene: Scene
     progressive: Scene
     specs: dict[str, Spec]
@@ -50,7 +53,8 @@ class State:
     moved: bool = False
     view: str = "final"
     aspect: float = 1.0
-    selected: str | None = field(default=None)
+    selected: str | None = None
+    edits: Edits = field(default_factory=Edits)
 
     @property
     def values(self) -> Values:
@@ -73,29 +77,29 @@ class State:
         samples = self.scene.quality.samples
         return Shot(self.progressive, time, dict(self.params), self.pose(), self.view, samples)
 
-    def adopt(self, scene: Scene, specs: dict[str, Spec]) -> list[str]:
-        """Replace the scene by a new version. Returns one sentence for each value that had to change.
+    def with_scene(self, base: Scene, edits: Edits) -> tuple[State, list[str]]:
+        """The state with another scene or other edits, and one sentence for each value that had to change.
 
         Parameters keep their values, clamped to a new range if necessary. A camera that the user moved stays; otherwise
-        it follows the camera of the new scene.
+        it follows the camera of the new scene. Raises the errors of the edited scene.
         """
-        self.scene, self.progressive, self.specs, self.animated = scene, progressive(scene), specs, _animated(scene)
+        scene = edits.apply(base)
+        specs = parameters_in_order(base, scene, self.file)
+        made = replace(self, base=base, edits=edits, scene=scene, progressive=progressive(scene), specs=specs)
+        made.animated, made.params = _animated(scene), {}
         changes = []
-        for name, value in list(self.params.items()):
-            spec = specs.get(name)
-            fitting = None if spec is None else _fitted(spec, value)
-            if fitting is None:
-                del self.params[name]
-            else:
+        for name, value in self.params.items():
+            fitting = _fitted(specs[name], value) if name in specs else None
+            if fitting is not None:
                 if fitting != value:
                     changes.append(f"{name} = {shown(value)} lies outside its new range; it is {shown(fitting)} now")
-                self.params[name] = fitting
-        if self.selected not in specs:
-            self.selected = None
-        projected = scene.camera.orthographic != (self.camera.height is not None)
-        if projected or (not self.moved and scene.camera.position is not None):
-            self.camera, self.moved = home(scene, self.values, self.aspect), False
-        return changes
+                made.params[name] = fitting
+        if made.selected not in specs:
+            made.selected = None
+        projected = scene.camera.orthographic != (made.camera.height is not None)
+        if projected or (not made.moved and scene.camera.position is not None):
+            made.camera, made.moved = home(scene, made.values, made.aspect), False
+        return made, changes
 
     def move(self, camera: View) -> None:
         """Set the camera on behalf of the user."""
@@ -172,11 +176,34 @@ class State:
 
 def opened(file: Path, scene: Scene, params: Mapping[str, Any], aspect: float) -> State:
     """The initial state of a scene. SceneError for a parameter that is unknown or out of range."""
-    specs = scene.parameters
+    specs = parameters_in_order(scene, scene, file)
     given = set_values(specs, params, 0.0, scene.where)
-    chosen = {name: given.params[name] for name in params}
-    camera = home(scene, given, aspect)
-    return State(file, scene, progressive(scene), specs, chosen, camera, Timeline(), _animated(scene), aspect=aspect)
+    return State(
+        file,
+        scene,
+        scene,
+        progressive(scene),
+        specs,
+        params={name: given.params[name] for name in params},
+        camera=home(scene, given, aspect),
+        timeline=Timeline(),
+        animated=_animated(scene),
+        aspect=aspect,
+    )
+
+
+def parameters_in_order(base: Scene, scene: Scene, file: Path) -> dict[str, Spec]:
+    """The parameters of a scene in the order of the lines of its file, then those of other files, then those that edits
+    of the scene `base` add."""
+    own, main = base.parameters, file.absolute()
+
+    def place(spec: Spec) -> tuple[int, str, int]:
+        where = spec.where
+        if spec.name not in own or where is None:
+            return 2, "", 0
+        return int(Path(where.file).absolute() != main), where.file, where.line
+
+    return {spec.name: spec for spec in sorted(scene.parameters.values(), key=place)}
 
 
 def read_settings(file: Path) -> dict[str, Any]:

@@ -3,66 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from raymarch.gpu.context import Context, open_window
-
-
-@dataclass(frozen=True, slots=True)
-class Key:
-    """A key went down, up, or repeats; `name` as in `NAMES`, or one character in lower case."""
-
-    name: str
-    down: bool
-    repeated: bool
-    shift: bool
-    control: bool
-    code: int
-
-
-@dataclass(frozen=True, slots=True)
-class Char:
-    """A character was typed."""
-
-    code: int
-
-
-@dataclass(frozen=True, slots=True)
-class Button:
-    """A mouse button went down or up; 0 left, 1 right, 2 middle."""
-
-    button: int
-    down: bool
-    shift: bool
-    control: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """The cursor is at (x, y), in screen coordinates from the upper left of the window."""
-
-    x: float
-    y: float
-
-
-@dataclass(frozen=True, slots=True)
-class Scroll:
-    """The wheel was turned; up and right are positive."""
-
-    x: float
-    y: float
-
-
-@dataclass(frozen=True, slots=True)
-class Drop:
-    """Files were dropped onto the window."""
-
-    files: tuple[Path, ...]
-
-
-Event: TypeAlias = Key | Char | Button | Move | Scroll | Drop
+from raymarch.window.events import Button, Char, Drop, Event, Key, Move, Scroll
 
 
 class Window:
@@ -131,12 +76,6 @@ class Window:
         """Convert a cursor position to framebuffer pixels from the upper left."""
         (width, height), (across, down) = self.size, self.extent
         return x * width / across, y * height / down
-
-    @property
-    def cursor(self) -> tuple[float, float]:
-        """The cursor position in screen coordinates."""
-        x, y = self.glfw.get_cursor_pos(self.handle)
-        return float(x), float(y)
 
     def held(self, name: str) -> bool:
         """True if a key is down; `name` as in glfw, without KEY_."""

@@ -29,6 +29,7 @@ COLORS: dict[str, tuple[float, ...]] = {
     "slider_grab": (*(0.85 * c for c in ACCENT), 1.0),
     "slider_grab_active": (*ACCENT, 1.0),
     "check_mark": (*ACCENT, 1.0),
+    "plot_histogram": (*(0.7 * c for c in ACCENT), 1.0),
     "separator": (0.22, 0.23, 0.25, 1.0),
     "scrollbar_bg": (0.0, 0.0, 0.0, 0.0),
     "scrollbar_grab": (0.28, 0.29, 0.32, 1.0),

@@ -35,7 +35,7 @@ from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
 from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.pace import scaled
-from raymarch.window.picture import progressive
+from raymarch.window.shot import progressive
 
 LINUX = sys.platform.startswith("linux")
 

@@ -1,10 +1,9 @@
-"""The main loop of the window: events, reloads, the next picture, panel and messages."""
+"""The main loop of the window: events become commands, views draw the model, requests are carried out."""
 
 from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,29 +11,40 @@ from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.screen import Screen
-from raymarch.plan import Plan
+from raymarch.gpu.views import VIEWS
+from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.file import load
-from raymarch.scene.scene import Scene
+from raymarch.window import commands as do
+from raymarch.window import control, toolkit
 from raymarch.window.accuracy import Stop, preset_stops
-from raymarch.window.changes import change, take_news, titled, trouble
-from raymarch.window.constants import Constants
-from raymarch.window.control import fly
-from raymarch.window.edits import Edits
-from raymarch.window.input import Input
-from raymarch.window.interrupt import Interrupt
-from raymarch.window.keys import Keys
+from raymarch.window.comparison import Comparison
+from raymarch.window.constants import CLICKED, Constants
+from raymarch.window.events import Drop, Event
+from raymarch.window.interrupt import Interrupt as CtrlC
 from raymarch.window.log import Log
-from raymarch.window.messages import messages_of
-from raymarch.window.overlay import Message, Overlay
-from raymarch.window.pace import Pace
+from raymarch.window.messages import Message, messages_of
+from raymarch.window.model import (
+    Close,
+    Copy,
+    Inspect,
+    Interrupt,
+    Measure,
+    Model,
+    Open,
+    Request,
+    SavePicture,
+    Show,
+)
+from raymarch.window.mouse import Mouse, flying
+from raymarch.window.news import Fault
+from raymarch.window.overlay import Bar, Overlay
+from raymarch.window.pace import Pace, scaled
 from raymarch.window.panel import Panel
-from raymarch.window.pick import Inquiry, Pick
-from raymarch.window.picture import Picture, Shot
-from raymarch.window.reload import Fault, Reloader
-from raymarch.window.save import Sequence
-from raymarch.window.state import State, opened, read_settings
+from raymarch.window.pick import Inquiry, picked, ray_through
+from raymarch.window.picture import Picture
+from raymarch.window.reload import Reloader
+from raymarch.window.state import opened, read_settings
 from raymarch.window.surface import Window
-from raymarch.window.toolkit import find as find_imgui
 
 SETTLED = 0.12
 """Seconds without a change before the picture is refined."""
@@ -44,9 +54,6 @@ IDLE = 0.25
 
 SHORTEST = 1 / 120
 """Minimum duration of a frame in seconds."""
-
-NOTICED = 4.0
-"""Duration of a notice in seconds."""
 
 
 class Viewer:
@@ -79,70 +86,66 @@ class Viewer:
         panel: bool = True,
         stops: tuple[Stop, ...] = (),
     ) -> None:
-        scene = load(file)
-        self.stops = stops or preset_stops()
-        self.state: State = opened(file, scene, params or {}, size[0] / size[1])
+        state = opened(file, load(file), params or {}, size[0] / size[1])
         if settings is not None:
-            self.state.restore(read_settings(settings))
-        self.constants, self.clicks, self.overlaid = Constants(), Constants(), Constants()
-        ready, _ = self.constants.fit(prepare(self.state.progressive, size=size))
-        self.log = Log(log)
-        self.window = Window(size, titled(file))
+            state.restore(read_settings(settings))
+        self.model = Model(state, budget, samples, stops or preset_stops(), size=size)
+        self._constants, self._clicks, self._edited = Constants(), Constants(), Constants()
+        ready, _ = self._constants.fit(prepare(state.progressive, size=size))
+        self.model.log = Log(log)
+        self.window = Window(size, _title(file))
         try:
-            self._open(budget, size, samples)
-            self.renderer.adopt(self.state.progressive, ready)
-            if self.panel is not None:
-                self.panel.shown = panel
+            self._open(size, panel)
+            self.renderer.adopt(state.progressive, ready)
             self._first()
         except BaseException:
             self.window.release()
             raise
 
-    def _open(self, budget: float, size: tuple[int, int], samples: int) -> None:
-        window = self.window
+    def _open(self, size: tuple[int, int], panel: bool) -> None:
+        window, model = self.window, self.model
+        model.size, model.density = window.size, window.density
+        model.driver = window.context.driver.renderer
         self.screen = Screen(window.context, window.size)
         self.renderer = Renderer(window.size, context=window.context)
         self.renderer.planned_for = size
-        self.picture = Picture(self.renderer, self.screen, Pace(budget), samples)
-        self.overlay = Overlay(self.screen)
-        self.base: Scene = self.state.scene
-        self.edits = Edits()
-        self.wanted: Edits | None = None
-        self.evaluated: tuple[Shot, float] | None = None
-        imgui = find_imgui()
-        self.panel: Panel | None = None if imgui is None else Panel(imgui, self)
-        self.keys = Keys(self)
-        self.input = Input(self)
-        self.fault: Fault | None = None
-        self.pick: Pick | None = None
-        self.picks = 0
-        self.clicked: Scene | None = None
-        self.frames = 0
-        self.help = False
-        self.sequence: Sequence | None = None
-        self._idle = False
+        self.picture = Picture(self.renderer, self.screen, Pace(model.budget), model.samples)
+        self._comparison = Comparison(self.picture, self.renderer, self.screen, window.wake)
+        self._overlay = Overlay(self.screen)
+        self._toolkit: toolkit.Toolkit | None = None
+        self._panel: Panel | None = None
+        found = toolkit.find()
+        if found is not None:
+            self._toolkit = toolkit.Toolkit(found, window, self.screen)
+            self._panel, model.panel = Panel(found.imgui, model), panel
+        self._mouse = Mouse(model, window.pixel, lambda: window.extent)
+        self._clicked: Any = None
+        self._picks = self._frames = 0
+        self._live = 2  # frames in which the panel must be drawn: a change shows in the frame after the next
         self._unshown = 1  # frames that must be shown, whatever they hold
-        self._rest = 0.0
-        self.notices: list[tuple[float, str]] = []
-        self._messages: list[Message] = []
-        self.changed_at = self._at = clock_time.perf_counter()
-        self.reloading: float | None = None
-        self.inquiry = Inquiry(window.wake)
+        self._idle = False
+        self._messages: list[Message | Bar] = []
+        self._at = clock_time.perf_counter()
+        self._inquiry = Inquiry(window.wake)
         self.reloader = Reloader(
-            self.state.file, window.wake, lambda: dict(self.state.params), size, self.constants, self.clicks
+            model.state.file, window.wake, lambda: dict(model.state.params), size, self._constants, self._clicks
         )
 
     def _first(self) -> None:
         """Draw the first picture, so that a scene that cannot be drawn fails at once."""
-        self.state.aspect = self.window.size[0] / max(1, self.window.size[1])
-        if not self.state.moved:
-            self.state.reset()
+        model = self.model
+        self._measure_window()
+        if not model.state.moved:
+            model.state.reset()
         self.screen.clear(0.12)  # a driver may compile for seconds
-        self.overlay.draw([Message(f"{self.state.file.name}: compiling", "note", "middle")], self.window.density)
-        self.window.swap()
-        self.picture.step(self.state.shot(), self.window.size, False)
-        driver = self.window.context.driver
-        self.log.say("open", size=self.window.size, density=self.window.density, renderer=driver.renderer)
+        self._announce(f"{model.state.file.name}: compiling", "note", "middle")
+        self.picture.step(model.state.shot(), model.area, False)
+        model.say("open", size=self.window.size, density=self.window.density, renderer=model.driver)
+
+    @property
+    def fault(self) -> Fault | None:
+        """The error of the scene file, if it has one."""
+        return self.model.fault
 
     # The loop
 
@@ -153,157 +156,263 @@ class Viewer:
         end = None if seconds is None else clock_time.perf_counter() + seconds
         self.reloader.start()
         try:
-            with Interrupt() as interrupt:
+            with CtrlC() as interrupt:
                 while not (self.window.closing or interrupt.asked or (end and clock_time.perf_counter() >= end)):
                     self.turn()
-            code = 130 if interrupt.asked else 2 if self.fault is not None else 0
+            code = 130 if interrupt.asked else 2 if self.model.fault is not None else 0
         except KeyboardInterrupt:
             code = 130
         finally:
-            self.log.say("closed", code=code, frames=self.frames, compiled=self.renderer.compiled)
+            self.model.say("closed", code=code, frames=self._frames, compiled=self.renderer.compiled)
             self.release()
         return code
 
     def turn(self) -> None:
         """One turn of the loop."""
-        events = self.window.wait(self._pause())
+        model, events = self.model, self.window.wait(self._pause())
         self._idle = self._idle and not events
-        self.input.take(events)
+        for event in events:
+            self._take(event)
+            self._carry_out_all()
         now = clock_time.perf_counter()
         passed, self._at = now - self._at, now
-        take_news(self, now)
-        state = self.state
-        state.timeline = state.timeline.advance(min(passed, 0.25)) if state.animated else state.timeline
-        forward, right, upward = self.input.flying()
-        if forward or right or upward:
-            state.move(fly(state.hold(), forward, right, upward, min(passed, 0.1)))
-        if self.wanted is not None:
-            change(self, self.wanted)
-        if self.sequence is not None and not self.sequence.step(self):
-            self.sequence = None
+        for news in self.reloader.latest():
+            do.take_news(model, news)
+        if (found := self._inquiry.latest()) is not None:
+            do.take_truth(model, found)
+        do.advance(model, min(passed, 0.25))
+        if any(speeds := self._flying()):
+            do.move(model, control.fly, *speeds, min(passed, 0.1))
+        do.continue_sequence(model)
+        self._carry_out_all()
         if self.window.size[0] > 0 and self.window.size[1] > 0:
             with self.window.context.bound():
                 self._frame(now)
 
+    def _take(self, event: Event) -> None:
+        self._live = 3
+        taken = self._toolkit is not None and not isinstance(event, Drop) and self._toolkit.take(event, self.model)
+        if not taken or self._mouse.pressed:
+            self._mouse.take(event)
+
+    def _flying(self) -> tuple[float, float, float]:
+        return flying(self.window.held, self.window.shift_held, self.window.command_held)
+
     def _pause(self) -> float:
         """How long to wait for the next event."""
-        busy = self.state.animated and self.state.timeline.playing
-        if busy or self.input.busy or self.sequence is not None or not self.picture.whole:
+        state = self.model.state
+        busy = (state.animated and state.timeline.playing) or self.model.sequence is not None
+        if busy or not self.picture.whole or not self._comparison.whole or self.model.requests or any(self._flying()):
             return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
         return IDLE
 
-    def _frame(self, now: float) -> None:
-        size = self.window.size
-        resized = size != self.screen.size
-        if resized:
-            self.screen.size = size
-            self.state.aspect = size[0] / size[1]
-            self.log.say("resize", size=size)
+    def _measure_window(self) -> None:
+        """Note the size of the window and of what the panel leaves free."""
+        model, size = self.model, self.window.size
+        if size != model.size or size != self.screen.size:
+            model.size = self.screen.size = size
+            model.say("resize", size=size)
             self._unshown = 2  # drivers give the window's buffers their new size with the next swap
+        width, height = model.area
+        model.state.aspect = width / height
+
+    def _frame(self, now: float) -> None:
+        model = self.model
+        self._measure_window()
+        self.picture.pace.budget, self.picture.samples = model.budget, model.samples
         drew = False
         try:
-            drew = self.picture.step(self.state.shot(), size, now - self.changed_at > SETTLED)
+            shot, still = model.state.shot(), now - model.changed_at > SETTLED
+            drew = self.picture.step(shot, model.area, still)
+            also = self._comparison.step(model, shot, still)
         except RaymarchError as fault:
-            trouble(self, fault)
+            do.trouble(model, fault)
+            also = False
         if drew and self.picture.drawn.moving:
-            self.changed_at = now
-        messages = messages_of(self, now)
-        live = self.panel is not None and self.panel.busy
-        if not (drew or self._unshown or live or messages != self._messages or self.window.take_stale()):
-            if self.picture.whole and not self._idle:
-                self.log.say("idle")
+            model.changed_at = now
+        self._report()
+        messages: list[Message | Bar] = list(messages_of(model, now))
+        scale = self._comparison.scale(model)
+        messages += [] if scale is None or model.help else [Bar(scale)]
+        live = bool(model.panel) and self._live > 0
+        if not (drew or also or self._unshown or live or messages != self._messages or self.window.take_stale()):
+            if self.picture.whole and self._comparison.whole and not self._idle:
+                model.say("idle")
                 self._idle = True
             return
         self._idle = False
         self._messages = messages
-        self.present()
+        self._present()
         if drew:
-            self.tell_frame()
+            self._tell_frame()
 
-    def present(self) -> None:
-        """Show the canvas with panel and messages."""
+    def _report(self) -> None:
+        """Note in the model what was drawn."""
+        model, shot = self.model, self.model.state.shot()
+        model.drawn, model.frame, model.compiled = self.picture.drawn, self.picture.frame, self.renderer.compiled
+        model.plan = self.renderer.prepared(shot.scene, VIEWS[shot.view]).plan
+
+    def _present(self) -> None:
+        """Show the picture with panel and messages."""
         start = clock_time.perf_counter()
         self._lay(self._messages)
-        if self.panel is not None:
-            self._draw_panel(self.panel)
         self.window.take_stale()
         rest = 1e3 * (clock_time.perf_counter() - start)
         self.window.swap()
-        self._unshown = max(self._unshown - 1, 0)
+        self._unshown, self._live = max(self._unshown - 1, 0), max(self._live - 1, 0)
         self._rest = 1e3 * (clock_time.perf_counter() - start)
-        self.frames += 1
+        self._frames += 1
         self.picture.pace.other(rest)
-        if self.panel is not None:
-            self.panel.meters.note(self.picture.drawn.milliseconds, rest, self.picture.drawn.compile)
+        self.model.frames.append((self.picture.drawn.milliseconds, rest, self.picture.drawn.compile))
 
-    def announce(self, message: Message) -> None:
-        """Show a message at once, before a long operation; the panel is not updated and takes no events."""
-        self._lay([*self._messages, message])
-        if self.panel is not None and self.panel.shown:
-            self.panel.toolkit.paint()
+    def _announce(self, text: str, kind: str = "busy", corner: str = "bottom left") -> None:
+        """Show a message at once, before a long operation."""
+        self._lay([*self._messages, Message(text, kind, corner)])
         self.window.swap()
 
-    def _lay(self, messages: list[Message]) -> None:
-        canvas = self.picture.canvas
+    def _lay(self, messages: list[Message | Bar]) -> None:
+        model, canvas = self.model, self.picture.canvas
+        left, (width, height) = model.panel_width, model.area
         if canvas is not None:
-            shown = self.state
-            self.screen.show(canvas, shown.scene.tone if shown.view == "final" else None)
-        self.overlay.draw(messages, self.window.density, 0 if self.panel is None else self.panel.width)
+            tone = model.state.scene.tone if model.state.view == "final" else None
+            self.screen.show(canvas, tone, (left, 0, width, height))
+            self._comparison.show(model)
+        self._overlay.draw(messages, model.density, left, model.divider if model.compare.side != "off" else None)
+        if self._toolkit is not None and self._panel is not None and model.panel:
+            try:
+                self._toolkit.begin()
+                self._panel.draw()
+                self._toolkit.end()
+            except RuntimeError as fault:  # an error of the toolkit disables the panel, not the window
+                self._panel, model.panel = None, None
+                model.notice(f"the panel failed, the window goes on: {fault}")
 
-    def _draw_panel(self, panel: Panel) -> None:
-        """Draw the panel; an error of its toolkit disables the panel, not the window."""
-        try:
-            panel.draw()
-        except RuntimeError as fault:
-            self.panel = None
-            self.notice(f"the panel failed, the window goes on: {fault}")
-
-    def tell_frame(self) -> None:
+    def _tell_frame(self) -> None:
         """Log the frame."""
         drawn = self.picture.drawn
-        facts = {
-            "size": drawn.size,
-            "whole": drawn.whole,
-            "moving": drawn.moving,
-            "samples": drawn.samples,
-            "ms": round(drawn.milliseconds, 2),
-            "rest": round(self._rest, 2),
-        }
-        self.log.say("frame", n=self.frames, compiled=self.renderer.compiled, **facts)
+        facts = {"size": drawn.size, "whole": drawn.whole, "moving": drawn.moving, "samples": drawn.samples}
+        times = {"ms": round(drawn.milliseconds, 2), "rest": round(self._rest, 2)}
+        self.model.say("frame", n=self._frames, compiled=self.renderer.compiled, **facts, **times)
 
-    def edit(self, edits: Edits) -> None:
-        """Apply edits to the scene, in the next turn."""
-        self.wanted = edits
+    # Requests
 
-    def approach(self, number: int) -> None:
-        """Change to one of the stops between fast and exact."""
-        stop = self.stops[number]
-        self.edit(replace(self.edits, quality=stop.changes(self.base.quality)))
-        self.log.say("stop", name=stop.name, error=stop.error)
+    def _carry_out_all(self) -> None:
+        with self.window.context.bound():
+            while self.model.requests:
+                self._carry_out(self.model.requests.popleft())
 
-    def notice(self, text: str) -> None:
-        """Show a notice for a few seconds."""
-        self.notices.append((clock_time.perf_counter() + NOTICED, text))
-        self.log.say("notice", text=text)
+    def _carry_out(self, request: Request) -> None:
+        model = self.model
+        match request:
+            case Show():
+                self._show(request)
+            case Inspect(x, y, focus):
+                try:
+                    do.take_pick(model, self._pick(x, y), focus)
+                except RaymarchError as fault:
+                    do.trouble(model, fault)
+            case SavePicture(file, time):
+                self._save(file, time)
+            case Copy(text):
+                self.window.clip(text)
+            case Open(file):
+                self.reloader.reload() if file is None else self.reloader.open(file)
+            case Interrupt():
+                self.reloader.interrupt()
+            case Measure():
+                self._measure()
+            case Close():
+                self.window.close()
 
-    def mark(self, name: str) -> None:
-        """Record the position of the panel's last item."""
-        if self.panel is not None:
-            self.panel.mark(name)
+    def _show(self, show: Show) -> None:
+        """Draw another content, and replace the visible one if that succeeds."""
+        model, compiled, start = self.model, self.renderer.compiled, clock_time.perf_counter()
+        state, since = show.state, model.trial
+        try:
+            if show.prepared is not None:
+                self.renderer.adopt(state.progressive, show.prepared)
+            elif not state.edits.empty:
+                self._prepare_edited(state.progressive)
+            self.picture.step(state.shot(), model.area, False)
+        except RaymarchError as fault:
+            do.refuse(model, show, fault)
+            return
+        first = 1e3 * (clock_time.perf_counter() - start)
+        do.accept(model, show)
+        self._live = 3
+        self._report()
+        self._messages = list(messages_of(model, clock_time.perf_counter()))
+        if show.loaded is not None:
+            self.window.title(_title(show.loaded.file))
+        self._present()
+        if show.loaded is not None:
+            compiling = self.picture.drawn.compile
+            parts = {**show.loaded.ms, "compile": compiling, "first frame": first - compiling}
+            total = None if since is None else 1e3 * (clock_time.perf_counter() - since[1])
+            model.say("loaded", ms=parts, total=total, compiled=self.renderer.compiled - compiled)
+            self._tell_frame()
 
-    def plan(self) -> Plan:
-        """The plan of the visible scene."""
-        return self.renderer.prepared(self.state.progressive).plan
+    def _prepare_edited(self, scene: Any) -> None:
+        """Prepare a scene with edits. It had no trial, so it is compiled here."""
+        ready, _ = self._edited.fit(self.renderer.prepared(scene))
+        self.renderer.adopt(scene, ready)
+        if not self.renderer.resources.knows(ready):
+            self._announce("compiling")
+
+    def _pick(self, x: float, y: float) -> Any:
+        """The pick at a position in pixels of the window; its reference values follow later."""
+        model, size = self.model, self.model.area
+        column, row = int(x - model.panel_width), int(y)
+        if not (0 <= column < size[0] and 0 <= row < size[1]):
+            return None
+        shot, values, view = model.state.shot(), model.state.values, model.state.hold()
+        if shot.scene is not self._clicked:  # with the uniforms that its trial compiled
+            ready, _ = self._clicks.fit(self.renderer.prepared(shot.scene, CLICKED))
+            self.renderer.adopt(shot.scene, ready, CLICKED)
+            self._clicked = shot.scene
+        texels = self.picture.probe(shot, size, column, row)
+        origin, ray = ray_through(view, (column, row), size)
+        self._picks += 1
+        pick = picked(self._picks, (column, row), texels, origin, ray)
+        self._inquiry.ask(pick, shot, values, origin, ray)
+        return pick
+
+    def _save(self, file: Path, time: float) -> None:
+        """Save the complete picture at a time, as `raymarch render` would draw it with this camera."""
+        state, size = self.model.state, self.model.area
+        partial = file.with_name(f".{file.name}.partial")
+        made = self.picture.at(size).render(state.scene, time, state.params, VIEWS[state.view], pose=state.pose())
+        try:
+            picture_of(made, state.view, state.scene).save(partial, "PNG")
+            partial.replace(file)
+        except OSError as fault:
+            partial.unlink(missing_ok=True)
+            do.saved(self.model, file, fault)
+            return
+        do.saved(self.model, file, None)
+
+    def _measure(self) -> None:
+        """Measure the mean evaluations per pixel from a picture of a quarter of the size."""
+        shot = self.model.state.shot()
+        renderer = self.picture.at(scaled(self.model.area, 0.25))
+        made = renderer.render(shot.scene, shot.time, shot.params, ("evaluations",), pose=shot.pose)
+        self.model.evaluations, self._live = (shot, float(made.evaluations.mean())), 3
 
     def release(self) -> None:
         """Close everything."""
         self.reloader.stop()
-        self.inquiry.stop()
-        if self.panel is not None:
-            self.panel.release()
-        self.overlay.release()
+        self._inquiry.stop()
+        if self._toolkit is not None:
+            self._toolkit.release()
+        self._overlay.release()
+        self._comparison.release()
         self.picture.release()
         self.renderer.close()
         self.screen.release()
         self.window.release()
-        self.log.close()
+        self.model.log.close()
+
+
+def _title(file: Path) -> str:
+    """The title of the window."""
+    return f"raymarch: {file.name} (H: keys)"

@@ -46,10 +46,10 @@ def inside(scene: Path, log: Path) -> int:
             if time.monotonic() > after:
                 with viewer.window.context.bound():
                     alive = {kind: sum(ask(i) for i in range(1, NAMES)) for kind, ask in asks.items()}
-                viewer.log.say("alive", objects=alive, kilobytes=_memory())
+                viewer.model.say("alive", objects=alive, kilobytes=_memory())
                 after = time.monotonic() + 2.0
     finally:
-        viewer.log.say("closed", code=0)
+        viewer.model.say("closed", code=0)
         viewer.release()
     return 0
 

@@ -284,6 +284,11 @@ class Session:
         x, y = places[-1][name]
         return x, y
 
+    def complaints(self) -> str:
+        """What it printed as errors, without the line that a busy machine makes it print at the start."""
+        lines = self.errors.read_text().splitlines(keepends=True)
+        return "".join(line for line in lines if not line.startswith("raymarch: loading "))
+
     def end(self) -> int:
         """Wait for the window's end; its exit code."""
         return self.process.wait(PATIENCE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -68,15 +67,3 @@ def test_a_front_without_hits_is_refused(stored: Any) -> None:
     blind = [p for p in stored["points"] if p["quality"]["max_steps"] == 16]
     with pytest.raises(SceneError, match="finds every hit"):
         measured_stops({**stored, "points": blind})
-
-
-def test_the_viewer_edits_the_quality() -> None:
-    from raymarch.window.viewer import Viewer
-
-    said: list[Any] = []
-    viewer: Any = SimpleNamespace(
-        stops=preset_stops(), edits=Edits(materials={1: {}}), base=rm.Scene(rm.sphere()), edit=said.append
-    )
-    viewer.log = SimpleNamespace(say=lambda event, **facts: said.append((event, facts)))
-    Viewer.approach(viewer, 0)
-    assert said == [Edits(materials={1: {}}, quality={"epsilon": 0.5}), ("stop", {"name": "draft", "error": 0.5})]

@@ -142,7 +142,7 @@ def test_rays_go_through_their_pixels(position: Any, x: float, y: float) -> None
 @given(places, st.floats(5, 120))
 def test_a_copied_camera_is_the_same_camera(position: Any, fov: float) -> None:
     view = view_at(position, (0.123456789, 0, 1e-3), fov=fov)
-    camera: rm.Camera = eval("rm." + control.as_python(view), {"rm": rm})
+    camera: rm.Camera = eval(control.as_python(view), {"rm": rm})
     given_back, mine = camera.pose(Values({}), None), view.pose()
     assert np.allclose(given_back.position, mine.position, atol=1e-5)
     assert np.allclose(given_back.frame, mine.frame, atol=1e-4)
@@ -201,7 +201,7 @@ def test_an_orthographic_view_pans_with_the_hand_and_zooms_by_its_height() -> No
 
 def test_a_copied_orthographic_camera_is_the_same_camera() -> None:
     view = parallel_view((1.0, 2.0, 4.0))
-    camera: rm.Camera = eval("rm." + control.as_python(view), {"rm": rm})
+    camera: rm.Camera = eval(control.as_python(view), {"rm": rm})
     given_back, mine = camera.pose(Values({}), None), view.pose()
     assert np.allclose(given_back.frame, mine.frame, atol=1e-4) and given_back.orthographic
     for name in ("half_height", "near", "far", "aperture", "focus"):

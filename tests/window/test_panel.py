@@ -1,179 +1,207 @@
-"""The panel by real events."""
+"""The panel by events of its toolkit, without a window: what its items do to the model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import pytest
 
 import raymarch as rm
-from raymarch.window.theme import ACCENT
-from tests.support.window_driver import Session, alike
-
-View = Callable[..., Session]
+from raymarch.gpu.prepare import prepare
+from raymarch.window import commands as do
+from raymarch.window.model import Copy, Measure, Model, SavePicture, Show
+from raymarch.window.panel import Panel
+from raymarch.window.theme import apply_theme
+from tests.window.test_commands import carried_out, model_of, text_of
 
 SCENE = """import raymarch as rm
 RADIUS = rm.Param("radius", 1.0, 0.5, 2.0)
-TINT = rm.Param("tint", (0.8, 0.2, 0.1), 0, 1)
+TINT = rm.Param("tint of a very long name indeed", (0.8, 0.2, 0.1), 0, 1)
 ball = rm.sphere(RADIUS).material(rm.Material(color=TINT))
-scene = rm.Scene(ball | rm.box((4, 0.2, 4)).translate((0, -1.2, 0)), rm.Camera((0, 1, 6), (0, 0, 0)))
+glass = rm.box((4, 0.2, 4)).material(rm.Material(albedo=(0.5, 0.6, 0.7), roughness=0.2))
+scene = rm.Scene(ball | glass.translate((0.2 * rm.time, -1.2, 0)), rm.Camera((0, 1, 6), (0, 0, 0)),
+    lights=[rm.Sun((0, 1, 0), intensity=1 + 0.1 * rm.time), rm.PointLight((1, 3, 2), shadow=True)])
 """
-SIZE = (640, 400)
-RIGHT = slice(310, None)
 
 
-def drawn(text: str = SCENE, time: float = 0.0, **params: Any) -> Any:
-    names: dict[str, Any] = {}
-    exec(text, names)
-    with rm.Renderer(SIZE) as renderer:
-        return np.asarray(renderer.render(names["scene"], time, params).image()).astype(int)
+class Shown:
+    """A panel in a context of its toolkit that draws nothing."""
 
+    def __init__(self, model: Model, imgui: Any) -> None:
+        self.model, self._imgui = model, imgui
+        self._context = imgui.create_context()
+        self._io = imgui.get_io()
+        self._io.set_ini_filename("")
+        self._io.display_size = imgui.ImVec2(640, 1600)
+        self._io.backend_flags |= imgui.BackendFlags_.renderer_has_textures
+        apply_theme(imgui, 1.0)
+        self.panel = Panel(imgui, model)
+        self.frame(2)
 
-def same(seen: Any, expected: Any) -> bool:
-    """Beside the panel and below notices."""
-    return alike(seen[150:, RIGHT], expected[150:, RIGHT])
+    def frame(self, count: int = 1) -> None:
+        for _ in range(count):
+            self._imgui.new_frame()
+            self.panel.draw()
+            self._imgui.render()
 
+    @property
+    def items(self) -> dict[str, tuple[int, int]]:
+        said: Any = self.model.log
+        return [facts["at"] for event, facts in said.events if event == "items"][-1]
 
-def test_sliders_switches_and_editors(view: View) -> None:
-    session = view(SCENE, "--size", "640x400", "--panel")
-    hand = session.hand
-    assert same(session.settled(), drawn())
-    compiled = session.wait("frame")["compiled"]
-
-    # A slider: the picture follows, the camera stays, and nothing is compiled.
-    x, y = session.item("radius")
-    mark = session.mark()
-    hand.drag((x - 60, y), (x + 20, y))
-    seen = session.settled()
-    moved = [e["value"] for e in session.events()[mark:] if e["event"] == "param"]
-    assert moved and same(seen, drawn(radius=moved[-1]))
-    frames = [e for e in session.events() if e["event"] == "frame"]
-    assert frames[-1]["compiled"] == compiled
-
-    # The wheel over the panel is the panel's.
-    hand.move(x, y)
-    hand.wheel(-3)
-    assert same(session.settled(), seen.astype(int))
-
-    # What was moved, as Python.
-    mark = session.mark()
-    hand.click(*session.item("copy parameters"))
-    assert session.wait("notice", since=mark)["text"].startswith('copied\nrm.Param("radius", ')
-
-    # The lights, taken over; one more; its shadow. Then as the file says.
-    for name in ("Parameters", "View", "Lights"):  # the first two are closed
-        session.settled()
-        hand.click(*session.item(name))
-    session.settled()
-    for name in ("edit lights", "shadow 1", "remove 1", "add PointLight"):
-        mark = session.mark()
-        hand.click(*session.item(name))
-        edited = session.wait("edited", since=mark)
-        after = session.settled()
-    assert edited["lights"] == ["PointLight"] and not same(after, seen.astype(int))
-    mark = session.mark()
-    hand.click(*session.item("copy lights"))
-    text = session.wait("notice", since=mark)["text"]
-    assert "rm.PointLight(position=" in text
-    mark = session.mark()
-    hand.click(*session.item("drop lights"))
-    assert session.wait("edited", since=mark)["lights"] is None
-    session.settled()
-
-    # Hidden, the panel takes no events.
-    hand.key("Tab")
-    hidden = session.settled()
-    assert same(hidden, seen.astype(int)) and np.abs(hidden[200, :300].astype(int) - hidden[200, 300]).min() == 0
-    hand.drag((100, 200), (160, 200))
-    assert not same(session.settled(), seen.astype(int))
-    assert session.errors.read_text() == ""
-
-
-def test_materials_time_views_quality_and_figures(view: View) -> None:
-    text = SCENE.replace("rm.sphere(RADIUS)", "rm.sphere(RADIUS).translate((0.2 * rm.time, 0, 0))")
-    session = view(text, "--size", "640x400", "--panel", moving=True)
-    hand = session.hand
-
-    def logged(event: str, act: Callable[[], None]) -> dict[str, Any]:
-        mark = session.mark()
-        act()
-        return session.wait(event, since=mark)
-
-    def unfold(*names: str) -> None:
+    def click(self, *names: str) -> None:
         for name in names:
-            hand.click(*session.item(name))
-            session.settled()
+            self.drag(name, 0, 0)
 
-    # Time: paused by the key, then moved by its slider; the picture is that of the moment it says.
-    hand.key("space")
-    session.settled()
-    x, y = session.item("time")
-    moment = logged("scrub", lambda: hand.drag((x - 20, y), (x + 10, y)))["time"]
-    seen = session.settled()
-    moment = [e["time"] for e in session.events() if e["event"] == "scrub"][-1]
-    assert moment > 0 and same(seen, drawn(text, moment))
+    def drag(self, name: str, start: int, end: int, down: int = 0) -> None:
+        x, y = self.items[name]
+        for event in (
+            lambda: self._io.add_mouse_pos_event(x + start, y + down),
+            lambda: self._io.add_mouse_button_event(0, True),
+            lambda: self._io.add_mouse_pos_event(x + end, y + down),
+            lambda: self._io.add_mouse_button_event(0, False),
+        ):
+            event()
+            self.frame(2)
 
-    # A material: its colour becomes sliders; one is moved.
-    unfold("Parameters", "View", "Time", "Materials")
-    logged("edited", lambda: hand.click(*session.item("edit material 1")))
-    session.settled()
-    x, y = session.item("material 1 specular")
-    name = logged("param", lambda: hand.drag((x - 20, y), (x - 50, y)))["name"]
-    assert name == "material 1 specular" and not same(session.settled(), seen.astype(int))
-    edited = logged("notice", lambda: hand.click(*session.item("copy materials")))["text"]
-    assert "material_1 = rm.Material(" in edited and "specular=" in edited and "scene.py:4" in edited
-    assert logged("edited", lambda: hand.click(*session.item("drop materials")))["materials"] == []
-    assert same(session.settled(), seen.astype(int))
-
-    # Another tracer, and another view: the second of each list.
-    unfold("Materials", "Quality")
-    x, y = session.item("quality tracer")
-    hand.click(x, y)
-    session.settled()
-    assert logged("edited", lambda: hand.click(x, y + 44))["quality"]["tracer"] != "auto"
-    unfold("Quality", "View")
-    x, y = session.item("view")
-    hand.click(x, y)
-    session.settled()
-    assert logged("view", lambda: hand.click(x, y + 44))["name"] != "final"
-    session.settled()
-
-    # The graph has bars for the scene's part of each frame; the plan opens.
-    unfold("View", "Frame", "Plan")
-    shown = session.settled()[:, : session.item("Frame")[0]]
-    bars = np.all(np.abs(shown.astype(int) - [round(255 * c) for c in ACCENT]) <= 2, axis=-1)
-    assert bars.sum() > 50
-    assert session.errors.read_text() == ""
+    def close(self) -> None:
+        self._io.backend_flags &= ~self._imgui.BackendFlags_.renderer_has_textures
+        self._imgui.destroy_context(self._context)
 
 
-def test_edits_stay_over_a_file_that_changes(view: View) -> None:
-    session = view(SCENE, "--size", "640x400", "--panel")
-    session.wait("watching")
-    session.hand.click(*session.item("Lights"))
-    session.settled()
-    session.hand.click(*session.item("edit lights"))
-    session.settled()
-    mark = session.mark()
-    session.hand.click(*session.item("remove 1"))
-    session.wait("edited", lambda e: e["lights"] == [], mark)
-    dark = session.settled()
-    compiled = []
-    for height in ("-1.25", "-1.3", "-1.35"):
-        mark = session.mark()
-        (session.folder / "scene.py").write_text(SCENE.replace("-1.2", height))
-        compiled.append(session.wait("loaded", since=mark)["compiled"] > 0)
-        assert session.settled()[200, RIGHT].mean() < 1.2 * dark[200, RIGHT].mean()  # the light is still away
-    assert compiled == [True, False, False]
+@pytest.fixture
+def shown() -> Iterator[Shown]:
+    imgui = pytest.importorskip("imgui_bundle").imgui
+    model = model_of(SCENE, panel=True)
+    model.size = (640, 1600)
+    model.plan = prepare(model.state.progressive, size=(32, 20)).plan
+    made = Shown(model, imgui)
+    yield made
+    made.close()
 
 
-def test_without_the_extra_the_window_works_and_says_how_to_get_it(view: View, tmp_path: Path) -> None:
-    hidden = tmp_path / "hidden" / "imgui_bundle"
-    hidden.mkdir(parents=True)
-    (hidden / "__init__.py").write_text("raise ImportError('not installed')\n")
-    session = view(SCENE, "--size", "640x400", "--panel", path=hidden.parent)
-    assert same(session.settled(), drawn())
-    mark = session.mark()
-    session.hand.key("Tab")
-    assert "pip install 'raymarch[view]'" in session.wait("notice", since=mark)["text"]
+def test_parameters(shown: Shown) -> None:
+    model = shown.model
+    shown.drag("radius", -60, 20)
+    assert model.state.value("radius") > 1.3 and not model.requests
+    shown.click("copy parameters")
+    assert isinstance(copied := model.requests.pop(), Copy) and copied.text.startswith('rm.Param("radius", ')
+    shown.click("defaults")
+    assert not model.state.params
+    # The label of a long name stands above its field, so that both can be read.
+    assert shown.items["tint of a very long name indeed"][1] - shown.items["radius"][1] > 30
+
+
+def test_view_time_and_camera(shown: Shown) -> None:
+    model = shown.model
+    shown.click("view")
+    shown.drag("view", 0, 0, down=44)  # the second of the list
+    assert model.state.view == "depth"
+    shown.click("beside")
+    shown.drag("beside", 0, 0, down=66)
+    assert model.compare.side == "truth"
+    shown.click("errors")
+    assert model.compare.errors
+    shown.click("save PNG")
+    assert isinstance(model.requests.pop(), SavePicture)
+    shown.click("pause")
+    assert not model.state.timeline.playing
+    shown.drag("time", -20, 20)
+    assert model.state.timeline.time > 1.0
+    shown.click("Camera")
+    shown.click("copy camera")
+    assert isinstance(copied := model.requests.pop(), Copy) and copied.text.startswith("rm.Camera(")
+
+
+def test_every_field_of_a_light(shown: Shown) -> None:
+    """Two lights with all that they may have; what is copied runs and gives the same lights."""
+    model = shown.model
+    shown.click("Lights", "edit lights")
+    carried_out(model)
+    shown.frame(2)
+    for name in ("set softness 2", "set range 2", "set shadow_radius 2", "set attenuation 2", "shadow 1"):
+        shown.click(name)
+        carried_out(model)
+        shown.frame(2)
+    shown.click("penumbra 2")
+    shown.drag("penumbra 2", 0, 0, down=44)
+    carried_out(model)
+    shown.frame(2)
+    shown.drag("light 2 softness", -30, 10)
+    assert "light 1 intensity" not in shown.items  # an expression of the file
+    shown.click("add RectLight")
+    carried_out(model)
+    shown.frame(2)
+    shown.drag("light 3 up", -20, -60)
+    point, rect = model.state.scene.lights[1:]
+    assert isinstance(point, rm.PointLight) and point.shadow and point.soft and point.penumbra == "cone"
+    assert None not in (point.range, point.shadow_radius, point.attenuation, rect.up)
+    do.copy_edits(model)
+    names: dict[str, Any] = {"rm": rm, "scene": model.state.base}
+    exec(model.requests.pop().text, names)  # type: ignore[union-attr]
+    values = model.state.values
+    for made, seen in zip(names["scene"].lights, model.state.scene.lights, strict=True):
+        for name, value in made.arguments().items():
+            same = getattr(seen, name)
+            assert value == same or np.allclose(values.of(value), values.of(same), atol=1e-5), name
+    shown.frame(2)
+    shown.click("remove 3")
+    carried_out(model)
+    shown.frame(2)
+    shown.click("drop lights")
+    assert carried_out(model).state.edits.empty
+
+
+def test_every_field_of_a_material(shown: Shown) -> None:
+    model = shown.model
+    shown.click("Materials", "edit material 2")
+    carried_out(model)
+    shown.frame(2)
+    more = ("transmission", "ior", "absorption", "clearcoat", "clearcoat_roughness", "occlusion")
+    for name in more:
+        shown.click(f"set material 2 {name}")
+        carried_out(model)
+        shown.frame(2)
+    shown.drag("material 2 roughness", -20, 40)
+    assert model.state.value("material 2 roughness") > 0.3
+    made = model.state.scene.materials[2]
+    assert made.transmits and made.coated and {*more} <= {n for n, v in made.arguments().items() if v is not None}
+    shown.click("copy materials")
+    text = model.requests.pop().text  # type: ignore[union-attr]
+    assert "in place of" in text
+    names: dict[str, Any] = {"rm": rm, "scene": model.state.base}
+    exec(text, names)
+    for name in ("roughness", *more):
+        value = getattr(made, name)
+        assert np.allclose(model.state.values.of(value), getattr(names["material_2"], name).data, atol=1e-5), name
+    # A material with a parameter of the file is read from the scene.
+    shown.click("edit material 1")
+    carried_out(model)
+    do.set_param(model, "material 1 specular", 0.75)
+    do.copy_edits(model)
+    exec(model.requests.pop().text, names)  # type: ignore[union-attr]
+    assert float(names["material_1"].specular.data) == 0.75
+
+
+def test_quality_frame_and_plan(shown: Shown) -> None:
+    model = shown.model
+    shown.click("Quality")
+    shown.drag("accuracy", 0, 60)
+    model.requests.clear()
+    shown.click("quality tracer")
+    shown.drag("quality tracer", 0, 0, down=44)
+    assert carried_out(model).state.edits.quality["tracer"] != "auto"
+    shown.frame(2)
+    shown.click("copy quality")
+    names: dict[str, Any] = {"rm": rm, "scene": model.state.base}
+    exec(model.requests.pop().text, names)  # type: ignore[union-attr]
+    assert names["scene"].quality == model.state.scene.quality
+    shown.click("drop quality")
+    carried_out(model)
+    shown.frame(2)
+    model.drawn.whole = True
+    shown.click("Frame", "Plan")
+    assert Measure() in model.requests and "not possible" not in text_of(model)
+    assert not [r for r in model.requests if isinstance(r, Show)]

@@ -11,7 +11,8 @@ import raymarch as rm
 from raymarch.gpu.screen import Screen
 from raymarch.scene.camera import look_at
 from raymarch.window.pace import Pace
-from raymarch.window.picture import Picture, Shot, progressive
+from raymarch.window.picture import Picture
+from raymarch.window.shot import Shot, progressive
 
 SIZE = (80, 48)
 CAMERA = rm.Camera((0, 1, 5), (0, 0, 0))

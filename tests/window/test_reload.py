@@ -1,40 +1,127 @@
-"""Files that change while the window is open: edited, broken, endless, gone."""
+"""Files that change: edited, broken, endless, gone. By the reloader and the model, without a window."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, TypeVar
 
 import pytest
 
-from raymarch.window.reload import Fault
-from tests.support.window_driver import PATIENCE, Session, alike
-from tests.window.ball import MIDDLE, SCENE, drawn, save, scene_of
+from raymarch.scene.file import load
+from raymarch.window import commands as do
+from raymarch.window.constants import Constants
+from raymarch.window.model import Model, Show
+from raymarch.window.news import Failed, Fault, Loaded, Started, Watching
+from raymarch.window.reload import Reloader
+from raymarch.window.state import opened
+from tests.support.breakage import GOOD, INSERTED, PARTS, PARTS_BROKEN, REPLACED, WHOLE, breaks
+from tests.support.window_driver import PATIENCE, ROOT
+from tests.window.ball import SCENE
 
-View = Callable[..., Session]
+T = TypeVar("T")
 
 
-def test_an_imported_module_is_followed_too(view: View, tmp_path: Path) -> None:
-    (tmp_path / "parts.py").write_text("COLOR = (0.9, 0.1, 0.1)\n")
-    text = (
+class Live:
+    """A reloader, and a model that takes its news as the main loop does."""
+
+    def __init__(self, folder: Path) -> None:
+        self.file = folder / "scene.py"
+        self.file.write_text(SCENE)
+        self.model = Model(opened(self.file, load(self.file), {}, 1.6))
+        self._woken = threading.Event()
+        self.reloader = Reloader(self.file, self._woken.set, dict, (64, 40), Constants(), Constants())
+        self.reloader.start()
+
+    def wait(self, kind: type[T]) -> T:
+        """The next news of a kind; the model takes all of them."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            self._woken.wait(0.05)
+            self._woken.clear()
+            found = None
+            for news in self.reloader.latest():
+                do.take_news(self.model, news)
+                found = news if isinstance(news, kind) else found
+            for request in self.model.requests:
+                if isinstance(request, Show):
+                    do.accept(self.model, request)
+            self.model.requests.clear()
+            if found is not None:
+                return found
+        raise AssertionError(f"no {kind.__name__}: {self.model.fault}")
+
+    def save(self, text: str | bytes, file: Path | None = None) -> None:
+        """Save as editors do: a new file is renamed over the old one."""
+        file = file or self.file
+        fresh = file.with_name(f"{file.name}.new")
+        fresh.write_bytes(text if isinstance(text, bytes) else text.encode())
+        os.replace(fresh, file)
+
+    def opened(self, file: Path, text: str) -> None:
+        """Change to another file, as when one is dropped onto the window."""
+        file.write_text(text)
+        self.file = file
+        self.reloader.open(file)
+        self.wait(Loaded)
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
+    made = Live(tmp_path_factory.mktemp("live"))
+    for _ in range(3):
+        made.reloader.interrupt()  # does not spoil the scene that is shown, while it is tried in the background
+    made.wait(Watching)
+    assert made.model.fault is None
+    yield made
+    made.reloader.stop()
+
+
+@pytest.fixture
+def live(shared: Live, tmp_path: Path) -> Live:
+    shared.opened(tmp_path / "scene.py", SCENE)
+    return shared
+
+
+def where(live: Live) -> tuple[str, int | None]:
+    assert live.model.fault is not None
+    return Path(live.model.fault.file or "").name, live.model.fault.line
+
+
+def test_an_imported_module_is_followed_too(live: Live, tmp_path: Path) -> None:
+    parts = tmp_path / "parts.py"
+    parts.write_text("COLOR = (0.9, 0.1, 0.1)\n")
+    scene = (
         "import raymarch as rm\nfrom parts import COLOR\nscene = rm.Scene(rm.sphere().material(rm.Material(COLOR)))\n"
     )
-    session = view(text, "--size", "320x200")
-    session.wait("watching")
-    mark = session.mark()
-    (tmp_path / "parts.py").write_text("COLOR = (0.1, 0.9, 0.1)\n")
-    session.wait("loaded", since=mark)
-    red, green = session.settled()[100, 160, :2]
-    assert green > red
-    mark = session.mark()
-    (tmp_path / "parts.py").write_text("COLOR = \n")
-    failed = session.wait("failed", since=mark)
-    assert (Path(failed["file"]).name, failed["line"]) == ("parts.py", 1)
-    (tmp_path / "parts.py").unlink()
-    session.wait("failed", lambda e: "parts" in e["what"], mark)
-    (tmp_path / "parts.py").write_text("COLOR = (0.1, 0.9, 0.1)\n")
-    session.wait("loaded", since=mark)
+    live.save(scene)
+    live.wait(Loaded)
+    live.save("COLOR = (0.1, 0.9, 0.1)\n", parts)
+    live.wait(Loaded)
+    assert live.model.state.scene.materials[1].color.data[1] == 0.9
+    live.save("COLOR = \n", parts)
+    live.wait(Failed)
+    assert where(live) == ("parts.py", 1)
+    parts.unlink()
+    live.wait(Failed)
+    assert live.model.fault is not None and "parts" in live.model.fault.what
+    parts.write_text("COLOR = (0.1, 0.9, 0.1)\n")
+    live.wait(Loaded)
+    assert live.model.fault is None
+
+
+def test_the_file_that_was_opened_is_followed_and_the_old_one_no_more(live: Live, tmp_path: Path) -> None:
+    live.opened(tmp_path / "other scene.py", SCENE.replace("(0, 1, 6)", "(0, 2, 6)"))
+    assert live.model.state.file.name == "other scene.py" and live.model.state.camera.position[1] == 2
+    live.save("broken(", tmp_path / "scene.py")
+    live.save(SCENE)
+    live.wait(Loaded)
+    assert live.model.fault is None and live.model.state.camera.position[1] == 1
 
 
 HANGS = {
@@ -45,47 +132,65 @@ HANGS = {
 }
 
 
-def test_a_file_that_is_dropped_is_opened(view: View, tmp_path: Path) -> None:
-    session = view(SCENE, "--size", "320x200")
-    session.settled()
-    other = tmp_path / "other scene.py"
-    other.write_text(SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.8, 0.2)").replace("(0, 1, 6)", "(0, 2, 6)"))
-    mark = session.mark()
-    session.hand.drop(other)
-    session.wait("loaded", since=mark)
-    assert alike(session.settled(), drawn(scene_of(other.read_text())))
-    mark = session.mark()
-    other.write_text(SCENE)  # the new file is followed, the old one no more
-    session.wait("loaded", since=mark)
-    mark = session.mark()
-    session.hand.drop(session.folder / "scene.txt")
-    assert "drop a scene file" in session.wait("notice", since=mark)["text"]
+def test_what_hangs_can_be_stopped(live: Live) -> None:
+    before = live.model.state
+    for name, (text, lines) in HANGS.items():
+        live.save(f"import raymarch as rm\n{text}{SCENE}")
+        live.wait(Started)
+        live.reloader.interrupt()
+        assert "stopped after" in live.wait(Failed).fault.what, name
+        assert where(live)[0] == "scene.py" and where(live)[1] in lines, (name, live.model.fault)
+    live.save(SCENE + "while True:\n    pass\n")
+    live.wait(Started)
+    assert live.model.state is before
+    live.save(SCENE)  # the next save takes the place of what hangs
+    live.wait(Loaded)
 
 
-def test_an_edit_that_leaves_the_shader_alone_compiles_nothing(view: View) -> None:
-    """A comment, the camera, the default of a parameter, a number that was edited before: not so another shape."""
-    session = view(SCENE, "--size", "320x200")
-    for edited, compiles in (
-        (SCENE + "# a comment\n", 0),
-        (SCENE.replace("position=(0, 1, 6)", "position=(1, 2, 6)"), False),
-        (SCENE.replace('"radius", 1.0', '"radius", 1.2'), False),
-        (SCENE.replace("-1.2", "-1.3"), True),
-        (SCENE.replace("-1.2", "-1.35"), False),  # it is a uniform now
-        (SCENE.replace("-1.2", "-1.35").replace("(0, 0, 0)", "(0, 0.25, 0)"), False),
-        (SCENE.replace("ball | floor", "ball"), True),
-    ):
-        mark = save(session, edited)
-        assert bool(session.wait("loaded", since=mark)["compiled"]) == compiles, edited
-        assert alike(session.settled(), drawn(scene_of(edited), None))
+CRASHES = {
+    "sys.exit": "import sys\nsys.exit(3)\n",
+    "os._exit": "import os\nos._exit(3)\n",
+    "a crash": "import ctypes\nctypes.string_at(0)\n",
+    "a deep recursion": "def f(): return f()\nf()\n",
+    "all of the memory": "x = [0] * 10**13\n",
+}
 
 
-def test_escape_does_not_spoil_a_scene_that_is_shown(view: View) -> None:
-    """While it is tried out in the background, to find what it reads."""
-    session = view(SCENE, "--size", "320x200")
-    for _ in range(3):
-        session.hand.key("Escape")
-    session.wait("watching")
-    assert not [e for e in session.events() if e["event"] == "failed"]
+def test_a_scene_that_ends_or_crashes_python_is_a_fault(live: Live) -> None:
+    for name, text in CRASHES.items():
+        live.save(f"import raymarch as rm\n{text}")
+        live.wait(Failed)
+        assert where(live)[0] == "scene.py", name
+    live.save(SCENE)
+    live.wait(Loaded)
+
+
+def test_a_scene_that_is_deleted_comes_back(live: Live) -> None:
+    live.file.unlink()
+    assert "cannot read scene file" in live.wait(Failed).fault.what
+    live.save(SCENE)
+    live.wait(Loaded)
+
+
+def test_broken_edits_name_the_line(live: Live, tmp_path: Path) -> None:
+    """In a real window, and more of them: `python -m tests.lab.window_broken`."""
+    parts = tmp_path / "parts.py"
+    parts.write_text(PARTS)
+    live.save(GOOD)
+    live.wait(Loaded)
+    for broken in breaks(16):
+        for file, text in ((parts, broken.parts.encode()), (live.file, broken.scene)):
+            if file.read_bytes() != text:
+                live.save(text, file)
+        live.wait(Failed)
+        if broken.file is not None:
+            assert where(live) == (broken.file, broken.line), (broken.kind, live.model.fault)
+
+
+def test_all_kinds_take_their_turn() -> None:
+    kinds = {*REPLACED, *INSERTED, *WHOLE, *PARTS_BROKEN}
+    assert {b.kind for b in breaks(len(kinds))} == kinds
+    assert len({b.scene + b.parts.encode() for b in breaks(200)}) > len(kinds)
 
 
 def test_a_message_calls_a_file_as_the_current_folder_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -94,23 +199,6 @@ def test_a_message_calls_a_file_as_the_current_folder_does(tmp_path: Path, monke
     assert fault.text() == f"{tmp_path}/scene.py:2\n2 | two\nit is wrong\n(right)"
     monkeypatch.chdir(tmp_path)
     assert fault.text() == "scene.py:2\n2 | two\nit is wrong\n(right)"
-
-
-def test_what_hangs_can_be_stopped(view: View) -> None:
-    session = view(SCENE, "--size", "320x200")
-    start = session.settled()
-    for name, (text, lines) in HANGS.items():
-        mark = save(session, f"import raymarch as rm\n{text}{SCENE}")
-        session.wait("reloading", since=mark)
-        session.hand.key("Escape")
-        failed = session.wait("failed", since=mark)
-        assert "stopped after" in failed["what"], name
-        assert failed["line"] in lines and Path(failed["file"]).name == "scene.py", (name, failed)
-    mark = save(session, SCENE + "while True:\n    pass\n")
-    session.wait("reloading", since=mark)
-    mark = save(session, SCENE)  # the next save takes the place of what hangs
-    session.wait("loaded", since=mark)
-    assert alike(session.settled(), start)
 
 
 def processes() -> dict[int, int]:
@@ -125,62 +213,21 @@ def processes() -> dict[int, int]:
     return found
 
 
-def test_a_killed_window_leaves_no_process(view: View) -> None:
-    session = view(SCENE, "--size", "320x200")
-    session.wait("watching")
-    mark = save(session, "while True:\n    pass\n")
-    session.wait("reloading", since=mark)
-    parents = processes()
-    children = {pid for pid, parent in parents.items() if parent == session.process.pid}
-    children |= {pid for pid, parent in parents.items() if parent in children}
-    assert children
-    session.process.kill()
-    session.process.wait()
-    until = time.monotonic() + PATIENCE
-    while children & processes().keys() and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not children & processes().keys()
-
-
-CRASHES = {
-    "sys.exit": "import sys\nsys.exit(3)\n",
-    "os._exit": "import os\nos._exit(3)\n",
-    "a crash": "import ctypes\nctypes.string_at(0)\n",
-    "a deep recursion": "def f(): return f()\nf()\n",
-    "all of the memory": "x = [0] * 10**13\n",
-}
-
-
-def test_a_scene_that_ends_or_crashes_python_leaves_the_window(view: View) -> None:
-    session = view(SCENE, "--size", "320x200")
-    start = session.settled()
-    for name, text in CRASHES.items():
-        mark = save(session, f"import raymarch as rm\n{text}")
-        failed = session.wait("failed", since=mark)
-        assert Path(failed["file"]).name == "scene.py", name
-    mark = save(session, SCENE)
-    session.wait("loaded", since=mark)
-    assert alike(session.settled(), start)
-
-
-def test_a_scene_that_is_deleted_comes_back(view: View) -> None:
-    session = view(SCENE, "--size", "320x200")
-    session.settled()
-    mark = session.mark()
-    (session.folder / "scene.py").unlink()
-    failed = session.wait("failed", since=mark)
-    assert "cannot read scene file" in failed["what"]
-    mark = session.mark()
-    session.hand.drag(MIDDLE, (100, 100))
-    session.settled()
-    mark = save(session, SCENE)
-    session.wait("loaded", since=mark)
-
-
-def test_a_parameter_outside_its_new_range_is_moved_into_it(view: View) -> None:
-    session = view(SCENE, "--size", "320x200", "--set", "radius=1.9")
-    session.settled()
-    mark = save(session, SCENE.replace("1.0, 0.5, 2.0", "1.0, 0.5, 1.5"))
-    session.wait("loaded", since=mark)
-    assert session.wait("notice", since=mark)["text"] == "radius = 1.9 lies outside its new range; it is 1.5 now"
-    assert alike(session.settled()[120:], drawn(scene_of(SCENE), 1.5)[120:])
+def test_a_window_that_is_killed_leaves_no_process(tmp_path: Path) -> None:
+    """The trial of an endless file ends with the process that started it."""
+    (tmp_path / "scene.py").write_text("print('begun', flush=True)\nwhile True:\n    pass\n")
+    run = "Trials().run('scene.py', {}, (64, 40), {'constants': {}, 'clicks': {}}, lambda: None)"
+    code = f"from raymarch.window.trials import Trials; {run}"
+    given: Any = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(ROOT)}, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code], **given) as window:
+        assert window.stderr is not None and window.stderr.readline() == b"begun\n"
+        parents = processes()
+        children = {pid for pid, parent in parents.items() if parent == window.pid}
+        children |= {pid for pid, parent in parents.items() if parent in children}
+        assert len(children) == 2
+        window.kill()
+        window.wait()
+        until = time.monotonic() + PATIENCE
+        while children & processes().keys() and time.monotonic() < until:
+            time.sleep(0.05)
+        assert not children & processes().keys()

@@ -1,0 +1,90 @@
+"""Fields of the panel for parameters, with readable labels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raymarch.scene.parameter import Spec, Value
+from raymarch.window import commands as do
+from raymarch.window.model import Model
+
+FIELD = 0.55
+"""Width of a field as a fraction of the panel's width."""
+
+
+class Fields:
+    """Draws fields; records where each is.
+
+    Attributes
+    ----------
+    items : the centres of the fields by name, in screen coordinates.
+    """
+
+    def __init__(self, imgui: Any, model: Model) -> None:
+        self.imgui, self.model = imgui, model
+        self.items: dict[str, tuple[int, int]] = {}
+
+    def mark(self, name: str) -> None:
+        """Record the centre of the last item."""
+        low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
+        self.items[name] = (round((low.x + high.x) / 2), round((low.y + high.y) / 2))
+
+    def button(self, label: str, name: str = "", small: bool = False) -> bool:
+        """A button that is recorded as `name`."""
+        pressed = (self.imgui.small_button if small else self.imgui.button)(label)
+        self.mark(name or label.partition("##")[0])
+        return bool(pressed)
+
+    def label(self, text: str) -> str:
+        """The label of the next field: beside it, or in a line above it if it does not fit there."""
+        imgui = self.imgui
+        free = imgui.get_content_region_avail().x - imgui.calc_item_width()
+        if imgui.calc_text_size(text, True).x + imgui.get_style().item_inner_spacing.x <= free:
+            return text
+        imgui.text(text.partition("##")[0])
+        return f"##{text}"
+
+    def param(self, name: str, spec: Spec, label: str = "") -> None:
+        """A slider or colour field for a parameter."""
+        changed, new = self._field(self.label(label or name), name, spec, self.model.state.value(name))
+        self.mark(name)
+        if changed:
+            do.set_param(self.model, name, new)
+
+    def _field(self, label: str, name: str, spec: Spec, value: Value) -> tuple[bool, Any]:
+        imgui = self.imgui
+        low, high = _ends(spec)
+        if isinstance(value, tuple):
+            if len(value) in (3, 4) and _is_color(name, spec):
+                edit = imgui.color_edit3 if len(value) == 3 else imgui.color_edit4
+                flags = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.hdr
+                changed, new = edit(label, list(value), flags)
+                return changed, tuple(new)
+            field = getattr(imgui, f"{'slider' if high > low else 'drag'}_float{len(value)}")
+            changed, new = field(label, list(value), *((low, high) if high > low else (0.01,)))
+            return changed, tuple(new)
+        if high > low:
+            return imgui.slider_float(label, value, low, high)
+        return imgui.drag_float(label, value, max(abs(value), 1.0) * 0.01)
+
+    def choice(self, label: str, values: Any, now: Any, name: str = "") -> Any:
+        """A list of values to choose from. Returns the chosen one."""
+        changed, chosen = self.imgui.combo(self.label(label), list(values).index(now), [str(v) for v in values])
+        self.mark(name or label)
+        return values[chosen] if changed else now
+
+
+def _ends(spec: Spec) -> tuple[float, float]:
+    """The ends of a slider; equal if the range is unbounded."""
+    if spec.min is None or spec.max is None:
+        return 0.0, 0.0
+    return float(np.min(spec.min)), float(np.max(spec.max))
+
+
+def _is_color(name: str, spec: Spec) -> bool:
+    """True for a vector with minimum 0 that is named after a colour or lies in [0, 1]: it has a colour editor."""
+    low, high = (None if end is None else float(np.max(end)) for end in (spec.min, spec.max))
+    named = any(word in name.lower() for word in ("color", "colour", "albedo", "emission", "f0"))
+    return low == 0.0 and (named or high == 1.0)

@@ -1,0 +1,223 @@
+"""The model of the window: all that it knows and may show. Plain data, which needs neither a display nor OpenGL.
+
+Commands change it, views draw it. What a command cannot do itself, because it takes the window or its context, it
+leaves as a request, which the main loop carries out.
+"""
+
+from __future__ import annotations
+
+import time as clock_time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from raymarch.gpu.prepare import Prepared
+from raymarch.gpu.scale import Scale
+from raymarch.plan import Plan
+from raymarch.window.accuracy import Stop, preset_stops
+from raymarch.window.log import Log
+from raymarch.window.news import Fault, Loaded
+from raymarch.window.pick import Pick
+from raymarch.window.shot import Shot
+from raymarch.window.state import State
+
+NOTICED = 4.0
+"""Duration of a notice in seconds."""
+
+FRAMES = 120
+"""Number of frames whose times are kept."""
+
+PANEL = 300
+"""Width of the panel at display scale 1, in pixels."""
+
+SIDES = ("off", "exact", "truth")
+"""What the right side of a split picture shows: the most exact setting, or the float64 reference."""
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """Draw another content, and replace the visible one if that succeeds. `loaded` is the reload that it comes from;
+    None is an edit."""
+
+    state: State
+    loaded: Loaded | None = None
+    prepared: Prepared | None = None
+    changes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Inspect:
+    """Find what the pixel at a cursor position shows; `focus` makes it the target of the camera."""
+
+    x: float
+    y: float
+    focus: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SavePicture:
+    """Save the complete picture at a time to a file."""
+
+    file: Path
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Copy:
+    """Put text on the clipboard."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Open:
+    """Reload the scene file, or another one."""
+
+    file: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Interrupt:
+    """Stop the running trial of a scene file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """Measure the mean evaluations per pixel of the visible picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    """Close the window."""
+
+
+Request: TypeAlias = Show | Inspect | SavePicture | Copy | Open | Interrupt | Measure | Close
+
+
+@dataclass(slots=True)
+class Series:
+    """A sequence of pictures, one of which is saved per turn of the main loop: `count` pictures in `folder` from time
+    `first` on, `done` of them so far."""
+
+    folder: Path
+    first: float
+    count: int
+    fps: float
+    done: int = 0
+
+
+@dataclass(slots=True)
+class Compare:
+    """What the picture is compared with: the right side of the split picture, one of `SIDES`; the divider as a fraction
+    of the picture's width; whether errors lie over the picture."""
+
+    side: str = "off"
+    divider: float = 0.5
+    errors: bool = False
+
+    @property
+    def reference(self) -> bool:
+        """True if the float64 reference is needed."""
+        return self.side == "truth" or self.errors
+
+
+@dataclass(slots=True)
+class Drawn:
+    """The last step of the picture: milliseconds, drawn size, whether the picture is complete, whether it moves,
+    milliseconds of compiling, complete samples per pixel at full size of `wanted`, and the drawn fraction of all of
+    them."""
+
+    milliseconds: float = 0.0
+    size: tuple[int, int] = (0, 0)
+    whole: bool = False
+    moving: bool = True
+    compile: float = 0.0
+    samples: int = 0
+    wanted: int = 1
+    share: float = 0.0
+
+
+@dataclass(slots=True)
+class Model:
+    """The state of the window.
+
+    Attributes
+    ----------
+    state : what is shown.
+    budget, samples : milliseconds of a frame while something moves; rays per pixel of a still picture.
+    stops : the settings between fast and exact.
+    size, density : of the window in pixels, and its display scale.
+    panel : whether the panel is visible; None if its extra is not installed.
+    compare : what the picture is compared with. known : the fraction of the reference that is computed.
+    help, notices, fault, pick : messages: notices with the time at which they end.
+    trial : file and start of the running trial of a changed scene file.
+    sequence : the sequence that is being saved.
+    drawn, frame, plan, scale, evaluations, frames, driver, compiled : what the views report: the last step; ms of the
+        last complete sample; the plan; the colour scale of the view; mean evaluations per pixel of a shot; the times of
+        the last frames (scene, window, compile); the driver; the number of compiled programs.
+    requests : what commands leave to the main loop.
+    changed_at : time of the last change of the picture, which is refined after it.
+    """
+
+    state: State
+    budget: float = 33.0
+    samples: int = 16
+    stops: tuple[Stop, ...] = field(default_factory=preset_stops)
+    log: Log = field(default_factory=lambda: Log(None))
+    size: tuple[int, int] = (960, 540)
+    density: float = 1.0
+    panel: bool | None = None
+    compare: Compare = field(default_factory=Compare)
+    known: float = 0.0
+    help: bool = False
+    notices: list[tuple[float, str]] = field(default_factory=list)
+    fault: Fault | None = None
+    pick: Pick | None = None
+    trial: tuple[Path, float] | None = None
+    sequence: Series | None = None
+    drawn: Drawn = field(default_factory=Drawn)
+    frame: float | None = None
+    plan: Plan | None = None
+    scale: Scale | None = None
+    evaluations: tuple[Shot, float] | None = None
+    frames: deque[tuple[float, float, float]] = field(default_factory=lambda: deque([(0.0, 0.0, 0.0)] * FRAMES, FRAMES))
+    driver: str = ""
+    compiled: int = 0
+    requests: deque[Request] = field(default_factory=deque)
+    changed_at: float = field(default_factory=clock_time.perf_counter)
+
+    @property
+    def panel_width(self) -> int:
+        """Width of the panel in pixels; 0 while it is hidden."""
+        return round(min(PANEL * self.density, 0.6 * self.size[0])) if self.panel else 0
+
+    @property
+    def area(self) -> tuple[int, int]:
+        """(width, height) of the picture in pixels: what the panel leaves free of the window."""
+        return max(1, self.size[0] - self.panel_width), max(1, self.size[1])
+
+    @property
+    def divider(self) -> int:
+        """Column of the divider of a split picture, from the left of the window."""
+        width, _ = self.area
+        return self.panel_width + round(self.compare.divider * width)
+
+    def request(self, *requests: Request) -> None:
+        """Leave requests to the main loop."""
+        self.requests.extend(requests)
+
+    def notice(self, text: str) -> None:
+        """Show a notice for a few seconds."""
+        self.notices.append((clock_time.perf_counter() + NOTICED, text))
+        self.log.say("notice", text=text)
+
+    def say(self, event: str, **facts: Any) -> None:
+        """Log an event."""
+        self.log.say(event, **facts)
+
+
+def next_of(values: Sequence[str], now: str, step: int) -> str:
+    """The value `step` places on from the current one, cyclically."""
+    return values[(values.index(now) + step) % len(values)]

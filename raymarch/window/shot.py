@@ -1,0 +1,41 @@
+"""The inputs of a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from raymarch.scene.camera import Pose
+from raymarch.scene.scene import Scene
+
+
+def progressive(scene: Scene) -> Scene:
+    """The scene as the window draws it: one sample a frame, accumulated while nothing moves.
+
+    The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
+    """
+    quality = scene.quality
+    temporal = "accumulate" if quality.temporal == "off" else quality.temporal
+    if quality.samples == 1 and temporal == quality.temporal:
+        return scene
+    return scene.replace(quality=quality.replace(samples=1, temporal=temporal))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """The inputs of a picture: a change of any of them makes a new picture."""
+
+    scene: Scene
+    time: float
+    params: Mapping[str, Any]
+    pose: Pose
+    view: str = "final"
+    samples: int = 1
+
+    def same(self, other: Shot | None) -> bool:
+        """True if another shot gives the same picture."""
+        if other is None or self.scene is not other.scene or self.view != other.view or self.time != other.time:
+            return False
+        mine, its = self.pose, other.pose
+        return mine.same(its) and self.params == other.params
