@@ -26,7 +26,7 @@ UNKNOWN = 0.015
 """Grey of a reference that is not computed yet, linear."""
 
 DIM = 150
-"""Opacity of the black over a picture where its error is known and too small to be seen on the scale."""
+"""Opacity of the colour over a picture where its error is known and at the low end of the scale, from 0 to 255."""
 
 
 class Comparison:
@@ -62,7 +62,7 @@ class Comparison:
             return drew
         if still and self._picture.whole:
             self.reference.ask(shot, model.state.values, model.area)
-        elif not shot.same(self.reference.shot):
+        elif not self.reference.covers(shot):
             self.reference.stop()
         tiles = self.reference.latest()
         for tile in tiles:
@@ -101,8 +101,10 @@ class Comparison:
             self._canvas.write(np.dstack([color, np.ones(size[::-1])]).astype(np.float32))
 
     def _draw_errors(self, model: Model, shot: Shot, fresh: bool) -> None:
-        if self.reference.shot is None or not shot.same(self.reference.shot):
+        if not self.reference.covers(shot):
             self._free_layer()
+            return
+        if not self._picture.whole:
             return
         if self._depth is None or not shot.same(self._depth[0]):
             made = self._picture.at(model.area).render(shot.scene, shot.time, shot.params, ("depth",), pose=shot.pose)
@@ -162,7 +164,7 @@ def error_layer(errors: NDArray[np.float64], end: int) -> NDArray[np.uint8]:
     layer = np.zeros((*errors.shape, 4), np.uint8)
     shown = np.nan_to_num(errors, nan=0.0, posinf=scale.high)
     layer[..., :3] = np.rint(255 * scale.colored(shown))
-    layer[..., 3] = np.where(shown > scale.low, 255, DIM)
+    layer[..., 3] = np.rint(DIM + (255 - DIM) * np.sqrt(scale.normalized(shown)))  # the lowest errors are no specks
     layer[np.isinf(errors)] = (*WRONG, 255)
     layer[np.isnan(errors)] = 0
     layer[:, end:] = 0

@@ -36,7 +36,9 @@ class Meters:
         imgui.text_disabled(f"of {model.budget:g} ms")
         width, height = drawn.size
         imgui.text(f"{width} x {height}, {drawn.samples} of {drawn.wanted} sample{'' if drawn.wanted == 1 else 's'}")
-        imgui.progress_bar(drawn.share, imgui.ImVec2(-1.0, 0.0), "complete" if drawn.whole else f"{100 * drawn.share:.0f} %")
+        imgui.progress_bar(
+            drawn.share, imgui.ImVec2(-1.0, 0.0), "complete" if drawn.whole else f"{100 * drawn.share:.0f} %"
+        )
         do.measure(model)
         cost = model.evaluations
         imgui.text("evaluations a pixel: " + ("..." if cost is None else f"{cost[1]:.1f}"))

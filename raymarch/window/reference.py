@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import SimpleQueue
 
 import numpy as np
@@ -57,9 +57,18 @@ class Reference:
         """The computed fraction."""
         return float(np.mean(~np.isnan(self.depth))) if self.depth.size else 0.0
 
+    def covers(self, shot: Shot) -> bool:
+        """True if this is the reference of a shot, which does not depend on the quality of its scene."""
+        mine = self.shot
+        if mine is None:
+            return False
+        ours, its = mine.scene.arguments(), shot.scene.arguments()
+        alike = all(ours[name] is its[name] or ours[name] == its[name] for name in ours if name != "quality")
+        return alike and replace(shot, scene=mine.scene, view=mine.view).same(mine)
+
     def ask(self, shot: Shot, values: Values, size: tuple[int, int]) -> None:
         """Begin with a shot, if it is another one."""
-        if shot.same(self.shot) and size == self.size:
+        if self.covers(shot) and size == self.size:
             return
         self._number += 1
         self.shot, self.size = shot, size

@@ -132,7 +132,7 @@ def test_a_kind_of_the_users_own_is_drawn_as_it_is_written(egl: Context, count: 
     np.testing.assert_allclose(made.color[clear][..., 0], wanted[clear], rtol=1e-9)
     np.testing.assert_allclose(drawn[clear], wanted[clear], rtol=1e-5)
     (edit,) = editable_lights(scene)[:1]
-    assert edit.light() is lights[0] and edit.python({}) == "Blinds(...)"
+    assert edit.light() is lights[0] and edit.python({}) == "scene.lights[0]"
 
 
 def bad_samples() -> dict[str, Any]:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import raymarch as rm
 from raymarch.gpu.screen import Screen
+from raymarch.gpu.views import VIEWS, scale_of
+from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.camera import look_at
+from raymarch.scene.srgb import linear_to_srgb
 from raymarch.window.pace import Pace
 from raymarch.window.picture import Picture
 from raymarch.window.shot import Shot, progressive
+from tests.support.window_driver import alike
 
 SIZE = (80, 48)
 CAMERA = rm.Camera((0, 1, 5), (0, 0, 0))
@@ -57,6 +62,42 @@ def test_a_moving_picture_marches_no_longer_than_its_budget(renderer: rm.Rendere
             expected = other.render(scene, pose=shot_of(scene).pose).color
         apart = np.abs(picture.canvas.read()[..., :3] - expected).max(axis=-1)
         assert np.mean(apart > 1 / 255) < 1e-3
+    finally:
+        picture.release()
+        screen.release()
+
+
+@pytest.mark.parametrize("view", ["depth", "normal", "iterations", "slice", "boxes"])
+def test_a_view_is_the_one_of_the_renderer(renderer: rm.Renderer, view: str) -> None:
+    scene = rm.Scene(rm.sphere(1) | rm.box((4, 0.2, 4)), CAMERA)
+    shot = replace(shot_of(progressive(scene)), view=view)
+    screen = Screen(renderer.context, SIZE)
+    picture = Picture(renderer, screen, Pace(budget=1e3))
+    try:
+        while picture.step(shot, SIZE, still=True):
+            pass
+        with rm.Renderer(SIZE) as other:
+            frame = other.render(scene, pose=shot.pose, outputs=VIEWS[view])
+        expected = np.asarray(picture_of(frame, view, scene).convert("RGB"))
+        assert picture.canvas is not None
+        assert alike(np.asarray(255 * linear_to_srgb(picture.canvas.read()[..., :3]) + 0.5, int), expected)
+        assert picture.scale == scale_of(frame, view) and (picture.scale is None) == (view in ("normal", "boxes"))
+        assert picture.drawn.share == 1.0 and picture.drawn.samples == picture.drawn.wanted == 1
+    finally:
+        picture.release()
+        screen.release()
+
+
+def test_progress_counts_what_is_drawn(renderer: rm.Renderer) -> None:
+    scene = rm.Scene(rm.sphere(1), CAMERA)
+    screen = Screen(renderer.context, SIZE)
+    picture = Picture(renderer, screen, Pace(budget=1e-6), samples=3)
+    try:
+        shares = []
+        while picture.step(shot_of(progressive(scene)), SIZE, still=True):
+            shares.append(picture.drawn.share)
+        assert shares == sorted(shares) and shares[-1] == 1.0 and len(set(shares)) >= 10
+        assert 0.0 <= shares[0] < 0.5
     finally:
         picture.release()
         screen.release()
