@@ -77,11 +77,17 @@ def test_a_view_is_the_one_of_the_renderer(renderer: rm.Renderer, view: str) -> 
         while picture.step(shot, SIZE, still=True):
             pass
         with rm.Renderer(SIZE) as other:
-            frame = other.render(scene, pose=shot.pose, outputs=VIEWS[view])
+            frame = other.render(shot.scene, pose=shot.pose, outputs=VIEWS[view])
         expected = np.asarray(picture_of(frame, view, scene).convert("RGB"))
         assert picture.canvas is not None
-        assert alike(np.asarray(255 * linear_to_srgb(picture.canvas.read()[..., :3]) + 0.5, int), expected)
-        assert picture.scale == scale_of(frame, view) and (picture.scale is None) == (view in ("normal", "boxes"))
+        seen = np.asarray(255 * linear_to_srgb(picture.canvas.read()[..., :3]) + 0.5, int)
+        assert alike(seen, expected)
+        scale = scale_of(frame, view)
+        assert (picture.scale is None) == (scale is None) == (view in ("normal", "boxes"))
+        if scale is not None:
+            assert picture.scale is not None and picture.scale.quantity.split(",")[0] == scale.quantity.split(",")[0]
+            assert picture.scale.low == pytest.approx(scale.low, rel=1e-5)
+            assert picture.scale.high == pytest.approx(scale.high, rel=0.05)
         assert picture.drawn.share == 1.0 and picture.drawn.samples == picture.drawn.wanted == 1
     finally:
         picture.release()
@@ -89,12 +95,12 @@ def test_a_view_is_the_one_of_the_renderer(renderer: rm.Renderer, view: str) -> 
 
 
 def test_progress_counts_what_is_drawn(renderer: rm.Renderer) -> None:
-    scene = rm.Scene(rm.sphere(1), CAMERA)
+    shot = shot_of(progressive(rm.Scene(rm.sphere(1), CAMERA)))
     screen = Screen(renderer.context, SIZE)
     picture = Picture(renderer, screen, Pace(budget=1e-6), samples=3)
     try:
         shares = []
-        while picture.step(shot_of(progressive(scene)), SIZE, still=True):
+        while picture.step(shot, SIZE, still=True):
             shares.append(picture.drawn.share)
         assert shares == sorted(shares) and shares[-1] == 1.0 and len(set(shares)) >= 10
         assert 0.0 <= shares[0] < 0.5
