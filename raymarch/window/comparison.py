@@ -48,10 +48,9 @@ class Comparison:
         self._layer: Any = None
         self._layer_of: tuple[Any, ...] = ()
 
-    @property
-    def whole(self) -> bool:
+    def whole(self, model: Model) -> bool:
         """True if nothing is left to draw; the reference comes by itself."""
-        return self._exact is None or self._exact.whole
+        return model.compare.side != "exact" or (self._exact is not None and self._exact.whole)
 
     def step(self, model: Model, shot: Shot, still: bool) -> bool:
         """Draw what the model compares with. Returns True if the window must be shown again."""
@@ -62,7 +61,7 @@ class Comparison:
             return drew
         if still and self._picture.whole:
             self.reference.ask(shot, model.state.values, model.area)
-        elif not self.reference.covers(shot):
+        elif not self.reference.covers(shot, model.area):
             self.reference.stop()
         tiles = self.reference.latest()
         for tile in tiles:
@@ -101,12 +100,13 @@ class Comparison:
             self._canvas.write(np.dstack([color, np.ones(size[::-1])]).astype(np.float32))
 
     def _draw_errors(self, model: Model, shot: Shot, fresh: bool) -> None:
-        if not self.reference.covers(shot):
+        if not self.reference.covers(shot, model.area):
             self._free_layer()
             return
         if not self._picture.whole:
             return
-        if self._depth is None or not shot.same(self._depth[0]):
+        size = model.area[::-1]
+        if self._depth is None or not shot.same(self._depth[0]) or self._depth[1].shape != size:
             made = self._picture.at(model.area).render(shot.scene, shot.time, shot.params, ("depth",), pose=shot.pose)
             self._depth, fresh = (shot, made.depth), True
         end = model.divider - model.panel_width if model.compare.side != "off" else model.area[0]

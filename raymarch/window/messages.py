@@ -57,10 +57,12 @@ def messages_of(model: Model, now: float) -> list[Message]:
 
 def _sides(model: Model) -> list[Message]:
     """What the two sides of a split picture are, and how far the reference is computed."""
-    compare, computed = model.compare, f"{100 * model.known:.0f} % computed"
-    if compare.side == "off":
-        return [Message(f"reference: {computed}", "note", "bottom left")] if compare.errors and model.known < 1 else []
-    right = model.stops[-1].name if compare.side == "exact" else "float64 reference"
-    if compare.reference and model.known < 1:
-        right += f", {computed}"
-    return [Message("this setting", "note", "left"), Message(right, "note", "right")]
+    side, computed = model.compare.side, "" if model.known == 1.0 else f", {100 * model.known:.0f} % computed"
+    messages = []
+    if model.compare.errors and computed and side != "truth":
+        messages.append(Message(f"reference{computed}", "note", "bottom left"))
+    if side != "off":
+        colour = "" if model.state.view == "final" else ", colour"
+        right = model.stops[-1].name if side == "exact" else f"float64 reference{colour}{computed}"
+        messages += [Message("this setting", "note", "left"), Message(right, "note", "right")]
+    return messages

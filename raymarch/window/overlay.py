@@ -59,9 +59,10 @@ class Overlay:
         Frees the images of other messages. divider : column of the divider of a split picture, which is drawn.
         """
         width, height = self._screen.size
-        free = (max(1, width - left), height)
         split = [] if divider is None else [Line()]
-        wanted = {(message, free, density): None for message in [*split, *messages]}
+        ends = {"left": (left, divider or width), "right": (divider or 0, width)}
+        free = {m: ends.get(m.corner, (left, width)) for m in [*split, *messages]}
+        wanted = {(m, (max(1, end - start), height), density): None for m, (start, end) in free.items()}
         for key in [key for key in self._made if key not in wanted]:
             self._screen.free(self._made.pop(key))
         margin = round(8 * density)

@@ -57,10 +57,10 @@ class Reference:
         """The computed fraction."""
         return float(np.mean(~np.isnan(self.depth))) if self.depth.size else 0.0
 
-    def covers(self, shot: Shot) -> bool:
+    def covers(self, shot: Shot, size: tuple[int, int]) -> bool:
         """True if this is the reference of a shot, which does not depend on the quality of its scene."""
         mine = self.shot
-        if mine is None:
+        if mine is None or size != self.size:
             return False
         ours, its = mine.scene.arguments(), shot.scene.arguments()
         alike = all(ours[name] is its[name] or ours[name] == its[name] for name in ours if name != "quality")
@@ -68,7 +68,7 @@ class Reference:
 
     def ask(self, shot: Shot, values: Values, size: tuple[int, int]) -> None:
         """Begin with a shot, if it is another one."""
-        if self.covers(shot) and size == self.size:
+        if self.covers(shot, size):
             return
         self._number += 1
         self.shot, self.size = shot, size

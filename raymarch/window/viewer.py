@@ -200,9 +200,9 @@ class Viewer:
 
     def _pause(self) -> float:
         """How long to wait for the next event."""
-        state = self.model.state
-        busy = (state.animated and state.timeline.playing) or self.model.sequence is not None
-        if busy or not self.picture.whole or not self._comparison.whole or self.model.requests or any(self._flying()):
+        model, line = self.model, self.model.state.timeline
+        busy = (model.state.animated and line.playing) or model.sequence is not None or bool(model.requests)
+        if busy or not self.picture.whole or not self._comparison.whole(model) or any(self._flying()):
             return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
         return IDLE
 
@@ -236,7 +236,7 @@ class Viewer:
         messages += [] if scale is None or model.help else [Bar(scale)]
         live = bool(model.panel) and self._live > 0
         if not (drew or also or self._unshown or live or messages != self._messages or self.window.take_stale()):
-            if self.picture.whole and self._comparison.whole and not self._idle:
+            if self.picture.whole and self._comparison.whole(model) and not self._idle:
                 model.say("idle")
                 self._idle = True
             return

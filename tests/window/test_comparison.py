@@ -48,14 +48,15 @@ def test_a_reference_is_computed_once_and_outlives_a_change_of_quality() -> None
     assert not [tile for tile in reference.latest() if tile.trouble]
     assert reference.share == 1.0 and not np.isnan(reference.color).any()
     draft = shot.scene.replace(quality=rm.Quality.preset("draft"))
-    assert reference.covers(replace(shot, scene=draft, view="depth"))
+    assert reference.covers(replace(shot, scene=draft, view="depth"), SIZE)
     before = reference.depth
     reference.ask(replace(shot, scene=draft), model.state.values, SIZE)
     assert reference.depth is before
+    assert not reference.covers(shot, (SIZE[0], SIZE[1] + 1))
     for other in (replace(shot, params={"radius": 1.5}), replace(shot, scene=shot.scene.replace(lights=[]))):
-        assert not reference.covers(other)
+        assert not reference.covers(other, SIZE)
     reference.stop()
-    assert not reference.covers(shot)
+    assert not reference.covers(shot, SIZE)
 
 
 def test_a_scene_that_cannot_be_traced_says_why() -> None:
