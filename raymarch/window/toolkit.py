@@ -59,8 +59,8 @@ class Toolkit:
         if isinstance(event, Move):
             self._cursor = self._window.pixel(event.x, event.y)[0]
             return False  # the picture's gestures follow the cursor, too; they drag only what they pressed
-        # The toolkit updates what is under the cursor only in its next frame.
-        over = self._cursor < model.panel_width or bool(self._io.want_capture_mouse)
+        # `want_capture_mouse` is about the cursor of the last frame; a list or colour picker may reach over the picture.
+        over = self._cursor < model.panel_width or self.imgui.is_popup_open("", self.imgui.PopupFlags_.any_popup)
         if isinstance(event, Button) and event.down:
             self._held = self._held | {event.button} if over else self._held
             return over
