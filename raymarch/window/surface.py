@@ -151,18 +151,5 @@ class Window:
 
 def _key_names(glfw: Any) -> dict[int, str]:
     """Names of keys without a character, or whose position matters independently of the layout."""
-    named = {
-        "space": glfw.KEY_SPACE,
-        "escape": glfw.KEY_ESCAPE,
-        "enter": glfw.KEY_ENTER,
-        "tab": glfw.KEY_TAB,
-        "left": glfw.KEY_LEFT,
-        "right": glfw.KEY_RIGHT,
-        "up": glfw.KEY_UP,
-        "down": glfw.KEY_DOWN,
-        "home": glfw.KEY_HOME,
-        "f1": glfw.KEY_F1,
-        "f5": glfw.KEY_F5,
-        "f12": glfw.KEY_F12,
-    }
-    return {code: name for name, code in named.items()}
+    names = ("space", "escape", "enter", "tab", "left", "right", "up", "down", "home", "f1", "f5", "f12")
+    return {getattr(glfw, f"KEY_{name.upper()}"): name for name in names}

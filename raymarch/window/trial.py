@@ -22,7 +22,7 @@ import threading
 import time
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +134,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     files = sorted({str(Path(scene).absolute()), *(f for f in sources if _watchable(f, folder))})
     say({"id": number, "ok": error is None, "ms": times, "files": files, "error": error, "baked": baked})
     if error is None and found is not None:
-        with _quietly():  # so that a click does not wait for the compiler
+        with contextlib.suppress(RaymarchError):  # so that a click does not wait for the compiler
             ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size))
             if fresh:
                 _warm(found, ready, size, {}, CLICKED)
@@ -199,48 +199,32 @@ def _described(fault: RaymarchError) -> Answer:
     }
 
 
-class _timed:
-    """Records the time of a block in milliseconds."""
-
-    def __init__(self, times: dict[str, float], name: str) -> None:
-        self._times, self._name = times, name
-
-    def __enter__(self) -> None:
-        self._start = time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        self._times[self._name] = 1e3 * (time.perf_counter() - self._start)
+@contextlib.contextmanager
+def _timed(times: dict[str, float], name: str) -> Iterator[None]:
+    """Record the time of a block in milliseconds."""
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        times[name] = 1e3 * (time.perf_counter() - start)
 
 
-class _quietly:
-    """Suppresses errors that the user can correct."""
+@contextlib.contextmanager
+def _limited_memory() -> Iterator[None]:
+    """Limit memory while a scene file runs; the compiler afterwards has no limit."""
+    if not LINUX:
+        yield
+        return
+    import resource
 
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
-        return kind is not None and issubclass(kind, RaymarchError)
-
-
-class _limited_memory:
-    """Limits memory while a scene file runs; the compiler afterwards has no limit."""
-
-    def __enter__(self) -> None:
-        self._before: tuple[int, int] | None = None
-        if not LINUX:
-            return
-        import resource
-
-        most = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-        self._before = resource.getrlimit(resource.RLIMIT_DATA)
-        hard = self._before[1]
-        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
-
-    def __exit__(self, *_: object) -> None:
-        if self._before is not None:
-            import resource
-
-            resource.setrlimit(resource.RLIMIT_DATA, self._before)
+    most = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    hard = before[1]
+    resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, before)
 
 
 def _note_files(read: set[str]) -> None:

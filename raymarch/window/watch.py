@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
+
+import watchfiles
 
 Signature: TypeAlias = tuple[Any, ...]
 
@@ -73,11 +74,8 @@ class Watch:
         """Yields whenever a file may have changed, at least once in `LOOK` seconds."""
         folders = sorted({os.path.dirname(file) for file in self._files})
         there = [folder for folder in folders if os.path.isdir(folder)]
-        watchfiles: Any = None
-        with contextlib.suppress(ImportError):
-            watchfiles = importlib.import_module("watchfiles")
-        if watchfiles is None or there != folders:
-            self._again.wait(LOOK if watchfiles is not None else LOOK / 4)
+        if there != folders:
+            self._again.wait(LOOK)
             yield
             return
         with contextlib.suppress(OSError, RuntimeError):  # a folder vanished; the next round handles it
