@@ -59,7 +59,7 @@ class Toolkit:
         if isinstance(event, Move):
             self._cursor = self._window.pixel(event.x, event.y)[0]
             return False  # the picture's gestures follow the cursor, too; they drag only what they pressed
-        # `want_capture_mouse` is about the cursor of the last frame; a list or colour picker may reach over the picture.
+        # `want_capture_mouse` is about the last frame's cursor; a list or colour picker may reach over the picture.
         over = self._cursor < model.panel_width or self.imgui.is_popup_open("", self.imgui.PopupFlags_.any_popup)
         if isinstance(event, Button) and event.down:
             self._held = self._held | {event.button} if over else self._held
