@@ -41,7 +41,7 @@ class Comparison:
         self._picture, self._renderer, self._screen = picture, renderer, screen
         self._exact: Picture | None = None
         self._second: Renderer | None = None
-        self._scene: tuple[Scene, int, Scene] | None = None
+        self._scene: tuple[Scene, Scene] | None = None
         self.reference = Reference(wake)
         self._canvas: Target | None = None
         self._depth: tuple[Shot, NDArray[Any]] | None = None
@@ -83,12 +83,12 @@ class Comparison:
             self._second = Renderer(model.area, context=self._renderer.context)
             self._second.planned_for = self._renderer.planned_for
             self._exact = Picture(self._second, self._screen, Pace(model.budget), model.samples)
-        scene, number = model.state.scene, len(model.stops) - 1
+        scene = model.state.scene
         if self._scene is None or self._scene[0] is not scene:
             changes = model.stops[-1].changes(scene.quality)
-            self._scene = (scene, number, progressive(scene.replace(quality=scene.quality.replace(**changes))))
-        self._exact.pace.budget, self._exact.samples = model.budget, model.samples
-        return self._exact.step(replace(shot, scene=self._scene[2]), model.area, still and self._picture.whole)
+            self._scene = (scene, progressive(scene.replace(quality=scene.quality.replace(**changes))))
+        self._exact.pace.budget, self._exact.samples = model.frame_budget, model.samples
+        return self._exact.step(replace(shot, scene=self._scene[1]), model.area, still and self._picture.whole)
 
     def _write_truth(self, size: tuple[int, int], fresh: bool) -> None:
         if self._canvas is None or self._canvas.size != size:

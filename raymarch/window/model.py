@@ -199,6 +199,11 @@ class Model:
         return max(1, self.size[0] - self.panel_width), max(1, self.size[1])
 
     @property
+    def frame_budget(self) -> float:
+        """Milliseconds of a frame for each of the pictures that are drawn while something moves."""
+        return self.budget / 2 if self.compare.side == "exact" else self.budget
+
+    @property
     def divider(self) -> int:
         """Column of the divider of a split picture, from the left of the window."""
         width, _ = self.area

@@ -219,7 +219,7 @@ class Viewer:
     def _frame(self, now: float) -> None:
         model = self.model
         self._measure_window()
-        self.picture.pace.budget, self.picture.samples = model.budget, model.samples
+        self.picture.pace.budget, self.picture.samples = model.frame_budget, model.samples
         drew = False
         try:
             shot, still = model.state.shot(), now - model.changed_at > SETTLED
