@@ -81,7 +81,7 @@ class Comparison:
     def _step_exact(self, model: Model, shot: Shot, still: bool) -> bool:
         if self._exact is None:
             self._second = Renderer(model.area, context=self._renderer.context)
-            self._second.planned_for = self._renderer.planned_for
+            self._second.planned_for, self._second.kept = self._renderer.planned_for, self._renderer.kept
             self._exact = Picture(self._second, self._screen, Pace(model.budget), model.samples)
         scene = model.state.scene
         if self._scene is None or self._scene[0] is not scene:

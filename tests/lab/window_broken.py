@@ -54,8 +54,8 @@ def run(display: str, folder: Path, count: int, seed: int = 1) -> Score:
         session.hand.key("r")
         session.settled()
         session.hand.key("Control_L", "q")
-        if session.end() != 0 or session.errors.read_text():
-            score.lost.append(f"at the end: {session.errors.read_text()}")
+        if session.end() != 0 or session.complaints():
+            score.lost.append(f"at the end: {session.complaints()}")
     finally:
         session.kill()
     return score
