@@ -76,7 +76,8 @@ def act(session: Session, draw: random.Random) -> None:
         case 3:
             hand.click(*place)
         case 4:
-            hand.key(draw.choice(("v", "n", "Right", "Left", "space", "period", "Home", "h", "Escape", "f", "l", "k", "o", "x")))
+            names = ("v", "n", "Right", "Left", "space", "period", "Home", "h", "Escape", "f", "l", "k", "o", "x")
+            hand.key(draw.choice(names))
         case 5:
             hand.key("r")
         case 6:
