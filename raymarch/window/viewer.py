@@ -209,6 +209,7 @@ class Viewer:
     def _measure_window(self) -> None:
         """Note the size of the window and of what the panel leaves free."""
         model, size = self.model, self.window.size
+        model.density = self.window.density
         if size != model.size or size != self.screen.size:
             model.size = self.screen.size = size
             model.say("resize", size=size)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import raymarch as rm
 from raymarch.gpu.context import Context
 from raymarch.gpu.renderer import Renderer
+from raymarch.scene.file import load
 from raymarch.window import edits
 from raymarch.window.edits import Edits
 
@@ -145,3 +147,16 @@ def test_the_python_of_a_light_names_its_penumbra() -> None:
         rm.Scene(rm.sphere(), lights=[rm.Sun(shadow=True, softness=0.1, penumbra="sampled")])
     )
     assert "penumbra='sampled'" in light.python({})
+
+
+def test_the_python_of_edits_runs_at_the_end_of_a_file_with_a_bare_node(tmp_path: Path) -> None:
+    file = tmp_path / "scene.py"
+    file.write_text("import raymarch as rm\nscene = rm.sphere()\n")
+    base = load(file)
+    lights = tuple(light.with_value("softness", 0.2) for light in edits.editable_lights(base))
+    edited = Edits(lights, {0: edits.editable_material(base.materials[0])}, {"max_steps": 99})
+    with file.open("a") as out:
+        out.write(edited.python(base, {"material 0 specular": 0.5}) + "\n")
+    made = load(file)
+    assert made.quality.max_steps == 99 and made.lights[0].soft
+    assert "material_0 = rm.Material(" in file.read_text() and "specular=0.5" in file.read_text()
