@@ -39,6 +39,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, page: Any, files: Files, **_: Any) -> str:
     """Turn links to files outside of docs/ into links to their copies, and commands of the gallery into links."""
+    # Code hosts read \| in the code of a table as |, Python-Markdown does not.
+    markdown = re.sub(r"`[^`\n]+`", lambda match: match[0].replace("\\|", "|"), markdown)
     markdown = OUTSIDE.sub(lambda match: f"]({_as_text(match[1])})", markdown)
 
     def link(match: re.Match[str]) -> str:

@@ -6,8 +6,10 @@ distance of about 0.15. Together they make a bowl with a foot.
 
 import raymarch as rm
 
-wall = rm.sphere(1.0).shell(0.09).translate((0, 1.05, 0)) - rm.box((3, 1.2, 3)).translate((0, 1.75, 0))
-bowl = rm.union(wall, rm.cylinder(0.4, 0.14).translate((0, 0.07, 0)), k=0.15)
+wall = rm.sphere(1.0).shell(0.09).translate((0, 1.05, 0))
+wall = wall - rm.box((3, 1.2, 3)).translate((0, 1.75, 0))
+foot = rm.cylinder(0.4, 0.14).translate((0, 0.07, 0))
+bowl = rm.union(wall, foot, k=0.15)
 
 scene = rm.Scene(
     bowl | rm.plane(),

@@ -1,21 +1,25 @@
 """A sun with a shadow
 
-A light casts a shadow only if you ask for it: the shader contains only what the scene uses. `direction` points to the
-sun. `raymarch explain` lists what the shader contains, with the reason of each part.
+A light casts a shadow only if you ask for it: the shader contains only what the scene uses. The first
+argument points to the sun. `raymarch explain` lists what the shader contains, with the reason of each part.
 """
 
 import raymarch as rm
 
 enamel = rm.Material(albedo="#2f6f7f", roughness=0.25)
 gold = rm.Material(albedo=(1.0, 0.78, 0.34), metalness=1, roughness=0.1)
-wood = rm.Material(albedo=rm.stripes((0.3, 0.17, 0.09), (0.23, 0.13, 0.07), 0.5, "x"), roughness=0.6)
+light, dark = (0.3, 0.17, 0.09), (0.23, 0.13, 0.07)
+wood = rm.Material(albedo=rm.stripes(light, dark, 0.5, "x"), roughness=0.6)
 
-wall = rm.sphere(1.0).shell(0.09).translate((0, 1.05, 0)) - rm.box((3, 1.2, 3)).translate((0, 1.75, 0))
-bowl = rm.union(wall, rm.cylinder(0.4, 0.14).translate((0, 0.07, 0)), k=0.15).material(enamel)
+wall = rm.sphere(1.0).shell(0.09).translate((0, 1.05, 0))
+wall = wall - rm.box((3, 1.2, 3)).translate((0, 1.75, 0))
+foot = rm.cylinder(0.4, 0.14).translate((0, 0.07, 0))
+bowl = rm.union(wall, foot, k=0.15).material(enamel)
 ball = rm.sphere(0.5).translate((0, 0.72, 0)).material(gold)
+sun = rm.Sun((-1, 1.3, 0.7), color=(1, 0.95, 0.86), intensity=1.6, shadow=True)
 
 scene = rm.Scene(
     bowl | ball | rm.plane().material(wood),
     camera=rm.Camera(position=(1.6, 3.0, 5.6), target=(0, 0.55, 0), fov=30),
-    lights=[rm.Sun(direction=(-1, 1.3, 0.7), color=(1, 0.95, 0.86), intensity=1.6, shadow=True)],
+    lights=[sun],
 )
