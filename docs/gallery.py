@@ -2,6 +2,7 @@
 
 python docs/gallery.py            # everything, and the contact sheet in the README
 python docs/gallery.py NAME ...   # only these examples or steps, and the pages
+python docs/gallery.py --counts   # the costs and the plans of all, without their pictures
 python docs/gallery.py --text     # only the pages
 
 A picture that is the same to the eye keeps its file.
@@ -72,16 +73,25 @@ def chosen(scene: rm.Scene) -> dict[str, Any]:
     }
 
 
-def draw(file: Path, renderer: rm.Renderer) -> dict[str, Any]:
-    """Render a scene's picture; return its plan and its cost."""
-    scene = load(file)
+def samples_of(scene: rm.Scene) -> int:
+    """Rays per pixel of a scene's picture."""
     random = scene.bounces > 0 and scene.quality.integrator == "path"
-    samples = NOISY if random else SAMPLES
-    drawn = scene.replace(quality=scene.quality.replace(samples=samples))
+    return NOISY if random else SAMPLES
+
+
+def draw(file: Path, renderer: rm.Renderer) -> None:
+    """Render a scene's picture."""
+    scene = load(file)
+    drawn = scene.replace(quality=scene.quality.replace(samples=samples_of(scene)))
     write(renderer.render(drawn).image(), PICTURES / f"{name_of(file)}.png")
+
+
+def measure(file: Path, renderer: rm.Renderer) -> dict[str, Any]:
+    """The plan of a scene and its cost."""
+    scene = load(file)
     once = renderer.render(scene.replace(quality=scene.quality.replace(samples=1)), outputs=("evaluations",))
     return {
-        "samples": samples,
+        "samples": samples_of(scene),
         "evaluations": round(float(once.evaluations.mean()), 1),
         "all_evaluations": round(evaluations_of(scene, renderer), 1),
         "plan": chosen(scene),
@@ -240,11 +250,14 @@ def first(renderer: rm.Renderer) -> Image.Image:
 def main(arguments: list[str]) -> None:
     counts = json.loads(COUNTS.read_text()) if COUNTS.exists() else {}
     scenes = [*files(), *steps()]
+    names = [argument for argument in arguments if not argument.startswith("--")]
     if "--text" not in arguments:
         with rm.Renderer(SIZE) as renderer:
             for file in scenes:
-                if not arguments or name_of(file) in arguments:
-                    counts[name_of(file)] = draw(file, renderer)
+                if not names or name_of(file) in names:
+                    if "--counts" not in arguments:
+                        draw(file, renderer)
+                    counts[name_of(file)] = measure(file, renderer)
                     print(f"{name_of(file)}: {cost(counts[name_of(file)])}", flush=True)
             write(first(renderer), HERE / "pictures" / "start.png")
         counts = {name_of(file): counts[name_of(file)] for file in scenes}
