@@ -25,7 +25,7 @@ class Module:
     numbers: tuple[int, ...]
 
 
-VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE"})
+VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC"})
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader."""
 
 
@@ -102,7 +102,7 @@ LANGUAGE = frozenset(
     radians degrees sin cos tan asin acos atan sinh cosh tanh pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil
     trunc round fract mod min max clamp mix step smoothstep isnan isinf length distance dot cross normalize reflect
     refract transpose inverse determinant texelFetch textureSize texture any all not lessThan greaterThan equal
-    floatBitsToUint uintBitsToFloat gl_FragCoord greaterThanEqual ifdef else endif CONE clock2x32ARB
+    floatBitsToUint uintBitsToFloat gl_FragCoord greaterThanEqual ifdef ifndef else endif CONE clock2x32ARB
     """.split()
 )
 """Keywords and functions of GLSL, and the preprocessor names of passes."""

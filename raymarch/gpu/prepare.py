@@ -35,6 +35,7 @@ class Prepared:
     texts : the fragment shader of each pass. vertex : the vertex shader of all passes.
     distance : the field in float64, a function of points relative to the plan's origin; returns a tuple of one array.
         None for a field without a CPU evaluation (raw GLSL).
+    rest : the same of the field that rays outside of all solids are marched through; None if it is the whole field.
     constants : for each pass, the uniforms that replace numbers of its text, and their values.
     """
 
@@ -44,6 +45,7 @@ class Prepared:
     vertex: str
     distance: Callable[..., tuple[Any, ...]] | None
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    rest: Callable[..., tuple[Any, ...]] | None = None
 
 
 def prepare(scene: Scene, outputs: Sequence[str] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
@@ -62,7 +64,9 @@ def assembled(made: Plan) -> Prepared:
     vertex = RAYS if made.interpolated else FULL_SCREEN
     known = not without_twin(made.field.body)
     distance = evaluator([made.field.body], made.field.params) if known else None
-    return Prepared(made, shader, texts, vertex, distance)
+    marched = made.analytic.rest
+    rest = evaluator([marched.body], marched.params) if known and marched is not None else None
+    return Prepared(made, shader, texts, vertex, distance, rest=rest)
 
 
 def passes_for(outputs: Sequence[str]) -> list[str]:
@@ -135,8 +139,11 @@ def _start(ready: Prepared, values: Values, position: NDArray[Any], step: float)
     if ready.distance is None:
         return {"u_side": 1.0, "u_start": (0.0, 0.0, 0.0, 0.0)}
     with bound(values.params, values.time):
-        found = np.broadcast_to(ready.distance(np.vstack([position, position + step * np.eye(3)]))[0], 4)
-    side = -1.0 if found[0] < 0.0 else 1.0
+        points = np.vstack([position, position + step * np.eye(3)])
+        found = np.broadcast_to(ready.distance(points)[0], 4)
+        side = -1.0 if found[0] < 0.0 else 1.0
+        if ready.rest is not None and side > 0.0:
+            found = np.broadcast_to(ready.rest(points)[0], 4)
     with np.errstate(divide="ignore", invalid="ignore"):  # an empty solid is infinitely far away
         gradient = side * (found[1:] - found[0]) / step
     if not np.all(np.isfinite([*gradient, found[0]])):

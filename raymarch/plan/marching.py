@@ -151,11 +151,14 @@ def interpolated(scene: Scene) -> bool:
     return scene.quality.rays == "interpolated" and not variants_of(scene)
 
 
-def choices(scene: Scene, marching: Marching, epsilon: float, standalone: bool = False) -> dict[str, str]:
+def choices(
+    scene: Scene, marching: Marching, epsilon: float, standalone: bool = False, solved: str = ""
+) -> dict[str, str]:
     """The modules chosen to march rays, each with its reason.
 
     epsilon : distance to a surface, in pixel widths, at which a ray starts to refine its hit.
     standalone : True for a shader that computes the camera itself.
+    solved : why some solids are solved in closed form; "" if none is.
     """
     quality = scene.quality
     cone = "_cone" * marching.cones
@@ -195,7 +198,9 @@ def choices(scene: Scene, marching: Marching, epsilon: float, standalone: bool =
         found["march/safe_step_scaled"] = f"Quality(step_scale={quality.step_scale:g})"
     else:
         found["march/safe_step"] = "a plain step is as long as the distance"
-    if clipped(scene):
+    if solved:
+        found["march/analytic"] = solved
+    elif clipped(scene):
         found["march/clipped"] = "rays are marched only inside the scene's box"
     else:
         found["march/whole"] = "the scene's box is unbounded on all sides"

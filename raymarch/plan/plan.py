@@ -22,7 +22,8 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
-from raymarch.plan import lights, marching, shading
+from raymarch.plan import analytic, lights, marching, shading
+from raymarch.plan.analytic import Analytic
 from raymarch.plan.gather import Gathered, gather
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.marching import Marching
@@ -71,6 +72,7 @@ class Plan:
     features: list[Feature]
     parameters: dict[str, Spec]
     marching: Marching
+    analytic: Analytic
     shapes: int
     gathered: Gathered
     located: list[Located]
@@ -95,7 +97,7 @@ class Plan:
     @property
     def variants(self) -> frozenset[str]:
         """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
-        return marching.variants_of(self.scene)
+        return marching.variants_of(self.scene) | ({"ANALYTIC"} if self.analytic.used else frozenset())
 
     @property
     def interpolated(self) -> bool:
@@ -162,6 +164,9 @@ def plan(
         lowering.objects = objects
     solid = gathered.node
     definition, hoisted = hoist(lowering.field(solid), lowering.origins)
+    closed = analytic.choose(solid, scene.quality.analytic)
+    if closed.used:
+        hoisted = analytic.complete(closed, lowering, hoisted, lowering.origins)
     refuse_extent(given, origin, definition)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
@@ -173,7 +178,8 @@ def plan(
         )
     lit = shading.lit(scene)
     operations = count_operations([definition.body], turns=not gathered.rows)
-    chosen = marching.choose(scene, operations, size, standalone, cells=bool(gathered.rows))
+    marched = count_operations([closed.rest.body], turns=not gathered.rows) if closed.rest else operations
+    chosen = marching.choose(scene, marched, size, standalone, cells=bool(gathered.rows))
     mixed = _refuse_mixed(scene, standalone)
     drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed)
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
@@ -197,6 +203,7 @@ def plan(
         features=[],
         parameters=scene.parameters,
         marching=chosen,
+        analytic=closed,
         shapes=shapes,
         gathered=gathered,
         located=[objects.located(rows) for rows in gathered.rows],
@@ -258,9 +265,9 @@ def _textures_of(made: Plan) -> list[Samples | Texels | Table]:
 
 def _choices_of(made: Plan, joint: bool) -> dict[str, str]:
     """The modules chosen where several define the same names, each with its reason."""
-    scene, normals = made.scene, made.scene.quality.normals
+    scene, normals, closed = made.scene, made.scene.quality.normals, made.analytic.used
     return {
-        **marching.choices(scene, made.marching, made.epsilon, made.standalone),
+        **marching.choices(scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed),
         f"normal/{normals}": f"Quality(normals={normals!r})",
         **shading.choices(scene, made.model, joint),
         **joining(made.passes),
@@ -291,6 +298,7 @@ def _describe_effects(made: Plan) -> None:
     counted = f"{gathered.data:,} object{'s' * (gathered.data != 1)}"
     beside = f", {gathered.text} beside them as text" if gathered.text else ""
     feature("objects as data", bool(gathered.rows), f"{counted}{beside}: {gathered.reason}", gathered.reason)
+    feature("closed-form hits", made.analytic.used, made.analytic.reason, made.analytic.reason)
     for found in made.located:
         cells = found.cells
         listed = cells.texels[cells.texels[:, 1] > 0, 1]

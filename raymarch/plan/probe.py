@@ -32,7 +32,7 @@ class Probing:
 def single_sample(scene: Scene) -> Scene:
     """The scene with one sample per pixel, marched in one pass without cones."""
     return scene.replace(
-        quality=scene.quality.replace(samples=1, temporal="off", schedule="single", steps_per_pass=None)
+        quality=scene.quality.replace(samples=1, temporal="off", schedule="single", steps_per_pass=None, analytic=False)
     )
 
 

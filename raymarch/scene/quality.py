@@ -49,6 +49,7 @@ NOT_MARCHING = (
     "shadow_steps",
     "light_samples",
     "objects",
+    "analytic",
 )
 """A preset does not change these fields. A preset is defined by the error of hits, which they do not affect."""
 
@@ -141,6 +142,9 @@ class Quality(Value):
         straight line from its last two samples. None is eight times `max_steps`.
     light_samples : number of points on a light per camera ray, with penumbra="sampled" or a RectLight, 1 to 64. Each
         costs one shadow ray; each of `samples` costs a camera ray too.
+    analytic : hit solids in closed form. True: planes, spheres, boxes, cylinders, capsules, cones and ellipsoids that
+        are operands of the outermost hard union, rotated, moved and scaled by one factor only, are intersected with
+        each ray once; only the others are marched. False: all are marched. None: the plan chooses.
     objects : how the objects of a union are compiled. "text": each is lines of the shader. "data": objects that differ
         in numbers and materials only are rows of a texture, found through a grid of cells. "auto": data from 32 such
         objects on.
@@ -171,6 +175,7 @@ class Quality(Value):
     shadow_steps: int | None = None
     light_samples: int = 1
     objects: str = "auto"
+    analytic: bool | None = None
 
     def __post_init__(self) -> None:
         self._begin()
@@ -180,6 +185,7 @@ class Quality(Value):
             **{n: optional(_within, n, getattr(self, n), *ends) for n, ends in _WITHIN.items()},
             assume_certified=switch("Quality: assume_certified", self.assume_certified),
             energy_compensation=switch("Quality: energy_compensation", self.energy_compensation),
+            analytic=None if self.analytic is None else switch("Quality: analytic", self.analytic),
         )
         for name in _NEEDED:
             if getattr(self, name) is None:

@@ -26,7 +26,7 @@ from raymarch.expr.walk import find
 from raymarch.plan import Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
-from raymarch.shader.bounds import scene_box, scene_cone
+from raymarch.shader.bounds import marched_range, scene_box, scene_cone
 from raymarch.shader.bsdf import material_struct
 from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.lights import light_rows
@@ -134,6 +134,7 @@ def assemble(
         **({"shade": lambda: shade} if shade is not None else {}),
         "scene_box": partial(scene_box, plan),
         "scene_cone": partial(scene_cone, plan),
+        "marched_range": partial(marched_range, plan),
         **{name: partial(light_rows, plan, "u_lights" in constants) for name in ("u_lights", "light_texel")},
         "Material": partial(material_struct, plan),
         "pcg": _pcg,
@@ -231,7 +232,10 @@ def _pcg() -> Chunk:
 
 def _roots(plan: Plan, values: Values) -> list[Function]:
     """The functions of expressions that modules and generated code call."""
-    optional = (plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index)
+    optional = (
+        *(plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index),
+        *(plan.analytic.hit, plan.analytic.rest, plan.analytic.solved_distance),
+    )
     return [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
 
 

@@ -17,8 +17,14 @@ def scene_box(plan: Plan) -> Chunk:
     further inwards. For rays u_cone is 0.
     """
     text = Lines("the scene's bounds", where=plan.scene.node.where)
-    text.add("vec2 scene_box(Ray ray, vec2 range) {")
-    for axis, low, high in box_ends(plan.scene.node.facts):
+    _clip_to_box(text, plan, "scene_box", plan.scene.node.facts)
+    return text.chunk("scene box")
+
+
+def _clip_to_box(text: Lines, plan: Plan, name: str, facts: Facts) -> None:
+    """The function that clips a ray or a cone to a box."""
+    text.add(f"vec2 {name}(Ray ray, vec2 range) {{")
+    for axis, low, high in box_ends(facts):
         at = f"range, ray.origin.{axis}, ray.direction.{axis}"
         if plan.marching.cones and "WIDE_CONE" in plan.variants:  # it also starts as wide as u_cone_start
             at = "range, ray.origin.{axis} {sign} u_cone_start, ray.direction.{axis} {sign} u_cone"
@@ -35,7 +41,27 @@ def scene_box(plan: Plan) -> Chunk:
             text.add(f"    range = {call};")
     text.add("    return range;")
     text.add("}")
-    return text.chunk("scene box")
+
+
+def marched_range(plan: Plan) -> Chunk:
+    """The part of a ray in which solids are marched: from the first to the last of their boxes that it goes through."""
+    boxes = plan.analytic.boxes
+    text = Lines("the bounds of what is marched", where=plan.scene.node.where)
+    if len(boxes) == 1:
+        _clip_to_box(text, plan, "marched_range", boxes[0])
+        return text.chunk("marched range")
+    for i, box in enumerate(boxes):
+        _clip_to_box(text, plan, f"marched_box_{i}", box)
+    text.add("vec2 marched_range(Ray ray, vec2 range) {")
+    text.add("    vec2 found = vec2(1.0e30, -1.0e30);")
+    if boxes:
+        text.add("    vec2 part;")
+    for i in range(len(boxes)):
+        text.add(f"    part = marched_box_{i}(ray, range);")
+        text.add("    if (part.x <= part.y) found = vec2(min(found.x, part.x), max(found.y, part.y));")
+    text.add("    return found;")
+    text.add("}")
+    return text.chunk("marched range")
 
 
 def scene_cone(plan: Plan) -> Chunk:

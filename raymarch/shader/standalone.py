@@ -100,7 +100,8 @@ class Setup:
 
     def promised(self) -> dict[str, Callable[[], Chunk]]:
         """The names of the functions and those that they need, before it is known which uniforms the shader has."""
-        needs = {"field", "place_camera", self._size, "u_pixel", "u_far", *self._clip}
+        field = "ray_field" if "ANALYTIC" in self._plan.variants else "field"
+        needs = {field, "place_camera", self._size, "u_pixel", "u_far", *self._clip}
         needs |= {"u_lens"} if "LENS" in self._plan.variants else set()
         needs |= set() if "OWN_START" in self._plan.variants else {"u_side"}
         return {
@@ -148,7 +149,8 @@ class Setup:
         for name, value in self._clip.items():
             text.add(f"    {name} = {value};")
         if "OWN_START" not in self._plan.variants:
-            text.add("    float at_camera = field(u_camera_position);")
+            call = "ray_field({}, true)" if "ANALYTIC" in self._plan.variants else "field({})"
+            text.add(f"    float at_camera = {call.format('u_camera_position')};")
             text.add("    u_side = at_camera < 0.0 ? -1.0 : 1.0;")
         if "u_start" in given:
             text.add("    vec3 size = abs(u_camera_position);")

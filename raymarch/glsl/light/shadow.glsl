@@ -7,7 +7,14 @@ float hard_shadow(Surface surface, Light light) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;
     Ray ray = spawn_ray(surface.p, geometric_normal(surface), light.direction, surface.t, start);
+#ifdef ANALYTIC
+    bool inside = u_side < 0.0;
+    if (!inside && solved_hit(ray.origin, ray.direction, start) < light.distance) return 0.0;
+    vec2 range = vec2(start, light.distance);
+    range = inside ? scene_box(ray, range) : marched_range(ray, range);
+#else
     vec2 range = scene_box(ray, vec2(start, light.distance));
+#endif
     float near = 0.5 * contact(surface.p, surface.t);
     float s = range.x;
     float r = 0.0;
@@ -15,7 +22,11 @@ float hard_shadow(Surface surface, Light light) {
     for (int i = 0; i < shadow_steps; i++) {
         if (s >= range.y) return 1.0;
         last = r;
+#ifdef ANALYTIC
+        r = u_side * ray_field(ray.origin + s * ray.direction, inside);
+#else
         r = u_side * field(ray.origin + s * ray.direction);
+#endif
         if (i == 0) near = min(near, 0.5 * r);
         if (r <= near + GROWTH * s) return 0.0;
         s += safe_step(r);

@@ -14,7 +14,11 @@ uniform float u_cone_start;
 #endif
 
 float march_distance(Ray ray, float t) {
+#ifdef ANALYTIC
+    float r = u_side * ray_field(ray.origin + t * ray.direction, u_side < 0.0);
+#else
     float r = u_side * field(ray.origin + t * ray.direction);
+#endif
 #ifdef CONE
 #ifdef WIDE_CONE
     r = (r - u_cone_start - u_cone * t) / (1.0 + u_cone);

@@ -71,6 +71,10 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     escaped = escaped || (found && at.t > far);  // a long step may end behind the far plane
     found = found && !escaped;
 #endif
+#ifdef ANALYTIC
+    escaped = escaped || (found && at.t > far);  // a long step may end behind a hit in closed form
+    found = found && !escaped;
+#endif
     hit.found = found;
     hit.done = found || escaped;
     hit.t = found ? at.t + last_step(widths, at) : at.t;

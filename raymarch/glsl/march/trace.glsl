@@ -1,6 +1,19 @@
 // The hit of a pixel's ray, marched in one pass.
 Hit trace(Ray ray) {
     vec2 range = range_of(ray);
+#ifdef ANALYTIC
+    Hit hit = no_hit(0.0);
+    if (range.x <= range.y) {
+        March at = start_march(ray, range.x);
+        hit = no_hit(at.t);
+        march(ray, at, hit, range.y);
+    }
+#ifdef OWN_START
+    hit.evaluations += 1.0;
+#endif
+    keep_solved(hit);
+    return hit;
+#else
     if (range.x > range.y) return no_hit(0.0);
     March at = start_march(ray, range.x);
 #ifdef OWN_START
@@ -12,4 +25,5 @@ Hit trace(Ray ray) {
     hit.evaluations += 1.0;
 #endif
     return hit;
+#endif
 }

@@ -10,5 +10,8 @@ Hit trace(Ray ray) {
     }
     hit.iterations += spent.x;
     hit.evaluations += spent.y;
+#ifdef ANALYTIC
+    keep_solved(hit);
+#endif
     return hit;
 }

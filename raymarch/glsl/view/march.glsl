@@ -31,6 +31,9 @@ void main() {
         march(ray, at, hit, far);
         under_way = !hit.done && !u_end;
     }
+#ifdef ANALYTIC
+    if (!under_way) keep_solved(hit);
+#endif
     out_march = packed_march(at, hit, under_way);
     out_found = packed_hit(hit);
     out_more = packed_more(at);

@@ -1,0 +1,135 @@
+"""The solids of a scene that rays hit in closed form: operands of its outermost hard union.
+
+They are solved once for each ray. Only the other operands are marched, between the ends of their boxes and up to the
+nearest closed-form hit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+from raymarch.errors import Location
+from raymarch.expr.function import Function
+from raymarch.expr.node import Expr, const, var
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import max, min, where
+from raymarch.plan.hoisting import hoist
+from raymarch.sdf.booleans import hard_union
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.intersections import FARTHEST, NAMES, has_closed_form, interval_of_ray
+from raymarch.sdf.labels import flattened
+from raymarch.sdf.lower import Lowering
+from raymarch.sdf.node import Node
+
+MOST = 64
+"""Largest number of solids that are solved by `Quality(analytic=None)`. Each ray solves all of them."""
+
+MOST_BOXES = 8
+"""Largest number of boxes that a ray is clipped to one by one; the boxes of more operands are joined."""
+
+
+@dataclass(slots=True)
+class Analytic:
+    """Which solids are solved in closed form, and why.
+
+    solved, marched : the operands of the outermost union. boxes : those of the marched ones.
+    hit : the distance at which a ray enters a solved solid first, a function of its origin, its unit direction and the
+        distance at which it begins; 1e30 if it enters none. rest : the field of the marched operands. solved_distance :
+        that of the solved ones. All are None if no solid is solved.
+    """
+
+    reason: str
+    solved: tuple[Node, ...] = ()
+    marched: tuple[Node, ...] = ()
+    hit: Function | None = None
+    rest: Function | None = None
+    solved_distance: Function | None = None
+
+    @property
+    def used(self) -> bool:
+        """True if some solid is solved."""
+        return bool(self.solved)
+
+    @property
+    def boxes(self) -> list[Facts]:
+        """The boxes outside of which nothing is marched; none if nothing is marched."""
+        boxes = [node.facts for node in self.marched if not node.facts.empty]
+        return boxes if len(boxes) <= MOST_BOXES else [_around(boxes)]
+
+
+def choose(root: Node, asked: bool | None) -> Analytic:
+    """Choose the solids to solve.
+
+    root : the tree with its objects as rows. asked : see `Quality.analytic`.
+    """
+    if asked is False:
+        return Analytic("Quality(analytic=False)")
+    solved, marched = [], []
+    for node in _operands(root):
+        closed = has_closed_form(node) and not node.facts.empty
+        (solved if closed else marched).append(node)
+    if not solved:
+        return Analytic(f"no operand of the outermost hard union is one of {', '.join(NAMES)}, only rotated and moved")
+    if asked is None and len(solved) > MOST:
+        return Analytic(f"{len(solved)} solids have closed forms, more than {MOST} take as long as their march")
+    count = f"{len(solved)} of {len(solved) + len(marched)} operands of the outermost union"
+    why = "Quality(analytic=True)" if asked else "rays meet them without steps"
+    return Analytic(f"{count}: {why}", tuple(solved), tuple(marched))
+
+
+def complete(
+    made: Analytic, lowering: Lowering, hoisted: dict[str, Expr], origins: dict[Expr, Location]
+) -> dict[str, Expr]:
+    """Add the functions of a choice that solves some solids. Returns the hoisted expressions with those of theirs."""
+    o, d, start = var("origin", VEC3), var("direction", VEC3), var("start", FLOAT)
+    found = []
+    for node in made.solved:
+        ends = interval_of_ray(node, o, d)
+        met = (ends.x <= ends.y) & (ends.y >= start)
+        found.append(where(met, max(ends.x, start), FARTHEST))
+        if node.where is not None:
+            origins.setdefault(ends, node.where)
+    functions = [Function("solved_hit", (o, d, start), reduce(min, found))]
+    for name, nodes in (("marched_field", made.marched), ("solved_field", made.solved)):
+        functions.append(_union_field(name, nodes, lowering))
+    complete = []
+    for function in functions:
+        function, hoisted = hoist(function, origins, hoisted)
+        complete.append(function)
+    made.hit, made.rest, made.solved_distance = complete
+    return hoisted
+
+
+def _union_field(name: str, nodes: Sequence[Node], lowering: Lowering) -> Function:
+    """The field of a union, infinite for no solid."""
+    if not nodes:
+        return Function(name, (var("p", VEC3),), const(FARTHEST))
+    root = nodes[0]
+    if len(nodes) > 1:
+        root = Node(hard_union.definition, tuple(nodes), {}, nodes[0].facts)  # type: ignore[attr-defined]
+    return lowering.again().field(root, name)
+
+
+def _operands(root: Node) -> list[Node]:
+    """The operands of the outermost hard unions, under labels too."""
+    found: list[Node] = []
+    pending = [root]
+    while pending:
+        node = pending.pop()
+        inner = node
+        while inner.label is not None:
+            inner = inner.children[0]
+        if inner.definition is hard_union.definition:  # type: ignore[attr-defined]
+            pending.extend(reversed(flattened(inner)))
+        else:
+            found.append(node)
+    return found
+
+
+def _around(boxes: Sequence[Facts]) -> Facts:
+    """The box around some boxes."""
+    lower = reduce(lambda a, b: a.clip(max=b), [box.lower for box in boxes])
+    upper = reduce(lambda a, b: a.clip(min=b), [box.upper for box in boxes])
+    return Facts("bound", 1.0, lower, upper)

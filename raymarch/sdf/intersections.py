@@ -1,0 +1,258 @@
+"""Ray intersections in closed form: the part of a line that lies in a convex solid.
+
+Each function takes the origin and the unit direction of a ray in the object space of a shape, and the parameters of the
+shape. It returns the distances (enter, exit) at which the line enters and leaves the solid; enter > exit if the line
+misses it. Distances before the origin are negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+import numpy as np
+
+from raymarch.expr.function import Function, function
+from raymarch.expr.node import Expr, Operand
+from raymarch.expr.types import FLOAT, VEC2, VEC3
+from raymarch.expr.vocabulary import abs, dot, length, max, min, sqrt, transpose, vec2, where
+from raymarch.sdf.definition import Definition
+from raymarch.sdf.node import Node
+from raymarch.sdf.placing import affine, rotate_about, rotation_matrix, scale_evenly, translate
+from raymarch.sdf.rounds import cone, ellipsoid
+from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere
+
+FARTHEST = 1e30
+"""Stands for infinity. Larger distances are no hits."""
+
+TINY = 1e-20
+"""Smallest rate at which a ray approaches a plane. A parallel ray meets the plane far away, on its side."""
+
+MISS = (FARTHEST, -FARTHEST)
+
+
+@function(rate=FLOAT)
+def nonzero(rate: Expr) -> Expr:
+    """A number that can be divided by: no closer to 0 than `TINY`, with the same sign."""
+    return where(abs(rate) < TINY, where(rate < 0.0, -TINY, TINY), rate)
+
+
+@function(a=VEC2, b=VEC2)
+def overlap(a: Expr, b: Expr) -> Expr:
+    """The part of a line in both of two convex solids."""
+    return vec2(max(a.x, b.x), min(a.y, b.y))
+
+
+@function(a=VEC2, b=VEC2)
+def hull(a: Expr, b: Expr) -> Expr:
+    """The part of a line in the union of two convex solids, if the union is convex."""
+    both = vec2(min(a.x, b.x), max(a.y, b.y))
+    return where(a.x > a.y, b, where(b.x > b.y, a, both))
+
+
+@function(half_b=FLOAT, h=FLOAT, c=FLOAT)
+def roots(half_b: Expr, h: Expr, c: Expr) -> Expr:
+    """The roots of t^2 + 2 half_b t + c, in order; h is the square root of half_b^2 - c.
+
+    The larger in size is computed by a sum of two numbers with the same sign, the other as c divided by it, so neither
+    loses digits (pbrt-v4, section 6.8; Numerical Recipes, 5.6).
+    """
+    q = where(half_b < 0.0, h - half_b, -h - half_b)
+    other = c / nonzero(q)
+    return vec2(min(q, other), max(q, other))
+
+
+@function(o=FLOAT, d=FLOAT, low=FLOAT, high=FLOAT)
+def ray_slab(o: Expr, d: Expr, low: Expr, high: Expr) -> Expr:
+    """The part of a line between two parallel planes."""
+    rate = nonzero(d)
+    a, b = (low - o) / rate, (high - o) / rate
+    return vec2(min(a, b), max(a, b))
+
+
+@function(o=VEC3, d=VEC3, normal=VEC3, offset=FLOAT)
+def ray_plane(o: Expr, d: Expr, normal: Expr, offset: Expr) -> Expr:
+    """The part of a line in a half-space."""
+    rate = nonzero(dot(d, normal))
+    t = (offset - dot(o, normal)) / rate
+    return where(rate < 0.0, vec2(max(t, -FARTHEST), FARTHEST), vec2(-FARTHEST, min(t, FARTHEST)))
+
+
+@function(o=VEC3, d=VEC3, radius=FLOAT)
+def ray_sphere(o: Expr, d: Expr, radius: Expr) -> Expr:
+    """The part of a line in a ball.
+
+    The discriminant is computed from the point of the line closest to the centre (Hearn and Baker), whose distance
+    from the centre is not a difference of large numbers.
+    """
+    half_b = dot(o, d)
+    closest = length(o - half_b * d)
+    size = length(o)
+    h = sqrt(max((radius - closest) * (radius + closest), 0.0))
+    return where(closest > radius, vec2(*MISS), roots(half_b, h, (size - radius) * (size + radius)))
+
+
+@function(o=VEC3, d=VEC3, size=VEC3)
+def ray_box(o: Expr, d: Expr, size: Expr) -> Expr:
+    """The part of a line in a box: that in all three slabs (Kay and Kajiya 1986)."""
+    slabs = [ray_slab(o[i], d[i], -0.5 * size[i], 0.5 * size[i]) for i in range(3)]
+    return overlap(overlap(slabs[0], slabs[1]), slabs[2])
+
+
+@function(o=VEC3, d=VEC3, radius=FLOAT)
+def ray_tube(o: Expr, d: Expr, radius: Expr) -> Expr:
+    """The part of a line in an infinite cylinder.
+
+    o, d : the origin and the direction without their components along the axis.
+    """
+    rate = length(d)
+    parallel = rate < TINY
+    u = d / max(rate, TINY)
+    half_b = dot(o, u)
+    size = length(o)
+    closest = where(parallel, size, length(o - half_b * u))
+    h = sqrt(max((radius - closest) * (radius + closest), 0.0))
+    found = roots(half_b, h, (size - radius) * (size + radius)) / max(rate, TINY)
+    inside = where(parallel, vec2(-FARTHEST, FARTHEST), found)
+    return where(closest > radius, vec2(*MISS), inside)
+
+
+@function(o=VEC3, d=VEC3, radius=FLOAT, height=FLOAT)
+def ray_cylinder(o: Expr, d: Expr, radius: Expr, height: Expr) -> Expr:
+    """The part of a line in a capped cylinder about y."""
+    side = ray_tube(o * (1.0, 0.0, 1.0), d * (1.0, 0.0, 1.0), radius)
+    return overlap(side, ray_slab(o.y, d.y, -0.5 * height, 0.5 * height))
+
+
+@function(o=VEC3, d=VEC3, a=VEC3, b=VEC3, radius=FLOAT)
+def ray_capsule(o: Expr, d: Expr, a: Expr, b: Expr, radius: Expr) -> Expr:
+    """The part of a line in a capsule: the hull of those in its cylinder and in the balls at its ends."""
+    from_a, axis = o - a, b - a
+    height = length(axis)
+    w = axis / max(height, TINY)
+    up, rise = dot(from_a, w), dot(d, w)
+    side = overlap(ray_tube(from_a - up * w, d - rise * w, radius), ray_slab(up, rise, 0.0, height))
+    return hull(side, hull(ray_sphere(from_a, d, radius), ray_sphere(o - b, d, radius)))
+
+
+@function(o=VEC3, d=VEC3, radius=FLOAT, height=FLOAT, top=FLOAT)
+def ray_cone(o: Expr, d: Expr, radius: Expr, height: Expr, top: Expr) -> Expr:
+    """The part of a line in a cone or frustum about y.
+
+    The line is measured from its point closest to the centre, so that all numbers are of the solid's size. On the line,
+    the square of the cone's radius minus the square of the distance from the axis is a quadratic, positive inside. The
+    other nappe of the cone is cut off by the ends of the frustum.
+    """
+    nearest = -dot(o, d)
+    p = o + nearest * d
+    slope = (top - radius) / height
+    width, rate = 0.5 * (radius + top) + slope * p.y, slope * d.y  # the radius at the height of the point
+    across, along = length(d.xz), dot(p.xz, d.xz)
+    away = length(p.xz)
+    a = nonzero((rate - across) * (rate + across))
+    half_b = width * rate - along
+    c = (width - away) * (width + away)
+    discriminant = half_b * half_b - a * c
+    h = sqrt(max(discriminant, 0.0))
+    q = where(half_b < 0.0, h - half_b, -h - half_b)
+    one, other = q / a, c / nonzero(q)
+    first, last = min(one, other), max(one, other)
+    steep = where(rate > 0.0, vec2(last, FARTHEST), vec2(-FARTHEST, first))  # through both nappes
+    between = where(discriminant < 0.0, vec2(*MISS), vec2(first, last))
+    side = where(a > 0.0, steep, between)
+    straight = across + abs(rate) < TINY  # along the wall of a cylinder
+    side = where(straight, where(away > width, vec2(*MISS), vec2(-FARTHEST, FARTHEST)), side)
+    return overlap(side, ray_slab(p.y, d.y, -0.5 * height, 0.5 * height)) + nearest
+
+
+@function(o=VEC3, d=VEC3, size=VEC3)
+def ray_ellipsoid(o: Expr, d: Expr, size: Expr) -> Expr:
+    """The part of a line in an ellipsoid: that in the unit ball, in a space scaled by the half axes."""
+    nearest = -dot(o, d)
+    r = 0.5 * size
+    across = d / r
+    rate = length(across)
+    return ray_sphere((o + nearest * d) / r, across / rate, 1.0) / rate + nearest
+
+
+Interval: TypeAlias = Callable[..., Expr]
+
+_SHAPES: dict[Definition, Function] = {
+    made.definition: interval  # type: ignore[attr-defined]
+    for made, interval in (
+        (plane, ray_plane),
+        (sphere, ray_sphere),
+        (box, ray_box),
+        (cylinder, ray_cylinder),
+        (capsule, ray_capsule),
+        (cone, ray_cone),
+        (ellipsoid, ray_ellipsoid),
+    )
+}
+"""The shapes with a closed form."""
+
+NAMES = tuple(definition.name for definition in _SHAPES)
+"""The names of these shapes."""
+
+
+def has_closed_form(node: Node) -> bool:
+    """True if a ray's part in the solid is known in closed form: a shape of `NAMES` under rigid transforms and scaling
+    by one factor."""
+    while node.definition in _PLACED or node.label is not None:
+        if node.definition is _AFFINE and not _keeps_shapes(node):
+            return False
+        node = node.children[0]
+    return node.definition in _SHAPES
+
+
+def interval_of_ray(node: Node, o: Expr, d: Expr) -> Expr:
+    """The distances at which a line enters and leaves a solid of which `has_closed_form` is true.
+
+    o : origin of the ray. d : its direction, of length 1.
+    """
+    factors: list[Operand] = []
+    while node.definition in _PLACED or node.label is not None:
+        if node.label is None:
+            o, d, factor = _PLACED[node.definition](o, d, node.params)
+            factors += [] if factor is None else [factor]
+        node = node.children[0]
+    found: Expr = _SHAPES[node.definition](o, d, *node.params.values())
+    for factor in factors:
+        found = found * factor
+    return found
+
+
+_Moved: TypeAlias = tuple[Expr, Expr, Operand | None]
+"""A ray in the space of a child, and the length of a unit of that space; None is 1."""
+
+
+def _translated(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
+    return o - params["offset"], d, None
+
+
+def _rotated(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
+    inverse = transpose(rotation_matrix(params["axis"], params["angle"]))
+    return inverse @ o, inverse @ d, None
+
+
+def _scaled(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
+    return o / params["factor"], d, params["factor"]
+
+
+def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
+    inverse, stretch = params["inverse"], params["stretch"]
+    return inverse @ (o - params["offset"]), (inverse @ d) * stretch, stretch
+
+
+_PLACED: dict[Definition, Callable[[Expr, Expr, Mapping[str, Expr]], _Moved]] = {
+    made.definition: move  # type: ignore[attr-defined]
+    for made, move in ((translate, _translated), (rotate_about, _rotated), (scale_evenly, _scaled), (affine, _mapped))
+}
+
+_AFFINE = affine.definition  # type: ignore[attr-defined]
+
+
+def _keeps_shapes(node: Node) -> bool:
+    """True if an affine map is a rotation or reflection times one factor."""
+    values = np.linalg.svd(node.params["linear"].data, compute_uv=False)
+    return bool(values[0] - values[-1] <= 1e-12 * values[0])
