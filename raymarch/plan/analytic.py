@@ -66,8 +66,11 @@ def choose(root: Node, asked: bool | None) -> Analytic:
     """
     if asked is False:
         return Analytic("Quality(analytic=False)")
+    operands = _operands(root)
+    if asked is None and len(operands) < 2:
+        return Analytic("the solid is no hard union")
     solved, marched = [], []
-    for node in _operands(root):
+    for node in operands:
         closed = has_closed_form(node) and not node.facts.empty
         (solved if closed else marched).append(node)
     if not solved:
@@ -80,9 +83,12 @@ def choose(root: Node, asked: bool | None) -> Analytic:
 
 
 def complete(
-    made: Analytic, lowering: Lowering, hoisted: dict[str, Expr], origins: dict[Expr, Location]
+    made: Analytic, field: Function, lowering: Lowering, hoisted: dict[str, Expr], origins: dict[Expr, Location]
 ) -> dict[str, Expr]:
-    """Add the functions of a choice that solves some solids. Returns the hoisted expressions with those of theirs."""
+    """Add the functions of a choice that solves some solids. Returns the hoisted expressions with those of theirs.
+
+    field : that of all operands. hoisted : its hoisted expressions. origins : the user's line of each expression.
+    """
     o, d, start = var("origin", VEC3), var("direction", VEC3), var("start", FLOAT)
     found = []
     for node in made.solved:
@@ -92,8 +98,11 @@ def complete(
         if node.where is not None:
             origins.setdefault(ends, node.where)
     functions = [Function("solved_hit", (o, d, start), reduce(min, found))]
-    for name, nodes in (("marched_field", made.marched), ("solved_field", made.solved)):
-        functions.append(_union_field(name, nodes, lowering))
+    functions.append(_union_field("marched_field", made.marched, lowering))
+    if made.marched:
+        functions.append(_union_field("solved_field", made.solved, lowering))
+    else:
+        functions.append(Function("solved_field", field.params, field(*field.params)))
     complete = []
     for function in functions:
         function, hoisted = hoist(function, origins, hoisted)

@@ -200,7 +200,7 @@ def choices(
         found["march/safe_step"] = "a plain step is as long as the distance"
     if solved:
         found["march/analytic"] = solved
-    elif clipped(scene):
+    if clipped(scene):
         found["march/clipped"] = "rays are marched only inside the scene's box"
     else:
         found["march/whole"] = "the scene's box is unbounded on all sides"

@@ -143,6 +143,9 @@ def assemble(
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
     promised = link(mains, plan.choices, generated, plan.variants)
     taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
+    if plan.analytic.used:
+        called = frozenset[str]().union(*(chunk.needs for chunk in (*mains, *promised.chunks)))
+        roots = [root for root in roots if root.name in called]
     fields, parameters, text = _fields(plan, roots, taken, constants)
     declared = Chunk.of("constants", [line for name, line in fixed.items() if name in taken])
     generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}

@@ -142,7 +142,7 @@ def test_an_error_names_the_node_wherever_it_stands(renderer: rm.Renderer, monke
     node_of_all = first | second | third
     for op, node in (("sin", third), ("matmul", second.children[0])):
         with monkeypatch.context() as patch:
-            spoil(patch, "field", op)
+            spoil(patch, "marched_field", op)
             fault = refusal(renderer, rm.Scene(node_of_all))  # a new scene: a renderer keeps the text of a known one
             assert fault.where == node.where, (op, str(fault))
     with monkeypatch.context() as patch:

@@ -1,15 +1,9 @@
 // Rays are marched only where there are solids to march, and only up to the nearest hit in closed form. A ray that starts
 // inside a solid is marched through all of them.
-uniform float u_far;
-
 float solved_t;  // of the nearest hit in closed form of the pixel's ray; 1e30 for none
 
 vec2 range_of(Ray ray) {
-#ifdef CLIP_PLANES
-    vec2 range = scene_box(ray, between_planes(ray, u_far));
-#else
-    vec2 range = scene_box(ray, vec2(0.0, u_far));
-#endif
+    vec2 range = scene_range(ray);
     solved_t = 1.0e30;
 #ifdef OWN_START
     if (range.x > range.y) return range;
