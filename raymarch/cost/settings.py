@@ -35,6 +35,7 @@ AXES = (
     Axis("tracer", ("plain", "relaxed", "enhanced", "auto_relaxed", "bracketing"), crossed=True),
     Axis("max_steps", (16, 32, 64, 128, 512), crossed=True),
     Axis("epsilon", (2.0, 0.5, 0.1, 0.02, 0.004)),
+    Axis("analytic", (True, False)),
     Axis("schedule", ("single", "two", "four", "six", "cone", "cones")),
     Axis("refinement", ("proven", "slope", "none")),
     Axis("normals", ("analytic", "tetrahedron", "central", "forward")),
@@ -166,11 +167,12 @@ def _meant(scene: Scene, made: Setting, size: tuple[int, int] | None) -> Any:
 
 @lru_cache(maxsize=128)  # a search and a grid ask for the same settings again and again, and each needs a plan
 def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None) -> Quality:
-    """A quality with the plan's choices for this scene: tracer, schedule and effective epsilon.
+    """A quality with the plan's choices for this scene: tracer, schedule, closed forms and effective epsilon.
 
     size : of the picture; the plan chooses the schedule by it.
     """
-    marching = plan(with_quality(scene, quality), size=size).marching
+    planned = plan(with_quality(scene, quality), size=size)
+    marching = planned.marching
     tracer = marching.tracer
     certified = trusted(with_quality(scene, quality))
     schedule = schedule_of(marching)
@@ -187,6 +189,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         beta=beta,
         shadow_steps=quality.shadow_steps if shadowed and quality.shadow_steps != quality.secondary_steps else None,
         light_samples=quality.light_samples if discs else 1,
+        analytic=planned.analytic.used,
         masking=quality.masking if any(m.physical for m in scene.materials) else "correlated",
     )
 

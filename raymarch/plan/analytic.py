@@ -69,7 +69,8 @@ def choose(root: Node, asked: bool | None) -> Analytic:
     operands = _operands(root)
     if asked is None and len(operands) < 2:
         return Analytic("the solid is no hard union")
-    solved, marched = [], []
+    solved: list[Node] = []
+    marched: list[Node] = []
     for node in operands:
         closed = has_closed_form(node) and not node.facts.empty
         (solved if closed else marched).append(node)
@@ -83,11 +84,17 @@ def choose(root: Node, asked: bool | None) -> Analytic:
 
 
 def complete(
-    made: Analytic, field: Function, lowering: Lowering, hoisted: dict[str, Expr], origins: dict[Expr, Location]
+    made: Analytic,
+    root: Node,
+    field: Function,
+    lowering: Lowering,
+    hoisted: dict[str, Expr],
+    origins: dict[Expr, Location],
 ) -> dict[str, Expr]:
     """Add the functions of a choice that solves some solids. Returns the hoisted expressions with those of theirs.
 
-    field : that of all operands. hoisted : its hoisted expressions. origins : the user's line of each expression.
+    root, field : the whole solid and its field. hoisted : its hoisted expressions. origins : the user's line of each
+        expression.
     """
     o, d, start = var("origin", VEC3), var("direction", VEC3), var("start", FLOAT)
     found = []
@@ -98,9 +105,9 @@ def complete(
         if node.where is not None:
             origins.setdefault(ends, node.where)
     functions = [Function("solved_hit", (o, d, start), reduce(min, found))]
-    functions.append(_union_field("marched_field", made.marched, lowering))
+    functions.append(_union_field("marched_field", made.marched, root, lowering))
     if made.marched:
-        functions.append(_union_field("solved_field", made.solved, lowering))
+        functions.append(_union_field("solved_field", made.solved, root, lowering))
     else:
         functions.append(Function("solved_field", field.params, field(*field.params)))
     complete = []
@@ -111,13 +118,14 @@ def complete(
     return hoisted
 
 
-def _union_field(name: str, nodes: Sequence[Node], lowering: Lowering) -> Function:
-    """The field of a union, infinite for no solid."""
+def _union_field(name: str, nodes: Sequence[Node], whole: Node, lowering: Lowering) -> Function:
+    """The field of some operands of the whole solid, infinite for none."""
     if not nodes:
         return Function(name, (var("p", VEC3),), const(FARTHEST))
     root = nodes[0]
     if len(nodes) > 1:
         root = Node(hard_union.definition, tuple(nodes), {}, nodes[0].facts)  # type: ignore[attr-defined]
+        root.where = whole.where
     return lowering.again().field(root, name)
 
 

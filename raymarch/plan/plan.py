@@ -166,7 +166,7 @@ def plan(
     definition, hoisted = hoist(lowering.field(solid), lowering.origins)
     closed = analytic.choose(solid, scene.quality.analytic)
     if closed.used:
-        hoisted = analytic.complete(closed, definition, lowering, hoisted, lowering.origins)
+        hoisted = analytic.complete(closed, solid, definition, lowering, hoisted, lowering.origins)
     refuse_extent(given, origin, definition)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:

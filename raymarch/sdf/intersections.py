@@ -175,10 +175,8 @@ def ray_ellipsoid(o: Expr, d: Expr, size: Expr) -> Expr:
     return ray_sphere((o + nearest * d) / r, across / rate, 1.0) / rate + nearest
 
 
-Interval: TypeAlias = Callable[..., Expr]
-
 _SHAPES: dict[Definition, Function] = {
-    made.definition: interval  # type: ignore[attr-defined]
+    made.definition: interval  # type: ignore[union-attr]
     for made, interval in (
         (plane, ray_plane),
         (sphere, ray_sphere),
@@ -245,7 +243,7 @@ def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
 
 
 _PLACED: dict[Definition, Callable[[Expr, Expr, Mapping[str, Expr]], _Moved]] = {
-    made.definition: move  # type: ignore[attr-defined]
+    made.definition: move  # type: ignore[union-attr]
     for made, move in ((translate, _translated), (rotate_about, _rotated), (scale_evenly, _scaled), (affine, _mapped))
 }
 

@@ -259,6 +259,12 @@ def by_another_tracer(seen: Seen) -> Verdict:
 
 
 @relation
+def with_other_closed_forms(seen: Seen) -> Verdict:
+    """Solved what was marched, or marched what was solved."""
+    return _judged(seen.marched(seen.quality(analytic=not seen.scene.quality.analytic)))
+
+
+@relation
 def after_cones(seen: Seen) -> Verdict:
     return _judged(seen.marched(seen.quality(schedule=("cone", "cones", "six", "two", "four")[seen.seed % 5])))
 

@@ -48,8 +48,28 @@ def scene_of(node: rm.Node, seed: int) -> rm.Scene:
     towards = random.normal(size=3) * (1.0, 0.5, 1.0)
     eye = centre + random.uniform(1.6, 3.0) * reach * towards / np.linalg.norm(towards)
     lights = [rm.Sun((0.5, 1.0, 0.7), shadow=bool(seed % 2))]
-    quality = rm.Quality(max_steps=4096)
+    if seed % 3 == 1:
+        node = rm.union(node, *(_solvable(random, centre, reach) for _ in range(1 + seed % 4)))
+    quality = rm.Quality(max_steps=4096, analytic=(None, True, False)[seed % 7 % 3])
     return rm.Scene(node, rm.Camera(tuple(eye), tuple(centre), fov=52.0), lights, quality=quality)
+
+
+def _solvable(random: np.random.Generator, centre: np.ndarray, reach: float) -> rm.Node:
+    """A solid that rays hit in closed form, near a solid."""
+    a, b, c = reach * random.uniform(0.05, 0.6, 3)
+    made = (
+        rm.sphere(a),
+        rm.box((a, b, c)),
+        rm.cylinder(a, b),
+        rm.capsule((0, -b, 0), (c, b, 0), a),
+        rm.cone(a, b, float(random.choice([0.0, c]))),
+        rm.ellipsoid((a, b, c)),
+    )[random.integers(6)]
+    if random.random() < 0.5:
+        made = made.rotate(float(random.uniform(-3, 3)), tuple(random.normal(size=3)))
+    if random.random() < 0.3:
+        made = made.scale(float(random.uniform(0.3, 2.0)))
+    return made.translate(tuple(centre + reach * random.uniform(-0.8, 0.8, 3)))
 
 
 def faults(world: World, node: rm.Node, seed: int, only: tuple[str, ...] = (), each: int = EACH) -> list[str]:

@@ -65,7 +65,7 @@ def test_every_hit_is_found_and_where_it_is(renderer: Renderer, truth: rm.Truth,
 @pytest.mark.parametrize("schedule", sorted(set(SCHEDULES) - {"single"}))
 def test_no_cone_goes_on_beyond_what_it_holds(renderer: Renderer, truth: rm.Truth, schedule: str, samples: int) -> None:
     """Row 54 of the hard cases: whatever lies in a cell of any level lies behind where its cone ended."""
-    made = scene(rm.Quality(schedule=schedule, samples=samples))
+    made = scene(rm.Quality(schedule=schedule, samples=samples, analytic=False))
     for call in renderer.draw_calls(made):
         call.draw()
     levels = plan(made, size=SIZE).marching.schedule.levels
@@ -119,9 +119,13 @@ def test_cones_of_samples_hold_the_whole_pixel(renderer: Renderer, outputs: tupl
 
 
 def test_cones_save_evaluations(renderer: Renderer) -> None:
-    single = renderer.render(scene(rm.Quality(schedule="single")), outputs=("evaluations",)).evaluations.mean()
+    single = renderer.render(
+        scene(rm.Quality(schedule="single", analytic=False)), outputs=("evaluations",)
+    ).evaluations.mean()
     for schedule in ("cone", "cones"):
-        cones = renderer.render(scene(rm.Quality(schedule=schedule)), outputs=("evaluations",)).evaluations.mean()
+        cones = renderer.render(
+            scene(rm.Quality(schedule=schedule, analytic=False)), outputs=("evaluations",)
+        ).evaluations.mean()
         assert cones < 0.85 * single
 
 
@@ -138,7 +142,7 @@ def test_the_published_schedules() -> None:
 def test_the_plan_marches_cones_only_where_they_pay_and_are_safe() -> None:
     cheap, costly = rm.sphere(), rm.union(*(rm.sphere(0.1).translate((i, 0, 0)) for i in range(60)))
     assert not plan(rm.Scene(cheap), size=(640, 360)).marching.cones
-    text = rm.Scene(costly, quality=rm.Quality(objects="text"))
+    text = rm.Scene(costly, quality=rm.Quality(objects="text", analytic=False))
     assert plan(text, size=(640, 360)).marching.cones
     assert not plan(text, size=(16, 9)).marching.cones and not plan(text).marching.cones
     assert not plan(rm.Scene(costly), size=(640, 360)).marching.cones, "cells skip empty space"

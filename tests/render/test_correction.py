@@ -44,7 +44,7 @@ def test_the_correction_takes_out_nearly_all_of_the_error(renderer: Renderer, na
     epsilon = float(np.clip(distance / (pixel * np.median(known.depth[hit])), 1e-3, 10))
 
     def error(correction: str) -> tuple[float, float]:
-        quality = rm.Quality(refinement=correction, epsilon=epsilon, schedule="single")
+        quality = rm.Quality(refinement=correction, epsilon=epsilon, schedule="single", analytic=False)
         frame = renderer.render(scene.replace(quality=quality), outputs=("depth",))
         both = hit & np.isfinite(frame.depth)
         return float(np.median(np.abs(frame.depth[both] - known.depth[both]))), float(frame.evaluations.mean())

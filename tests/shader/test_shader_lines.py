@@ -139,15 +139,15 @@ def test_an_error_names_the_node_wherever_it_stands(renderer: rm.Renderer, monke
     first = rm.sphere(0.4).translate((1, 0, 0))
     second = rm.sphere(0.5).rotate(0.5, "x").scale((1, 2, 3))
     third = wobbled(rm.box((0.5, 0.6, 0.7)))
-    node_of_all = first | second | third
+    whole = rm.Scene(first | second | third, quality=rm.Quality(analytic=False))
     for op, node in (("sin", third), ("matmul", second.children[0])):
         with monkeypatch.context() as patch:
-            spoil(patch, "marched_field", op)
-            fault = refusal(renderer, rm.Scene(node_of_all))  # a new scene: a renderer keeps the text of a known one
+            spoil(patch, "field", op)
+            fault = refusal(renderer, whole.replace())  # a new scene: a renderer keeps the text of a known one
             assert fault.where == node.where, (op, str(fault))
     with monkeypatch.context() as patch:
         spoil(patch, "sphere")
-        assert refusal(renderer, rm.Scene(node_of_all)).where == first.where
+        assert refusal(renderer, whole.replace()).where == first.where
 
 
 def test_an_error_in_a_users_definition_names_the_expression_too(
