@@ -64,10 +64,11 @@ def roots(half_b: Expr, h: Expr, c: Expr) -> Expr:
 
 @function(o=FLOAT, d=FLOAT, low=FLOAT, high=FLOAT)
 def ray_slab(o: Expr, d: Expr, low: Expr, high: Expr) -> Expr:
-    """The part of a line between two parallel planes."""
+    """The part of a line between two parallel planes. A line in one of the planes is between them."""
     rate = nonzero(d)
     a, b = (low - o) / rate, (high - o) / rate
-    return vec2(min(a, b), max(a, b))
+    on_plane = (abs(d) < TINY) & ((o - low) * (high - o) >= 0.0)
+    return where(on_plane, vec2(-FARTHEST, FARTHEST), vec2(min(a, b), max(a, b)))
 
 
 @function(o=VEC3, d=VEC3, normal=VEC3, offset=FLOAT)
