@@ -438,7 +438,7 @@ def test_a_ray_that_runs_out_of_steps_takes_what_it_came_nearest(renderer: rm.Re
     """Over a plane each step of plain tracing is the height; where 40 of them do not arrive, the ray has come to a
     known place, and counts as a hit if it is less than a pixel's width away from the ground there."""
     view = View((0, 1, 0), (0, 1, -1), 30.0, (160, 120))
-    quality = rm.Quality(tracer="plain", max_steps=40)
+    quality = rm.Quality(tracer="plain", max_steps=40, analytic=False)
     frame = renderer.render(scene_of(view, open_ground(), quality=quality), outputs=("depth", "evaluations"))
     sinking = -view.directions[..., 1]
     t = np.zeros(sinking.shape)

@@ -7,7 +7,15 @@ bool begins(Ray ray, out March at, out float far, out vec2 spent) {
     at = start_march(ray, range.x);
     far = range.y;
     spent = vec2(0.0);
+#ifdef ANALYTIC
+    March carried = at;
+    bool met = carry_on(carried, spent);
+    // A cone may begin outside of the solid in which a ray begins. It was then not marched to the end of that solid.
+    if (u_side > 0.0) at = carried;
+    bool open = range.x <= range.y && (met || u_side < 0.0) && at.t <= range.y;
+#else
     bool open = range.x <= range.y && carry_on(at, spent) && at.t <= range.y;
+#endif
     spent *= u_spent;
 #ifdef OWN_START
     if (open) {
