@@ -12,7 +12,7 @@ import raymarch as rm
 from raymarch.gpu import Renderer
 from raymarch.plan import plan
 
-SIZE = (64, 48)
+SIZE = (48, 36)
 RED, GREEN, BLUE = (rm.Material(color=c) for c in ((0.9, 0.2, 0.1), (0.2, 0.8, 0.2), (0.2, 0.3, 0.9)))
 SUN = rm.Sun((0.5, 1.0, 0.7), shadow=True)
 RING = rm.union(rm.torus(0.6, 0.2).rotate(1.2, "x"), rm.sphere(0.3), k=0.2).translate((0.2, 0.7, -0.4))
@@ -89,14 +89,14 @@ CASES: dict[str, Callable[[], rm.Scene]] = {
         camera=rm.Camera((1, 1.7, 4), (0, 0.3, 0), projection="orthographic", height=3),
         quality=rm.Quality(schedule="cones"),
     ),
-    "mirror ball": lambda: scene(things() | BALL.material(MIRROR), quality=WHITTED, bounces=3),
+    "mirror ball": lambda: scene(things() | BALL.material(MIRROR), quality=WHITTED, bounces=1),
     "mirror floor": lambda: scene(rm.plane().material(MIRROR) | BALL | RING, quality=WHITTED, bounces=2),
-    "glass ball": lambda: scene(things() | BALL.material(GLASS), quality=WHITTED, bounces=4),
+    "glass ball": lambda: scene(things() | BALL.material(GLASS), quality=WHITTED, bounces=2),
     "glass ball in the floor": lambda: scene(
-        things() | rm.sphere(0.6).translate((0, 0.2, 0.5)).material(GLASS), quality=WHITTED, bounces=4
+        things() | rm.sphere(0.6).translate((0, 0.2, 0.5)).material(GLASS), quality=WHITTED, bounces=2
     ),
     "glass ring": lambda: scene(
-        rm.plane() | BALL.translate((0, 0, -1)) | RING.material(GLASS), quality=WHITTED, bounces=4
+        rm.plane() | BALL.translate((0, 0, -1)) | RING.material(GLASS), quality=WHITTED, bounces=2
     ),
     "soft shadow": lambda: scene(lights=[DISC]),
     "sampled disc and samples": lambda: scene(
@@ -119,8 +119,8 @@ CASES: dict[str, Callable[[], rm.Scene]] = {
 }
 
 
-EDGES = 12
-"""Pixels of 3,072 that may have another colour: rays that just meet an edge or the border of a shadow."""
+EDGES = 10
+"""Pixels of 1,728 that may have another colour: rays that just meet an edge or the border of a shadow."""
 
 AS_MARCHED = ("near and far planes", "from below the floor", "in a box", "sampled disc and samples")
 """Cases that must look as marched: where rays start inside a solid, the reference shades some pixels differently; of a

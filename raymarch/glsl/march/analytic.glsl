@@ -7,7 +7,14 @@ vec2 range_of(Ray ray) {
     solved_t = 1.0e30;
 #ifdef OWN_START
     if (range.x > range.y) return range;
-    u_side = ray_field(ray.origin + range.x * ray.direction, true) < 0.0 ? -1.0 : 1.0;
+    vec3 widths = hit_widths(ray);
+#ifdef ORTHOGRAPHIC
+    float width = widths.x * range.x + hit_width(widths);
+#else
+    float width = widths.x + hit_width(widths) * range.x;
+#endif
+    // a ray may start on a surface, see march/enter
+    u_side = ray_field(ray.origin + range.x * ray.direction, true) < -width ? -1.0 : 1.0;
 #endif
     if (u_side < 0.0) return range;
 #ifndef CONE
