@@ -117,7 +117,7 @@ def run(
         int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
     ] = None,
 ) -> None:
-    cut = check_view(view, slice_)
+    outputs = check_view(view, slice_)
     width, height = parse_size(size)
     chooser = choose_quality(quality, error, within)
     on_cluster = {
@@ -145,7 +145,7 @@ def run(
     if (layers or suffix == ".npz") and view != "final":
         raise CommandError(f"--view {view} with all arrays", legal="no --view")
     film = suffix in FILMS
-    shot = Shot((width, height), ".png" if film else suffix, params, view, CHOICES[view], cut, alpha, layers, strict)
+    shot = Shot((width, height), ".png" if film else suffix, params, view, outputs, alpha, layers, strict)
     if cluster is not None:
         from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
         from raymarch.cluster.frames import TIMEOUT, Options

@@ -14,6 +14,7 @@ from PIL import Image
 from raymarch.cli.common import CommandError
 from raymarch.export.stills import drawn
 from raymarch.gpu.frame import Frame
+from raymarch.gpu.prepare import Wanted
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
@@ -87,15 +88,15 @@ def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:
     return Shown(image, numbers)
 
 
-def check_view(view: str, slice_: str | None) -> Slice | None:
-    """The plane of --slice, or None. CommandError for an invalid plane or view."""
+def check_view(view: str, slice_: str | None) -> tuple[Wanted, ...]:
+    """The arrays that a view needs, with the plane of --slice. CommandError for an invalid plane or view."""
     if view not in CHOICES:
         raise CommandError(f"--view {view}", legal=", ".join(CHOICES))
     if slice_ is None:
-        return None
+        return CHOICES[view]
     if view != "slice":
         raise CommandError(f"--slice together with --view {view}", legal="--view slice")
-    return parse_slice(slice_)
+    return (parse_slice(slice_),)
 
 
 def parse_slice(text: str) -> Slice:

@@ -198,12 +198,11 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Calla
     shader = assemble(planned)
     data = sum(samples.nbytes for samples in shader.samples.values())
     cells = sum(level.size(size)[0] * level.size(size)[1] for level in planned.marching.schedule.levels)
-    pair = 2 if any(p.module == "view/accumulate" for p in planned.passes) else 1
-    drawn = sum(p.textures for p in planned.passes if p.name != "cone") * size[0] * size[1] * pair
+    textures = sum(p.textures * (2 if p.history else 1) for p in planned.passes if p.often != "level")
     return {
         "color": color,
         "evaluations": count(scene, renderer, time, params),
-        "texture_bytes": data + TEXEL * (cells + drawn),
+        "texture_bytes": data + TEXEL * (cells + textures * size[0] * size[1]),
         "shader_bytes": len(shader.text().encode()),
     }
 

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.gpu.frame import Frame
+from raymarch.plan import OUTPUTS
 from raymarch.scene.images import exr_package
 
-ARRAYS = (
-    *("color", "depth", "normal", "iterations", "evaluations", "residual", "material", "fallbacks", "done", "reach"),
-)
-"""The arrays of a frame that every driver can draw."""
+ARRAYS = tuple(name for name in OUTPUTS if name not in ("slice", "cycles"))
+"""The arrays of a frame that every driver can draw, and that have no parameter."""
 
 
 def write_npz(file: Path, frame: Frame) -> None:

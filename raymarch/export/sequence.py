@@ -146,7 +146,7 @@ class Contents:
                 whole = prepare(self.scene, shot.outputs, size)
                 self._ready[key] = whole if item.part is None else prepared_part(whole)
             ready = self._ready[key]
-        return content_of(ready, self.scene, item.size, item.time, shot.params, shot.cut, shot.label, item.part)
+        return content_of(ready, self.scene, item.size, item.time, shot.params, shot.outputs, shot.label, item.part)
 
 
 def join_film(target: Path, items: Sequence[Item], fps: float, error: type[RaymarchError] = SceneError) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,9 @@ from raymarch.export.layers import write_layers, write_npz
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import Part
-from raymarch.gpu.prepare import Prepared, frame_uniforms
+from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
-from raymarch.gpu.slices import Slice
 from raymarch.gpu.views import light, picture, scale_of
 from raymarch.plan import lights
 from raymarch.scene.images import write_exr
@@ -55,8 +54,7 @@ class Shot:
     size : (width, height) of the picture in pixels.
     suffix : of the file: one of `FORMATS` or `NUMBERS`.
     params : values of parameters by name.
-    view : what is shown, and `outputs`, the arrays that it needs; see `raymarch.gpu.views.VIEWS`.
-    cut : plane of the view "slice".
+    view : what is shown, and `outputs`, the arrays that it needs, see `raymarch.gpu.views.VIEWS`, or a `Slice`.
     alpha : make the sky transparent. layers : all arrays, in an .exr. strict : refuse a picture that has doubts.
     """
 
@@ -64,8 +62,7 @@ class Shot:
     suffix: str = ".png"
     params: Mapping[str, ParamValue] = field(default_factory=dict)
     view: str = "final"
-    outputs: tuple[str, ...] = ("color",)
-    cut: Slice | None = None
+    outputs: tuple[Wanted, ...] = ("color",)
     alpha: bool = False
     layers: bool = False
     strict: bool = False
@@ -82,7 +79,7 @@ def content_of(
     size: tuple[int, int],
     time: float,
     params: Mapping[str, ParamValue],
-    cut: Slice | None,
+    outputs: Sequence[Wanted],
     label: str,
     part: Part | None = None,
 ) -> str | None:
@@ -94,7 +91,7 @@ def content_of(
     if scene.quality.temporal != "off":
         return None
     values = set_values(ready.plan.parameters, params, time, scene.where)
-    uniforms = frame_uniforms(ready, values, size if part is None else part.whole, None, cut)
+    uniforms = frame_uniforms(ready, values, size if part is None else part.whole, None, outputs)
     if ready.plan.lights_as_data:
         uniforms["u_lights"] = lights.rows(ready.plan.scene, values)
     made = hashlib.sha256()
@@ -148,7 +145,7 @@ def draw(
 
     Raises RenderError for doubts if the shot is strict, and the errors of `Renderer.render`.
     """
-    frame = renderer.render(scene, time, shot.params, shot.outputs, progress, cut=shot.cut, part=part)
+    frame = renderer.render(scene, time, shot.params, shot.outputs, progress, part=part)
     doubts = frame.doubts(steps=True) if shot.view == "final" and part is None else list(frame.warnings)
     if shot.strict and doubts:
         raise RenderError(doubts)

@@ -1,10 +1,11 @@
-"""The draw calls of a frame in order: cones from coarse to fine, then the requested passes, once per sample."""
+"""The draw calls of a frame: one loop draws the passes of a plan, each as often as it states."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,8 @@ from raymarch.plan.schedule import Level
 PLASTIC = 1.3247179572447460
 """The real root of x^3 = x + 1; its powers define the two-dimensional sequence of lowest known discrepancy."""
 
-
-SHARP = ("geometry", "slice")
-"""Passes whose rays start at the centre of the lens."""
+CENTRE: Mapping[str, Any] = {"u_lens": (0.0, 1.0)}
+"""The uniforms of a pass whose rays start at the centre of the lens."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,86 +85,147 @@ class History:
         return kept
 
 
-def draw_calls_of(
-    resources: ResourceCache,
-    ready: Prepared,
-    uniforms: Mapping[str, Any],
-    size: tuple[int, int],
-    history: History,
-    enough: Callable[[], bool] | None = None,
-    at: Callable[[float], Mapping[str, Any]] | None = None,
-    part: Part | None = None,
-) -> Iterator[DrawCall]:
-    """All draw calls of a frame. Updates `history` as if they were drawn.
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A draw of each pass of a group.
 
-    at : the uniforms at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
-        has its own. None if the scene does not move while the shutter is open.
-    part : the part of a picture that is drawn, of this size; `ready` is then that of `prepared_part`.
+    Attributes
+    ----------
+    uniforms : of this turn. size : of the target; None for that of the picture. target : its name; "" for the pass's.
+    before : all uniforms of the last picture, if the scene changed since. kept : use what was drawn earlier.
+    """
+
+    uniforms: Mapping[str, Any]
+    size: tuple[int, int] | None = None
+    target: str = ""
+    before: Mapping[str, Any] | None = None
+    kept: bool = False
+
+
+class Drawing:
+    """The draw calls of a frame. Updates the history as if they were drawn.
+
+    Parameters
+    ----------
+    uniforms : of all passes. size : of the picture, or of the part.
     enough : called after each pass of a march that is split into several; True postpones the rest to the next frame.
         Each call must then be drawn before the next is requested. None makes the maximum number of passes.
+    at : the uniforms at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
+        has its own. None if the scene does not move while the shutter is open.
+    part : the part of a picture that is drawn; `ready` is then that of `prepared_part`.
     """
-    keep = ready.plan.scene.quality.temporal != "off"
-    kept = history.begin(_view(ready, uniforms, size), ready.texts.get("color"), keep)
-    rays = dict(uniforms)
-    if part is not None:
-        rays["u_corner"] = part.box(size)[:2]
-    if ready.plan.marching.cones:
-        cones, carried = _cones(resources, ready, uniforms, size, part)
-        yield from [] if kept else cones
-        rays.update(carried, u_spent=1.0 if history.cones or not keep else 0.0)
-    for chosen in ready.plan.passes:
-        if chosen.module == "view/accumulate":
-            yield from _samples(resources, ready, chosen, rays, size, history, at, part)
-        elif chosen.module == "temporal/resolve":
-            yield from _joined(resources, ready, chosen, rays, size, history)
-            history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
-            history.shader = history.text
-        elif chosen.name == "march":
-            if not (kept and "color" not in ready.texts):
-                history.marched = history.marched if kept else 0
-                yield from _marched(resources, ready, chosen, rays, size, history, enough)
-            state = resources.pair("march", size, chosen.textures).front
-            rays |= {"u_march": (state, 0), "u_found": (state, 1)}
-        elif chosen.name not in ("cone", "sample", "before"):
-            sharp = {"u_lens": (0.0, 1.0)} if chosen.name in SHARP else {}
-            target = resources.target(chosen.name, size, chosen.textures)
-            yield _call(resources, ready, chosen, target, {**rays, **sharp})
+
+    def __init__(
+        self,
+        resources: ResourceCache,
+        ready: Prepared,
+        uniforms: Mapping[str, Any],
+        size: tuple[int, int],
+        history: History,
+        enough: Callable[[], bool] | None = None,
+        at: Callable[[float], Mapping[str, Any]] | None = None,
+        part: Part | None = None,
+    ) -> None:
+        self.resources, self.ready, self.uniforms, self.size = resources, ready, uniforms, size
+        self.history, self.enough, self.at, self.part = history, enough, at, part
+        self.carried: dict[str, Any] = {} if part is None else {"u_corner": part.box(size)[:2]}
+        """Uniforms that passes leave to later ones, and the textures that were written last, by name."""
+
+    def __iter__(self) -> Iterator[DrawCall]:
+        keep = self.ready.plan.scene.quality.temporal != "off"
+        view = _view(self.ready, self.uniforms, self.size)
+        kept = self.history.begin(view, self.ready.texts.get("color"), keep)
+        for often, group in groupby(self.ready.plan.passes, key=lambda chosen: chosen.often):
+            passes = tuple(group)
+            for turn in TURNS[often](self, passes, kept):
+                for chosen in passes:
+                    yield from self._drawn(chosen, turn)
+
+    def _drawn(self, chosen: Pass, turn: Turn) -> Iterator[DrawCall]:
+        """The draw call of a pass in a turn, if there is one. Later passes then read what it writes."""
+        size = turn.size or self.size
+        pair = self.resources.pair(f"{chosen.name} history", size, chosen.textures) if chosen.history else None
+        target = pair.back if pair else self.resources.target(turn.target or chosen.name, size, chosen.textures)
+        if not (turn.kept or (chosen.changed and turn.before is None)):
+            program, compiling = self.resources.program(self.ready, chosen.name)
+            uniforms = {
+                **self.uniforms,
+                **self.carried,
+                **(CENTRE if chosen.sharp else {}),
+                **turn.uniforms,
+                **((turn.before or {}) if chosen.changed else {}),
+                **({name: (pair.front, i) for i, name in enumerate(chosen.history)} if pair else {}),
+                **self.ready.constants.get(chosen.name, {}),
+            }
+            yield DrawCall(chosen, program, target, uniforms, compiling)
+            if pair:
+                pair.swap()
+        written = pair.front if pair else target
+        self.carried |= {name: (written, i) for i, name in enumerate(chosen.writes)}
 
 
-def _marched(
-    resources: ResourceCache,
-    ready: Prepared,
-    chosen: Pass,
-    uniforms: Mapping[str, Any],
-    size: tuple[int, int],
-    history: History,
-    enough: Callable[[], bool] | None,
-) -> Iterator[DrawCall]:
-    """The passes of a split march, each with some steps of all rays, into alternate targets, until all have
-    terminated."""
-    plan = ready.plan
-    steps_per_pass = plan.scene.quality.steps_per_pass
+def _once(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
+    """One draw of each."""
+    yield Turn({})
+
+
+def _steps(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
+    """The passes of a split march, each with some steps of all rays, until all have terminated."""
+    history, plan = drawing.history, drawing.ready.plan
+    steps_per_pass, count = plan.scene.quality.steps_per_pass, plan.marching.passes
     assert steps_per_pass is not None
-    passes = plan.marching.passes
-    pair = resources.pair("march", size, chosen.textures)
-    while history.marched < passes:
+    if kept and "color" not in drawing.ready.texts:
+        yield Turn({}, kept=True)
+        return
+    history.marched = history.marched if kept else 0
+    if history.marched >= count:
+        yield Turn({}, kept=True)
+    while history.marched < count:
         steps = min(steps_per_pass, plan.marching.steps - history.marched * steps_per_pass)
-        own = {
-            **uniforms,
-            "march_steps": steps,
-            "u_begin": history.marched == 0,
-            "u_end": history.marched == passes - 1,
-        }
-        own |= {"u_march": (pair.front, 0), "u_found": (pair.front, 1), "u_more": (pair.front, 2)}
-        yield _call(resources, ready, chosen, pair.back, own)
-        pair.swap()
+        begin, end = history.marched == 0, history.marched == count - 1
+        yield Turn({"march_steps": steps, "u_begin": begin, "u_end": end})
         history.marched += 1
-        if enough is not None and history.marched < passes:
-            if not resources.count_active(pair):
-                history.marched = passes
-            elif enough():
+        if drawing.enough is not None and history.marched < count:
+            if not drawing.resources.count_active(f"{passes[0].name} history"):
+                history.marched = count
+            elif drawing.enough():
                 break
-    history.arrived = history.marched >= passes
+    history.arrived = history.marched >= count
+
+
+def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
+    """One turn for each sample.
+
+    If the history is reprojected and anything except the camera changed since the last frame, a pass between the sample
+    and the picture has the uniforms of that frame.
+    """
+    history, ready, uniforms = drawing.history, drawing.ready, drawing.uniforms
+    reprojected = len(passes) > 1
+    first, end = (drawing.part and drawing.part.samples) or (0, ready.plan.scene.quality.samples)
+    camera = {name: uniforms[uniform] for name, uniform in CAMERA.items()}
+    earlier = camera if history.before is None else history.before
+    known = reprojected and history.before is not None and not _is_cut(earlier, camera, uniforms["u_far"])
+    cameras = {f"u_before_{name}": value for name, value in earlier.items()} if reprojected else {}
+    for _ in range(first, end):
+        still, number = history.samples > 0, first + history.samples
+        own = {
+            **(drawing.at(moment(number)) if drawing.at is not None else {}),
+            **cameras,
+            "u_jitter": r2(number) if still or not known else halton(history.frames % PERIOD),
+            "u_sample": number if still or not reprojected else history.frames,
+            "u_keep": still or known,
+            "u_still": still,
+        }
+        changed = known and not still and any(p.changed for p in passes) and _changed(ready, uniforms, history)
+        before = {f"u_now_{name}": value for name, value in camera.items()} if changed else None
+        if before is not None:
+            before |= _earlier(drawing.resources, ready, history)
+        yield Turn({**own, "u_changed": changed}, before=before)
+        history.samples += 1
+    if reprojected:
+        history.before, history.shader = camera, history.text
+        history.frames += 1
+        history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
 
 
 def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
@@ -182,89 +243,6 @@ def _content(value: Any) -> Any:
     return id(value)
 
 
-def _call(
-    resources: ResourceCache, ready: Prepared, chosen: Pass, target: Target, uniforms: Mapping[str, Any]
-) -> DrawCall:
-    program, compiling = resources.program(ready, chosen.name)
-    own = ready.constants.get(chosen.name)
-    return DrawCall(chosen, program, target, {**uniforms, **own} if own else uniforms, compiling)
-
-
-def _samples(
-    resources: ResourceCache,
-    ready: Prepared,
-    chosen: Pass,
-    uniforms: Mapping[str, Any],
-    size: tuple[int, int],
-    history: History,
-    at: Callable[[float], Mapping[str, Any]] | None,
-    part: Part | None,
-) -> Iterator[DrawCall]:
-    """One draw call per sample, into alternate targets. at : as of `draw_calls_of`."""
-    pair = resources.pair("history", size)
-    first, end = (part and part.samples) or (0, ready.plan.scene.quality.samples)
-    for _ in range(first, end):
-        own = {
-            **uniforms,
-            **(at(moment(first + history.samples)) if at is not None else {}),
-            "u_history": pair.front,
-            "u_keep": history.samples > 0,
-            "u_jitter": r2(first + history.samples),
-            "u_sample": first + history.samples,
-        }
-        yield _call(resources, ready, chosen, pair.back, own)
-        pair.swap()
-        history.samples += 1
-
-
-def _joined(
-    resources: ResourceCache,
-    ready: Prepared,
-    chosen: Pass,
-    uniforms: Mapping[str, Any],
-    size: tuple[int, int],
-    history: History,
-) -> Iterator[DrawCall]:
-    """Two draw calls per sample: the sample itself, and its combination with the history.
-
-    If anything except the camera changed since the last frame, a draw between them uses the uniforms of that frame.
-    """
-    sample = next(p for p in ready.plan.passes if p.name == "sample")
-    pair = resources.pair("history", size, chosen.textures)
-    target = resources.target(sample.name, size, sample.textures)
-    before = next((p for p in ready.plan.passes if p.name == "before"), None)
-    camera = {name: uniforms[uniform] for name, uniform in CAMERA.items()}
-    known = history.before is not None and not _is_cut(history.before, camera, uniforms["u_far"])
-    for _ in range(ready.plan.scene.quality.samples):
-        still = history.samples > 0
-        jitter = r2(history.samples) if still or not known else halton(history.frames % PERIOD)
-        own = {**uniforms, "u_jitter": jitter, "u_sample": history.samples if still else history.frames}
-        yield _call(resources, ready, sample, target, own)
-        joined = {
-            **own,
-            "u_color": (target, 0),
-            "u_surface": (target, 1),
-            "u_history": (pair.front, 0),
-            "u_history_surface": (pair.front, 1),
-            "u_keep": still or known,
-            "u_still": still,
-            **{f"u_before_{name}": value for name, value in (history.before or camera).items()},
-        }
-        if before is not None:
-            changed = known and not still and _changed(ready, uniforms, history)
-            earlier = resources.target(before.name, size, before.textures)
-            if changed:
-                there = {**own, **_earlier(resources, ready, own, history), "u_surface": (target, 1)}
-                there |= {f"u_now_{name}": value for name, value in camera.items()}
-                yield _call(resources, ready, before, earlier, there)
-            joined |= {"u_changed": changed, "u_earlier_color": (earlier, 0), "u_earlier_motion": (earlier, 1)}
-        yield _call(resources, ready, chosen, pair.back, joined)
-        pair.swap()
-        history.samples += 1
-    history.before = camera
-    history.frames += 1
-
-
 def _scene_values(ready: Prepared) -> set[str]:
     """Names of the uniforms through which the scene can change, except those of the camera."""
     names = {uniform for name, uniform in ready.shader.parameters.items() if name not in ready.plan.twins}
@@ -279,13 +257,11 @@ def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> 
     )
 
 
-def _earlier(
-    resources: ResourceCache, ready: Prepared, uniforms: Mapping[str, Any], history: History
-) -> dict[str, Any]:
+def _earlier(resources: ResourceCache, ready: Prepared, history: History) -> dict[str, Any]:
     """The uniforms of the last picture, to replace those of this one."""
     twins = {ready.shader.parameters[name] for name in ready.plan.twins}
     lost = {"u_lights"} if not resources.has_lights(history.values.get("u_lights")) else set()
-    return {name: value for name, value in history.values.items() if name in uniforms and name not in twins | lost}
+    return {name: value for name, value in history.values.items() if name not in twins | lost}
 
 
 CAMERA = {
@@ -317,53 +293,48 @@ UNREAD = (3, 3)
 texture."""
 
 
-def _cones(
-    resources: ResourceCache,
-    ready: Prepared,
-    uniforms: Mapping[str, Any],
-    size: tuple[int, int],
-    part: Part | None,
-) -> tuple[list[DrawCall], dict[str, Any]]:
-    """The draw calls of all cone levels, and the uniforms by which the rays read the last level."""
-    plan = ready.plan
-    (chosen,) = (p for p in plan.passes if p.name == "cone")
-    steps = plan.scene.quality.max_steps
-    jittered = plan.marching.jittered
+def _levels(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
+    """The levels of cones, from coarse to fine. The rays read the last one."""
+    plan, part, carried = drawing.ready.plan, drawing.part, drawing.carried
+    jittered, levels = plan.marching.jittered, plan.marching.schedule.levels
     # Mesa's software renderer recompiles a program for each kind of bound texture, even if it is not read: the first
     # level gets a texture of the same kind as the other levels.
-    carried: dict[str, Any] = {"u_carried": resources.target("no cone", UNREAD), "u_carried_cell": (0.0, 0.0)}
-    draw_calls = []
-    levels = plan.marching.schedule.levels
-    whole = size if part is None else part.whole
-    boxes = [(0, 0, *level.size(size)) for level in levels]
+    carried |= {"u_carried": drawing.resources.target("no cone", UNREAD), "u_carried_cell": (0.0, 0.0)}
+    whole = drawing.size if part is None else part.whole
+    boxes = [(0, 0, *level.size(drawing.size)) for level in levels]
     if part is not None:
-        boxes = covering(part.box(size), whole, levels)
+        boxes = covering(part.box(drawing.size), whole, levels)
         carried |= {"u_carried_corner": (0.0, 0.0), "u_carried_size": UNREAD}
     for i, level in enumerate(levels):
-        target = resources.target(f"cone {i}", boxes[i][2:], chosen.textures)
         cell, footprint = cells(level, whole, jittered)
         own = {
-            **uniforms,
-            **carried,
             "u_cell": cell,
             "u_footprint": footprint,
-            **_cone(footprint, uniforms, "ORTHOGRAPHIC" in plan.variants),
-            "march_steps": max(1, round(level.share * steps)),
+            **_cone(footprint, drawing.uniforms, "ORTHOGRAPHIC" in plan.variants),
+            "march_steps": max(1, round(level.share * plan.scene.quality.max_steps)),
+            **({} if part is None else {"u_corner": boxes[i][:2]}),
         }
-        if part is not None:
-            own["u_corner"] = boxes[i][:2]
-        draw_calls.append(_call(resources, ready, chosen, target, own))
-        carried = {"u_carried": target, "u_carried_cell": cell}
+        yield Turn(own, boxes[i][2:], f"cone {i}", kept=kept)
+        carried["u_carried_cell"] = cell
         if part is not None:
             carried |= {"u_carried_corner": boxes[i][:2], "u_carried_size": level.size(whole)}
-    rays = {
+    carried |= {
         "u_cell": (1.0, 1.0),
         "u_footprint": (0.5, 0.5) if jittered else (0.0, 0.0),
         "u_cone": 0.0,
         "u_cone_start": 0.0,
         "march_steps": plan.marching.steps,
+        "u_spent": 1.0 if drawing.history.cones or plan.scene.quality.temporal == "off" else 0.0,
     }
-    return draw_calls, {**carried, **rays}
+
+
+TURNS: Mapping[str, Callable[[Drawing, tuple[Pass, ...], bool], Iterator[Turn]]] = {
+    "once": _once,
+    "level": _levels,
+    "steps": _steps,
+    "sample": _samples,
+}
+"""How often passes are drawn, by `Pass.often`."""
 
 
 def cells(level: Level, size: tuple[int, int], jittered: bool) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -413,15 +384,13 @@ def radius(footprint: tuple[float, float], pixel: float) -> float:
 
 def count_draws(ready: Prepared) -> int:
     """The maximum number of draw calls of a frame."""
-    plan = ready.plan
-    quality = plan.scene.quality
+    marching = ready.plan.marching
     several = {
-        "cone": len(plan.marching.schedule.levels),
-        "march": plan.marching.passes,
-        "sample": quality.samples,
+        "level": len(marching.schedule.levels),
+        "steps": marching.passes,
+        "sample": ready.plan.scene.quality.samples,
     }
-    joined = {"view/accumulate", "temporal/resolve"}
-    return sum(several.get(p.name, quality.samples if p.module in joined else 1) for p in plan.passes)
+    return sum(several.get(p.often, 1) for p in ready.plan.passes)
 
 
 # The position of each sample's ray in its pixel: low-discrepancy sequences.

@@ -13,6 +13,7 @@ from PIL import Image
 
 from raymarch.errors import DeviceError
 from raymarch.expr.convert import switch
+from raymarch.plan import OUTPUTS
 from raymarch.scene.camera import Pose
 from raymarch.scene.tone import ToneMapping, encode
 
@@ -91,6 +92,12 @@ class Frame:
             self._arrays.update(arrays)
             self.timings += timings
         return self._arrays[name]
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        """An array of `OUTPUTS` that has no property."""
+        if name in OUTPUTS:
+            return self.array(name)
+        raise AttributeError(f"'Frame' object has no attribute '{name}'")
 
     @property
     def color(self) -> NDArray[np.float32]:
@@ -219,27 +226,3 @@ def not_rendered(why: str, name: str) -> DeviceError:
     if name != "alpha":
         earlier = f'render(scene, outputs=("color", "{name}")), or {earlier}'
     return DeviceError(f"{why}, and its array '{name}' was not rendered before", legal=earlier)
-
-
-def unpack(name: str, textures: list[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:
-    """Split the textures of a pass into arrays by name."""
-    if name == "color":
-        return {"color": textures[0][..., :3].copy()}
-    if name == "cycles":
-        return {"cycles": textures[0][..., 0].copy()}
-    if name == "slice":
-        met = textures[0][..., 2:3] >= 0
-        return {"slice": np.where(met, textures[0][..., :2], np.float32(np.nan))}
-    march, surface, more = textures
-    depth = march[..., 0]
-    return {
-        "depth": np.where(depth < 0, np.float32(np.inf), depth),
-        "residual": march[..., 1].copy(),
-        "iterations": np.rint(march[..., 2]).astype(np.int32),
-        "evaluations": march[..., 3].copy(),
-        "fallbacks": more[..., 0].astype(np.int32),
-        "done": more[..., 1] > 0.5,
-        "reach": more[..., 2].copy(),
-        "normal": surface[..., :3].copy(),
-        "material": surface[..., 3].astype(np.int32),
-    }

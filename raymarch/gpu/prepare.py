@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,12 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Value, Values
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
+
+Wanted: TypeAlias = str | Slice
+"""An output of a frame: its name, or a view with the parameters of that output."""
+
+VIEWED: Mapping[str, Callable[[Scene, Pose], Slice]] = {"slice": Slice.facing}
+"""The parameters of an output that is wanted by its name alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +54,7 @@ class Prepared:
     rest: Callable[..., tuple[Any, ...]] | None = None
 
 
-def prepare(scene: Scene, outputs: Sequence[str] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
+def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
     """Plan and assemble a scene for the passes that render `outputs`. May run in any thread.
 
     size : (width, height) of the picture, by which the plan estimates the gain of further passes.
@@ -69,24 +75,32 @@ def assembled(made: Plan) -> Prepared:
     return Prepared(made, shader, texts, vertex, distance, rest=rest)
 
 
-def passes_for(outputs: Sequence[str]) -> list[str]:
+def name_of(output: Wanted) -> str:
+    """The name of an output."""
+    return output.output if isinstance(output, Slice) else output
+
+
+def passes_for(outputs: Sequence[Wanted]) -> list[str]:
     """The names of the passes that render `outputs`."""
     if not isinstance(outputs, Iterable) or isinstance(outputs, np.ndarray | np.generic | Expr):
         raise SceneError(f"outputs = {short(outputs)} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
-    names = [outputs] if isinstance(outputs, str) else list(outputs)
+    names = [outputs] if isinstance(outputs, str) else [name_of(output) for output in outputs]
     for name in names:
         if not isinstance(name, str) or name not in OUTPUTS:
             raise SceneError(f"outputs: {short(name)}", legal=", ".join(OUTPUTS))
-    wanted = {name if name in DRAWN else "geometry" for name in names}
-    return [name for name in DRAWN if name in wanted] or ["color"]
+    return [name for name, drawn in DRAWN.items() if drawn.outputs.keys() & names] or ["color"]
 
 
 def frame_uniforms(
-    ready: Prepared, values: Values, size: tuple[int, int], pose: Pose | None = None, cut: Slice | None = None
+    ready: Prepared,
+    values: Values,
+    size: tuple[int, int],
+    pose: Pose | None = None,
+    outputs: Sequence[Wanted] = (),
 ) -> dict[str, Any]:
     """The uniforms of a frame: camera, size, parameters, time. Computed in float64.
 
-    pose : camera pose to use instead of the scene's. cut : plane of a slice; None is the one that faces the camera.
+    pose : camera pose to use instead of the scene's. outputs : that are wanted, some with parameters of their own.
     """
     scene = ready.plan.scene
     values = with_hoisted(ready.plan.hoisted, values)
@@ -114,9 +128,10 @@ def frame_uniforms(
     uniforms |= _start(ready, values, pose.position, 1e-9 * uniforms["u_far"])
     if ready.plan.sky_light:
         uniforms["u_sky_light"] = Elements(scene.sky.harmonics(values))
-    if any(chosen.name == "slice" for chosen in ready.plan.passes):
-        plane = cut or Slice.facing(ready.plan.given, given)
-        uniforms["u_slice"] = (*plane.normal, plane.offset - float(origin @ plane.normal))
+    drawn = {name for chosen in ready.plan.passes for name in chosen.outputs}
+    for name in drawn & VIEWED.keys():
+        own = [output for output in outputs if isinstance(output, Slice) and output.output == name]
+        uniforms |= (own[0] if own else VIEWED[name](ready.plan.given, given)).uniforms(origin)
     for name, uniform in ready.shader.parameters.items():
         twin = ready.plan.twins.get(name)
         uniforms[uniform] = values.params[name] if twin is None else _leaf_value(twin, values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Self
 
@@ -17,14 +17,12 @@ from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import BACKENDS, Context, open_context
-from raymarch.gpu.draw_calls import DrawCall, History, count_draws, draw_calls_of
-from raymarch.gpu.frame import Frame, Timing, not_rendered, unpack
+from raymarch.gpu.draw_calls import DrawCall, Drawing, History, count_draws
+from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.part import Part, prepared_part
-from raymarch.gpu.prepare import Prepared, frame_uniforms, passes_for, prepare
+from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of, passes_for, prepare
 from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
-from raymarch.gpu.slices import Slice
-from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.plan import lights
 from raymarch.scene.camera import Pose
@@ -37,6 +35,18 @@ Progress = Callable[[float], None]
 
 PLANNED = 8
 """Minimum number of scenes whose plan and shader a renderer caches; the limit grows with `kept`."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Picture:
+    """What a frame shows. `size` is that of the whole picture, of which a part may be drawn."""
+
+    scene: Scene
+    values: Values
+    pose: Pose
+    outputs: Sequence[Wanted]
+    size: tuple[int, int]
+    part: Part | None = None
 
 
 class Renderer:
@@ -136,11 +146,10 @@ class Renderer:
         scene: Scene,
         time: float = 0.0,
         params: Mapping[str, ParamValue] | None = None,
-        outputs: Sequence[str] = ("color",),
+        outputs: Sequence[Wanted] = ("color",),
         progress: Progress | None = None,
         pose: Pose | None = None,
         within: float | None = None,
-        cut: Slice | None = None,
         part: Part | None = None,
     ) -> Frame:
         """Render one frame of a scene.
@@ -149,14 +158,14 @@ class Renderer:
         ----------
         time : value of `raymarch.time` in seconds.
         params : values of parameters by name; the others keep their defaults.
-        outputs : arrays to render now. "color" has a pass of its own; all others share one pass. Arrays that are not
-            listed are rendered on first access.
+        outputs : arrays to render now, by name. "color" has a pass of its own; most others share one pass. Arrays that
+            are not listed are rendered on first access. A `Slice` is the output "slice" on that plane; the name alone
+            is the axis-aligned plane through the centre that faces the camera most.
         progress : called after each tile with the fraction done, 0 to 1. The picture is the same bit for bit.
         pose : camera pose to use instead of the scene's camera.
         within : time budget in milliseconds of a march that is split into passes by Quality(steps_per_pass=...). Rays
             that have not terminated by then continue in the next frame, which needs temporal="accumulate" and an
             unchanged picture; `frame.complete` tells whether all rays have terminated. None sets no budget.
-        cut : plane of the output "slice". None is the axis-aligned plane through the centre that faces the camera most.
         part : the part of a larger picture to render; the renderer's size is that of the part. Not with `temporal` or
             rays="interpolated".
 
@@ -169,27 +178,28 @@ class Renderer:
         RenderError : the renderer is strict, and the frame has doubts.
         """
         check_scene("render", scene)
-        within = None if within is None else real("within", within, 0.0, np.inf, "milliseconds >= 0, or None")
+        limit = np.inf if within is None else real("within", within, 0.0, np.inf, "milliseconds >= 0, or None")
         self._refuse_closed()
         with self.context.bound():
-            return self._render(scene, time, params, outputs, progress, pose, within, cut, part)
+            return self._render(self._picture(scene, params, time, outputs, pose, part), progress, limit)
 
-    def _render(
+    def _picture(
         self,
         scene: Scene,
-        time: float,
         params: Mapping[str, ParamValue] | None,
-        outputs: Sequence[str],
-        progress: Progress | None,
+        time: float,
+        outputs: Sequence[Wanted],
         pose: Pose | None,
-        within: float | None,
-        cut: Slice | None,
-        part: Part | None,
-    ) -> Frame:
-        values = self._values(scene, params, time, outputs, part)
-        size = self.size
-        width, height = size if part is None else part.whole
-        pose = pose or scene.pose(values, width / height)
+        part: Part | None = None,
+    ) -> _Picture:
+        """What a frame shows, once its values are checked."""
+        values = set_values(self.prepared(scene, outputs, part).plan.parameters, params, time, scene.where)
+        width, height = size = self.size if part is None else part.whole
+        listed = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        return _Picture(scene, values, pose or scene.pose(values, width / height), listed, size, part)
+
+    def _render(self, picture: _Picture, progress: Progress | None, within: float) -> Frame:
+        scene, values, pose, size = picture.scene, picture.values, picture.pose, self.size
 
         def render_for(
             name: str, scene: Scene = scene, wanted: str = ""
@@ -201,22 +211,21 @@ class Renderer:
                         f"this renderer draws {self.size} now, the frame is {size}",
                         legal="access the array before `resize`",
                     )
-                return self._render_passes(scene, values, [name], pose, cut=cut, part=part)
+                outputs = [output for output in picture.outputs if name_of(output) == name] or [name]
+                return self._passes(replace(picture, scene=scene, outputs=outputs))
 
-        arrays, timings = self._render_passes(
-            scene, values, outputs, pose, progress, np.inf if within is None else within, cut, part
-        )
+        arrays, timings = self._passes(picture, progress, within)
         complete = scene.quality.steps_per_pass is None or self.history.arrived
-        broken = violations(self._prepare(scene, outputs, part).plan.conditions, values)
+        broken = violations(self.prepared(scene, picture.outputs, picture.part).plan.conditions, values)
 
         def doubts_of(frame: Frame, steps: bool) -> list[str]:
             return self._doubts(scene, values, frame, steps)
 
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
             covered = render_for("color", _silhouette(scene), "alpha")[0]["color"][..., 0]
-            x, y = (0, 0) if part is None else part.corner
+            x, y = (0, 0) if picture.part is None else picture.part.corner
             columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
-            directions = pose.directions(columns, rows, (width, height)).reshape(-1, 3)
+            directions = pose.directions(columns, rows, picture.size).reshape(-1, 3)
             behind = scene.sky.radiance_along(directions, values).reshape(*covered.shape, 3)
             return covered, behind.astype(np.float32)
 
@@ -253,150 +262,110 @@ class Renderer:
         picture."""
         small = vouch.sparse_size(self.size)
         plain = replace(scene.quality, schedule="single", steps_per_pass=None, samples=1, temporal="off")
-        ready, uniforms = self._ready(scene.replace(quality=plain), values, ("done",), pose, None)
+        ready, uniforms = self._ready(_Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
         uniforms["u_resolution"] = small
-        draw_calls = list(_named(draw_calls_of(self.resources, ready, uniforms, small, History()), ready))
+        draw_calls = list(_named(Drawing(self.resources, ready, uniforms, small, History())))
         for call in draw_calls:
             with in_pass(call.chosen.name):
                 call.draw()
-        target = draw_calls[-1].target
-        return unpack("geometry", [target.read(k) for k in range(target.attachments)])
+        return _arrays(draw_calls[-1])
 
     def draw_calls(
         self,
         scene: Scene,
         time: float = 0.0,
         params: Mapping[str, ParamValue] | None = None,
-        outputs: Sequence[str] = ("color",),
+        outputs: Sequence[Wanted] = ("color",),
         pose: Pose | None = None,
-        cut: Slice | None = None,
     ) -> list[DrawCall]:
         """The draw calls of a frame, into textures that stay on the device. The window uses them.
 
         Parameters and errors are those of `render`. A texture keeps its content until a later draw call uses the same
         target.
         """
-        return list(self.iterate_draw_calls(scene, time, params, outputs, pose, cut=cut))
+        return list(self.iterate_draw_calls(scene, time, params, outputs, pose))
 
     def iterate_draw_calls(
         self,
         scene: Scene,
         time: float = 0.0,
         params: Mapping[str, ParamValue] | None = None,
-        outputs: Sequence[str] = ("color",),
+        outputs: Sequence[Wanted] = ("color",),
         pose: Pose | None = None,
         enough: Callable[[], bool] | None = None,
-        cut: Slice | None = None,
     ) -> Iterator[DrawCall]:
         """As `draw_calls`, one at a time: draw each one before requesting the next.
 
         enough : called after each pass of a march that is split by Quality(steps_per_pass=...); True postpones the
             remaining passes to the next frame. `history.arrived` then tells whether all rays have terminated.
         """
-        values = self._values(scene, params, time, outputs)
-        pose = pose or scene.pose(values, self.size[0] / self.size[1])
-        ready, uniforms = self._ready(scene, values, outputs, pose, cut)
-        at = self._shutter(ready, values, pose, cut)
-        draw_calls = draw_calls_of(self.resources, ready, uniforms, self.size, self.history, enough, at)
-        yield from _named(draw_calls, ready)
+        yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), enough))
 
-    def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[str] = ("color",)) -> None:
+    def _drawing(self, picture: _Picture, enough: Callable[[], bool] | None) -> Drawing:
+        ready, uniforms = self._ready(picture)
+        at = self._shutter(ready, picture)
+        return Drawing(self.resources, ready, uniforms, self.size, self.history, enough, at, picture.part)
+
+    def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[Wanted] = ("color",)) -> None:
         """Cache a scene that was prepared elsewhere, for example in another thread."""
-        self._prepared[*_key(scene, outputs), self.planned_for or self._size] = prepared
+        self._cache((*_key(scene, outputs), self.planned_for or self._size), prepared)
+
+    def _cache(self, key: tuple[Any, ...], prepared: Prepared) -> None:
+        self._prepared[key] = prepared
         while len(self._prepared) > max(PLANNED, self.kept // 4):
             self._prepared.popitem(last=False)
 
-    def _values(
-        self,
-        scene: Scene,
-        params: Mapping[str, ParamValue] | None,
-        time: float,
-        outputs: Sequence[str],
-        part: Part | None = None,
-    ) -> Values:
-        return set_values(self._prepare(scene, outputs, part).plan.parameters, params, time, scene.where)
-
-    def prepared(self, scene: Scene, outputs: Sequence[str] = ("color",), part: Part | None = None) -> Prepared:
+    def prepared(self, scene: Scene, outputs: Sequence[Wanted] = ("color",), part: Part | None = None) -> Prepared:
         """The plan and shader of a scene, or of parts of its picture, from the cache if possible."""
-        return self._prepare(scene, outputs, part)
-
-    def _prepare(self, scene: Scene, outputs: Sequence[str], part: Part | None = None) -> Prepared:
-        if part is not None:
-            return self._prepare_part(scene, outputs, part.whole)
-        found = self._prepared.get((*_key(scene, outputs), self.planned_for or self._size))
-        if found is None:
-            found = prepare(scene, outputs, self.planned_for or self._size)
-            self.adopt(scene, found, outputs)
-        return found
-
-    def _prepare_part(self, scene: Scene, outputs: Sequence[str], whole: tuple[int, int]) -> Prepared:
-        """The plan of the whole picture, and the shader of its parts."""
-        key = (*_key(scene, outputs), whole, "part")
+        size = self.planned_for or self._size if part is None else part.whole
+        key = (*_key(scene, outputs), size, *(() if part is None else ("part",)))
         found = self._prepared.get(key)
         if found is None:
-            quality = scene.quality
-            if quality.temporal != "off" or quality.rays != "computed":
-                raise SceneError(
-                    f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}",
-                    legal="temporal='off' and rays='computed'",
-                    where=scene.where,
-                )
-            found = self._prepared[key] = prepared_part(prepare(scene, outputs, whole))
-            while len(self._prepared) > max(PLANNED, self.kept // 4):
-                self._prepared.popitem(last=False)
+            if part is not None:
+                _refuse_part(scene)
+            found = prepare(scene, outputs, size)
+            found = found if part is None else prepared_part(found)
+            self._cache(key, found)
         return found
 
-    def _ready(
-        self,
-        scene: Scene,
-        values: Values,
-        outputs: Sequence[str],
-        pose: Pose,
-        cut: Slice | None,
-        part: Part | None = None,
-    ) -> tuple[Prepared, dict[str, Any]]:
+    def _ready(self, picture: _Picture) -> tuple[Prepared, dict[str, Any]]:
         """The plan of a frame and the uniforms of all its passes."""
         self._refuse_closed()
-        ready = self._prepare(scene, outputs, part)
+        ready = self.prepared(picture.scene, picture.outputs, picture.part)
         self._refuse_lacking(ready)
-        return ready, self.uniforms(ready, values, pose, cut, None if part is None else part.whole)
+        return ready, self.uniforms(ready, picture.values, picture.pose, picture.outputs, picture.size)
 
     def uniforms(
         self,
         ready: Prepared,
         values: Values,
         pose: Pose,
-        cut: Slice | None = None,
+        outputs: Sequence[Wanted] = (),
         size: tuple[int, int] | None = None,
     ) -> dict[str, Any]:
         """The uniforms of all passes of a prepared scene for one frame, including its data textures.
 
         size : of the whole picture; None is the renderer's.
         """
-        uniforms = frame_uniforms(ready, values, size or self.size, pose, cut)
+        uniforms = frame_uniforms(ready, values, size or self.size, pose, outputs)
         with in_pass(*(chosen.name for chosen in ready.plan.passes)):
             uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.resources.lights(lights.rows(ready.plan.scene, values))
         return uniforms
 
-    def _shutter(
-        self, ready: Prepared, values: Values, pose: Pose, cut: Slice | None, whole: tuple[int, int] | None = None
-    ) -> Callable[[float], Mapping[str, Any]] | None:
-        """The uniforms while the shutter is open, for `draw_calls_of`. The pose of the scene's camera moves with it.
-
-        whole : size of the picture whose part is drawn.
-        """
-        width, height = whole or self.size
-        scene, aspect = ready.plan.given, width / height
+    def _shutter(self, ready: Prepared, picture: _Picture) -> Callable[[float], Mapping[str, Any]] | None:
+        """The uniforms while the shutter is open, for `Drawing`. The pose of the scene's camera moves with it."""
+        scene, values, aspect = ready.plan.given, picture.values, picture.size[0] / picture.size[1]
         if not scene.motion_blur:
             return None
         seconds = scene.camera.open_seconds(values)
-        follows = pose.same(scene.pose(values, aspect))
+        follows = picture.pose.same(scene.pose(values, aspect))
 
         def at(share: float) -> Mapping[str, Any]:
             then = replace(values, time=values.time + share * seconds)
-            return self.uniforms(ready, then, scene.pose(then, aspect) if follows else pose, cut, whole)
+            pose = scene.pose(then, aspect) if follows else picture.pose
+            return self.uniforms(ready, then, pose, picture.outputs, picture.size)
 
         return at
 
@@ -422,26 +391,39 @@ class Renderer:
                     legal=f"a driver with {chosen.extension}, such as Mesa's or NVIDIA's for most GPUs",
                 )
 
-    def _render_passes(
-        self,
-        scene: Scene,
-        values: Values,
-        outputs: Sequence[str],
-        pose: Pose,
-        progress: Progress | None = None,
-        within: float = np.inf,
-        cut: Slice | None = None,
-        part: Part | None = None,
+    def _passes(
+        self, picture: _Picture, progress: Progress | None = None, within: float = np.inf
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+        """Draw all passes of a frame, and read its arrays."""
         self._refuse_while_drawing("render")
         self._is_drawing = True
         try:
-            return self._passes(scene, values, outputs, pose, self._lent(progress), within, cut, part)
+            return self._drawn(picture, self._lent(progress), within)
         except BaseException:
             self.forget()  # the history already counts draws that were not made
             raise
         finally:
             self._is_drawing = False
+
+    def _drawn(
+        self, picture: _Picture, progress: Progress | None, within: float
+    ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+        timings: list[Timing] = []
+        last: dict[str, DrawCall] = {}
+        drawing = self._drawing(picture, lambda: sum(t.draw for t in timings) > within)
+        most = count_draws(drawing.ready)
+        for call in _named(drawing):
+            first = self.resources.first_draw(call.program)
+            with in_pass(call.chosen.name):
+                drawn = self._draw(call, None if progress is None else _part(progress, len(timings), most))
+            timings.append(Timing(call.chosen.name, drawn, call.compile, first))
+            last[call.chosen.name] = call
+        if progress is not None and len(timings) < most:
+            progress(1.0)
+        arrays: dict[str, NDArray[Any]] = {}
+        for call in last.values():
+            arrays |= _arrays(call)
+        return arrays, timings
 
     def _lent(self, progress: Progress | None) -> Progress | None:
         """`progress`, called with the OpenGL context that was current before the frame."""
@@ -453,42 +435,6 @@ class Renderer:
                 progress(share)
 
         return call
-
-    def _passes(
-        self,
-        scene: Scene,
-        values: Values,
-        outputs: Sequence[str],
-        pose: Pose,
-        progress: Progress | None,
-        within: float,
-        cut: Slice | None,
-        part: Part | None,
-    ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-        timings: list[Timing] = []
-        targets: dict[str, Target] = {}
-        ready, uniforms = self._ready(scene, values, outputs, pose, cut, part)
-
-        def enough() -> bool:
-            return sum(t.draw for t in timings) > within
-
-        at = self._shutter(ready, values, pose, cut, None if part is None else part.whole)
-        draw_calls = draw_calls_of(self.resources, ready, uniforms, self.size, self.history, enough, at, part)
-        most = count_draws(ready)
-        for call in _named(draw_calls, ready):
-            first = self.resources.first_draw(call.program)
-            with in_pass(call.chosen.name):
-                drawn = self._draw(call, None if progress is None else _part(progress, len(timings), most))
-            timings.append(Timing(call.chosen.name, drawn, call.compile, first))
-            targets[call.chosen.name] = call.target
-        if progress is not None and len(timings) < most:
-            progress(1.0)
-        arrays: dict[str, NDArray[Any]] = {}
-        for name, target in targets.items():
-            if name not in ("cone", "march", "sample", "before"):
-                with in_pass(name):
-                    arrays.update(unpack(name, [target.read(k) for k in range(target.attachments)]))
-        return arrays, timings
 
     def _draw(self, call: DrawCall, progress: Progress | None) -> float:
         """Draw a pass, at once or in tiles. Returns milliseconds."""
@@ -537,17 +483,37 @@ def _silhouette(scene: Scene) -> Scene:
     return scene.replace(lights=[], sky=(0, 0, 0), fog=white, bounces=0, occlusion=None, quality=quality)
 
 
-def _key(scene: Scene, outputs: Sequence[str]) -> tuple[Any, ...]:
+def _key(scene: Scene, outputs: Sequence[Wanted]) -> tuple[Any, ...]:
     """The cache key of a plan."""
     return scene.planned, tuple(passes_for(outputs))
 
 
-def _named(draw_calls: Iterator[DrawCall], ready: Prepared) -> Iterator[DrawCall]:
-    """The same draw calls; a device error while one is made names the passes."""
-    names = tuple(chosen.name for chosen in ready.plan.passes)
+def _refuse_part(scene: Scene) -> None:
+    """SceneError for a scene of which a part cannot be drawn alone."""
+    quality = scene.quality
+    if quality.temporal != "off" or quality.rays != "computed":
+        raise SceneError(
+            f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}",
+            legal="temporal='off' and rays='computed'",
+            where=scene.where,
+        )
+
+
+def _arrays(call: DrawCall) -> dict[str, NDArray[Any]]:
+    """The arrays of a draw call, read from the device."""
+    if not call.chosen.outputs:
+        return {}
+    with in_pass(call.chosen.name):
+        return call.chosen.unpack([call.target.read(k) for k in range(call.target.attachments)])
+
+
+def _named(drawing: Drawing) -> Iterator[DrawCall]:
+    """The draw calls; a device error while one is made names the passes."""
+    names = tuple(chosen.name for chosen in drawing.ready.plan.passes)
+    calls = iter(drawing)
     while True:
         with in_pass(*names):
-            call = next(draw_calls, None)
+            call = next(calls, None)
         if call is None:
             return
         yield call

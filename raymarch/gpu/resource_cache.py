@@ -142,9 +142,13 @@ class ResourceCache:
             self._pairs[name] = found = fresh
         return found
 
-    def count_active(self, march: PingPong) -> int:
+    def count_active(self, name: str) -> int:
         """Number of rays of a march that have not terminated. Waits for the device and overwrites the pair's back
-        target."""
+        target.
+
+        name : of its pair of targets.
+        """
+        march = self._pairs[name]
         if self._counter is None:
             self._counter = Program(
                 self.context, FULL_SCREEN, _COUNT_ACTIVE, lambda line: ("the count of rays", None), "count of rays"

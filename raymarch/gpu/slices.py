@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,9 @@ so that none is drawn."""
 
 @dataclass(frozen=True, slots=True)
 class Slice:
-    """The plane dot(normal, p) = offset, with a normal of length 1."""
+    """The plane dot(normal, p) = offset, with a normal of length 1: the output "slice" with its parameter."""
+
+    output: ClassVar[str] = "slice"
 
     normal: tuple[float, float, float]
     offset: float
@@ -45,6 +48,10 @@ class Slice:
         middle = 0.0 if subject is None else 0.5 * float(subject.lower[axis] + subject.upper[axis])
         x, y, z = (1.0 if k == axis else 0.0 for k in range(3))
         return Slice((x, y, z), middle)
+
+    def uniforms(self, origin: NDArray[np.float64]) -> dict[str, Any]:
+        """The uniforms of the pass, in coordinates relative to `origin`."""
+        return {"u_slice": (*self.normal, self.offset - float(origin @ self.normal))}
 
     @property
     def words(self) -> str:

@@ -1,36 +1,86 @@
-"""The passes of a plan: draw calls of the full-screen quad into float textures."""
+"""The passes of a plan: draw calls of the full-screen quad into float textures.
+
+A pass is declared here, by what it reads and writes and how often it is drawn. `raymarch.gpu.draw_calls` draws all of
+them in one loop.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.scene.quality import Quality
 
-OUTPUTS: Final = (
-    *("color", "depth", "normal", "iterations", "evaluations", "residual", "material", "fallbacks"),
-    *("done", "reach", "slice", "cycles"),
-)
-"""The arrays that a frame can hold."""
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """An array of a frame, as a pass writes it.
+
+    Attributes
+    ----------
+    texture, channels : the texture of the pass, and one of its channels or several.
+    type : of the array: "f4", "i4", or "?" for True above 1/2.
+    hit, miss : a channel of texture 0 that is negative where the ray hit nothing, and the value of the array there.
+        None for an array without such a value.
+    """
+
+    texture: int
+    channels: int | slice
+    type: str = "f4"
+    hit: int = 0
+    miss: float | None = None
+
+    def of(self, textures: Sequence[NDArray[np.float32]]) -> NDArray[Any]:
+        """The array, (H, W) or (H, W, channels), from the textures of the pass, each (H, W, 4)."""
+        found = textures[self.texture][..., self.channels]
+        if self.miss is not None:
+            missed = textures[0][..., self.hit : self.hit + 1] if found.ndim == 3 else textures[0][..., self.hit]
+            return np.where(missed < 0, np.float32(self.miss), found)
+        if self.type == "?":
+            return found > 0.5
+        return np.rint(found).astype(self.type) if self.type == "i4" else found.copy()
 
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """One draw call of the full-screen quad.
+    """A draw call of the full-screen quad, or several.
 
-    module : the GLSL module with its `main`. textures : number of float colour textures that it writes.
+    Attributes
+    ----------
+    module : the GLSL module with its `main`.
+    writes : the float textures that it writes: the names by which later passes read them. A pass reads every texture
+        whose name its text uses.
+    outputs : the arrays of a frame that it draws, by name.
+    often : "once"; for each "level" of cones; in "steps" of a march, until all rays have terminated; for each "sample".
+        Neighbours that are drawn for each sample take turns. "effect" is as often as the effect states.
+    history : names by which it reads the textures that it wrote last. Each draw then writes another target.
+    changed : drawn only if the scene changed since the last picture, with the uniforms of that picture.
+    sharp : its rays start at the centre of the lens.
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
     extension : the OpenGL extension that it requires; "" for none.
     """
 
     name: str
     module: str
-    textures: int
+    writes: tuple[str, ...]
     reason: str
+    outputs: Mapping[str, Output] = field(default_factory=dict)
+    often: str = "once"
+    history: tuple[str, ...] = ()
+    changed: bool = False
+    sharp: bool = False
     defines: tuple[str, ...] = ()
     shades: bool = False
     extension: str = ""
+
+    @property
+    def textures(self) -> int:
+        """Number of float colour textures that it writes."""
+        return len(self.writes)
 
     @property
     def head(self) -> tuple[str, ...]:
@@ -38,34 +88,108 @@ class Pass:
         wanted = (f"#extension {self.extension} : require",) if self.extension else ()
         return (*wanted, *(f"#define {name}" for name in self.defines))
 
+    def unpack(self, textures: Sequence[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:
+        """The arrays by name, from the textures of the pass."""
+        return {name: output.of(textures) for name, output in self.outputs.items()}
 
-CONE: Final = Pass("cone", "view/cone", 1, "rays start where their cones ended", ("CONE",))
 
-MARCH: Final = Pass("march", "view/march", 3, "rays take a part of their steps in each pass")
-
-SAMPLE: Final = Pass("sample", "view/sample", 2, "one sample per pixel: colour and visible surface", shades=True)
-
-BEFORE: Final = Pass(
-    "before", "temporal/before", 2, "positions and colours of this frame's points in the previous frame"
+CONE: Final = Pass(
+    "cone", "view/cone", ("u_carried",), "rays start where their cones ended", often="level", defines=("CONE",)
 )
 
-RESOLVE: Final = Pass("color", "temporal/resolve", 2, "the picture: the new sample blended with the history")
+_MARCHED = ("u_march", "u_found", "u_more")
+MARCH: Final = Pass(
+    "march", "view/march", _MARCHED, "rays take a part of their steps in each pass", often="steps", history=_MARCHED
+)
+
+SAMPLE: Final = Pass(
+    "sample",
+    "view/sample",
+    ("u_color", "u_surface"),
+    "one sample per pixel: colour and visible surface",
+    often="sample",
+    shades=True,
+)
+
+BEFORE: Final = Pass(
+    "before",
+    "temporal/before",
+    ("u_earlier_color", "u_earlier_motion"),
+    "positions and colours of this frame's points in the previous frame",
+    often="sample",
+    changed=True,
+)
+
+COLOR: Final = Pass("color", "view/color", ("u_color",), "the picture", {"color": Output(0, slice(3))}, shades=True)
+
+AVERAGED: Final = replace(
+    COLOR,
+    module="view/accumulate",
+    reason="the picture, averaged over its samples",
+    often="sample",
+    history=("u_history",),
+)
+
+RESOLVE: Final = replace(
+    COLOR,
+    module="temporal/resolve",
+    writes=("u_color", "u_surface"),
+    reason="the picture: the new sample blended with the history",
+    often="sample",
+    history=("u_history", "u_history_surface"),
+    shades=False,
+)
 
 DRAWN: Final = {
-    "color": Pass("color", "view/color", 1, "the picture", shades=True),
-    "geometry": Pass("geometry", "view/geometry", 3, "depth, normal, material or counts were requested"),
-    "slice": Pass("slice", "view/slice", 1, "the field on a plane was requested"),
+    "color": COLOR,
+    "geometry": Pass(
+        "geometry",
+        "view/geometry",
+        ("u_depth", "u_normal", "u_counts"),
+        "depth, normal, material or counts were requested",
+        {
+            "depth": Output(0, 0, miss=np.inf),
+            "normal": Output(1, slice(3)),
+            "iterations": Output(0, 2, "i4"),
+            "evaluations": Output(0, 3),
+            "residual": Output(0, 1),
+            "material": Output(1, 3, "i4"),
+            "fallbacks": Output(2, 0, "i4"),
+            "done": Output(2, 1, "?"),
+            "reach": Output(2, 2),
+        },
+        sharp=True,
+    ),
+    "slice": Pass(
+        "slice",
+        "view/slice",
+        ("u_sliced",),
+        "the field on a plane was requested",
+        {"slice": Output(0, slice(2), hit=2, miss=np.nan)},
+        sharp=True,
+    ),
     "cycles": Pass(
-        "cycles", "view/cycles", 1, "clock cycles were requested", shades=True, extension="GL_ARB_shader_clock"
+        "cycles",
+        "view/cycles",
+        ("u_cycles",),
+        "clock cycles were requested",
+        {"cycles": Output(0, 0)},
+        shades=True,
+        extension="GL_ARB_shader_clock",
     ),
-    "samples": Pass("samples", "view/accumulate", 1, "a page that adds samples was requested", shades=True),
-    "standalone": Pass("standalone", "view/standalone", 1, "a shader for other programs was requested", shades=True),
+    "samples": Pass("samples", "view/accumulate", ("u_sum",), "a page that adds samples was requested", shades=True),
+    "standalone": Pass(
+        "standalone", "view/standalone", ("u_shown",), "a shader for other programs was requested", shades=True
+    ),
     "shadertoy_buffer": Pass(
-        "shadertoy_buffer", "view/shadertoy_buffer", 1, "a buffer of Shadertoy that adds samples", shades=True
+        "shadertoy_buffer", "view/shadertoy_buffer", ("u_sum",), "a buffer of Shadertoy that adds samples", shades=True
     ),
-    "shadertoy": Pass("shadertoy", "view/shadertoy", 1, "a shader for Shadertoy was requested", shades=True),
+    "shadertoy": Pass("shadertoy", "view/shadertoy", ("u_shown",), "a shader for Shadertoy was requested", shades=True),
 }
 """The passes that can be requested, by name."""
+
+OUTPUTS: Final = tuple(name for drawn in DRAWN.values() for name in drawn.outputs)
+"""The arrays that a frame can hold."""
 
 
 def passes_of(
@@ -80,13 +204,10 @@ def passes_of(
     found += [MARCH] if quality.steps_per_pass is not None else []
     sampled = quality.steps_per_pass is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
-        drawn = DRAWN[name]
         if name == "color" and quality.temporal == "reproject" and not mixed:
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
-        elif name == "color" and sampled:
-            found.append(replace(drawn, module="view/accumulate", reason="the picture, averaged over its samples"))
         else:
-            found.append(drawn)
+            found.append(AVERAGED if name == "color" and sampled else DRAWN[name])
     return found
 
 

@@ -17,8 +17,9 @@ from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 
-FAULTS = Pass("nonfinite", "view/nonfinite", 3, "invalid values were requested", shades=True)
-SLOPES = Pass("lipschitz", "view/lipschitz", 3, "Lipschitz constants of all nodes were requested", shades=True)
+WRITTEN = ("u_found", "u_place", "u_color")
+FAULTS = Pass("nonfinite", "view/nonfinite", WRITTEN, "invalid values were requested", shades=True)
+SLOPES = Pass("lipschitz", "view/lipschitz", WRITTEN, "Lipschitz constants of all nodes were requested", shades=True)
 
 
 @dataclass(frozen=True, slots=True)

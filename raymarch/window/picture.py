@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.gpu.draw_calls import DrawCall
-from raymarch.gpu.frame import Frame, unpack
+from raymarch.gpu.frame import Frame
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import Scale
 from raymarch.gpu.screen import Screen
@@ -211,10 +211,8 @@ class Picture:
             self._screen.copy(last.target, self._canvas, tile)
             return
         arrays: dict[str, NDArray[Any]] = {}
-        for call in {
-            d.chosen.name: d for d in draw_calls if d.chosen.name not in ("cone", "sample", "before")
-        }.values():
-            arrays |= unpack(call.chosen.name, [call.target.read(k) for k in range(call.chosen.textures)])
+        for call in {d.chosen.name: d for d in draw_calls if d.chosen.outputs}.values():
+            arrays |= call.chosen.unpack([call.target.read(k) for k in range(call.chosen.textures)])
         frame = Frame(last.target.size, shot.time, [], arrays, _nothing, shot.scene.tone, pose=shot.pose)
         self.scale = scale_of(frame, shot.view)
         shown = picture_of(frame, shot.view, shot.scene).convert("RGB").resize(self._canvas.size, 0)
@@ -227,7 +225,7 @@ class Picture:
             cone.draw()
         call.draw((x, size[1] - 1 - row, 1, 1))
         texels = [call.target.read_texel(x, row, k)[None, None] for k in range(call.chosen.textures)]
-        return unpack(call.chosen.name, texels)
+        return call.chosen.unpack(texels)
 
     def at(self, size: tuple[int, int]) -> Renderer:
         """The renderer, resized for another picture."""

@@ -18,7 +18,7 @@ CAMERA = rm.Camera(position=(0.3, 0.2, 5), target=(0.1, 0, 0), fov=50)
 
 def rendered(context: Context, scene: rm.Scene, cut: Slice | None = None, size: tuple[int, int] = (64, 36)) -> rm.Frame:
     with rm.Renderer(size, context=context) as renderer:
-        return renderer.render(scene, outputs=("slice",), cut=cut)
+        return renderer.render(scene, outputs=("slice" if cut is None else cut,))
 
 
 def points_of(frame: rm.Frame, plane: Slice) -> np.ndarray:
