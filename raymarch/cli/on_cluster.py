@@ -57,7 +57,7 @@ def render_on_cluster(
     what, key = "frames", None
     whole = Contents(scene, shot)
     one = items[0]
-    tiled = shot.suffix in FORMATS and shot.view == "final" and quality.rays == "computed"
+    tiled = shot.suffix in FORMATS and shot.view == "final" and quality.rays == "computed" and not scene.post
     if not film and tiled:
         if target.suffix.lower() in (".tif", ".tiff") and is_large(shot.size):
             tiff_package(target)

@@ -24,6 +24,7 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
 from raymarch.scene.light import hard
 from raymarch.scene.material import Material
+from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled
 from raymarch.shader import assemble
@@ -88,8 +89,8 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """The scene without each of its effects in turn.
 
     Effects are: an optional part of the scene (fog, occlusion, ...), a switch of a light or of the sky that is on, a
-    softness that is not 0, one of several lights, textures and relief, all bounces of light, the last bounce, and more
-    than one ray per pixel.
+    softness that is not 0, one of several lights, a post effect, textures and relief, all bounces of light, the last
+    bounce, and more than one ray per pixel.
     """
     for name in _optional_parts(scene):
         yield name, scene.replace(**{name: None})
@@ -108,6 +109,8 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
         for i, light in enumerate(scene.lights):
             rest = scene.lights[:i] + scene.lights[i + 1 :]
             yield f"light {i + 1}, {type(light).__name__}", scene.replace(lights=rest)
+    for effect in scene.post:
+        yield effect.LABEL, scene.replace(post=[other for other in scene.post if other is not effect])
     if any(m.textured or m.relief for m in scene.materials):
         yield "maps", scene.replace(node=relabelled(scene.node, Material.without_maps))
     if scene.path_traced or scene.whitted:
@@ -198,7 +201,11 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Calla
     shader = assemble(planned)
     data = sum(samples.nbytes for samples in shader.samples.values())
     cells = sum(level.size(size)[0] * level.size(size)[1] for level in planned.marching.schedule.levels)
-    textures = sum(p.textures * (2 if p.history else 1) for p in planned.passes if p.often != "level")
+    scene_passes = [p for p in planned.passes if p.often != "level" and p.effect is None]
+    textures = sum(p.textures * (2 if p.history else 1) for p in scene_passes)
+    values = set_values(planned.parameters, params, time)
+    for effect in (p.effect for p in planned.passes if p.effect is not None):
+        cells += sum(stage.size[0] * stage.size[1] for stage in effect.stages(effect.numbers(values), size))
     return {
         "color": color,
         "evaluations": count(scene, renderer, time, params),
@@ -213,7 +220,8 @@ def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mappi
     The scene's own shader with an inserted counter counts them, at one ray per pixel and without cones.
     """
     plain = with_quality(
-        scene, replace(scene.quality, samples=1, temporal="off", schedule="single", steps_per_pass=None)
+        scene.replace(post=[]),
+        replace(scene.quality, samples=1, temporal="off", schedule="single", steps_per_pass=None),
     )
     ready = prepare(plain, ("color",), renderer.size)
     counting = replace(ready, texts={name: counting_text(text) for name, text in ready.texts.items()})

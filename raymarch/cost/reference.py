@@ -21,7 +21,7 @@ from raymarch.truth import Truth, silhouettes, truth
 from raymarch.truth.floor import floor_evaluations
 from raymarch.truth.near_edges import silhouettes_within
 from raymarch.truth.rays import camera_rays
-from raymarch.truth.tracer import trace
+from raymarch.truth.tracer import finished, trace
 
 CACHE_VARIABLE = "RAYMARCH_CACHE"
 """Environment variable with the cache folder of references; empty disables the cache."""
@@ -203,7 +203,7 @@ def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edg
         part = slice(top, top + band)
         picture[part], half[part] = cells.mean(axis=2), cells[:, :, black].mean(axis=2)
         spread[part] = cells.std(axis=2, ddof=1).max(axis=-1) / edge
-    return picture, spread, half
+    return finished(scene, values, picture), spread, finished(scene, values, half)
 
 
 def _load(file: Path) -> Reference | None:

@@ -17,6 +17,7 @@ from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.targets import Target
 from raymarch.plan import Pass
 from raymarch.plan.schedule import Level
+from raymarch.scene.post import PICTURE, Stage
 
 PLASTIC = 1.3247179572447460
 """The real root of x^3 = x + 1; its powers define the two-dimensional sequence of lowest known discrepancy."""
@@ -135,9 +136,9 @@ class Drawing:
         keep = self.ready.plan.scene.quality.temporal != "off"
         view = _view(self.ready, self.uniforms, self.size)
         kept = self.history.begin(view, self.ready.texts.get("color"), keep)
-        for often, group in groupby(self.ready.plan.passes, key=lambda chosen: chosen.often):
+        for _, group in groupby(self.ready.plan.passes, key=lambda p: p.often == "sample" or p.name):
             passes = tuple(group)
-            for turn in TURNS[often](self, passes, kept):
+            for turn in TURNS[passes[0].often](self, passes, kept):
                 for chosen in passes:
                     yield from self._drawn(chosen, turn)
 
@@ -328,11 +329,28 @@ def _levels(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[
     }
 
 
+def stages_of(chosen: Pass, uniforms: Mapping[str, Any], size: tuple[int, int]) -> list[Stage]:
+    """The stages of a post effect in a frame, of which these are the uniforms."""
+    assert chosen.effect is not None
+    own = f"{chosen.name}."
+    return chosen.effect.stages({n.removeprefix(own): v for n, v in uniforms.items() if n.startswith(own)}, size)
+
+
+def _effect(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
+    """The stages of a post effect. Each reads the picture, or earlier ones."""
+    written = {PICTURE: drawing.carried["u_color"]}
+    for number, stage in enumerate(stages_of(passes[0], drawing.uniforms, drawing.size)):
+        reads = {name: written[index] for name, index in stage.reads.items()}
+        yield Turn({**stage.uniforms, **reads}, stage.size, f"{passes[0].name} {number}")
+        written[number] = drawing.carried["u_color"]
+
+
 TURNS: Mapping[str, Callable[[Drawing, tuple[Pass, ...], bool], Iterator[Turn]]] = {
     "once": _once,
     "level": _levels,
     "steps": _steps,
     "sample": _samples,
+    "effect": _effect,
 }
 """How often passes are drawn, by `Pass.often`."""
 
@@ -382,15 +400,18 @@ def radius(footprint: tuple[float, float], pixel: float) -> float:
     return math.hypot(*footprint) * pixel * (1.0 + 2.0**-10)
 
 
-def count_draws(ready: Prepared) -> int:
+def count_draws(drawing: Drawing) -> int:
     """The maximum number of draw calls of a frame."""
+    ready = drawing.ready
     marching = ready.plan.marching
     several = {
         "level": len(marching.schedule.levels),
         "steps": marching.passes,
         "sample": ready.plan.scene.quality.samples,
     }
-    return sum(several.get(p.often, 1) for p in ready.plan.passes)
+    effects = [p for p in ready.plan.passes if p.effect is not None]
+    stages = sum(len(stages_of(p, drawing.uniforms, drawing.size)) for p in effects)
+    return stages + sum(several.get(p.often, 1) for p in ready.plan.passes if p.effect is None)
 
 
 # The position of each sample's ray in its pixel: low-discrepancy sequences.

@@ -60,6 +60,8 @@ class Frame:
     _transparency: Callable[[], tuple[NDArray[np.float32], NDArray[np.float32]]] | None = field(
         default=None, repr=False
     )
+    spread: bool = False
+    """True if post effects carry light beyond the surfaces."""
 
     def __repr__(self) -> str:
         names = ", ".join(self._arrays)
@@ -71,7 +73,7 @@ class Frame:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what was rendered; the renderer stays behind."""
         shown = (self.size, self.time, self.timings, self._arrays, self.tone, self.complete, self.pose)
-        return _unpickled, (*shown, list(self.warnings))
+        return _unpickled, (*shown, list(self.warnings), self.spread)
 
     def doubts(self, steps: bool = False) -> list[str]:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
@@ -189,12 +191,16 @@ class Frame:
     def image(self, alpha: bool = False) -> Image.Image:
         """The picture as 8-bit sRGB, after tone mapping by `tone`.
 
-        alpha : make the sky transparent: an RGBA picture whose colours do not contain the sky (straight alpha).
+        alpha : make the sky transparent: an RGBA picture whose colours do not contain the sky (straight alpha). Light
+            that a post effect carries beyond the surfaces is as opaque as its brightest channel, at most 1.
         """
         if not switch("image: alpha", alpha):
             return Image.fromarray(self.tone.image(self.color))
         covered = np.clip(self.alpha, 0.0, 1.0)[..., None]
-        surfaces = (self.color - (1.0 - covered) * self._arrays["behind"]) / np.maximum(covered, 1.0 / 512.0)
+        own = self.color - self._arrays["behind"]
+        if self.spread:  # light beyond the surfaces: as opaque as it is bright
+            covered = np.maximum(covered, np.clip(np.max(own, axis=-1, keepdims=True), 0.0, 1.0))
+        surfaces = own / np.maximum(covered, 1.0 / 512.0)
         rgb = self.tone.image(np.maximum(surfaces, 0.0, dtype=np.float32) * (covered > 0.0))
         return Image.fromarray(np.concatenate([rgb, np.rint(255.0 * covered).astype(np.uint8)], axis=-1))
 
@@ -208,6 +214,7 @@ def _unpickled(
     complete: bool,
     pose: Pose | None,
     warnings: list[str],
+    spread: bool,
 ) -> Frame:
     """A frame without its renderer: the arrays that were rendered before it was pickled."""
 
@@ -217,7 +224,7 @@ def _unpickled(
     def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         raise not_rendered("this frame was pickled or copied", "alpha")
 
-    return Frame(size, time, timings, arrays, render, tone, complete, pose, warnings, None, transparency)
+    return Frame(size, time, timings, arrays, render, tone, complete, pose, warnings, None, transparency, spread)
 
 
 def not_rendered(why: str, name: str) -> DeviceError:

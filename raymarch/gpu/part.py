@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from raymarch.errors import DeviceError
+from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu.prepare import Prepared
 from raymarch.plan.schedule import Level
 from raymarch.shader.part import part_of
@@ -43,7 +43,20 @@ class Part:
 
 
 def prepared_part(ready: Prepared) -> Prepared:
-    """A prepared scene whose shader draws parts."""
+    """A prepared scene whose shader draws parts. SceneError for a scene of which a part cannot be drawn alone."""
+    scene, quality = ready.plan.given, ready.plan.given.quality
+    if quality.temporal != "off" or quality.rays != "computed":
+        raise SceneError(
+            f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}",
+            legal="temporal='off' and rays='computed'",
+            where=scene.where,
+        )
+    if scene.post:
+        raise SceneError(
+            f"{scene.post[0].LABEL} of a part of a picture, such as a tile or a share of samples: it needs all pixels",
+            legal="a picture drawn whole, up to 16777216 pixels, or post=[]",
+            where=scene.post[0].where,
+        )
     shader = part_of(ready.shader)
     return replace(ready, shader=shader, texts={name: shader.text(name) for name in ready.texts})
 

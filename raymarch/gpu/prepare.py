@@ -23,6 +23,7 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Value, Values
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
+from raymarch.shader.assemble import assemble_effect
 
 Wanted: TypeAlias = str | Slice
 """An output of a frame: its name, or a view with the parameters of that output."""
@@ -43,6 +44,7 @@ class Prepared:
         None for a field without a CPU evaluation (raw GLSL).
     rest : the same of the field that rays outside of all solids are marched through; None if it is the whole field.
     constants : for each pass, the uniforms that replace numbers of its text, and their values.
+    effects : the shader of each post effect, by the name of its pass.
     """
 
     plan: Plan
@@ -52,6 +54,7 @@ class Prepared:
     distance: Callable[..., tuple[Any, ...]] | None
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     rest: Callable[..., tuple[Any, ...]] | None = None
+    effects: Mapping[str, Shader] = field(default_factory=dict)
 
 
 def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
@@ -66,13 +69,14 @@ def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[in
 def assembled(made: Plan) -> Prepared:
     """Assemble the shader of a plan."""
     shader = assemble(made)
-    texts = {chosen.name: shader.text(chosen.name) for chosen in made.passes}
+    effects = {chosen.name: assemble_effect(chosen) for chosen in made.passes if chosen.effect is not None}
+    texts = {chosen.name: effects.get(chosen.name, shader).text(chosen.name) for chosen in made.passes}
     vertex = RAYS if made.interpolated else FULL_SCREEN
     known = not without_twin(made.field.body)
     distance = evaluator([made.field.body], made.field.params) if known else None
     marched = made.analytic.rest
     rest = evaluator([marched.body], marched.params) if known and marched is not None else None
-    return Prepared(made, shader, texts, vertex, distance, rest=rest)
+    return Prepared(made, shader, texts, vertex, distance, rest=rest, effects=effects)
 
 
 def name_of(output: Wanted) -> str:
@@ -132,6 +136,9 @@ def frame_uniforms(
     for name in drawn & VIEWED.keys():
         own = [output for output in outputs if isinstance(output, Slice) and output.output == name]
         uniforms |= (own[0] if own else VIEWED[name](ready.plan.given, given)).uniforms(origin)
+    for chosen in ready.plan.passes:
+        if chosen.effect is not None:  # no uniforms of a program, but numbers of its stages
+            uniforms |= {f"{chosen.name}.{name}": v for name, v in chosen.effect.numbers(values).items()}
     for name, uniform in ready.shader.parameters.items():
         twin = ready.plan.twins.get(name)
         uniforms[uniform] = values.params[name] if twin is None else _leaf_value(twin, values)

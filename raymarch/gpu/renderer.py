@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import DeviceError, RenderError, SceneError
+from raymarch.errors import DeviceError, RenderError
 from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
@@ -28,10 +28,13 @@ from raymarch.plan import lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
+from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, check_scene
-from raymarch.scene.sky import Fog
+from raymarch.scene.sky import Fog, Sky
 
 Progress = Callable[[float], None]
+
+BLACK = Sky((0, 0, 0))
 
 PLANNED = 8
 """Minimum number of scenes whose plan and shader a renderer caches; the limit grows with `kept`."""
@@ -223,14 +226,17 @@ class Renderer:
 
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
             covered = render_for("color", _silhouette(scene), "alpha")[0]["color"][..., 0]
+            if scene.post:  # the light of the sky is spread over the picture
+                return covered, render_for("color", _silhouette(scene, 0.0, scene.sky, scene.post), "alpha")[0]["color"]
             x, y = (0, 0) if picture.part is None else picture.part.corner
             columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
             directions = pose.directions(columns, rows, picture.size).reshape(-1, 3)
-            behind = scene.sky.radiance_along(directions, values).reshape(*covered.shape, 3)
-            return covered, behind.astype(np.float32)
+            behind = scene.sky.radiance_along(directions, values).reshape(*covered.shape, 3).astype(np.float32)
+            return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * behind
 
         frame = Frame(
-            size, values.time, timings, arrays, render_for, scene.tone, complete, pose, broken, doubts_of, transparency
+            *(size, values.time, timings, arrays, render_for, scene.tone, complete, pose, broken, doubts_of),
+            *(transparency, bool(scene.post)),
         )
         if not self.strict:
             vouch.warn(broken)
@@ -321,8 +327,6 @@ class Renderer:
         key = (*_key(scene, outputs), size, *(() if part is None else ("part",)))
         found = self._prepared.get(key)
         if found is None:
-            if part is not None:
-                _refuse_part(scene)
             found = prepare(scene, outputs, size)
             found = found if part is None else prepared_part(found)
             self._cache(key, found)
@@ -411,7 +415,7 @@ class Renderer:
         timings: list[Timing] = []
         last: dict[str, DrawCall] = {}
         drawing = self._drawing(picture, lambda: sum(t.draw for t in timings) > within)
-        most = count_draws(drawing.ready)
+        most = count_draws(drawing)
         for call in _named(drawing):
             first = self.resources.first_draw(call.program)
             with in_pass(call.chosen.name):
@@ -476,27 +480,19 @@ def _device(backend: Any, device: Any) -> tuple[str, int | None]:
     return backend, number
 
 
-def _silhouette(scene: Scene) -> Scene:
-    """The scene with white surfaces under a black sky. Its colour is the fraction of a pixel that surfaces cover."""
+def _silhouette(scene: Scene, surface: float = 1.0, sky: Sky = BLACK, post: tuple[PostEffect, ...] = ()) -> Scene:
+    """The scene with white surfaces under a black sky. Its colour is the fraction of a pixel that surfaces cover.
+
+    surface : level of grey of the surfaces. sky, post : in place of the black sky and of no post effect.
+    """
     quality = replace(scene.quality, temporal="off", steps_per_pass=None)
-    white = Fog((1.0, 1.0, 1.0), 1e30)  # fog covers surfaces, not the sky
-    return scene.replace(lights=[], sky=(0, 0, 0), fog=white, bounces=0, occlusion=None, quality=quality)
+    fog = Fog((surface,) * 3, 1e30)  # it covers surfaces, not the sky
+    return scene.replace(lights=[], sky=sky, fog=fog, bounces=0, occlusion=None, quality=quality, post=post)
 
 
 def _key(scene: Scene, outputs: Sequence[Wanted]) -> tuple[Any, ...]:
     """The cache key of a plan."""
     return scene.planned, tuple(passes_for(outputs))
-
-
-def _refuse_part(scene: Scene) -> None:
-    """SceneError for a scene of which a part cannot be drawn alone."""
-    quality = scene.quality
-    if quality.temporal != "off" or quality.rays != "computed":
-        raise SceneError(
-            f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}",
-            legal="temporal='off' and rays='computed'",
-            where=scene.where,
-        )
 
 
 def _arrays(call: DrawCall) -> dict[str, NDArray[Any]]:

@@ -100,7 +100,7 @@ class ResourceCache:
         if self.context.driver.is_software:
             _check_compile_time(ready.plan, self.context.driver.renderer)
         start = clock_time.perf_counter()
-        program = Program(self.context, *key, ready.shader.locate, chosen)
+        program = Program(self.context, *key, ready.effects.get(chosen, ready.shader).locate, chosen)
         spent = 1e3 * (clock_time.perf_counter() - start)
         self.compiled += 1
         self._programs[key] = program

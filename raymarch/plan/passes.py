@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import Quality
 
 
@@ -56,12 +57,13 @@ class Pass:
         whose name its text uses.
     outputs : the arrays of a frame that it draws, by name.
     often : "once"; for each "level" of cones; in "steps" of a march, until all rays have terminated; for each "sample".
-        Neighbours that are drawn for each sample take turns. "effect" is as often as the effect states.
+        Neighbours that are drawn for each sample take turns. An "effect" has the stages that it states.
     history : names by which it reads the textures that it wrote last. Each draw then writes another target.
     changed : drawn only if the scene changed since the last picture, with the uniforms of that picture.
     sharp : its rays start at the centre of the lens.
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
     extension : the OpenGL extension that it requires; "" for none.
+    effect : the post effect that it draws. Its shader is separate from that of the scene.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Pass:
     defines: tuple[str, ...] = ()
     shades: bool = False
     extension: str = ""
+    effect: PostEffect | None = None
 
     @property
     def textures(self) -> int:
@@ -193,12 +196,18 @@ OUTPUTS: Final = tuple(name for drawn in DRAWN.values() for name in drawn.output
 
 
 def passes_of(
-    names: Sequence[str], quality: Quality, cones: bool, changes: bool = False, mixed: bool = False
+    names: Sequence[str],
+    quality: Quality,
+    cones: bool,
+    changes: bool = False,
+    mixed: bool = False,
+    post: Sequence[PostEffect] = (),
 ) -> list[Pass]:
     """The requested passes and those that they need, in drawing order.
 
     names : of `DRAWN`. cones : True if cones are marched first. changes : True if the scene reads time or parameters.
     mixed : True if a lens or an open shutter lets a pixel show many surfaces, so that no history can follow them.
+    post : the effects of the scene.
     """
     found = [CONE] if cones else []
     found += [MARCH] if quality.steps_per_pass is not None else []
@@ -208,6 +217,28 @@ def passes_of(
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
         else:
             found.append(AVERAGED if name == "color" and sampled else DRAWN[name])
+        if name == "color" and post:
+            found += changed_by(found.pop(), post)
+    return found
+
+
+def changed_by(picture: Pass, post: Sequence[PostEffect]) -> list[Pass]:
+    """A pass that draws a picture, and those of its post effects. The last one draws the array of the frame."""
+    found = [replace(picture, outputs={})]
+    for effect in post:
+        number = sum(p.effect is not None and p.effect.LABEL == effect.LABEL for p in found)
+        place = f" at {effect.where}" if effect.where else ""
+        found.append(
+            Pass(
+                f"{effect.LABEL} {number + 1}" if number else effect.LABEL,
+                effect.MODULE,
+                ("u_color",),
+                f"needed by {type(effect).__name__}(...){place}",
+                often="effect",
+                effect=effect,
+            )
+        )
+    found[-1] = replace(found[-1], outputs=picture.outputs)
     return found
 
 

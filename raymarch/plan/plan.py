@@ -13,7 +13,7 @@ from dataclasses import field as default
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import Location, PlanError
+from raymarch.errors import Location, PlanError, warn
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
@@ -37,6 +37,7 @@ from raymarch.scene.extent import InReach, refuse_extent
 from raymarch.scene.legal import Condition, conditions_of
 from raymarch.scene.origin import origin_of, range_warning, seen_from
 from raymarch.scene.parameter import Spec
+from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
 
@@ -181,7 +182,8 @@ def plan(
     marched = count_operations([closed.rest.body], turns=not gathered.rows) if closed.rest else operations
     chosen = marching.choose(scene, marched, size, standalone, cells=bool(gathered.rows))
     mixed = _refuse_mixed(scene, standalone)
-    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed)
+    post = () if standalone else scene.post
+    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed, post)
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
         given=given,
@@ -231,6 +233,8 @@ def plan(
     made.conditions = conditions_of(given)
     if not all(value.is_constant for value in given.camera.expressions):
         made.conditions.append(InReach(given))
+    for effect in scene.post if standalone else ():
+        warn(f"{effect.LABEL} is left out: an exported shader draws each pixel alone", effect.where)
     made.warnings += [*_warnings(given), *range_warning(given, origin, definition)]
     return made
 
@@ -293,6 +297,11 @@ def _describe_effects(made: Plan) -> None:
         "no Param is used",
     )
     geometry = any(p.name == "geometry" for p in made.passes)
+    effects = [p.effect for p in made.passes if p.effect is not None]
+    for kind in {kind.__name__: kind for kind in PostEffect.__subclasses__()}.values():
+        used = next((effect for effect in effects if isinstance(effect, kind)), None)
+        reason = f"no picture with {kind.__name__} was requested" if used is None else "it is in the scene"
+        made.features.append(Feature(kind.LABEL, used is not None, reason, None if used is None else used.where))
     feature("geometry pass", geometry, "arrays besides colour were requested", "only the picture was requested")
     gathered = made.gathered
     counted = f"{gathered.data:,} object{'s' * (gathered.data != 1)}"

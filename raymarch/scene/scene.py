@@ -21,6 +21,7 @@ from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.light import KINDS, Light, Sun, sample_of
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import ParamValue, Spec, Values, specs_in
+from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Fog, Sky
 from raymarch.scene.tone import ToneMapping
@@ -76,6 +77,7 @@ class Scene(Value):
 
         None is 0, or 6 if a material transmits (4 for "whitted"). The reference `rm.truth` has the Whitted
         integrator, but no path tracing.
+    post : post effects in order. They change the finished picture in linear light, before tone mapping.
 
     Notes
     -----
@@ -90,6 +92,7 @@ class Scene(Value):
     quality: Quality
     occlusion: AmbientOcclusion | None
     bounces: int
+    post: tuple[PostEffect, ...]
     tone: ToneMapping = field(metadata={"planned": False})  # applied to the finished frame
 
     def __init__(
@@ -103,6 +106,7 @@ class Scene(Value):
         occlusion: AmbientOcclusion | None = None,
         tone: ToneMapping | None = None,
         bounces: int | None = None,
+        post: Iterable[PostEffect] = (),
     ) -> None:
         self._begin()
         several_nodes = isinstance(node, list | tuple) and node and all(isinstance(part, Node) for part in node)
@@ -111,11 +115,8 @@ class Scene(Value):
             raise SceneError(f"Scene: {solid.name} is flat", legal="a solid; extrude or revolve it first")
         *names, last = (f"{kind.__name__}(...)" for kind in KINDS)
         kinds = f"{', '.join(names)} or {last}"
-        several: Any = [Sun()] if lights is None else lights
-        if not isinstance(several, Iterable) or isinstance(several, Expr | np.generic | np.ndarray):
-            one = f"{type(several).__name__}(...)" if isinstance(several, Light) else short(several)
-            raise SceneError(f"Scene: lights = {one}", legal="a list of them, such as [Sun()]")
-        given = tuple(_instance("lights", light, Light, kinds) for light in several)
+        given: tuple[Light, ...] = _several("lights", [Sun()] if lights is None else lights, Light, kinds, "[Sun()]")
+        effects: tuple[PostEffect, ...] = _several("post", post, PostEffect, "post effects", "[Bloom()]")
         for light in given:
             sample_of(light)
         for part in all_nodes(solid):
@@ -145,6 +146,7 @@ class Scene(Value):
             else _instance("occlusion", occlusion, AmbientOcclusion, "AmbientOcclusion(...) or None"),
             tone=ToneMapping() if tone is None else _instance("tone", tone, ToneMapping, "ToneMapping(...)"),
             bounces=count,
+            post=effects,
         )
 
     def _repr_png_(self) -> bytes:
@@ -211,6 +213,7 @@ class Scene(Value):
             *self.materials,
             self.sky,
             *(x for x in (self.fog, self.occlusion) if x),
+            *self.post,
         ):
             found += part.expressions
         return found
@@ -289,6 +292,14 @@ def _instance(name: str, value: Any, kind: Any, legal: str, where: Location | No
     if not isinstance(value, kind):
         raise SceneError(f"Scene: {name} = {short(value)} ({type(value).__name__})", legal=legal, where=where)
     return value
+
+
+def _several(name: str, values: Any, kind: Any, legal: str, example: str) -> tuple[Any, ...]:
+    """The elements of an argument, checked."""
+    if not isinstance(values, Iterable) or isinstance(values, Expr | np.generic | np.ndarray):
+        one = f"{type(values).__name__}(...)" if isinstance(values, kind) else short(values)
+        raise SceneError(f"Scene: {name} = {one}", legal=f"a list of them, such as {example}")
+    return tuple(_instance(name, value, kind, legal) for value in values)
 
 
 def all_nodes(root: Node) -> list[Node]:

@@ -23,7 +23,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
-from raymarch.plan import Plan
+from raymarch.plan import Pass, Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.scene import all_nodes
 from raymarch.shader.bounds import marched_range, scene_box, scene_cone
@@ -122,9 +122,10 @@ def assemble(
     inputs : for a standalone plan, GLSL expressions that replace uniforms, by the name of the uniform.
     constants : names of sampled data, tables and `u_lights` that the caller declares as constants, not as textures.
     """
-    mains = [module(p.module, plan.variants) for p in plan.passes]
+    passes = [p for p in plan.passes if p.effect is None]
+    mains = [module(p.module, plan.variants) for p in passes]
     values = Values()
-    shade = shading(plan, values) if any(p.shades for p in plan.passes) else None
+    shade = shading(plan, values) if any(p.shades for p in passes) else None
     setup = Setup(plan, values, inputs) if plan.standalone else None
     roots = _roots(plan, values)
     fixed = _constants(plan)
@@ -155,9 +156,17 @@ def assemble(
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
     _check_texture_units(plan, body, mains)
     body += _main(mains)
-    names, heads = tuple(p.name for p in plan.passes), tuple(p.head for p in plan.passes)
+    names, heads = tuple(p.name for p in passes), tuple(p.head for p in passes)
     modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
     return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples, modules, constants)
+
+
+def assemble_effect(chosen: Pass) -> Shader:
+    """The shader of a post effect, which contains nothing of the scene."""
+    main = module(chosen.module)
+    linked = link([main], {}, {})
+    body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
+    return Shader((*body, *main.lines), (chosen.name,), (chosen.head,), {}, False, {}, linked.reasons)
 
 
 def _main(mains: Sequence[Chunk]) -> list[Mapped]:

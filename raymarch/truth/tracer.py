@@ -53,6 +53,7 @@ class Truth:
     _surfaces: Sequence[tuple[NDArray[np.intp], Surface]] = field(repr=False)
     _sky: NDArray[np.float64] = field(repr=False)
     _mean: Callable[[], NDArray[np.float64]] | None = field(repr=False, default=None)
+    _finish: Callable[[NDArray[np.float64]], NDArray[np.float64]] = field(repr=False, default=lambda color: color)
 
     def __repr__(self) -> str:
         height, width = self.hit.shape
@@ -81,12 +82,12 @@ class Truth:
     def color(self) -> NDArray[np.float64]:
         """(H, W, 3), linear RGB, >= 0, unbounded above; the colour of the sky where nothing was hit."""
         if self._mean is not None:
-            return self._mean()
+            return self._finish(self._mean())
 
         def seen(surface: Surface) -> NDArray[np.float64]:
             return surface.apply_fog(radiance(surface) if surface.scene.whitted else surface.light())
 
-        return self._picture(seen, self._sky)
+        return self._finish(self._picture(seen, self._sky))
 
     def _picture(self, values_of: Callable[[Surface], Any], background: Any) -> NDArray[Any]:
         values = [(rows, values_of(surface)) for rows, surface in self._surfaces]
@@ -146,9 +147,17 @@ def truth(
         result._mean = lambda: _mean_over_times(scene, values, (width, height))
     elif pose.aperture > 0.0:
         result._mean = lambda: _mean_over_lens(scene, values, pose, (width, height), _lens_points(scene))
+    result._finish = lambda color: finished(scene, values, color)
     for name in outputs:
         getattr(result, name)
     return result
+
+
+def finished(scene: Scene, values: Values, color: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A whole picture in linear light, (H, W, 3), after the post effects of its scene."""
+    for effect in scene.post:
+        color = effect.apply(color, effect.numbers(values))
+    return color
 
 
 LENS_POINTS = 16
