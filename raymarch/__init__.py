@@ -112,6 +112,7 @@ if TYPE_CHECKING:
         time,
         triplanar,
     )
+    from raymarch.scene.post import Bloom
     from raymarch.sdf import (
         Node,
         apollonian,
@@ -225,6 +226,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AmbientOcclusion",
+    "Bloom",
     "Camera",
     "ClusterError",
     "CostError",
@@ -439,6 +441,7 @@ _MODULES = {
         "RectLight Scene Sky SphereLight SpotLight Sun SunSky Texture ToneMapping checker grid_lines marble noise "
         "planar stripes time triplanar"
     ),
+    "raymarch.scene.post": "Bloom",
     "raymarch.truth": "Truth truth",
 }
 _SOURCES = {name: "raymarch.sdf" for name in __all__ if name != "__version__" and name not in _PACKAGES}

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.node import Expr
-from raymarch.scene.parameter import Values
-from raymarch.scene.value import Value
+from raymarch.scene.parameter import Values, as_number
+from raymarch.scene.value import Value, value
+from raymarch.sdf.domain import Scalar
 
 PICTURE: Final = -1
 """The number of the picture before the effect, in `Stage.reads`."""
@@ -67,3 +68,122 @@ class PostEffect(Value):
     def apply(self, color: NDArray[np.float64], numbers: Mapping[str, float]) -> NDArray[np.float64]:
         """The effect on a picture (H, W, 3) in float64, for the reference."""
         raise NotImplementedError
+
+
+@value
+class Bloom(PostEffect):
+    """Bloom: bright parts of the picture glow, as light that scatters in a lens or in the eye.
+
+    A share of the light of each pixel is spread over its surroundings, before tone mapping. No light is added or lost,
+    and no threshold is needed: only light that is much brighter than its surroundings is seen to glow.
+
+    Parameters
+    ----------
+    strength : share of the light that is spread, 0 to 1. Lenses scatter a few percent.
+    radius : standard deviation of the widest glow, as a fraction of the picture's height, 0 to 1. The glow is the mean
+        of six blurs, each half as wide as the one before. So it looks the same at every resolution.
+
+    Notes
+    -----
+    A blur goes down and up a pyramid of pictures, each half as large, with the filters of Jimenez (2014), "Next
+    Generation Post Processing in Call of Duty: Advanced Warfare". After k levels its variance is 1.5 (4^k - 1) square
+    pixels on each axis; between two levels, their blurs are mixed to the wanted variance. At its borders, the picture
+    is mirrored. Pixels that are not finite stay as they are, and do not glow.
+
+    It needs the whole picture: pictures that are drawn in tiles are refused, and exported shaders have none.
+    Raises SceneError for a value outside its range.
+    """
+
+    MODULE = "post/bloom"
+    LABEL = "bloom"
+
+    strength: Expr
+    radius: Expr
+
+    def __init__(self, strength: Scalar = 0.1, radius: Scalar = 0.05) -> None:
+        self._begin()
+        self._set(
+            strength=as_number("Bloom: strength", strength, 0.0, 1.0),
+            radius=as_number("Bloom: radius", radius, 0.0, 1.0),
+        )
+
+    def shares(self, numbers: Mapping[str, float], height: int) -> list[float]:
+        """The share of the next coarser level in each level, from the picture on, which is level 0.
+
+        The last level has none. There is at least one level.
+        """
+        weights = np.zeros(LEVELS + 2)
+        for octave in range(OCTAVES):
+            variance = (min(max(numbers["radius"], 0.0), 1.0) * height * 0.5**octave) ** 2
+            below = int(np.floor(0.5 * np.log2(variance / 1.5 + 1.0)))
+            share = (variance - 1.5 * (4.0**below - 1.0)) / (4.5 * 4.0**below)
+            weights[below : below + 2] += np.array([1.0 - share, share]) / OCTAVES
+        left = np.cumsum(weights[::-1])[::-1]  # the weight of a level and of all coarser ones
+        strength = min(max(numbers["strength"], 0.0), 1.0)
+        count = np.count_nonzero(left[1:])
+        return [strength * float(left[1]), *(float(left[k + 1] / left[k]) for k in range(1, count))]
+
+    def stages(self, numbers: Mapping[str, float], size: tuple[int, int]) -> list[Stage]:
+        shares = self.shares(numbers, size[1])
+        sizes = [size]
+        for _ in shares:
+            sizes.append((-(-sizes[-1][0] // 2), -(-sizes[-1][1] // 2)))
+        found = [
+            Stage(smaller, {"u_fine": level - 1, "u_coarse": PICTURE}, {"u_down": True})
+            for level, smaller in enumerate(sizes[1:])
+        ]
+        for level in range(len(shares) - 1, -1, -1):
+            reads = {"u_fine": level - 1, "u_coarse": len(found) - 1}
+            found.append(Stage(sizes[level], reads, {"u_down": False, "u_share": shares[level]}))
+        return found
+
+    def apply(self, color: NDArray[np.float64], numbers: Mapping[str, float]) -> NDArray[np.float64]:
+        shares, color = self.shares(numbers, color.shape[0]), color[::-1]  # levels start at the lower left corner
+        finite = np.all(np.isfinite(color), axis=-1, keepdims=True)
+        levels = [np.where(finite, color, 0.0)]
+        for _ in shares:
+            levels.append(_down(levels[-1]))
+        spread = levels.pop()
+        for share, level in reversed(list(zip(shares, levels, strict=True))):
+            spread = level + share * (_up(spread, level.shape) - level)
+        return np.where(finite, spread, color)[::-1]
+
+
+OCTAVES: Final = 6
+"""Number of blurs of a bloom."""
+
+LEVELS: Final = 16
+"""Largest number of levels of a bloom: for a radius of 65,535 pixels."""
+
+
+def _mirrored(level: NDArray[Any], first: NDArray[np.intp], axis: int) -> NDArray[Any]:
+    """The texels of a level at some places of an axis, which is mirrored at its ends."""
+    count = level.shape[axis]
+    places = np.maximum(first, -1 - first)
+    return np.take(level, np.clip(np.minimum(places, 2 * count - 1 - places), 0, count - 1), axis=axis)
+
+
+def _down(level: NDArray[Any]) -> NDArray[Any]:
+    """The next coarser level; see post/bloom.glsl."""
+    halves = []
+    for weights in ((0.0, 0.25, 0.25, 0.25, 0.25, 0.0), (0.125, 0.125, 0.25, 0.25, 0.125, 0.125)):
+        made = level
+        for axis in (0, 1):
+            places = 2 * np.arange(-(-level.shape[axis] // 2))
+            parts = [weight * _mirrored(made, places + k - 2, axis) for k, weight in enumerate(weights)]
+            made = np.sum(parts, axis=0)
+        halves.append(made)
+    return np.asarray(0.5 * (halves[0] + halves[1]))
+
+
+def _up(level: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """A level at the places of the next finer one; see post/bloom.glsl."""
+    weights = np.array((0.0625, 0.3125, 0.4375, 0.1875))
+    made = level
+    for axis in (0, 1):
+        fine = np.arange(shape[axis])
+        own = np.where((fine % 2 == 0)[:, None], weights, weights[::-1])
+        along = own.reshape([-1 if k == axis else 1 for k in range(3)] + [4])
+        parts = [along[..., k] * _mirrored(made, fine // 2 + fine % 2 + k - 2, axis) for k in range(4)]
+        made = np.sum(parts, axis=0)
+    return made
