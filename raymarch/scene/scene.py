@@ -116,9 +116,7 @@ class Scene(Value):
         *names, last = (f"{kind.__name__}(...)" for kind in KINDS)
         kinds = f"{', '.join(names)} or {last}"
         given: tuple[Light, ...] = _several("lights", [Sun()] if lights is None else lights, Light, kinds, "[Sun()]")
-        effects: tuple[PostEffect, ...] = _several(
-            "post", post, PostEffect, "Bloom(...)", "[Bloom()]"
-        )
+        effects: tuple[PostEffect, ...] = _several("post", post, PostEffect, "Bloom(...)", "[Bloom()]")
         for light in given:
             sample_of(light)
         for part in all_nodes(solid):
