@@ -128,6 +128,7 @@ def frame_uniforms(
         "u_clip_far": min(pose.far, 1e30),
         "u_lens": (pose.aperture, pose.focus),
         "u_time": values.time,
+        "u_origin": origin,
     }
     uniforms |= _start(ready, values, pose.position, 1e-9 * uniforms["u_far"])
     if ready.plan.sky_light:
