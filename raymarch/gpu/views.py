@@ -84,6 +84,14 @@ def _colored_normal(normal: NDArray[Any]) -> NDArray[Any]:
     return np.where(np.any(normal != 0, axis=-1, keepdims=True), 0.5 + 0.5 * normal, 0.0)
 
 
+def _colored_position(position: NDArray[Any]) -> NDArray[Any]:
+    """x, y, z as red, green, blue, each from its least to its largest value in the picture; black for a miss."""
+    hit = np.isfinite(position[..., 0])
+    low, high = (end(position[hit], axis=0) if hit.any() else np.zeros(3) for end in (np.min, np.max))
+    shares = (np.where(hit[..., None], position, low) - low) / np.maximum(high - low, 1e-30)
+    return np.where(hit[..., None], shares, 0.0)
+
+
 def _colored_material(index: NDArray[Any]) -> NDArray[Any]:
     """Hues a golden angle apart, so that neighbouring indices differ; black for a miss."""
     hue = (index * 0.618033988749895) % 1.0
@@ -98,6 +106,7 @@ ALL: Mapping[str, View] = {
     **{name: View((name,), _count(quantity)) for name, quantity in COUNTS.items()},
     "residual": View(("residual",), _residual),
     "material": View(("material",), colored=_colored_material),
+    "position": View(("position",), colored=_colored_position),
     "slice": View(("slice",), _slice, lambda values: slice_picture(values[..., 0], values[..., 1])),
     "boxes": View(("color", "depth")),
     "cycles": View(("cycles",), _cycles),

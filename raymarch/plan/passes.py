@@ -171,6 +171,14 @@ DRAWN: Final = {
         {"slice": Output(0, slice(2), hit=2, miss=np.nan)},
         sharp=True,
     ),
+    "position": Pass(
+        "position",
+        "view/position",
+        ("u_position",),
+        "positions were requested",
+        {"position": Output(0, slice(3), hit=3, miss=np.nan)},
+        sharp=True,
+    ),
     "cycles": Pass(
         "cycles",
         "view/cycles",

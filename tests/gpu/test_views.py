@@ -55,6 +55,12 @@ def test_near_is_bright_and_nothing_is_black() -> None:
     assert scale is not None and (scale.low, scale.high, scale.kind) == (2.0, np.inf, "reciprocal")
 
 
+def test_positions_are_colours_between_those_of_the_picture() -> None:
+    found = shown("position", [[(1, 5, -2), (3, 5, 2), (2, 5, 1), (np.nan, np.nan, np.nan)]])
+    assert found.tolist() == [[[0, 0, 0], [255, 0, 255], [128, 0, 191], [0, 0, 0]]]
+    assert not shown("position", [[(np.nan, np.nan, np.nan)]]).any()
+
+
 def test_normals_are_colours_from_minus_one_to_one() -> None:
     normals = [[(1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, 0)]]
     assert shown("normal", normals).tolist() == [[[255, 128, 128], [128, 0, 128], [128, 128, 255], [0, 0, 0]]]

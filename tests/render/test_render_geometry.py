@@ -466,3 +466,18 @@ def test_a_far_horizon_is_seen_through_a_long_lens(renderer: rm.Renderer) -> Non
     below = np.broadcast_to(np.arange(48)[:, None] > 24, t.shape)
     assert_depths(frame.depth, view, t, -view.directions[..., 1], below & (frame.iterations < 512))
     assert_depths(frame.depth, view, t, -view.directions[..., 1] * EPSILON, below)
+
+
+def test_positions_are_those_of_the_hits_also_far_from_the_origin(renderer: rm.Renderer) -> None:
+    """The shader's coordinates are relative to a point near the camera there; positions are those of the scene."""
+    for place in (0.0, 1e5):
+        node = (rm.sphere() | rm.box().rotate(0.3, "y").translate((1.5, 0, 0))).translate((place, 0, 0))
+        scene = rm.Scene(node, rm.Camera((place, 1, 6), (place, 0, 0)))
+        frame = renderer.render(scene, outputs=("position", "depth"))
+        assert frame.pose is not None
+        hit = np.isfinite(frame.depth)
+        rays = frame.pose.directions(np.arange(160), np.arange(120)[:, None], (160, 120))
+        expected = frame.pose.position + frame.depth[..., None] * rays
+        error = np.abs(frame.position - expected)[hit]
+        assert hit.any() and error.max() <= 8 * np.spacing(np.float32(place + 8))
+        assert np.isnan(frame.position[~hit]).all()
