@@ -200,7 +200,7 @@ def page() -> str:
 
 PARTS = {
     "Camera and quality": (rm.Camera, rm.Quality),
-    "Scene": (rm.Scene, rm.Fog, rm.AmbientOcclusion, rm.ToneMapping),
+    "Scene": (rm.Scene, rm.Fog, rm.AmbientOcclusion, rm.ToneMapping, rm.Bloom),
     "Lights": (Light, rm.Sun, rm.PointLight, rm.SpotLight, rm.SphereLight, rm.RectLight),
     "Materials": (rm.Material, rm.Texture),
     "Skies": (rm.Sky, rm.GradientSky, rm.SunSky, rm.ImageSky),

@@ -50,6 +50,7 @@ FUNCTIONS = _keys(
         "environment hdri envmap environmentmap": 'rm.ImageSky("file.hdr")',
         "occlusion ao ambientocclusion": "rm.AmbientOcclusion()",
         "tone tonemap tonemapper": 'rm.ToneMapping("aces")',
+        "glow glare unrealbloompass": "rm.Bloom(strength, radius), in Scene(post=[...])",
         "settings options renderoptions rendersettings": "rm.Quality(...)",
         "slider parameter uniform": "rm.Param(name, value, min, max)",
         "physicalmaterial pbr pbrmaterial principled phong lambert": "rm.Material(...)",

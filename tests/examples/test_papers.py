@@ -62,3 +62,10 @@ def test_the_scene_of_the_first_picture_is_short_and_compiles() -> None:
     scene = load(file)
     assert scene.node.exactness != "estimate"
     assert "gyroid" in assemble(plan(scene)).text()
+
+
+def test_the_scene_that_shows_bloom_is_short() -> None:
+    file = FOLDER.parent / "showcase" / "neon.py"
+    assert len(file.read_text().splitlines()) < 40
+    (effect,) = load(file).post
+    assert effect.LABEL == "bloom"
