@@ -169,8 +169,6 @@ def run(
         whole, whole_shot = items[0], shot
         items = tiles_of(target, items[0].time, (width, height), EDGE, CommandError)
         shot = replace(shot, suffix=".png")
-    if film or large:
-        items[0].file.parent.mkdir(exist_ok=True)
     key = None
     with (
         Renderer(items[0].size, backend, device) as renderer,
@@ -194,6 +192,8 @@ def run(
                     continue
             frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
             view_result = shown(renderer, frame, view, found, params, tell)
+            if film or large:
+                file.parent.mkdir(exist_ok=True)
             with written(file) as unfinished:
                 save(unfinished, shot, frame, view_result.image, view_result.numbers, key)
             spent = 1e3 * (clock_time.perf_counter() - start)

@@ -28,6 +28,7 @@ from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled
 from raymarch.shader import assemble
+from raymarch.shader.assemble import assemble_effect
 
 TEXEL = 16
 """Bytes of a texel: four 32-bit floats."""
@@ -204,13 +205,14 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Calla
     scene_passes = [p for p in planned.passes if p.often != "level" and p.effect is None]
     textures = sum(p.textures * (2 if p.history else 1) for p in scene_passes)
     values = set_values(planned.parameters, params, time)
-    for effect in (p.effect for p in planned.passes if p.effect is not None):
+    effects = [p for p in planned.passes if p.effect is not None]
+    for effect in (p.effect for p in effects if p.effect is not None):
         cells += sum(stage.size[0] * stage.size[1] for stage in effect.stages(effect.numbers(values), size))
     return {
         "color": color,
         "evaluations": count(scene, renderer, time, params),
         "texture_bytes": data + TEXEL * (cells + textures * size[0] * size[1]),
-        "shader_bytes": len(shader.text().encode()),
+        "shader_bytes": len(shader.text().encode()) + sum(len(assemble_effect(p).text().encode()) for p in effects),
     }
 
 
