@@ -105,6 +105,21 @@ def test_progress_counts_what_is_drawn(renderer: rm.Renderer) -> None:
             shares.append(picture.drawn.share)
         assert shares == sorted(shares) and shares[-1] == 1.0 and len(set(shares)) >= 10
         assert 0.0 <= shares[0] < 0.5
+
+
+def test_a_post_effect_follows_the_coarse_picture_and_the_refined_one(renderer: rm.Renderer) -> None:
+    lamp = rm.sphere(0.5).material(rm.Material(emission=(9, 6, 3)))
+    scene = progressive(rm.Scene(lamp | rm.plane(offset=-1), CAMERA, post=[rm.Bloom(0.5, 0.1)]))
+    screen = Screen(renderer.context, SIZE)
+    picture = Picture(renderer, screen, Pace(), samples=2)
+    try:
+        while picture.step(shot_of(scene), SIZE, still=True):
+            pass
+        assert picture.canvas is not None
+        with rm.Renderer(SIZE) as other:
+            twice = scene.replace(quality=scene.quality.replace(samples=2, temporal="off"))
+            expected = other.render(twice, pose=shot_of(scene).pose).color
+        assert np.abs(picture.canvas.read()[..., :3] - expected).max() <= 1e-6 * expected.max()
     finally:
         picture.release()
         screen.release()
