@@ -15,6 +15,7 @@ from operator import itemgetter
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.expr import hashing, raw, samples, tables, textures
 from raymarch.expr.evaluate import Program, Rule, Step
@@ -301,3 +302,14 @@ def value_of(node: Expr) -> Array:
     if node.op == "const":
         return np.asarray(node.data)
     return evaluator([node], [])()[0]
+
+
+BLOCK = 1 << 15
+"""Numbers of a block of rows: several such arrays stay in the cache of the processor."""
+
+
+def row_blocks(values: NDArray[Any]) -> Iterator[slice]:
+    """Slices of the first axis, each with about `BLOCK` numbers."""
+    rows = max(1, BLOCK * len(values) // max(values.size, 1))
+    for first in range(0, len(values), rows):
+        yield slice(first, min(first + rows, len(values)))

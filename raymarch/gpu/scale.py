@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from raymarch.expr.arrays import row_blocks
 from raymarch.gpu.colormaps import colored
 
 POINTS, MARGIN, THICKNESS = 11, 6, 10
@@ -54,8 +55,12 @@ class Scale:
 
     def colored(self, values: Any) -> NDArray[np.float64]:
         """Values of any shape (...) as sRGB in [0, 1], (..., 3)."""
-        share = self.normalized(values)
-        return colored(1.0 - share if self.kind == "reciprocal" else share, self.colors)
+        given = np.atleast_1d(values)
+        made = np.empty((*given.shape, 3))
+        for rows in row_blocks(given):
+            share = self.normalized(given[rows])
+            made[rows] = colored(1.0 - share if self.kind == "reciprocal" else share, self.colors)
+        return made.reshape((*np.shape(values), 3))
 
     @property
     def ticks(self) -> list[float]:

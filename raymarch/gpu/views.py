@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from raymarch.expr.arrays import row_blocks
 from raymarch.gpu.boxes import boxes_of, draw_boxes
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.scale import Scale
@@ -163,4 +164,7 @@ def _largest(values: NDArray[Any]) -> float:
 
 
 def _bytes(values: NDArray[Any]) -> Image.Image:
-    return Image.fromarray(np.asarray(np.rint(255 * np.clip(values, 0, 1)), np.uint8))
+    made = np.empty(values.shape, np.uint8)
+    for rows in row_blocks(values):
+        made[rows] = np.rint(255 * np.clip(values[rows], 0, 1))
+    return Image.fromarray(made)

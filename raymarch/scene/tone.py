@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr.arrays import evaluator
+from raymarch.expr.arrays import evaluator, row_blocks
 from raymarch.expr.convert import choice, real, switch
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
@@ -108,7 +108,10 @@ class ToneMapping(Value):
 
     def image(self, color: NDArray[Any]) -> NDArray[np.uint8]:
         """Linear light (H, W, 3) as 8-bit sRGB (IEC 61966-2-1)."""
-        return encode(self.apply(color), self.dither)
+        made = np.empty(np.shape(color), np.uint8)
+        for rows in row_blocks(made):
+            made[rows] = encode(self.apply(color[rows]), self.dither, rows.start * made[0].size)
+        return made
 
     def glsl(self) -> str:
         """The tone curve as GLSL text: `vec3 toned(vec3 color)`."""
@@ -125,14 +128,17 @@ def _toned(curve: str, exposure: float) -> Function:
     return Function("toned", (COLOR,), CURVES[curve](COLOR * expr(2.0**exposure)))
 
 
-def encode(linear: NDArray[Any], dither: bool = False) -> NDArray[np.uint8]:
-    """Linear values from 0 to 1 as 8-bit sRGB, (H, W, 3), rounded to nearest or dithered by a hash of the pixel."""
+def encode(linear: NDArray[Any], dither: bool = False, first: int = 0) -> NDArray[np.uint8]:
+    """Linear values from 0 to 1 as 8-bit sRGB, (H, W, 3), rounded to nearest or dithered by a hash of the pixel.
+
+    first : number of values of the picture before these.
+    """
     x = np.asarray(linear, np.float64)
     if not dither:
         codes, edges = _steps()
         interval = (x * INTERVALS).astype(np.intp)
         return np.asarray(codes[interval] + (x >= edges[interval]), np.uint8)
-    bits = pcg(np.arange(x.size, dtype=np.uint32)).reshape(x.shape)
+    bits = pcg(np.arange(first, first + x.size, dtype=np.uint32)).reshape(x.shape)
     return np.asarray(np.minimum(np.floor(255.0 * linear_to_srgb(x) + bits * 2.0**-32), 255.0), np.uint8)
 
 

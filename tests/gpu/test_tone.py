@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import raymarch as rm
 from raymarch.cli.commands import app
-from raymarch.expr.arrays import evaluator
+from raymarch.expr.arrays import evaluator, row_blocks
 from raymarch.expr.types import FLOAT
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
@@ -142,3 +142,12 @@ def test_a_tone_that_cannot_be_is_refused(parts: dict[str, Any], words: tuple[st
 def test_every_curve_is_an_expression() -> None:
     for curve in CURVES.values():
         assert np.shape(evaluator([curve(COLOR)], [COLOR])(LIGHT)[0]) == LIGHT.shape
+
+
+@pytest.mark.parametrize("dither", [False, True])
+def test_a_picture_that_is_converted_in_blocks_of_rows_is_the_whole(dither: bool) -> None:
+    light = np.random.default_rng(3).random((7, 5000, 3)).astype(np.float32) * 3
+    assert len(list(row_blocks(light))) == 4
+    tone = rm.ToneMapping("aces", dither=dither)
+    assert np.array_equal(tone.image(light), encode(tone.apply(light), dither))
+    assert tone.image(light[:0]).shape == (0, 5000, 3)
