@@ -137,6 +137,11 @@ PUBLIC = {"sampled_outline": ("image", "text"), "sampled_grid": ("grid", "mesh")
 """The public functions that make a node, where no function has the name by which the definition is called."""
 
 
+def label(definition: Definition) -> str:
+    """The name of a node below its picture: the one that a user calls."""
+    return PUBLIC[definition.name][0] if definition.name in PUBLIC else definition.called
+
+
 def calls(definition: Definition) -> list[str]:
     """How a user calls a definition: the signatures of public functions, or of a method of nodes."""
     if definition.name in PUBLIC:
@@ -164,7 +169,7 @@ def row(definition: Definition) -> str:
         facts = f"{node.exactness} | {node.facts.divisor:.3g} | {extent}"
     else:
         facts = "— | — | —"
-    picture = f"![{definition.called}](pictures/nodes/{definition.name}.png)" if node is not None else ""
+    picture = f"![{label(definition)}](pictures/nodes/{definition.name}.png)" if node is not None else ""
     call = ", ".join(f"`{text}`" for text in calls(definition))
     return f"| {picture} | {call} | {first} | {facts} |"
 
@@ -267,7 +272,7 @@ def pictures(names: Collection[str] = ()) -> None:
             image = draw(node, renderer)
             if not names or definition.name in names:
                 image.quantize(64).save(folder / f"{definition.name}.png", optimize=True)
-            drawn.append((definition.called, image))
+            drawn.append((label(definition), image))
     rows = -(-len(drawn) // COLUMNS)
     width, height = SIZE[0], SIZE[1] + 16
     sheet = Image.new("RGB", (COLUMNS * width, rows * height), "white")
