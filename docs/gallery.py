@@ -32,16 +32,14 @@ SIZE = (480, 270)
 SAMPLES, NOISY = 16, 256
 """Rays per pixel: without and with path tracing."""
 
-COLUMNS = 4
-TILE = (240, 135)
+COLUMNS = 6
+TILE = (160, 90)
 
 
 def files() -> list[Path]:
     """The scenes, in the order of the page."""
-    return [
-        *sorted(EXAMPLES.glob("*.py")),
-        *(f for n in ("showcase", "papers") for f in sorted((EXAMPLES / n).glob("*.py"))),
-    ]
+    folders = (EXAMPLES / "showcase", EXAMPLES, EXAMPLES / "papers")
+    return [file for folder in folders for file in sorted(folder.glob("*.py"))]
 
 
 def steps() -> list[Path]:
@@ -98,14 +96,15 @@ def measure(file: Path, renderer: rm.Renderer) -> dict[str, Any]:
     }
 
 
-def write(image: Image.Image, file: Path, colors: int = 256) -> None:
-    """Write a picture, with a palette if it is over 150 kB without one. Keep a file that looks the same."""
+def write(image: Image.Image, file: Path, limit: int = 150_000) -> None:
+    """Write a picture, with a palette if its file is over a limit in bytes. Keep a file that looks the same."""
     if file.exists() and _alike(Image.open(file), image):
         return
     file.parent.mkdir(parents=True, exist_ok=True)
     image.save(file, optimize=True)
-    if file.stat().st_size > 150_000:
-        image.convert("RGB").quantize(colors, dither=Image.Dither.FLOYDSTEINBERG).save(file, optimize=True)
+    if file.stat().st_size > limit:
+        whole = image.convert("RGB")
+        whole.quantize(palette=whole.quantize(256), dither=Image.Dither.FLOYDSTEINBERG).save(file, optimize=True)
 
 
 def _alike(before: Image.Image, now: Image.Image) -> bool:
@@ -143,8 +142,9 @@ def page(counts: dict[str, dict[str, Any]]) -> str:
     text = [
         "# Gallery",
         "",
-        "After this page you can choose an example to start from, and know what it costs. It shows all scenes of",
-        "`examples/`, drawn by `python docs/gallery.py`.",
+        "After this page you can choose an example to start from, and know what it costs. It shows the scenes of",
+        "`examples/`, drawn by `python docs/gallery.py`. `examples/large/forest.py`, with 12,000 trees and rocks, is",
+        "described in [large scenes](scale.md#instances).",
         "",
         "- **Plan** is what `raymarch explain` chooses and prints with reasons: the exactness of the field, the",
         "  [tracer](marching.md#tracers), the [cones](marching.md#cones), the passes, the effects in the shader.",
@@ -262,7 +262,7 @@ def main(arguments: list[str]) -> None:
             write(first(renderer), HERE / "pictures" / "start.png")
         counts = {name_of(file): counts[name_of(file)] for file in scenes}
         COUNTS.write_text(json.dumps(counts, indent=1) + "\n")
-        write(sheet(), HERE / "pictures" / "gallery.png")
+        write(sheet(), HERE / "pictures" / "gallery.png", limit=300_000)
     (HERE / "gallery.md").write_text(page(counts), encoding="utf-8")
     (HERE / "tutorial.md").write_text(tutorial(counts), encoding="utf-8")
 
