@@ -113,10 +113,6 @@ class Window:
         stale, self._stale = self._stale, False
         return stale
 
-    def touch(self) -> None:
-        """Request a redraw."""
-        self._stale = True
-
     @property
     def closing(self) -> bool:
         """True if the window was closed."""

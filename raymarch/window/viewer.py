@@ -23,18 +23,7 @@ from raymarch.window.events import Drop, Event
 from raymarch.window.interrupt import Interrupt as CtrlC
 from raymarch.window.log import Log
 from raymarch.window.messages import Message, messages_of
-from raymarch.window.model import (
-    Close,
-    Copy,
-    Inspect,
-    Interrupt,
-    Measure,
-    Model,
-    Open,
-    Request,
-    SavePicture,
-    Show,
-)
+from raymarch.window.model import Close, Copy, Inspect, Interrupt, Measure, Model, Open, Request, SavePicture, Show
 from raymarch.window.mouse import Mouse, flying
 from raymarch.window.news import Fault
 from raymarch.window.overlay import Bar, Overlay
