@@ -105,6 +105,9 @@ def test_progress_counts_what_is_drawn(renderer: rm.Renderer) -> None:
             shares.append(picture.drawn.share)
         assert shares == sorted(shares) and shares[-1] == 1.0 and len(set(shares)) >= 10
         assert 0.0 <= shares[0] < 0.5
+    finally:
+        picture.release()
+        screen.release()
 
 
 def test_a_post_effect_follows_the_coarse_picture_and_the_refined_one(renderer: rm.Renderer) -> None:
