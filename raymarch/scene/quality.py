@@ -142,12 +142,12 @@ class Quality(Value):
         straight line from its last two samples. None is eight times `max_steps`.
     light_samples : number of points on a light per camera ray, with penumbra="sampled" or a RectLight, 1 to 64. Each
         costs one shadow ray; each of `samples` costs a camera ray too.
-    analytic : hit solids in closed form. True: planes, spheres, boxes, cylinders, capsules, cones and ellipsoids that
-        are operands of the outermost hard union, rotated, moved and scaled by one factor only, are intersected with
-        each ray once; only the others are marched. False: all are marched. None: the plan chooses.
     objects : how the objects of a union are compiled. "text": each is lines of the shader. "data": objects that differ
         in numbers and materials only are rows of a texture, found through a grid of cells. "auto": data from 32 such
         objects on.
+    analytic : hit solids in closed form. True: planes, spheres, boxes, cylinders, capsules, cones and ellipsoids that
+        are operands of the outermost hard union, rotated, moved and scaled by one factor only, are intersected with
+        each ray once; only the others are marched. False: all are marched. None: the plan chooses.
 
     Notes
     -----
