@@ -62,6 +62,7 @@ def export(
     path : file to write. It is written whole or not at all.
         .glsl, .frag: one fragment shader, GLSL 330 core, with the scene's values as initial values of its uniforms.
             Textures that are too large for constants are arrays of a second file, which ends in .textures.npz.
+        .wgsl: the functions of the scene for WebGPU: field, gradient, materials, lights, BSDFs.
         .html: a page that draws the scene by WebGL 2, with a slider for each Param, and without a network.
         .stl, .obj, .ply, .glb: a closed triangle mesh; all but .stl with normals, vertex colours and shared vertices.
     time, params : values for meshes; initial values of shaders and pages.

@@ -91,7 +91,7 @@ def constant(node: Expr) -> str:
 # Templates
 
 
-def _wrap(piece: Piece, binding: int) -> Piece:
+def wrap(piece: Piece, binding: int) -> Piece:
     """The piece, in parentheses if it binds more loosely."""
     if piece.binding <= binding:
         return piece
@@ -145,7 +145,7 @@ def _infix(symbol: str, binding: int) -> Template:
     """A binary operator, left-associative: an equally loose right operand needs parentheses."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        parts = (_wrap(pieces[0], binding), _wrap(pieces[1], binding - 1))
+        parts = (wrap(pieces[0], binding), wrap(pieces[1], binding - 1))
         return _joined(symbol, binding, parts, _depth(pieces), node.args)
 
     return template
@@ -155,7 +155,7 @@ def _order(symbol: str, mirrored: str) -> Template:
     """A comparison; a constant is printed on the right."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        left, right = (_wrap(p, PLUS) for p in pieces)
+        left, right = (wrap(p, PLUS) for p in pieces)
         if node.args[0].is_constant:
             return _joined(mirrored, ORDER, (right, left), _depth(pieces), node.args[::-1])
         return _joined(symbol, ORDER, (left, right), _depth(pieces), node.args)
@@ -169,7 +169,7 @@ def _linear(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pi
 
 def _prefix(symbol: str) -> Template:
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        inner = _wrap(pieces[0], ATOM if pieces[0].text.startswith(symbol) else POSTFIX)
+        inner = wrap(pieces[0], ATOM if pieces[0].text.startswith(symbol) else POSTFIX)
         return Piece(symbol + inner.text, UNARY, _depth(pieces), Form("prefix", symbol, (inner,), node.args))
 
     return template
@@ -288,7 +288,7 @@ def _atan(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piec
 
 
 def _swizzle(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    inner = _wrap(pieces[0], POSTFIX)
+    inner = wrap(pieces[0], POSTFIX)
     form = Form("suffix", f".{node.data}", (inner,), node.args)
     return Piece(f"{inner.text}.{node.data}", POSTFIX, pieces[0].depth, form)
 
@@ -336,7 +336,7 @@ def _where(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pie
     if node.type.fields and printer.text.for_web:
         printer.helpers["chosen", node.type.name] = _CHOSEN.replace("TYPE", node.type.name)
         return call_text("chosen", pieces, node.args)
-    condition, yes, no = parts = tuple(_wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
+    condition, yes, no = parts = tuple(wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
     text = f"{condition.text} ? {yes.text} : {no.text}"
     return Piece(text, CHOICE, _depth(pieces), Form("choice", "", parts, node.args))
 
@@ -364,7 +364,7 @@ def _smoothstep(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -
 
 
 def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return Piece(f"floor({_wrap(pieces[0], PLUS).text} + 0.5)", ATOM, _depth(pieces))
+    return Piece(f"floor({wrap(pieces[0], PLUS).text} + 0.5)", ATOM, _depth(pieces))
 
 
 def _sample(component: str) -> Template:
@@ -545,6 +545,38 @@ def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None =
     return result
 
 
+class Dialect:
+    """How GLSL writes what languages of its kind write differently. Another language is a subclass.
+
+    templates : the text of each operation.
+    """
+
+    templates: Mapping[str, Template] = TEMPLATES
+
+    def constant(self, node: Expr) -> str:
+        """A constant of any type."""
+        return constant(node)
+
+    def head(self, name: str, type: Type, params: Sequence[tuple[Type, str]]) -> str:
+        """The first line of a function; its body ends with a closing brace."""
+        return f"{type} {name}({', '.join(f'{of} {param}' for of, param in params)}) {{"
+
+    def declare(self, type: Type, name: str, changes: bool = False) -> str:
+        """The declaration of a variable, up to its value. changes : it is assigned later."""
+        return f"{type} {name} = "
+
+    def loop(self, counter: str, count: int) -> str:
+        """The first line of a loop with an integer counter from 0."""
+        return f"for (int {counter} = 0; {counter} < {count}; {counter}++) {{"
+
+    def number(self, counter: str) -> str:
+        """An integer as a float."""
+        return f"float({counter})"
+
+    leave: tuple[str, str] = ("if (", ") break;")
+    """What stands around the condition under which a loop ends."""
+
+
 @dataclass(slots=True)
 class Text:
     """The functions of a field in order of definition, and their requirements."""
@@ -560,6 +592,7 @@ class Text:
     """Functions that it calls and that the shader must define."""
     for_web: bool = False
     """True if browsers must take it, too: WebGL refuses `?:` for structures."""
+    dialect: Dialect = field(default_factory=Dialect)
     constants: frozenset[str] = frozenset()
     """Names of the data that are in the constant array `constant_numbers`, in place of textures."""
 
@@ -574,9 +607,13 @@ class Text:
 
 
 def print_functions(
-    roots: Sequence[Function], taken: Iterable[str] = (), for_web: bool = False, constants: frozenset[str] = frozenset()
+    roots: Sequence[Function],
+    taken: Iterable[str] = (),
+    for_web: bool = False,
+    constants: frozenset[str] = frozenset(),
+    dialect: Dialect | None = None,
 ) -> Text:
-    """GLSL of some functions and of all their callees, each once. for_web, constants : see `Text`."""
+    """GLSL of some functions and of all their callees, each once. for_web, constants, dialect : see `Text`."""
     order = _callees_first(roots)
     names: dict[Function, str] = {}
     expressions = [e for f in roots for e in f.inner]
@@ -589,6 +626,7 @@ def print_functions(
             names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
             occupied.add(names[definition])
     text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web, constants=constants)
+    text.dialect = dialect or text.dialect
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
@@ -680,9 +718,8 @@ class FunctionPrinter:
         self.wanted = dict(self.definition.names)
         for param in self.definition.params:
             self.names[param] = self._name(param.data)
-        params = ", ".join(f"{p.type} {self.names[p]}" for p in self.definition.params)
-        name = self.text.names[self.definition]
-        head = f"{self.definition.type} {name}({params}) {{"
+        params = [(p.type, self.names[p]) for p in self.definition.params]
+        head = self.text.dialect.head(self.text.names[self.definition], self.definition.type, params)
         body = self.definition.body
         self.emit([body], lambda _i, piece: self._statement("return ", piece, ";", body))
         return [Line(head, body), *self.lines, Line("}", None)]
@@ -741,18 +778,18 @@ class FunctionPrinter:
         if node in self.names:
             return Piece(self.names[node], ATOM, 0)
         if node.op == "const":
-            text = constant(node)
+            text = self.text.dialect.constant(node)
             return Piece(text, UNARY if text.startswith("-") else ATOM, 0)
         if node.op in ("param", "time"):
             return Piece(self.text.uniform_names.get(node) or uniform_name(node), ATOM, 0)
         args = [pieces[arg] for arg in node.args]
         if node.op == "call":
             return call_text(self.text.names[node.data], args, node.args)
-        return TEMPLATES[node.op](self, node, args)
+        return self.text.dialect.templates[node.op](self, node, args)
 
     def _temporary(self, node: Expr, piece: Piece) -> Piece:
         name = self._name(self.wanted.get(_value_of(node)) or _default_name(node))
-        self._statement(f"{node.type} {name} = ", piece, ";", node)
+        self._statement(self.text.dialect.declare(node.type, name), piece, ";", node)
         self.names[node] = name
         return Piece(name, ATOM, 0)
 
@@ -787,13 +824,12 @@ class FunctionPrinter:
     def _print_loop(self, node: Expr, opened: _OpenLoop, pieces: Mapping[Expr, Piece]) -> None:
         for k, state in enumerate(opened.state):
             self.names[state] = self._name(self.wanted.get(state) or _default_name(state))
-            self._statement(f"{state.type} {self.names[state]} = ", pieces[node.args[k]], ";", node)
+            declared = self.text.dialect.declare(state.type, self.names[state], changes=True)
+            self._statement(declared, pieces[node.args[k]], ";", node)
             self.names[_item(node, k, state.type)] = self.names[state]
         counter = self._name("i")
-        self.names[opened.index] = f"float({counter})"
-        self.lines.append(
-            Line("    " * self.indent + f"for (int {counter} = 0; {counter} < {node.data.count}; {counter}++) {{", node)
-        )
+        self.names[opened.index] = self.text.dialect.number(counter)
+        self.lines.append(Line("    " * self.indent + self.text.dialect.loop(counter, node.data.count), node))
         self.indent += 1
         outside = dict(self.names)
         roots = ([opened.until] if opened.until is not None else []) + list(opened.step)
@@ -801,7 +837,8 @@ class FunctionPrinter:
 
         def finish(i: int, piece: Piece) -> None:
             if i == 0 and opened.until is not None:
-                self._statement("if (", piece, ") break;", node)
+                before, after = self.text.dialect.leave
+                self._statement(before, piece, after, node)
             else:
                 news.append(piece)
 
@@ -823,7 +860,8 @@ class FunctionPrinter:
             if not free:
                 k = next(iter(todo))
                 saved = self._name("next_" + self.names[opened.state[k]])
-                self._statement(f"{opened.state[k].type} {saved} = ", todo[k], ";", opened.step[k])
+                declared = self.text.dialect.declare(opened.state[k].type, saved)
+                self._statement(declared, todo[k], ";", opened.step[k])
                 todo[k] = Piece(saved, ATOM, 0)
                 continue
             for k in free:

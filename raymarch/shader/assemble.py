@@ -242,6 +242,16 @@ def _pcg() -> Chunk:
     return Chunk.of("pcg", lines)
 
 
+def expression_functions(plan: Plan) -> list[Function]:
+    """The functions of expressions of a plan: field, gradient, materials, lights, BSDFs, sky, fog and tone curve."""
+    values = Values()
+    if any(p.shades for p in plan.passes):
+        shading(plan, values)
+    if plan.standalone:
+        Setup(plan, values, {})
+    return _roots(plan, values)
+
+
 def _roots(plan: Plan, values: Values) -> list[Function]:
     """The functions of expressions that modules and generated code call."""
     optional = (

@@ -1,0 +1,117 @@
+"""Exported WGSL: a compiler of WebGPU takes it, and its functions have the values of the float64 reference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import raymarch as rm
+from raymarch.errors import RaymarchError
+from raymarch.expr.vocabulary import sin
+from raymarch.scene import load
+from raymarch.scene.parameter import set_values
+from raymarch.truth.field import Field
+from tests.export.test_shaders import EXAMPLES
+from tests.support.commands import files
+
+wgpu = pytest.importorskip("wgpu")
+
+MAIN = """
+@group(0) @binding(0) var<storage, read> points: array<vec4f>;
+@group(0) @binding(1) var<storage, read_write> found: array<vec4f>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) at: vec3u) {
+    let p = points[at.x].xyz;
+    BEFORE
+    found[at.x] = CALL;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def device() -> Any:
+    adapters = wgpu.gpu.enumerate_adapters_sync()
+    if not adapters:
+        pytest.skip("wgpu finds no device")
+    return adapters[0].request_device_sync()
+
+
+def text(scene: rm.Scene, folder: Path, **options: Any) -> str:
+    rm.export(scene, folder / "made.wgsl", **options)
+    return (folder / "made.wgsl").read_text()
+
+
+def computed(device: Any, code: str, call: str, points: NDArray[Any], before: str = "") -> NDArray[np.float32]:
+    """The values of a vec4f expression of a point p, (N, 4); N is a multiple of 64."""
+    from wgpu.utils.compute import compute_with_buffers
+
+    given = np.zeros((len(points), 4), np.float32)
+    given[:, :3] = points
+    shader = code + MAIN.replace("CALL", call).replace("BEFORE", before)
+    made = compute_with_buffers({0: given}, {1: (given.size, "f")}, shader, n=len(points) // 64)
+    return np.frombuffer(made[1], np.float32).reshape(-1, 4)
+
+
+SIZE = rm.Param("size", 1.2, 0.5, 2.0)
+SOLIDS = {
+    "blend": rm.union(rm.box((1, 0.5, 0.8)).rotate(0.4, "y"), rm.torus(0.7, 0.2), k=0.2) - rm.sphere(0.3),
+    "parameter": rm.sphere(SIZE).twist(0.5) & rm.box(1.5 * SIZE),
+    "time": rm.capsule((0, 0, 0), (1, 0, 0), 0.2).translate((sin(rm.time), 0, 0)).mirror("x"),
+    "fractal": rm.mandelbulb(iterations=3),
+    "repeated": rm.sphere(0.2).repeat((1, 1, 1), count=(3, 3, 3)),
+    "gyroid": rm.gyroid(thickness=0.1),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_fields_have_their_values(name: str, device: Any, tmp_path: Path) -> None:
+    scene = rm.Scene(SOLIDS[name])
+    code = text(scene, tmp_path, time=0.7)
+    points = np.random.default_rng(2).uniform(-1.3, 1.3, (256, 3)).astype(np.float32)
+    field = Field(scene, set_values(scene.parameters, None, 0.7))
+    wanted = field.distance(points.astype(float))
+    got = computed(device, code, "vec4f(field(p), 0.0, 0.0, 0.0)", points)[:, 0]
+    assert np.std(wanted) > 0.01
+    np.testing.assert_allclose(got, wanted, atol=2e-5)
+
+
+def test_variables_change_the_values(device: Any, tmp_path: Path) -> None:
+    scene = rm.Scene(SOLIDS["time"] | SOLIDS["parameter"])
+    points = np.random.default_rng(2).uniform(-1.3, 1.3, (64, 3)).astype(np.float32)
+    field = Field(scene, set_values(scene.parameters, {"size": 0.8}, 0.2))
+    code = text(scene, tmp_path, time=0.7)
+    got = computed(device, code, "vec4f(field(p))", points, "u_time = 0.2; u_size = 0.8; set_frame();")[:, 0]
+    np.testing.assert_allclose(got, field.distance(points.astype(float)), atol=2e-5)
+
+
+def test_lights_and_materials_have_their_values(device: Any, tmp_path: Path) -> None:
+    solid = rm.sphere(0.5).material(rm.Material(albedo=(0.8, 0.2, 0.1), roughness=0.4)) | rm.plane(offset=-0.5)
+    lamp = rm.PointLight((1, 2, 1), color=(1, 0.5, 0.25), intensity=8)
+    code = text(rm.Scene(solid, lights=[lamp], tone=rm.ToneMapping("aces")), tmp_path)
+    points = np.random.default_rng(3).uniform(-1, 1, (64, 3)).astype(np.float32)
+    call = "vec4f(sample_point_light(p, vec3f(1.0, 2.0, 1.0), vec3f(8.0, 4.0, 2.0)).radiance, 1.0)"
+    assert "fn reflect_light(" in code and "fn toned(" in code
+    got = computed(device, code, call, points)
+    away = np.linalg.norm(points - (1, 2, 1), axis=1)[:, None]
+    np.testing.assert_allclose(got[:, :3], np.array([8, 4, 2]) / away**2, rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["village", "primitives", "papers/glass", "papers/lights", "showcase/lanterns"])
+def test_the_compiler_takes_examples(name: str, device: Any, tmp_path: Path) -> None:
+    device.create_shader_module(code=text(load(EXAMPLES / f"{name}.py"), tmp_path))
+
+
+def test_the_compiler_finds_faults(device: Any, tmp_path: Path) -> None:
+    code = text(rm.Scene(rm.box()), tmp_path)
+    with pytest.raises(Exception, match="lengths"):
+        device.create_shader_module(code=code.replace("length(", "lengths(", 1))
+
+
+def test_what_wgsl_cannot_hold_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RaymarchError, match=r"textures.py:\d+: a .wgsl file holds no textures"):
+        rm.export(load(EXAMPLES / "textures.py"), tmp_path / "made.wgsl")
+    assert not files(tmp_path)
