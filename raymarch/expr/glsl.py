@@ -782,6 +782,9 @@ class FunctionPrinter:
             return Piece(text, UNARY if text.startswith("-") else ATOM, 0)
         if node.op in ("param", "time"):
             return Piece(self.text.uniform_names.get(node) or uniform_name(node), ATOM, 0)
+        if node.op == "var":  # a variable of the shader, or an element of an array
+            self.text.needs.add(node.data.partition("[")[0])
+            return Piece(node.data, ATOM, 0)
         args = [pieces[arg] for arg in node.args]
         if node.op == "call":
             return call_text(self.text.names[node.data], args, node.args)

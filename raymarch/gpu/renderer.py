@@ -26,11 +26,11 @@ from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.plan import lights
 from raymarch.scene.camera import Pose
+from raymarch.scene.fog import Fog
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, check_scene
-from raymarch.scene.sky import Fog, Sky
 
 Progress = Callable[[float], None]
 

@@ -10,19 +10,15 @@ from numpy.typing import NDArray
 
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, var
-from raymarch.expr.types import FLOAT, VEC3, Type, struct
+from raymarch.expr.types import Type
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
-from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_of
+from raymarch.scene.light import FAR, LIGHT, POINT, SAMPLE, Light, sample_of
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 
 AS_TEXT = 8
 """Up to this many lights are written as code. More become rows of a texture, read in one loop."""
-
-LIGHT = struct("Light", (("direction", VEC3), ("distance", FLOAT), ("radiance", VEC3)))
-"""The struct of a light sample; see glsl/light/light.glsl."""
-
 
 GIVEN = (POINT, SAMPLE, FAR)
 """What a sample of a light may depend on, besides the light's values."""

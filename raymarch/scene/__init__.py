@@ -3,6 +3,7 @@
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera
 from raymarch.scene.file import load
+from raymarch.scene.fog import Fog
 from raymarch.scene.light import DirectionSample, Light, PointLight, RectLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, time
@@ -10,7 +11,7 @@ from raymarch.scene.pattern import checker, grid_lines, marble, noise, stripes
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.scene.skies import GradientSky, ImageSky, SunSky
-from raymarch.scene.sky import Fog, Sky
+from raymarch.scene.sky import Sky
 from raymarch.scene.texture import Texture, planar, triplanar
 from raymarch.scene.tone import ToneMapping
 

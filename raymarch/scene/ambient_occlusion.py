@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from raymarch.expr.convert import integer
-from raymarch.expr.node import Expr
+from raymarch.expr.function import loop, sum_of
+from raymarch.expr.node import Expr, var
+from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import clamp
 from raymarch.scene.parameter import as_number
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import Scalar
+
+POINT, NORMAL = var("p", VEC3), var("normal", VEC3)
+"""A point of a surface, and the normal there."""
 
 
 @value
@@ -43,6 +51,21 @@ class AmbientOcclusion(Value):
             strength=as_number("AmbientOcclusion: strength", strength, low=0.0),
             decay=as_number("AmbientOcclusion: decay", decay, 1e-3, 1.0),
         )
+
+    def visibility(self, field: Callable[[Expr], Expr], side: Expr) -> Expr:
+        """Ambient visibility at POINT about NORMAL: 1 where the field rises as over a plane, less near other surfaces.
+
+        field : signed distance at a point. side : -1 inside the solid, else 1.
+        """
+        total = sum_of([self.decay**i for i in range(self.steps)])
+
+        def add(i: Expr, missing: Expr, weight: Expr) -> tuple[Expr, Expr]:
+            far = self.reach * ((i + 1.0) / float(self.steps))
+            rise = side * field(POINT + far * NORMAL)
+            return missing + weight * clamp(1.0 - rise / far, 0.0, 1.0), weight * self.decay
+
+        missing, _ = loop(self.steps, (0.0, 1.0), add)
+        return clamp(1.0 - self.strength * missing / total, 0.0, 1.0)
 
     @property
     def expressions(self) -> list[Expr]:

@@ -35,6 +35,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
+from raymarch.scene.light import to_world
 from raymarch.scene.material import COAT, FIELDS, PHONG, PHYSICAL, SMOOTH, Material
 from raymarch.scene.quality import Quality
 
@@ -207,17 +208,6 @@ RANDOM = Random(var("u", VEC2), *(var(f"u_of_{name}", FLOAT) for name in Random.
 
 SAMPLE = struct("BsdfSample", (("direction", VEC3), ("weight", VEC3)))
 """A sampled direction, and the BSDF times cosine over the density of the lobe; 0 where the sample carries no light."""
-
-
-@function(normal=VEC3, local=VEC3)
-def to_world(normal: Expr, local: Expr) -> Expr:
-    """A vector about z, about a normal: the branchless basis of Duff et al. (2017)."""
-    s = where(normal.z < 0.0, -1.0, 1.0)
-    a = -1.0 / (s + normal.z)
-    b = normal.x * normal.y * a
-    tangent = vec3(1.0 + s * normal.x * normal.x * a, s * b, -s * normal.x)
-    bitangent = vec3(b, s + normal.y * normal.y * a, -normal.y)
-    return local.x * tangent + local.y * bitangent + local.z * normal
 
 
 @function(normal=VEC3, u=VEC2)

@@ -17,10 +17,26 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SHORTEST, SMALLEST
 from raymarch.expr.convert import choice, short, switch
+from raymarch.expr.function import function
 from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, const, expr, var
-from raymarch.expr.types import FLOAT, VEC2, VEC3
-from raymarch.expr.vocabulary import clamp, cos, cross, dot, length, max, normalize, sqrt, where
+from raymarch.expr.types import FLOAT, VEC2, VEC3, struct
+from raymarch.expr.vocabulary import (
+    clamp,
+    cos,
+    cross,
+    dot,
+    get,
+    length,
+    max,
+    min,
+    normalize,
+    record,
+    sin,
+    sqrt,
+    vec3,
+    where,
+)
 from raymarch.scene.color import as_color
 from raymarch.scene.parameter import as_direction, as_number, as_vec3
 from raymarch.scene.value import Value, value
@@ -52,6 +68,35 @@ class DirectionSample(NamedTuple):
     direction: Expr
     distance: Expr
     radiance: Expr
+
+
+@function(normal=VEC3, local=VEC3)
+def to_world(normal: Expr, local: Expr) -> Expr:
+    """A vector about z, about a normal: the branchless basis of Duff et al. (2017)."""
+    s = where(normal.z < 0.0, -1.0, 1.0)
+    a = -1.0 / (s + normal.z)
+    b = normal.x * normal.y * a
+    tangent = vec3(1.0 + s * normal.x * normal.x * a, s * b, -s * normal.x)
+    bitangent = vec3(b, s + normal.y * normal.y * a, -normal.y)
+    return local.x * tangent + local.y * bitangent + local.z * normal
+
+
+LIGHT = struct("Light", (("direction", VEC3), ("distance", FLOAT), ("radiance", VEC3)))
+"""The struct of a `DirectionSample`."""
+
+
+@function(light=LIGHT, width=FLOAT, u=VEC2)
+def sample_disc(light: Expr, width: Expr, u: Expr) -> Expr:
+    """A random point of a light's disc, for a hard shadow and BSDF evaluation of its own.
+
+    The mean over u converges to the whole disc. width : sine of its angular radius. Points are uniform on the
+    projection of the light's sphere to a plane perpendicular to the light's direction. Each is weighted by 1 / cosine
+    for its solid angle, so that a diffuse surface is as bright as under a point light.
+    """
+    r, turn = min(width, 0.999) * sqrt(u.x), 2.0 * math.pi * u.y
+    c = sqrt(1.0 - r * r)
+    direction = to_world(get(light, "direction"), vec3(r * cos(turn), r * sin(turn), c))
+    return record(LIGHT, direction, get(light, "distance"), get(light, "radiance") / c)
 
 
 PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")

@@ -67,11 +67,13 @@ def _nearest(field: Function, position: NDArray[np.float64], values: Values) -> 
 
 
 def seen_from(scene: Scene, origin: NDArray[np.float64]) -> Scene:
-    """The scene with its solids and lights moved to an origin. The camera is unchanged."""
+    """The scene with its solids, lights and fog moved to an origin. The camera is unchanged."""
     if not np.any(origin):
         return scene
     return scene.replace(
-        node=shifted(scene.node, origin), lights=tuple(_light_from(light, origin) for light in scene.lights)
+        node=shifted(scene.node, origin),
+        lights=tuple(_light_from(light, origin) for light in scene.lights),
+        fog=None if scene.fog is None else scene.fog.replace(height=scene.fog.height - float(origin[1])),
     )
 
 

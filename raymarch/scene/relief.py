@@ -12,9 +12,10 @@ from typing import Any
 from raymarch.errors import SceneError
 from raymarch.expr.convert import called, short
 from raymarch.expr.derivative import gradient
+from raymarch.expr.function import function
 from raymarch.expr.node import Expr, expr
-from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import dot, max
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import abs, cross, dot, length, max, normalize, vec3, where
 from raymarch.expr.walk import find, free_variables
 from raymarch.scene.parameter import as_number
 from raymarch.scene.texture import Texture
@@ -22,6 +23,25 @@ from raymarch.sdf.domain import as_operand
 from raymarch.sdf.lower import DPDN, DPDX, DPDY, NORMAL, POSITION, SCENE_INTERACTION
 
 FLAT = expr((0.0, 0.0, 0.0))
+
+
+@function(n=VEC3, v=VEC3, width=FLOAT)
+def footprint_axis(n: Expr, v: Expr, width: Expr) -> Expr:
+    """The minor axis of the ellipse in which a cone as wide as a pixel meets the tangent plane.
+
+    n, v : unit normal, and unit direction to the camera. At normal incidence it is a circle: any tangent will do.
+    """
+    tangent = cross(n, v)
+    other = where(abs(n.y) < 0.9, vec3(n.z, 0.0, -n.x), vec3(0.0, -n.z, n.y))
+    axis = where(length(tangent) < 1e-4, other, tangent)
+    return axis * (width / length(axis))
+
+
+@function(n=VEC3, v=VEC3, bump_gradient=VEC3)
+def shading_normal(n: Expr, v: Expr, bump_gradient: Expr) -> Expr:
+    """The normal with relief. One that faces away from the camera is turned until it just faces it."""
+    bent, side = normalize(n - bump_gradient), where(dot(n, v) < 0.0, -1.0, 1.0)
+    return normalize(bent + side * max(0.01 - side * dot(bent, v), 0.0) * v)
 
 
 def bump_gradient(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:

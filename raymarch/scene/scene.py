@@ -18,12 +18,13 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose
+from raymarch.scene.fog import Fog
 from raymarch.scene.light import KINDS, Light, Sun, sample_of
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import ParamValue, Spec, Values, specs_in
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import Quality
-from raymarch.scene.sky import Fog, Sky
+from raymarch.scene.sky import Sky
 from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike

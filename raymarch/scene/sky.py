@@ -1,4 +1,4 @@
-"""The sky, which rays that hit nothing see, and fog between the camera and the surface.
+"""The sky, which rays that hit nothing see.
 
 A sky is a function of the ray direction in the expression language. The shader and the reference use the same function.
 """
@@ -12,17 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
+from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.convert import called, switch
+from raymarch.expr.function import Function, sum_of, unique_function
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import max
 from raymarch.expr.walk import free_variables
 from raymarch.scene.color import as_color
-from raymarch.scene.parameter import Values, as_number
+from raymarch.scene.parameter import Values
 from raymarch.scene.value import Value, value
-from raymarch.sdf.domain import ColorLike, Scalar, as_operand
+from raymarch.sdf.domain import ColorLike, as_operand
 
 DIRECTION = var("direction", VEC3)
 """The unit direction of a ray that reaches the sky."""
@@ -75,10 +76,14 @@ class Sky(Value):
             color = evaluator([self.radiance], [DIRECTION])(np.asarray(directions, np.float64))[0]
         return np.array(np.broadcast_to(color, np.shape(directions)), np.float64)
 
-    def harmonics(self, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Nine colours, (9, 3). Their sum weighted by `harmonics_at(normal)` is the mean light on a diffuse surface.
+    def function(self, where: Location | None) -> Function:
+        """The radiance as a function of the direction: `sky`. where : the user's line."""
+        return unique_function("sky", (DIRECTION,), self.radiance, {}, where)
 
-        For a constant sky the sum is the colour of the sky. Integrated over 4,096 evenly distributed directions.
+    def harmonics(self, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The values of `HARMONICS`, (9, 3): coefficients of the mean light on a diffuse surface.
+
+        They include the cosine lobe. Integrated over 4,096 evenly distributed directions.
         """
         n = 4096
         k = np.arange(n) + 0.5
@@ -96,43 +101,28 @@ _BANDS = np.array([1.0] + [2.0 / 3.0] * 3 + [0.25] * 5)
 """The cosine lobe divided by pi, in each band of the harmonics. The harmonics have a mean square of 1."""
 
 
-def harmonics_at(n: Any) -> Any:
-    """The first nine real spherical harmonics of unit vectors (N, 3), with a mean square of 1 each; (N, 9)."""
-    x, y, z = n[:, 0], n[:, 1], n[:, 2]
-    a, b = math.sqrt(3.0), math.sqrt(15.0)
-    one = np.ones_like(x)
-    second = [b * x * y, b * y * z, b * z * x, math.sqrt(5.0) / 2 * (3 * y * y - 1), b / 2 * (x * x - z * z)]
-    return np.stack([one, a * x, a * y, a * z, *second], axis=1)
+HARMONICS = tuple(var(f"u_sky_light[{k}]", VEC3) for k in range(9))
+"""Coefficients of the sky's mean; an array of the shader, by the name that it has there."""
 
 
-@value
-class Fog(Value):
-    """Homogeneous fog with transmittance exp(-density * distance). It covers surfaces, not the sky.
+NORMAL = var("n", VEC3)
 
-    Parameters
-    ----------
-    color : colour of the fog, linear RGB, each >= 0. None is the sky's radiance in the direction of the ray: far
-        surfaces fade into the sky, without a seam at the horizon.
-    density : extinction per unit of length, >= 0.
 
-    Notes
-    -----
-    Raises SceneError for a negative value.
-    """
+def _basis(x: Expr, y: Expr, z: Expr) -> list[Expr]:
+    """The first nine real spherical harmonics of a unit vector, with a mean square of 1 each."""
+    a, b, c = math.sqrt(3.0), math.sqrt(15.0), 0.5 * math.sqrt(5.0)
+    second = [b * x * y, b * y * z, b * z * x, c * (3.0 * y * y - 1.0), 0.5 * b * (x * x - z * z)]
+    return [expr(1.0), a * x, a * y, a * z, *second]
 
-    color: Expr | None
-    density: Expr
 
-    def __init__(self, color: ColorLike | None = (0.5, 0.65, 0.85), density: Scalar = 0.05) -> None:
-        self._begin()
-        self._set(
-            color=None if color is None else as_color("Fog: color", color),
-            density=as_number("Fog: density", density, low=0.0),
-        )
+_BASIS = _basis(NORMAL.x, NORMAL.y, NORMAL.z)
+MEAN = Function("sky_mean", (NORMAL,), max(sum_of([c * h for c, h in zip(HARMONICS, _BASIS, strict=True)]), 0.0))
+"""The cosine-weighted mean of the sky over the hemisphere about a direction (Ramamoorthi and Hanrahan 2001)."""
 
-    @property
-    def expressions(self) -> list[Expr]:
-        return [self.density] if self.color is None else [self.color, self.density]
+
+def harmonics_at(n: NDArray[Any]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """The basis at unit vectors, (N, 3) -> (N, 9)."""
+    return np.stack(np.broadcast_arrays(*evaluator(_BASIS, [NORMAL])(n)), axis=1)
 
 
 def _radiance(color: Any) -> Expr:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 
+from raymarch import glsl
 from raymarch.errors import Location, PlanError, is_users
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
@@ -22,13 +23,15 @@ from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
+from raymarch.expr.types import Type
 from raymarch.expr.walk import find
 from raymarch.plan import Pass, Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
+from raymarch.scene.relief import footprint_axis, shading_normal
 from raymarch.scene.scene import all_nodes
 from raymarch.shader.bounds import marched_range, scene_box, scene_cone
-from raymarch.shader.bsdf import material_struct
 from raymarch.shader.chunk import Chunk, Mapped, Values
+from raymarch.shader.fog import sky_light
 from raymarch.shader.lights import light_rows
 from raymarch.shader.link import link, module
 from raymarch.shader.shade import shading
@@ -137,7 +140,8 @@ def assemble(
         "scene_cone": partial(scene_cone, plan),
         "marched_range": partial(marched_range, plan),
         **{name: partial(light_rows, plan, "u_lights" in constants) for name in ("u_lights", "light_texel")},
-        "Material": partial(material_struct, plan),
+        "u_sky_light": sky_light,
+        **{type.name: partial(_declared, type) for type in _records(roots) if type.name not in glsl.givers()},
         "pcg": _pcg,
         **(setup.promised() if setup is not None else {}),
     }
@@ -225,7 +229,6 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
         "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.tracer, 1.0))),
         "relax_again": ("bool", "true" if plan.tracer == "relaxed_again" else "false"),
         "picture_samples": ("int", str(quality.samples)),
-        "occlusion_steps": ("int", str(plan.scene.occlusion.steps if plan.scene.occlusion else 0)),
         "smoothing": ("float", literal(quality.beta)),
         "footprint_pixels": ("float", literal(quality.footprint)),
         "color_fault": ("float", literal(fault_code(COLOR, 0))),
@@ -258,18 +261,35 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
         *(plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index),
         *(plan.analytic.hit, plan.analytic.rest, plan.analytic.solved_distance),
     )
-    return [plan.field, *(f for f in optional if f is not None), *values.functions, *plan.further]
+    mapped = (footprint_axis, shading_normal) if plan.relief is not None else ()
+    return [plan.field, *mapped, *(f for f in optional if f is not None), *values.functions, *plan.further]
 
 
-def _records(roots: Sequence[Function]) -> frozenset[str]:
-    """The structs that functions take or return."""
-    types = [type for root in roots for type in (root.type, *(p.type for p in root.params))]
-    return frozenset(type.name for type in types if type.fields)
+def _records(roots: Sequence[Function]) -> frozenset[Type]:
+    """The structs that functions take or return, with those of their fields."""
+    found: set[Type] = set()
+    pending = [type for root in roots for type in (root.type, *(p.type for p in root.params))]
+    while pending:
+        type = pending.pop()
+        if type.fields and type not in found:
+            found.add(type)
+            pending += [inner for _, inner in type.fields]
+    return frozenset(found)
+
+
+def _declared(type: Type) -> Chunk:
+    """The declaration of a struct."""
+    lines = [f"struct {type.name} {{", *(f"    {inner} {name};" for name, inner in type.fields), "};"]
+    return Chunk.of(f"struct {type.name}", [Mapped(line, f"struct {type.name}") for line in lines])
+
+
+def _names(roots: Sequence[Function]) -> frozenset[str]:
+    return frozenset(type.name for type in _records(roots))
 
 
 def _promised(roots: Sequence[Function]) -> Chunk:
     """The names of the generated functions, before their text is printed."""
-    return Chunk("field", _records(roots), frozenset(root.name for root in roots), ())
+    return Chunk("field", _names(roots), frozenset(root.name for root in roots), ())
 
 
 def _fields(
@@ -289,7 +309,7 @@ def _fields(
         lines.append(Mapped("", "parameters"))
     lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
-    return Chunk("field", _records(roots) | text.needs, gives, tuple(lines)), parameters, text
+    return Chunk("field", _names(roots) | text.needs, gives, tuple(lines)), parameters, text
 
 
 class _Places:

@@ -13,12 +13,12 @@ from raymarch.expr.types import FLOAT, VEC3, Type, struct, vector
 from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
-from raymarch.plan.lights import LIGHT
 from raymarch.scene.bsdf import BSDF, RANDOM, over_dielectric
-from raymarch.shader.chunk import Chunk, Mapped, Values
+from raymarch.scene.light import LIGHT
+from raymarch.shader.chunk import Values
 
 GLASS = struct("Glass", (("transmission", FLOAT), ("ior", FLOAT), ("absorption", VEC3)))
-"""The struct of a material that transmits light; see glsl/material/glass.glsl."""
+"""The struct of a material that transmits light. `absorption` is per unit of length."""
 
 DIMENSIONS = {"direction": (1, 2), "lobe": (0,), "model": (5,), "several": (6,), "coat": (7,)}
 """The random dimensions of a sample, after the first one of a surface."""
@@ -32,13 +32,6 @@ def material_of(plan: Plan) -> Type:
     assert plan.material is not None
     made = plan.material.type
     return dict(made.fields).get("material", made)
-
-
-def material_struct(plan: Plan) -> Chunk:
-    """The declaration of the struct Material."""
-    fields = [f"    {type} {name};" for name, type in material_of(plan).fields]
-    lines = ("// A material, as the BSDF reads it.", "struct Material {", *fields, "};")
-    return Chunk.of("material", [Mapped(line, "materials") for line in lines])
 
 
 class Reflection:

@@ -1,22 +1,63 @@
-"""Generated code of fog between the camera and the first surface."""
+"""Generated code around the shading of surfaces: rays that hit nothing, and fog up to the first surface."""
 
 from __future__ import annotations
 
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import literal
+from raymarch.expr.walk import free_variables
+from raymarch.plan import Plan
+from raymarch.scene.fog import COLOR, LENGTH, ORIGIN, SKY_DISTANCE
 from raymarch.scene.scene import Scene
-from raymarch.shader.chunk import Lines
+from raymarch.scene.sky import DIRECTION, MEAN
+from raymarch.shader.chunk import Chunk, Lines, Mapped
 
 
-def keep_direction(text: Lines, scene: Scene) -> None:
-    """Keep the direction of the camera ray as `view`, where `ray` is reused and the fog has the colour of the sky."""
-    if scene.fog is not None and scene.fog.color is None:
-        text.add("    vec3 view = ray.direction;")
+def sky_functions(plan: Plan) -> list[Function]:
+    """The functions of the sky, its mean and the fog."""
+    scene = plan.scene
+    found = [scene.sky.function(scene.where), *([MEAN] if plan.sky_light else [])]
+    return found if scene.fog is None else [*found, _fog(scene)]
 
 
-def add_fog(text: Lines, scene: Scene, distance: str, direction: str) -> None:
-    """Attenuate `color` by the fog over a distance along the camera ray of a direction."""
-    if scene.fog is None:
-        return
-    line = f"    color = apply_fog(color, {distance});"
-    if scene.fog.color is None:
-        line = f"    color = mix(sky({direction}), color, exp(-fog_density() * {distance}));"
-    text.add(line, by="Scene(fog=...)", where=scene.where)
+def sky_light() -> Chunk:
+    """The coefficients of the sky's mean; see `raymarch.scene.sky.HARMONICS`."""
+    return Chunk.of("sky light", [Mapped("uniform vec3 u_sky_light[9];", "the sky's light")])
+
+
+def _fog(scene: Scene) -> Function:
+    assert scene.fog is not None
+    made = scene.fog.applied(scene.sky.function(scene.where)(DIRECTION))
+    read = free_variables([made])
+    return Function(
+        "apply_fog", tuple(p for p in (COLOR, ORIGIN, DIRECTION, LENGTH) if p in read), made, {}, scene.where
+    )
+
+
+def _applied(scene: Scene, color: str, origin: str, direction: str, length: str) -> str:
+    texts = {COLOR: color, ORIGIN: origin, DIRECTION: direction, LENGTH: length}
+    return f"apply_fog({', '.join(texts[p] for p in _fog(scene).params)})"
+
+
+def begin_shade(text: Lines, scene: Scene, bounces: bool = False) -> None:
+    """The beginning of `shade`. If `bounces`, `ray` is reused: what the fog reads of it is kept."""
+    sky = "sky(ray.direction)"
+    if scene.fog is not None and scene.fog.covers_sky:
+        sky = _applied(scene, sky, "ray.origin", "ray.direction", literal(SKY_DISTANCE))
+    text.add("vec3 shade(Ray ray, Hit hit) {")
+    text.add(f"    if (!hit.found) return {sky};")
+    if bounces:
+        read = _fog(scene).params if scene.fog is not None else ()
+        for p, line in ((ORIGIN, "vec3 eye = ray.origin;"), (DIRECTION, "vec3 view = ray.direction;")):
+            if p in read:
+                text.add(f"    {line}", by="Scene(fog=...)", where=scene.where)
+        text.add("    vec3 color = vec3(0.0);")
+        text.add("    float first = hit.t;")
+
+
+def end_shade(text: Lines, scene: Scene, length: str, origin: str = "eye", direction: str = "view") -> None:
+    """The end of `shade`: fog over a length along the camera ray."""
+    if scene.fog is not None:
+        line = f"    color = {_applied(scene, 'color', origin, direction, length)};"
+        text.add(line, by="Scene(fog=...)", where=scene.where)
+    text.add("    return color;")
+    text.add("}")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
-from raymarch.scene.light import FAR, POINT, SAMPLE, Light
+from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_disc
 from raymarch.scene.scene import Scene
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
@@ -25,6 +25,8 @@ SHADOW = {
 def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """Add the light of all sources to the colour of a surface."""
     values.functions += [form.function for form in lights.forms(plan.scene).values()]
+    if "sampled" in lights.shadows(plan.scene):
+        values.functions.append(sample_disc)
     if lights.as_data(plan.scene):
         _loop(text, plan, reflection)
         return
@@ -55,13 +57,13 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     if not several:
         add(f"{declared}light = {sample};")
         if disc:
-            add(f"light = sample_disc(light, {width}, {dimension});")
+            add(f"light = sample_disc(light, {width}, {_two(dimension)});")
         add(f"color += {reflection.light(visibility)};")
         return
     if disc:
         add(f"{declared}light = {sample};")
         add(f"Light centre_{i} = light;")
-        sample = f"sample_disc(centre_{i}, {width}, {dimension})"
+        sample = f"sample_disc(centre_{i}, {width}, {_two(dimension)})"
     elif declared:
         add("Light light;")
     add(f"for (int k = 0; k < {samples}; k++) {{")
@@ -78,10 +80,16 @@ def _sample(form: lights.Form, values: Sequence[str], dimension: str) -> str:
     """
     texts = {
         POINT: "surface.p",
-        SAMPLE: f"vec2(random_of_pixel({dimension}), random_of_pixel({dimension} + 1))",
+        SAMPLE: _two(dimension),
         FAR: "2.0 * u_far",
     }
     return f"{form.function.name}({', '.join([*(texts[p] for p in form.reads), *values])})"
+
+
+def _two(dimension: str) -> str:
+    """Two random numbers, as GLSL text."""
+    after = str(int(dimension) + 1) if dimension.isdigit() else f"{dimension} + 1"
+    return f"vec2(random_of_pixel({dimension}), random_of_pixel({after}))"
 
 
 def _dimension(light: int) -> int:
@@ -161,11 +169,11 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
             if kind == "sampled" and samples > 1:
                 add("Light centre = light;")
                 shown = f"{near.removesuffix(' && ')} ? hard_shadow(surface, light) : 1.0"
-                sample = f"sample_disc(centre, {width}, {first} + {stride} * k)"
+                sample = f"sample_disc(centre, {width}, {_two(f'{first} + {stride} * k')})"
                 several(condition, sample, shown if near else "hard_shadow(surface, light)")
                 continue
             if kind == "sampled":
-                add(f"if ({condition}) light = sample_disc(light, {width}, {first});")
+                add(f"if ({condition}) light = sample_disc(light, {width}, {_two(first)});")
             given = "" if kind in ("hard", "sampled") else f", {width}"
             add(f"if ({near}{condition}) visibility = {SHADOW[kind]}(surface, light{given});")
         add(f"color += {reflection.light(visibility)};")

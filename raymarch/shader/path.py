@@ -6,7 +6,7 @@ from raymarch.plan import Plan
 from raymarch.scene.bsdf import fresnel_dielectric, sample_rough_dielectric
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
-from raymarch.shader.fog import add_fog, keep_direction
+from raymarch.shader.fog import begin_shade, end_shade
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
@@ -14,11 +14,8 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
     """The colour of a hit: a random path over up to n bounces, with direct light at each surface."""
     scene, add, glass = plan.scene, text.add, plan.glass is not None
     shines = bool(scene.lights) and plan.model != "phong"
-    add("vec3 shade(Ray ray, Hit hit) {")
-    add("    vec3 color = vec3(0.0);")
+    begin_shade(text, scene, bounces=True)
     add("    vec3 weight = vec3(1.0);")
-    add("    float first = hit.t;")
-    keep_direction(text, scene)
     add("    float travelled = 0.0;")
     if shines:
         # Path regularisation (Kaplanyan 2013): highlights on mirrors seen from rough surfaces are too rarely sampled.
@@ -79,9 +76,7 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
     add("            break;")
     add("        }")
     add("    }")
-    add_fog(text, scene, "first", "view")
-    add("    return color;")
-    add("}")
+    end_shade(text, scene, "first")
 
 
 def _into_glass(text: Lines, plan: Plan) -> None:

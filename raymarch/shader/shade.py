@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from raymarch.expr.function import Function
+from raymarch.expr.node import var
+from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import get
 from raymarch.plan import Plan
 from raymarch.plan.shading import ambient, ambient_sky, occluded, patterned
-from raymarch.scene.sky import DIRECTION
+from raymarch.scene.ambient_occlusion import NORMAL, POINT
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Values
-from raymarch.shader.fog import add_fog
+from raymarch.shader.fog import begin_shade, end_shade, sky_functions
 from raymarch.shader.lights import all_lights
 from raymarch.shader.path import path_tracing
 from raymarch.shader.surface import material_arguments, surface_interaction_call
@@ -31,7 +33,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
         else:
             tree(text, plan, values, reflection)
         return _chunk(text, plan, values)
-    text.add("vec3 shade(Ray ray, Hit hit) {")
+    begin_shade(text, scene)
     needs_surface = plan.material is not None
     if needs_surface:
         call = surface_interaction_call(plan, "ray", "hit.t")
@@ -46,9 +48,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
         _ambient(text, plan, values, reflection)
         if scene.lights:
             all_lights(text, plan, values, reflection)
-    add_fog(text, scene, "hit.t", "ray.direction")
-    text.add("    return color;")
-    text.add("}")
+    end_shade(text, scene, "hit.t", "ray.origin", "ray.direction")
     return _chunk(text, plan, values)
 
 
@@ -85,16 +85,8 @@ def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
 
 
 def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
-    """The chunk of these lines. Adds the values of sky and fog that they read by name."""
-    scene = plan.scene
-    if scene.sky.constant:
-        values.add("sky_color", scene.sky.radiance, scene.where)
-    else:
-        values.functions.append(Function("sky", (DIRECTION,), scene.sky.radiance, where=scene.where))
-    if scene.fog is not None:
-        if scene.fog.color is not None:
-            values.add("fog_color", scene.fog.color, scene.where)
-        values.add("fog_density", scene.fog.density, scene.where)
+    """The chunk of these lines. Adds the functions of sky and fog that they call."""
+    values.functions += sky_functions(plan)
     return text.chunk("shade")
 
 
@@ -109,11 +101,11 @@ def _ambient(text: Lines, plan: Plan, values: Values, reflection: Reflection) ->
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
     if occluded(scene, plan.model):
         assert scene.occlusion is not None
-        for name in ("reach", "strength", "decay"):
-            values.add(f"occlusion_{name}", getattr(scene.occlusion, name), scene.where)
+        visibility = scene.occlusion.visibility(plan.field, var("u_side", FLOAT))
+        values.functions.append(Function("ambient_occlusion", (POINT, NORMAL), visibility, where=scene.where))
         share = "surface.ambient_visibility * " if shares else ""
         text.add(
-            f"    float ambient_visibility = {share}ambient_occlusion(surface);",
+            f"    float ambient_visibility = {share}ambient_occlusion(surface.p, surface.normal);",
             by=by,
             where=scene.where,
         )

@@ -16,25 +16,20 @@ from raymarch.scene.bsdf import fresnel_dielectric
 from raymarch.scene.material import SMOOTH
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
-from raymarch.shader.fog import add_fog, keep_direction
+from raymarch.shader.fog import begin_shade, end_shade
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
 def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """The colour of a hit: direct light, and the light of reflected and refracted rays over up to n bounces."""
     mirrors = any(m.mirrors for m in plan.scene.materials)
-    text.add("vec3 shade(Ray ray, Hit hit) {")
-    text.add("    vec3 color = vec3(0.0);")
-    text.add("    float first = hit.t;")
-    keep_direction(text, plan.scene)
+    begin_shade(text, plan.scene, bounces=True)
     if plan.glass is not None:
         values.functions.append(fresnel_dielectric)
         _branches(text, plan, mirrors, reflection)
     else:
         _chain(text, plan, reflection)
-    add_fog(text, plan.scene, "first", "view")
-    text.add("    return color;")
-    text.add("}")
+    end_shade(text, plan.scene, "first")
 
 
 def _chain(text: Lines, plan: Plan, reflection: Reflection) -> None:

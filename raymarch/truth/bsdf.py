@@ -106,6 +106,6 @@ def mirrored(bsdf: BSDF, material: Mapping[str, Array], normal: Array, view: Arr
 
 
 def values_of(term: Function, *arguments: Any) -> Array:
-    """The values of a term, such as `fresnel_dielectric`, for arrays of N."""
-    result: Array = evaluator([term.body], term.params)(*np.broadcast_arrays(*arguments))[0]
+    """The values of a term, such as `fresnel_dielectric`, for arrays of N; vectors are (N, n)."""
+    result: Array = evaluator([term.body], term.params)(*arguments)[0]
     return result

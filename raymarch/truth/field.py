@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion, gradient
-from raymarch.expr.node import Expr
+from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import min
 from raymarch.expr.walk import depends_on, substitute, topological
+from raymarch.scene.ambient_occlusion import NORMAL, POINT
 from raymarch.scene.material import FIELDS
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
@@ -89,6 +90,13 @@ class Field:
         """Gradient of the distance; (N, 3) -> (N, 3). Gradients that are not finite become 0."""
         (value,) = self._run(self._gradient, points, (4,))
         return np.where(np.isfinite(value[:, :3]).all(axis=1, keepdims=True), value[:, :3], 0.0)
+
+    def ambient_occlusion(self, points: Array, normals: Array, side: float) -> NDArray[np.float64]:
+        """Ambient visibility, (N, 3) -> (N,). normals : unit, (N, 3). side : -1 inside the solid, else 1."""
+        occlusion = self._scene.occlusion
+        assert occlusion is not None
+        visibility = occlusion.visibility(lower(self._scene.node), const(side))
+        return self._run(evaluator([visibility], [POINT, NORMAL]), points, (), normals)[0]
 
     def material_weights(self, points: Array) -> NDArray[np.float64]:
         """Weight of each material of the scene, >= 0 with sum 1; (N, 3) -> (N, len(materials)).

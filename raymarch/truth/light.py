@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.node import var
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import get, record
 from raymarch.expr.walk import free_variables
-from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_of
+from raymarch.scene.light import FAR, LIGHT, POINT, SAMPLE, Light, sample_disc, sample_of
 from raymarch.scene.parameter import Values
 from raymarch.sdf.facts import Facts
-from raymarch.truth.rays import Rays, unit
+from raymarch.truth.rays import Rays
 
 Array = NDArray[np.float64]
 
@@ -49,6 +52,8 @@ def incoming(light: Light, values: Values, points: Array, far: float, u: tuple[f
     )
 
 
+GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
+
 DISC_SAMPLES = 64
 """Number of points that replace the shader's random point on the disc of a light."""
 
@@ -61,16 +66,17 @@ def area_samples(light: Light) -> list[tuple[float, float]]:
     return [((i + 0.5) / side, (j + 0.5) / side) for i in range(side) for j in range(side)]
 
 
+_DIRECTION, _RADIANCE, _WIDTH = var("direction", VEC3), var("radiance", VEC3), var("width", FLOAT)
+_DISC = sample_disc(record(LIGHT, _DIRECTION, 0.0, _RADIANCE), _WIDTH, SAMPLE)
+_POINT_OF_DISC = evaluator([get(_DISC, "direction"), get(_DISC, "radiance")], [_DIRECTION, _RADIANCE, _WIDTH, SAMPLE])
+
+
 def disc_samples(incident: Incoming, width: Array) -> Iterator[Incoming]:
-    """The same light from evenly spread points of its disc; `width` is the sin2_h of its angular radius, (N,)."""
-    helper = np.where(np.abs(incident.direction[:, 1:2]) < 0.9, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-    across = unit(np.cross(incident.direction, helper))
-    along = np.cross(incident.direction, across)
+    """The same light from evenly spread points of its disc; `width` is the sine of its angular radius, (N,)."""
     for k in range(DISC_SAMPLES):
-        r, phi = np.minimum(width[:, None], 0.999) * np.sqrt((k + 0.5) / DISC_SAMPLES), k * 2.399963
-        c = np.sqrt(1.0 - r * r)
-        direction = c * incident.direction + r * (np.cos(phi) * across + np.sin(phi) * along)
-        yield Incoming(direction, incident.distance, incident.radiance / c)
+        u = np.broadcast_to(((k + 0.5) / DISC_SAMPLES, k * GOLDEN_RATIO % 1.0), (len(width), 2))
+        direction, radiance = _POINT_OF_DISC(incident.direction, incident.radiance, width, u)
+        yield Incoming(direction, incident.distance, radiance)
 
 
 def soft_visibility(

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.scene.camera import Pose
+from raymarch.scene.relief import footprint_axis
 from raymarch.sdf.facts import Facts
+from raymarch.truth.bsdf import values_of
 from raymarch.truth.march import Lines
 
 BOX_MARGIN = 1e-9
@@ -110,12 +112,6 @@ def footprint(
     normals, directions : unit surface normals and ray directions, (N, 3). width : of the pixel at that depth, (N,).
     The first axis is perpendicular to the ray and as long as the pixel is wide. The second is longer by 1 / cosine.
     """
-    minor = np.cross(normals, -directions)
-    size = np.linalg.norm(minor, axis=1, keepdims=True)
-    x, y, z = normals.T
-    none = np.zeros_like(x)
-    other = np.where(np.abs(normals[:, 1:2]) < 0.9, np.stack([z, none, -x], 1), np.stack([none, -z, y], 1))
-    minor = np.where(size < 1e-4, other, minor)
-    minor = minor * (width[:, None] / np.linalg.norm(minor, axis=1, keepdims=True))
+    minor = values_of(footprint_axis, normals, -directions, width)
     cosine = np.abs(np.einsum("ij,ij->i", normals, directions))[:, None]
     return minor, np.cross(normals, minor) / np.maximum(cosine, MIN_COSINE)

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from raymarch.scene.bsdf import BSDF, bsdf_of
 from raymarch.scene.light import Light, PointLight
 from raymarch.scene.parameter import Values
+from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
-from raymarch.truth.bsdf import mirrored, reflect_light, reflect_sky, traced_lobes
+from raymarch.truth.bsdf import mirrored, reflect_light, reflect_sky, traced_lobes, values_of
 from raymarch.truth.field import Field
+from raymarch.truth.fog import fogged
 from raymarch.truth.light import (
     DISC_SAMPLES,
     Incoming,
@@ -111,15 +113,7 @@ class Surface:
 
     def apply_fog(self, color: Array) -> Array:
         """Attenuate a colour at the surface by the fog, (N, 3) -> (N, 3)."""
-        fog = self.scene.fog
-        if fog is None:
-            return color
-        transmittance = np.exp(-self.values.of(fog.density) * self.depth)[:, None]
-        if fog.color is None:
-            beyond = self.scene.sky.radiance_along(self.directions, self.values)
-        else:
-            beyond = self.values.of(fog.color)
-        return beyond * (1.0 - transmittance) + color * transmittance
+        return fogged(self.scene, self.values, color, self.origin, self.directions, self.depth)
 
     @cached_property
     def _ambient_occlusion(self) -> Array:
@@ -127,15 +121,8 @@ class Surface:
         occlusion = self.scene.occlusion
         if occlusion is None:
             return np.ones((len(self.depth), 1))
-        reach, strength, decay = (float(self.values.of(v)) for v in occlusion.expressions)
         side = -1.0 if self.inside else 1.0
-        missing, weights = np.zeros(len(self.depth)), 0.0
-        for i in range(occlusion.steps):
-            far = reach * (i + 1) / occlusion.steps
-            rise = side * self.field.distance(self.points + far * self.shading_normals)
-            missing += decay**i * np.clip(1.0 - rise / far, 0.0, 1.0)
-            weights += decay**i
-        return np.clip(1.0 - strength * missing / weights, 0.0, 1.0)[:, None]
+        return self.field.ambient_occlusion(self.points, self.shading_normals, side)[:, None]
 
     def _from_sky(self, traced: Sequence[Array] | None) -> Array:
         """Reflected light of the sky, see `Sky(light=True)`, (N, 3)."""
@@ -197,10 +184,7 @@ class Surface:
         """Normals perturbed by bump and normal maps, on the viewer's side where the origin lies in the solid."""
         normals = self.normals
         if self.field.mapped:
-            side = np.where(self._back_facing, -1.0, 1.0)
-            perturbed = unit(normals - self.material_values["bump_gradient"])
-            low = 0.01 + side * np.einsum("ij,ij->i", perturbed, self.directions)[:, None]
-            normals = unit(perturbed - side * np.maximum(low, 0.0) * self.directions)
+            normals = values_of(shading_normal, normals, -self.directions, self.material_values["bump_gradient"])
         return np.where(self._back_facing, -normals, normals) if self.inside else normals
 
     @property

@@ -16,6 +16,7 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth.field import Field
+from raymarch.truth.fog import sky_seen
 from raymarch.truth.march import Roots
 from raymarch.truth.rays import Rays, camera_rays, lens_rays
 from raymarch.truth.shading import Surface
@@ -245,7 +246,7 @@ def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int
         origin=np.broadcast_to(rays.origins, rays.directions.shape).reshape(*shape, 3),
         direction=rays.directions.reshape(*shape, 3),
         _surfaces=surfaces,
-        _sky=scene.sky.radiance_along(rays.directions, values).reshape(*shape, 3),
+        _sky=sky_seen(scene, values, rays.origins, rays.directions).reshape(*shape, 3),
     )
 
 

@@ -145,7 +145,7 @@ def test_explain_says_what_is_used_and_what_is_not(folder, capsys):
     assert "sun light" in text.partition("Left out")[0]
     assert re.search(r"^  hard shadows +no light has shadow=True$", text.partition("Left out")[2], re.MULTILINE)
     names = [line[2:].split("  ")[0] for line in text.splitlines() if line.startswith("  ")]
-    assert "light/light" in names and "view/camera" in names, "two spaces part a name and its text"
+    assert "light/surface" in names and "view/camera" in names, "two spaces part a name and its text"
     assert "radius" in text
     assert run("explain", "hello.py", "--glsl") == 0
     glsl = capsys.readouterr().out

@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 import raymarch as rm
 from raymarch.expr.function import Function
+from raymarch.expr.node import var
 from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import get, record, vec2, vec3
 from raymarch.gpu.context import Context
-from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_of
-from tests.support.glsl_harness import evaluate, modules, run
+from raymarch.scene.light import FAR, LIGHT, POINT, SAMPLE, Light, sample_disc, sample_of
+from tests.support.glsl_harness import evaluate
 
 ULP = 2.0**-24
-LIGHT = "struct Light { vec3 direction; float distance; vec3 radiance; };"
 
 
 def sampled(egl: Context, light: Light, points: ArrayLike) -> tuple[NDArray[np.float32], ...]:
@@ -83,12 +84,12 @@ def test_a_spot_without_a_soft_edge_rises_within_a_millionth_of_the_cosine(egl: 
 def test_a_part_of_a_lamp_lies_on_its_disc(egl: Context) -> None:
     """About each axis, where one of the two bases has no digits left, and for a ball that holds the surface."""
     ways = np.concatenate([np.eye(3), -np.eye(3), [[0.6, 0.0, 0.8], [0.48, 0.64, -0.6]]])
-    before = LIGHT + "float random_of_pixel(int dimension) { return dimension == 0 ? 0.9999 : 0.3; }"
-    text = modules("light/sample_disc", before=before)
+    direction = var("direction", VEC3)
     for width in (0.0, 0.25, 5.0):
-        part = f"sample_disc(Light({{0}}, 1.0, vec3(1.0)), {width}, 0)"
-        found = run(egl, text, f"{part}.direction", [(VEC3, ways)], 3)
-        lit = run(egl, text, f"{part}.radiance", [(VEC3, ways)], 3)
+        part = sample_disc(record(LIGHT, direction, 1.0, vec3(1.0)), width, vec2(0.9999, 0.3))
+        found, lit = (
+            evaluate(egl, Function("part", (direction,), get(part, name)), [ways]) for name in ("direction", "radiance")
+        )
         sine = min(width, 0.999) * np.sqrt(0.9999)
         cosine = np.sqrt(1 - sine**2)
         np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=8 * ULP)

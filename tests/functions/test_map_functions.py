@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
+from raymarch.scene.relief import footprint_axis, shading_normal
 from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 BEFORE = """
+struct Relief { vec3 bump_gradient; float ambient_visibility; };
 struct Ray { vec3 origin; vec3 direction; };
 struct Hit { float t; };
 struct Material { vec3 color; };
@@ -38,7 +41,8 @@ SLANTED = np.array([[0.36, 0.48, 0.8], [0.6, 0.0, -0.8], [0.0, 0.96, 0.28], [0.0
 
 def seen(egl: Context, part: str, normals: object, views: object, gradients: object) -> NDArray[np.float32]:
     """A vector of the surface, for each normal, direction to the eye and bump gradient of the map."""
-    text = modules("material/relief", after=BEFORE) + modules("light/surface_mapped", "light/interaction_mapped")
+    made = "\n".join(line.text for line in print_functions([footprint_axis, shading_normal]).lines())
+    text = modules("light/surface_mapped", "light/interaction_mapped", before=f"{BEFORE}{made}")
     return run(
         egl, text + AFTER, f"seen({{0}}, {{1}}, {{2}}).{part}", [(VEC3, v) for v in (normals, views, gradients)], 3
     )

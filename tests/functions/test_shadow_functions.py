@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raymarch.expr.types import FLOAT, VEC3
+import raymarch as rm
+from raymarch.expr.function import Function
+from raymarch.expr.node import expr
+from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import where
 from raymarch.gpu.context import Context
-from tests.support.glsl_harness import modules, run
+from raymarch.scene.ambient_occlusion import NORMAL, POINT
+from tests.support.glsl_harness import evaluate, modules, run
 
 ULP = 2.0**-24
 PIXEL = 0.01
@@ -165,30 +172,21 @@ def test_a_leaving_ray_clears_the_surface_and_stays_on_its_line(egl: Context) ->
     np.testing.assert_allclose(origin[:3], 0.0, atol=off * 8 * ULP)
 
 
-OPEN = """
-struct Surface { vec3 p; vec3 normal; };
-const int occlusion_steps = 4;
-const float u_side = 1.0;
-uniform float u_strength;
-float occlusion_reach() { return 1.0; }
-float occlusion_strength() { return u_strength; }
-float occlusion_decay() { return 0.5; }
-"""
-
-
 @pytest.mark.parametrize(
     ("body", "strength", "known"),
     [
-        ("p.z", 1.0, 1.0),
-        ("3.0 * p.z", 1.0, 1.0),  # a field that is too steep makes nothing lighter
-        ("0.5 * p.z", 1.0, 0.5),
-        ("-5.0", 0.5, 0.5),  # deep inside of another body no more is missing than all
-        ("p.z < 0.4 ? -5.0 : 9.0 * p.z", 1.0, 1 - 1 / 1.875),  # nor is more than all there elsewhere
-        ("0.5 * p.z", 8.0, 0.0),
+        (lambda p: p.z, 1.0, 1.0),
+        (lambda p: 3.0 * p.z, 1.0, 1.0),  # a field that is too steep makes nothing lighter
+        (lambda p: 0.5 * p.z, 1.0, 0.5),
+        (lambda p: expr(-5.0), 0.5, 0.5),  # deep inside of another body no more is missing than all
+        (lambda p: where(p.z < 0.4, -5.0, 9.0 * p.z), 1.0, 1 - 1 / 1.875),  # nor is more than all there elsewhere
+        (lambda p: 0.5 * p.z, 8.0, 0.0),
     ],
 )
-def test_openness_is_a_share(egl: Context, body: str, strength: float, known: float) -> None:
-    text = modules("light/ambient_occlusion", before=f"{OPEN}float field(vec3 p) {{ return {body}; }}")
-    call = "ambient_occlusion(Surface(vec3({0}), vec3(0.0, 0.0, 1.0)))"
-    found = run(egl, text, call, [(FLOAT, [0.0])], 1, {"u_strength": strength})
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_openness_is_a_share(egl: Context, body: Any, strength: float, known: float, side: float) -> None:
+    occlusion = rm.AmbientOcclusion(4, reach=1.0, strength=strength, decay=0.5)
+    visibility = occlusion.visibility(lambda p: side * body(p), expr(side))
+    function = Function("visibility", (POINT, NORMAL), visibility)
+    found = evaluate(egl, function, [np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])])
     np.testing.assert_allclose(found, known, rtol=8 * ULP)

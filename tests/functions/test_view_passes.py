@@ -25,8 +25,10 @@ Hit trace(Ray ray) {
     vec4 met = texelFetch(u_met, ivec2(gl_FragCoord.xy), 0);
     return Hit(met.y > 0.0, met.x > 0.0, met.z, met.w, 20.0, 30.0, 2.0);
 }
-vec3 shade(Ray ray, Hit hit) { return texelFetch(u_lit, ivec2(gl_FragCoord.xy), 0).rgb; }
-vec3 sky(vec3 direction) { return vec3(4.0, 5.0, 6.0); }
+vec3 shade(Ray ray, Hit hit) {
+    if (!hit.found) return vec3(4.0, 5.0, 6.0);
+    return texelFetch(u_lit, ivec2(gl_FragCoord.xy), 0).rgb;
+}
 vec3 surface_normal(vec3 p, vec3 direction) { return texelFetch(u_lit, ivec2(gl_FragCoord.xy), 0).rgb; }
 float material_index(vec3 p) { return p.z; }
 """

@@ -50,7 +50,7 @@ FEATURES: list[tuple[str, str | None, dict[str, Any]]] = [
     ("point lights", None, {"lights": [rm.PointLight((0, 3, 0))]}),
     ("hard shadows", "light/shadow", {"lights": [rm.Sun(shadow=True)]}),
     ("hard shadows", "light/shadow", {"lights": [rm.Sun(), rm.PointLight((0, 3, 0), shadow=True)]}),
-    ("fog", "sky/fog", {"fog": rm.Fog()}),
+    ("fog", None, {"fog": rm.Fog()}),
     ("materials", None, {"node": rm.sphere().material(RED)}),
     ("parameters", None, {"node": rm.sphere(rm.Param("r", 1, 0.5, 2))}),
     ("parameters", None, {"sky": (rm.Param("r", 1, 0.5, 2), 0, 0)}),

@@ -189,7 +189,7 @@ def test_every_number_is_written_for_both_languages(name: str) -> None:
     a texel's place or an index alone."""
     code = re.sub(r"//.*|#.*|layout\(location = \d\)|const int .*|for \(int .*\{", "", text(SCENES[name]))
     hashes = (r"uint pcg\(.*?\n}", ">> 8", r"random_of_pixel\(\d+\)")
-    dimensions = (r"dimension \+ \d", r"16 \+ 8 \* bounce", r"\b10\d\d\b(?: \+ 2 \* i)?")
+    dimensions = (r"dimension \+ \d", r"16 \+ 8 \* bounce", r"\b10\d\d\b(?: \+ 2 \* i(?: \+ 1)?)?")
     bounces = (r"bounce (?:==|<|>) \d+", r"count ==? 0", r"1\.0, 0\)")
     for whole in hashes + dimensions + bounces:
         code = re.sub(whole, "", code, flags=re.DOTALL)

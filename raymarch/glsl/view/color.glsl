@@ -4,5 +4,5 @@ layout(location = 0) out vec4 out_color;
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy);
     Hit hit = trace(ray);
-    out_color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+    out_color = vec4(shade(ray, hit), 1.0);
 }

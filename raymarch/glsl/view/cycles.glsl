@@ -5,7 +5,7 @@ void main() {
     uvec2 before = clock2x32ARB();
     Ray ray = camera_ray(gl_FragCoord.xy);
     Hit hit = trace(ray);
-    vec3 color = hit.found ? shade(ray, hit) : sky(ray.direction);
+    vec3 color = shade(ray, hit);
     uvec2 after = before;
     // always true, and forces the clock to be read after the colour is known
     if (color.x > -1.0e30) after = clock2x32ARB();

@@ -7,7 +7,7 @@ void main() {
     watch();
     Ray ray = camera_ray(gl_FragCoord.xy);
     Hit hit = trace(ray);
-    out_color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+    out_color = vec4(shade(ray, hit), 1.0);
     out_slopes = steepest();
     out_place = steepest_place();
 }

@@ -9,7 +9,7 @@ void main() {
     Hit hit = trace(ray);
     vec3 p = ray.origin + hit.t * ray.direction;
     if (hit.found) note(surface_faults(p), p);
-    vec4 color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+    vec4 color = vec4(shade(ray, hit), 1.0);
     if (!finite(color)) note(vec2(color_fault, color.r + color.g + color.b), p);
     out_fault = vec4(noted(), 1.0);
     out_place = vec4(noted_place(), hit.t);

@@ -5,7 +5,7 @@ vec3 picture(vec2 pixel) {
         begin_sample(i);
         Ray ray = camera_ray(pixel + sample_offset(i));
         Hit hit = trace(ray);
-        vec4 color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+        vec4 color = vec4(shade(ray, hit), 1.0);
         if (finite(color)) sum += color;
     }
     vec3 c = clamp(toned(clamp(sum.rgb / max(sum.a, 1.0), 0.0, 1.0e30)), 0.0, 1.0);

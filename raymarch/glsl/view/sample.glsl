@@ -14,7 +14,7 @@ vec2 encode_octahedral(vec3 n) {
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
     Hit hit = trace(ray);
-    out_color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+    out_color = vec4(shade(ray, hit), 1.0);
     out_surface = vec4(-1.0, 0.0, 0.0, -1.0);
     if (hit.found) {
         vec3 p = ray.origin + hit.t * ray.direction;

@@ -1,4 +1,0 @@
-// A sky of one colour.
-vec3 sky(vec3 direction) {
-    return sky_color();
-}
