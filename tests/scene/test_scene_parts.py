@@ -53,6 +53,9 @@ BAD = [
     (lambda: rm.Sky(color=(-1, 0, 0)), "Sky: color = (-1, 0, 0)", ">= 0"),
     (lambda: rm.Sky(color="bleu"), "Sky: color = 'bleu'", "did you mean 'blue'"),
     (lambda: rm.Fog(density=-0.5), "Fog: density = -0.5", ">= 0"),
+    (lambda: rm.Fog(falloff=-0.5), "Fog: falloff = -0.5", ">= 0"),
+    (lambda: rm.Fog(falloff=INF), "Fog: falloff = inf", "a finite number"),
+    (lambda: rm.Fog(falloff=1, height="low"), "Fog: height = 'low'", "a finite number"),  # type: ignore[arg-type]
     (lambda: rm.Fog(density=INF), "Fog: density = inf", "a finite number"),
     (lambda: rm.Fog(color=(0, 0)), "Fog: color = (0, 0)", "3 finite numbers"),
     (lambda: rm.Quality(max_steps=0), "Quality: max_steps = 0", "1 to 60000"),

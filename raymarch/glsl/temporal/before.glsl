@@ -32,22 +32,20 @@ void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
 #ifdef ORTHOGRAPHIC
     vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_half_height;
+    vec3 start = u_now_position + u_now_frame * vec3(screen, 0.0);
     vec3 direction = -u_now_frame[2];
 #else
     vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_tan_half_fov;
+    vec3 start = u_now_position;
     vec3 direction = normalize(u_now_frame * vec3(screen, -1.0));
 #endif
     float t = texelFetch(u_surface, at, 0).x;
     out_motion = vec4(0.0);
     if (t < 0.0) {
-        out_color = vec4(sky(direction), 1.0);
+        out_color = vec4(shade(Ray(start, direction), no_hit(0.0)), 1.0);
         return;
     }
-#ifdef ORTHOGRAPHIC
-    vec3 now = u_now_position + u_now_frame * vec3(screen, 0.0) + t * direction;
-#else
-    vec3 now = u_now_position + t * direction;
-#endif
+    vec3 now = start + t * direction;
     vec3 p = previous_position(now);
 #ifdef ORTHOGRAPHIC
     bool there = on_surface(p, direction, u_pixel);
