@@ -72,8 +72,9 @@ def assembled(made: Plan) -> Prepared:
     effects = {chosen.name: assemble_effect(chosen) for chosen in made.passes if chosen.effect is not None}
     texts = {chosen.name: effects.get(chosen.name, shader).text(chosen.name) for chosen in made.passes}
     vertex = RAYS if made.interpolated else FULL_SCREEN
-    known = not without_twin(made.field.body)
-    distance = evaluator([made.field.body], made.field.params) if known else None
+    start = made.seen or made.field
+    known = not without_twin(start.body)
+    distance = evaluator([start.body], start.params) if known else None
     marched = made.analytic.rest
     rest = evaluator([marched.body], marched.params) if known and marched is not None else None
     return Prepared(made, shader, texts, vertex, distance, rest=rest, effects=effects)

@@ -59,11 +59,14 @@ class Analytic:
         return boxes if len(boxes) <= MOST_BOXES else [_around(boxes)]
 
 
-def choose(root: Node, asked: bool | None) -> Analytic:
+def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:
     """Choose the solids to solve.
 
-    root : the tree with its objects as rows. asked : see `Quality.analytic`.
+    root : the tree with its objects as rows. asked : see `Quality.analytic`. hidden : some solid is hidden from some
+        kind of ray, so the outermost union depends on the ray.
     """
+    if hidden:
+        return Analytic("a solid is hidden from some kind of ray")
     if asked is False:
         return Analytic("Quality(analytic=False)")
     operands = _operands(root)

@@ -25,6 +25,7 @@ from raymarch.sdf.labels import rows_of
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import labelled
 from raymarch.sdf.rows import Form, Rows, Slot
+from raymarch.sdf.visibility import hidden_from
 
 AS_DATA = 32
 """Number of objects from which a union is data. On llvmpipe the first five frames of 32 objects take as long as with
@@ -39,6 +40,11 @@ FORMS = 12
 REACH = {"": 0.0, "quadratic": 1.0, "cubic": 1.5, "quartic": 4.0 / 3.0, "circular": 0.25 / (1.0 - math.sqrt(0.5))}
 """Difference of two distances, over k, beyond which a blend is the smaller of the two. Families that are not listed
 act at all distances."""
+
+ABOVE_OBJECTS = {
+    *("labelled", "translate", "rotate_about", "mirror_across", "hard_intersection", "hard_difference", "visible")
+}
+"""Operators that pass a distance on without changing it."""
 
 DEEPEST = 200
 """Maximum number of operators above a union that becomes data."""
@@ -136,7 +142,7 @@ class _Gatherer:
                 return self._union(child, exact, depth, node)
             if not any(rows_of(each) is not None for each in all_nodes(child)):
                 return node
-        if name in ("labelled", "translate", "rotate_about", "mirror_across", "hard_intersection", "hard_difference"):
+        if name in ABOVE_OBJECTS:
             return self._below(node, exact, depth)
         scale = {"scale_evenly": "factor", "affine": "stretch"}.get(name)
         if scale is not None and params[scale].is_constant:
@@ -282,6 +288,8 @@ class _Gatherer:
     def _signature(self, node: Node) -> Signature | None:
         below = [self.known[id(child)] for child in node.children]
         if any(s is None for s in below) or node.facts.exactness == "estimate" or rows_of(node) is not None:
+            return None
+        if hidden_from(node):  # the rows of a table are visible to all rays
             return None
         statics: list[Any] = []
         own: list[float] = []

@@ -40,6 +40,8 @@ from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
+from raymarch.sdf.node import Node
+from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
 
 LARGEST = 1024
 """Largest number of shapes written as code. With more, compilers take many seconds or fail."""
@@ -87,6 +89,10 @@ class Plan:
     """Conditions checked against the values of each frame, because they could not be proven in advance."""
     further: list[Function] = default(default_factory=list)
     """Further functions of the point that modules call."""
+    hidden: list[str] = default(default_factory=list)
+    """The kinds of rays that parts are hidden from. If there are any, `field` reads the kind of the ray."""
+    seen: Function | None = None
+    """The field of camera rays, if parts are hidden from some kind of ray."""
     standalone: bool = False
     """True for a shader that computes the values of a frame itself and marches no cones."""
 
@@ -164,11 +170,17 @@ def plan(
     if gathered.rows:
         lowering.objects = objects
     solid = gathered.node
+    hidden = hiding_nodes(solid)
+    lowering.rays = None if hidden else "camera"
     definition, hoisted = hoist(lowering.field(solid), lowering.origins)
-    closed = analytic.choose(solid, scene.quality.analytic)
+    at_camera = definition
+    if hidden:
+        _refuse_hidden_glass(scene, solid)
+        at_camera, hoisted = hoist(lowering.for_camera().field(solid), lowering.origins, hoisted)
+    closed = analytic.choose(solid, scene.quality.analytic, hidden=bool(hidden))
     if closed.used:
         hoisted = analytic.complete(closed, solid, definition, lowering, hoisted, lowering.origins)
-    refuse_extent(given, origin, definition)
+    refuse_extent(given, origin, at_camera)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
         raise PlanError(
@@ -212,6 +224,8 @@ def plan(
         nodes=len(all_nodes(scene.node)),
         operations=operations,
         standalone=standalone,
+        hidden=[kind for kind in KINDS if any(kind in hidden_from(node) for node in hidden)],
+        seen=at_camera if hidden else None,
     )
     shaded = lit and any(p.shades for p in drawn)
     needs_normal = (shaded and shading.needs_surface(scene)) or geometry
@@ -235,7 +249,7 @@ def plan(
         made.conditions.append(InReach(given))
     for effect in scene.post if standalone else ():
         warn(f"{effect.LABEL} is left out: an exported shader draws each pixel alone", effect.where)
-    made.warnings += [*_warnings(given), *range_warning(given, origin, definition)]
+    made.warnings += [*_warnings(given), *range_warning(given, origin, at_camera)]
     return made
 
 
@@ -256,6 +270,17 @@ def _refuse_mixed(scene: Scene, standalone: bool) -> bool:
             where=scene.camera.where,
         )
     return any(found.values())
+
+
+def _refuse_hidden_glass(scene: Scene, solid: Node) -> None:
+    """PlanError for glass that rays which start at surfaces do not see: they would enter it and never leave it."""
+    glass = any(m is not None and m.transmits for m in labels_hidden_from(solid, "reflection"))
+    if glass and (scene.path_traced or scene.whitted):
+        raise PlanError(
+            "visible(reflection=False) hides a part that transmits light: its refracted rays would not leave it",
+            legal="reflection=True for glass, or a scene without bounces",
+            where=hiding_nodes(solid)[0].where,
+        )
 
 
 def _textures_of(made: Plan) -> list[Samples | Texels | Table]:
@@ -319,6 +344,9 @@ def _describe_effects(made: Plan) -> None:
     feature(
         "camera-relative", moved, f"coordinates are relative to ({place})", "coordinates are small enough for float32"
     )
+    kinds = " and ".join(made.hidden)
+    why = "no part is hidden by visible"
+    feature("visibility by rays", bool(made.hidden), f"parts are hidden from {kinds} rays", why)
     quality = scene.quality
     feature("cones", made.marching.cones, made.marching.schedule_reason, made.marching.schedule_reason)
     feature("anti-aliasing", quality.samples > 1, f"{quality.samples} rays per pixel", "one ray per pixel")

@@ -81,6 +81,7 @@ from raymarch.sdf.sampled import displace_by_image, grid, heightmap, mesh
 from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere, torus
 from raymarch.sdf.thickness import round, shell
 from raymarch.sdf.transition import transition
+from raymarch.sdf.visibility import visible
 from raymarch.sdf.warps import orient, shear, wrap_around
 
 __all__ = [
@@ -216,6 +217,7 @@ __all__ = [
     "union",
     "value_noise",
     "vesica",
+    "visible",
     "wrap_around",
     "xor",
 ]

@@ -21,6 +21,7 @@ from raymarch.sdf.node import Node
 from raymarch.sdf.placing import affine, material, refuse_label, translate
 from raymarch.sdf.rows import Form, Rows, Slot
 from raymarch.sdf.solids import sphere
+from raymarch.sdf.visibility import hiding_nodes
 
 __all__ = ["instances"]
 
@@ -102,6 +103,10 @@ def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
     body = lower(node).body
     if find([body], "param", "time", "cell", "raw", "raw_slope"):
         raise SceneError(f"instances of {node.name}", legal="a solid without Param, time and GLSL of its own")
+    if hiding_nodes(node):
+        raise SceneError(
+            f"instances of {node.name} with parts that are hidden by `visible`", legal="instances(...).visible(...)"
+        )
     linear, offsets = _placements(transforms)
     n = len(offsets)
     offset = var("offset", VEC3)

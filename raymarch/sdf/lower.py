@@ -29,6 +29,7 @@ from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 from raymarch.sdf.variables import assignment_of
+from raymarch.sdf.visibility import shown
 from raymarch.sdf.weights import distance_scale
 
 Request: TypeAlias = tuple[Node, Expr, Any]
@@ -147,6 +148,8 @@ class Lowering:
     sites: list[Node] | None = None
     divisors: Mapping[int, Expr] = field(default_factory=dict)
     """Divisors of nodes that are not those of their facts, by the id of the node."""
+    rays: str | None = "camera"
+    """The kind of rays that the field is for; None for a field that reads `RAY_KIND`. See `raymarch.sdf.visibility`."""
     objects: Objects | None = None
     """How objects that are rows of a table are evaluated; None asks every row."""
     _numbers: dict[int, int] = field(default_factory=dict)
@@ -167,12 +170,17 @@ class Lowering:
             self.shapes,
             self.sites,
             self.divisors,
+            self.rays,
             self.objects,
             self._numbers,
             self.names,
             _functions=self._functions,
             _roots=self._roots,
         )
+
+    def for_camera(self) -> Lowering:
+        """Another pass over the same objects, for camera rays."""
+        return Lowering(self.origins, divisors=self.divisors, objects=self.objects)
 
     def field(self, root: Node, name: str = "field", label: Any = UNMARKED, groups: bool = False) -> Function:
         """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
@@ -319,6 +327,7 @@ class Lowering:
                 distance = yield from self._ask(node, point, UNMARKED)
                 weight = value / stop_gradient(scale)
                 return distance + (weight - stop_gradient(weight))
+        value = shown(node, value, self.rays)
         if id(node) in self.divisors:
             return value / self.divisors[id(node)]
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value

@@ -320,6 +320,10 @@ class Node:
         """The section of a solid in a plane of constant z, a flat shape."""
         return self._call("slice", z)
 
+    def visible(self, camera: bool = True, shadow: bool = True, reflection: bool = True) -> Node:
+        """Hide this solid from kinds of rays: camera rays, shadow rays, or rays that start at surfaces."""
+        return self._call("visible", camera, shadow, reflection)
+
     def material(self, material: object) -> Node:
         """Assign a material. Parts that have their own material keep it."""
         return self._call("material", material)

@@ -29,6 +29,7 @@ from raymarch.plan import Pass, Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.relief import footprint_axis, shading_normal
 from raymarch.scene.scene import all_nodes
+from raymarch.shader import kinds
 from raymarch.shader.bounds import marched_range, scene_box, scene_cone
 from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.fog import sky_light
@@ -129,18 +130,20 @@ def assemble(
     mains = [module(p.module, plan.variants) for p in passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in passes) else None
+    values.variables |= {"ray_kind"} if plan.hidden else set()
     setup = Setup(plan, values, inputs) if plan.standalone else None
     roots = _roots(plan, values)
     fixed = _constants(plan)
     generated: dict[str, Callable[[], Chunk]] = {
         **{name: partial(Chunk.of, name, [line]) for name, line in fixed.items()},
-        **{root.name: partial(_promised, roots) for root in roots},
+        **{root.name: partial(_promised, roots, frozenset(values.variables)) for root in roots},
         **({"shade": lambda: shade} if shade is not None else {}),
         "scene_box": partial(scene_box, plan),
         "scene_cone": partial(scene_cone, plan),
         "marched_range": partial(marched_range, plan),
         **{name: partial(light_rows, plan, "u_lights" in constants) for name in ("u_lights", "light_texel")},
         "u_sky_light": sky_light,
+        **kinds.chunks(),
         **{type.name: partial(_declared, type) for type in _records(roots) if type.name not in glsl.givers()},
         "pcg": _pcg,
         **(setup.promised() if setup is not None else {}),
@@ -287,9 +290,9 @@ def _names(roots: Sequence[Function]) -> frozenset[str]:
     return frozenset(type.name for type in _records(roots))
 
 
-def _promised(roots: Sequence[Function]) -> Chunk:
+def _promised(roots: Sequence[Function], variables: frozenset[str]) -> Chunk:
     """The names of the generated functions, before their text is printed."""
-    return Chunk("field", _names(roots), frozenset(root.name for root in roots), ())
+    return Chunk("field", _names(roots) | variables, frozenset(root.name for root in roots), ())
 
 
 def _fields(

@@ -65,6 +65,8 @@ class Values:
 
     def __init__(self) -> None:
         self.functions: list[Function] = []
+        self.variables: set[str] = set()
+        """Variables of the shader that the functions read, such as uniforms."""
 
     def add(self, name: str, value: Expr, where: Location | None) -> None:
         self.functions.append(Function(name, (), value, where=where))

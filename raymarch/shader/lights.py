@@ -11,15 +11,7 @@ from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_disc
 from raymarch.scene.scene import Scene
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
-
-SHADOW = {
-    "hard": "hard_shadow",
-    "two-sided": "two_sided_shadow",
-    "cone": "cone_shadow",
-    "triangulated": "triangulated_shadow",
-    "sampled": "hard_shadow",
-}
-"""The GLSL function of each kind of shadow."""
+from raymarch.shader.kinds import shadow_function
 
 
 def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
@@ -49,7 +41,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     samples, stride = plan.scene.quality.light_samples, 2 * len(plan.scene.lights)
     disc = light.soft and light.penumbra == "sampled"
     width = value("softness", light.softness) + _per_distance(light) if disc else ""
-    visibility = _visibility(light, value)
+    visibility = _visibility(plan, light, value)
     several = (disc or form.area) and samples > 1
     dimension = f"{_dimension(i)} + {stride} * k" if several else f"{_dimension(i)}"
     sample = _sample(form, given, dimension)
@@ -102,7 +94,7 @@ def _per_distance(light: Light) -> str:
     return " / light.distance" if light.has_position else ""
 
 
-def _visibility(light: Light, value: Callable[[str, Expr], str]) -> str:
+def _visibility(plan: Plan, light: Light, value: Callable[[str, Expr], str]) -> str:
     """The visibility of a light from the surface, as GLSL text."""
     shadow = lights.shadow_of(light)
     if shadow is None:
@@ -110,7 +102,7 @@ def _visibility(light: Light, value: Callable[[str, Expr], str]) -> str:
     width = ""
     if shadow not in ("hard", "sampled"):
         width = f", {value('softness', light.softness)}{_per_distance(light)}"
-    shown = f"{SHADOW[shadow]}(surface, light{width})"
+    shown = f"{shadow_function(plan, shadow)}(surface, light{width})"
     radius = getattr(light, "shadow_radius", None)
     return shown if radius is None else f"light.distance < {value('shadow_radius', radius)} ? {shown} : 1.0"
 
@@ -145,9 +137,9 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
         add("    continue;")
         add("}")
 
-    hard = "1.0"
+    hard, traced = "1.0", shadow_function(plan, "hard")
     if "hard" in kinds:
-        hard = f"{near}head.y == {float(kinds.index('hard') + 1)} ? hard_shadow(surface, light) : 1.0"
+        hard = f"{near}head.y == {float(kinds.index('hard') + 1)} ? {traced}(surface, light) : 1.0"
     rest = []
     for k, form in enumerate(forms):
         values = [f"value_{texel}.{parts}" for texel, parts in lights.layout(form.types)]
@@ -168,14 +160,14 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
             condition = f"head.y == {float(number)}"
             if kind == "sampled" and samples > 1:
                 add("Light centre = light;")
-                shown = f"{near.removesuffix(' && ')} ? hard_shadow(surface, light) : 1.0"
+                shown = f"{near.removesuffix(' && ')} ? {traced}(surface, light) : 1.0"
                 sample = f"sample_disc(centre, {width}, {_two(f'{first} + {stride} * k')})"
-                several(condition, sample, shown if near else "hard_shadow(surface, light)")
+                several(condition, sample, shown if near else f"{traced}(surface, light)")
                 continue
             if kind == "sampled":
                 add(f"if ({condition}) light = sample_disc(light, {width}, {_two(first)});")
             given = "" if kind in ("hard", "sampled") else f", {width}"
-            add(f"if ({near}{condition}) visibility = {SHADOW[kind]}(surface, light{given});")
+            add(f"if ({near}{condition}) visibility = {shadow_function(plan, kind)}(surface, light{given});")
         add(f"color += {reflection.light(visibility)};")
     text.add("    }")
 

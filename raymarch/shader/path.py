@@ -7,6 +7,7 @@ from raymarch.scene.bsdf import fresnel_dielectric, sample_rough_dielectric
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade
+from raymarch.shader.kinds import set_kind
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
@@ -70,12 +71,16 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
     solid = geometric_normal_of(plan)
     add(f"        vec3 side_normal = dot(direction, surface.normal) < 0.0 ? -{solid} : {solid};")
     add("        ray = spawn_ray(surface.p, side_normal, direction, travelled, start);")
+    for line in set_kind(plan, "reflection", "        "):
+        add(line)
     add(f"        hit = trace_secondary(ray, start, travelled, {side});")
     add("        if (!hit.found) {")
     add(f"            {'if (side > 0.0) ' if glass else ''}color += weight * sky(direction);")
     add("            break;")
     add("        }")
     add("    }")
+    for line in set_kind(plan, "camera", "    "):  # of the next sample
+        add(line)
     end_shade(text, scene, "first")
 
 

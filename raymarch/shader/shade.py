@@ -12,6 +12,7 @@ from raymarch.scene.ambient_occlusion import NORMAL, POINT
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade, sky_functions
+from raymarch.shader.kinds import set_kind
 from raymarch.shader.lights import all_lights
 from raymarch.shader.path import path_tracing
 from raymarch.shader.surface import material_arguments, surface_interaction_call
@@ -87,6 +88,7 @@ def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
 def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
     """The chunk of these lines. Adds the functions of sky and fog that they call."""
     values.functions += sky_functions(plan)
+    values.variables |= {"u_sky_light"} if plan.sky_light else set()
     return text.chunk("shade")
 
 
@@ -102,13 +104,17 @@ def _ambient(text: Lines, plan: Plan, values: Values, reflection: Reflection) ->
     if occluded(scene, plan.model):
         assert scene.occlusion is not None
         visibility = scene.occlusion.visibility(plan.field, var("u_side", FLOAT))
+        values.variables.add("u_side")
         values.functions.append(Function("ambient_occlusion", (POINT, NORMAL), visibility, where=scene.where))
         share = "surface.ambient_visibility * " if shares else ""
-        text.add(
-            f"    float ambient_visibility = {share}ambient_occlusion(surface.p, surface.normal);",
-            by=by,
-            where=scene.where,
-        )
+        call = "ambient_occlusion(surface.p, surface.normal)"
+        for line in (
+            *(["    float kind = ray_kind;"] if plan.hidden else []),
+            *set_kind(plan, "shadow", "    "),
+            f"    float ambient_visibility = {share}{call};",
+            *(["    ray_kind = kind;"] if plan.hidden else []),
+        ):
+            text.add(line, by=by, where=scene.where)
     elif shares:
         text.add("    float ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)
     if dimmed and scene.lights and plan.model != "physical":

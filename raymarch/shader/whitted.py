@@ -17,6 +17,7 @@ from raymarch.scene.material import SMOOTH
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade
+from raymarch.shader.kinds import set_kind
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
 
 
@@ -29,6 +30,8 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
         _branches(text, plan, mirrors, reflection)
     else:
         _chain(text, plan, reflection)
+    for line in set_kind(plan, "camera", "    "):  # of the next sample
+        text.add(line)
     end_shade(text, plan.scene, "first")
 
 
@@ -52,6 +55,7 @@ def _chain(text: Lines, plan: Plan, reflection: Reflection) -> None:
         "    vec3 direction = reflect(ray.direction, surface.normal);",
         "    float start;",
         f"    ray = spawn_ray(surface.p, {solid}, direction, travelled, start);",
+        *set_kind(plan, "reflection", "    "),
         "    hit = trace_secondary(ray, start, travelled, 1.0);",
         "    if (!hit.found) {",
         "        color += weight * sky(ray.direction);",
@@ -74,6 +78,7 @@ def _branches(text: Lines, plan: Plan, mirrors: bool, reflection: Reflection) ->
         "    if (i > 0) {",
         "        if (count == 0) break;",
         "        at = waiting[--count];",
+        *set_kind(plan, "reflection", "        "),
         "        hit = trace_secondary(at.ray, at.start, at.travelled, at.side);",
         "        if (!hit.found) {",
         "            if (at.side > 0.0) color += at.weight * sky(at.ray.direction);",

@@ -20,7 +20,8 @@ from raymarch.scene.material import FIELDS
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, lower, material_expressions
+from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
+from raymarch.sdf.visibility import hiding_nodes
 from raymarch.sdf.weights import weights_of
 
 Array: TypeAlias = NDArray[Any]
@@ -46,10 +47,10 @@ class Field:
     certified : False for a field whose exactness is "estimate": its values are not safe steps.
     """
 
-    def __init__(self, scene: Scene, values: Values) -> None:
-        self._scene, self._values = scene, values
+    def __init__(self, scene: Scene, values: Values, rays: str = "camera") -> None:
+        self._scene, self._values, self._kinds = scene, values, {rays: self}
         self.certified = scene.node.exactness != "estimate"
-        root = lower(scene.node)
+        self._root_of_rays = root = Lowering(rays=rays).field(scene.node)
         p = root.params[0]
         affine, other = _split(root.body, p)
         self._root = evaluator([root.body], [p])
@@ -59,11 +60,20 @@ class Field:
         self.plane_normals: NDArray[np.float64] = np.array(normals, np.float64).reshape(-1, 3)
         gradient_function = companion(root)
         self._gradient = evaluator([gradient_function.body], gradient_function.params)
-        self._marks, self._weights = _material_weights(scene)
+        self._marks, self._weights = _material_weights(scene, rays)
         self._materials = evaluator(
             [number for mark in self._marks for number in _numbers_of(material_expressions(mark))],
             [p, *SCENE_INTERACTION],
         )
+
+    def of(self, rays: str) -> Field:
+        """The field of a kind of rays, of `raymarch.sdf.visibility.KINDS`."""
+        if not hiding_nodes(self._scene.node):
+            return self
+        if rays not in self._kinds:
+            self._kinds[rays] = made = Field(self._scene, self._values, rays)
+            made._kinds = self._kinds
+        return self._kinds[rays]
 
     def distance(self, points: Array) -> NDArray[np.float64]:
         """Signed distance; points (N, 3) -> (N,). Raises SceneError where it is NaN."""
@@ -95,7 +105,7 @@ class Field:
         """Ambient visibility, (N, 3) -> (N,). normals : unit, (N, 3). side : -1 inside the solid, else 1."""
         occlusion = self._scene.occlusion
         assert occlusion is not None
-        visibility = occlusion.visibility(lower(self._scene.node), const(side))
+        visibility = occlusion.visibility(self._root_of_rays, const(side))
         return self._run(evaluator([visibility], [POINT, NORMAL]), points, (), normals)[0]
 
     def material_weights(self, points: Array) -> NDArray[np.float64]:
@@ -198,8 +208,8 @@ def _numbers_of(fields: Sequence[Expr]) -> list[Expr]:
     return [number for value in fields for number in (value if value.type.is_vector else (value,))]
 
 
-def _material_weights(scene: Scene) -> tuple[list[Expr], Evaluate]:
+def _material_weights(scene: Scene, rays: str) -> tuple[list[Expr], Evaluate]:
     """The marked parts, and an evaluator of d field / d distance for each."""
-    marked = Lowering().field(scene.node, label=scene.materials[0])
+    marked = Lowering(rays=rays).field(scene.node, label=scene.materials[0])
     marks, weights = weights_of(marked)
     return marks, evaluator(weights, marked.params)

@@ -122,7 +122,7 @@ class Surface:
         if occlusion is None:
             return np.ones((len(self.depth), 1))
         side = -1.0 if self.inside else 1.0
-        return self.field.ambient_occlusion(self.points, self.shading_normals, side)[:, None]
+        return self.field.of("shadow").ambient_occlusion(self.points, self.shading_normals, side)[:, None]
 
     def _from_sky(self, traced: Sequence[Array] | None) -> Array:
         """Reflected light of the sky, see `Sky(light=True)`, (N, 3)."""
@@ -239,13 +239,14 @@ class Surface:
         offset = self.offset[row]
         rays = Rays(self.points[row] + offset[:, None] * self.shading_normals[row], incident.direction[row])
         box, end = self.scene.node.facts, incident.distance[row]
+        blocking = self.field.of("shadow")
         if light.soft and light.penumbra != "sampled":
             side = -1.0 if self.inside else 1.0
             visible[row] = soft_visibility(
-                light, self.values, lambda points: side * self.field.distance(points), rays, box, offset, end
+                light, self.values, lambda points: side * blocking.distance(points), rays, box, offset, end
             )
         else:
-            visible[row] = unblocked(self.field, rays, box, end, self.depth[row], self.inside)
+            visible[row] = unblocked(blocking, rays, box, end, self.depth[row], self.inside)
         return visible
 
     @cached_property

@@ -80,7 +80,8 @@ def _trace_secondary(surface: Surface, weight: Array, directions: Array, depth: 
     rays = Rays(surface.points[row] + (-off if crosses else off), directions[row])
     inside, in_glass = surface.inside != crosses, surface.in_glass != crosses
     lines = rays.lines(surface.scene.node.facts, 2.0 * surface.far, surface.depth[row])
-    roots = first_hits(surface.field, rays, lines, inside)
+    seen = surface.field.of("reflection")
+    roots = first_hits(seen, rays, lines, inside)
     hit = np.isfinite(roots.t)
     if not in_glass:
         color[row[~hit]] = surface.scene.sky.radiance_along(rays.directions[~hit], surface.values)
@@ -89,6 +90,7 @@ def _trace_secondary(surface: Surface, weight: Array, directions: Array, depth: 
     absorption = _absorption(surface)[row[hit]]
     hit_surface = replace(
         surface,
+        field=seen,
         origin=rays.origins[hit],
         directions=rays.directions[hit],
         depth=roots.t[hit],
