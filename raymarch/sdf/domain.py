@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, value_of
-from raymarch.expr.convert import holdable, instance, integer, numbers, plain, short
+from raymarch.expr.convert import holdable, instance, integer, numbers, plain, short, switch
 from raymarch.expr.intervals import Interval, interval_of
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.samples import Samples
@@ -59,6 +59,8 @@ class Domain:
         """The legal range in words."""
         if self.points:
             return f"two points or more, each {self.points} finite numbers"
+        if self.holds is bool:
+            return "True or False"
         if self.holds is not int:
             return f"a {self.holds.__name__}"
         kind = "an integer" if self.type is None else "a number" if self.type is FLOAT else f"{self.type.size} numbers"
@@ -98,6 +100,8 @@ class Domain:
         if self.points:
             return self._accept_points(node, name, value)
         what = f"{node}: {name}"
+        if self.holds is bool:
+            return switch(what, value)
         if self.holds is not int:
             return instance(what, plain(value) if self.holds is str else value, self.holds, self.legal)
         return integer(what, value, self.low, self.high, self.legal)

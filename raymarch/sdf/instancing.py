@@ -105,7 +105,7 @@ def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
         raise SceneError(f"instances of {node.name}", legal="a solid without Param, time and GLSL of its own")
     if hiding_nodes(node):
         raise SceneError(
-            f"instances of {node.name} with parts that are hidden by `visible`", legal="instances(...).visible(...)"
+            "instances of a solid with parts that are hidden by visible", legal="instances(...).visible(...)"
         )
     linear, offsets = _placements(transforms)
     n = len(offsets)
