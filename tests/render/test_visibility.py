@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from raymarch.export.glsl import glsl_text
 
 import raymarch as rm
 from raymarch.errors import PlanError, SceneError
-from raymarch.export.glsl import glsl_text
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
 from raymarch.scene.parameter import Values
