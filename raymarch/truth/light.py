@@ -52,7 +52,8 @@ def incoming(light: Light, values: Values, points: Array, far: float, u: tuple[f
     )
 
 
-GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
+GOLDEN_ANGLE = (3.0 - math.sqrt(5.0)) / 2.0
+"""Of a turn: the angle between successive points of a spiral that covers a disc evenly (Vogel 1979)."""
 
 DISC_SAMPLES = 64
 """Number of points that replace the shader's random point on the disc of a light."""
@@ -74,7 +75,7 @@ _POINT_OF_DISC = evaluator([get(_DISC, "direction"), get(_DISC, "radiance")], [_
 def disc_samples(incident: Incoming, width: Array) -> Iterator[Incoming]:
     """The same light from evenly spread points of its disc; `width` is the sine of its angular radius, (N,)."""
     for k in range(DISC_SAMPLES):
-        u = np.broadcast_to(((k + 0.5) / DISC_SAMPLES, k * GOLDEN_RATIO % 1.0), (len(width), 2))
+        u = np.broadcast_to(((k + 0.5) / DISC_SAMPLES, (k * GOLDEN_ANGLE + 0.25) % 1.0), (len(width), 2))
         direction, radiance = _POINT_OF_DISC(incident.direction, incident.radiance, width, u)
         yield Incoming(direction, incident.distance, radiance)
 
