@@ -89,6 +89,7 @@ METHODS = _keys(
         "rotatez": 'rotate(angle, "z")',
         "turn spin rotated": 'rotate(angle, "y")',
         "color colour setcolor paint painted withcolor diffuse albedo": "material(rm.Material(color=...))",
+        "hide hidden invisible visibility raytype castshadow": "visible(camera=False)",
         "setmaterial withmaterial shade texture": "material(rm.Material(...))",
         "smoothunion smin softunion opsmoothunion blend": "union(other, k=0.2)",
         "smoothintersection opsmoothintersection": "intersection(other, k=0.2)",
