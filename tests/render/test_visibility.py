@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from raymarch.export.glsl import glsl_text
 
 import raymarch as rm
 from raymarch.errors import PlanError, SceneError
+from raymarch.export.text.glsl import text_of
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
 from raymarch.scene.parameter import Values
@@ -120,7 +120,7 @@ def test_a_path_is_a_ray_of_the_camera_and_then_of_reflections(egl: Context) -> 
 
 def test_samples_of_one_draw_call_all_begin_at_the_camera() -> None:
     """A standalone shader draws all samples of a pixel; the kind of the last ray must not remain."""
-    text = glsl_text(scene_of(BALL.visible(camera=False), **WAYS["whitted"]), Values({}))
+    text = text_of(scene_of(BALL.visible(camera=False), **WAYS["whitted"]), Values({})).text
     end = text[text.index("vec3 shade(") :]
     assert end.index("ray_kind = 0.0;") > end.index("ray_kind = 2.0;") > 0
 
