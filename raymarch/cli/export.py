@@ -10,7 +10,7 @@ import typer
 
 from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings
 from raymarch.cli.progress import bar
-from raymarch.export.forms import CELLS, SUFFIXES, export
+from raymarch.export.forms import CELLS, GLSL, SUFFIXES, TEXTURES, export
 from raymarch.scene.file import load
 
 
@@ -35,7 +35,7 @@ def run(
         ),
     ] = None,
 ) -> None:
-    start = clock_time.perf_counter()
+    start, began = clock_time.perf_counter(), clock_time.time()
     found, params, corners = load(scene), parse_settings(set_ or []), parse_box(box)
     with bar("exporting", 1.0) as progress:
         export(
@@ -50,6 +50,9 @@ def run(
         )
     spent = clock_time.perf_counter() - start
     errors.print(f"{output}  {output.stat().st_size / 1e3:,.0f} kB  {spent:.1f} s", markup=False)
+    beside = output.with_suffix(TEXTURES)
+    if output.suffix.lower() in GLSL and beside.exists() and beside.stat().st_mtime >= began:
+        errors.print(f"{beside}  {beside.stat().st_size / 1e3:,.0f} kB  its textures", markup=False)
 
 
 Corner = tuple[float, float, float]

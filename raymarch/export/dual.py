@@ -34,6 +34,9 @@ REACH = 1.0
 TURNS = 5
 """How often tangent planes are added to the vertices that are not on the surface, at most."""
 
+BATCH = 1 << 17
+"""Vertices or planes that are treated at once."""
+
 CORNERS: Ints = np.array(list(product((0, 1), repeat=3)))
 """The corners of a cell; corner k is bit k of its case, 1 inside the solid."""
 
@@ -140,7 +143,12 @@ def contour(
     whole = np.all(quads >= 0, axis=1)
     quads, of_edge = quads[whole], np.flatnonzero(whole)
     quads, cell_of, owner = _manifold(quads, of_edge, cell_of, member, owner)
-    vertices, sums = _minimisers(cell_of, owner, places[member], normals[member], nearby)
+    middle = cell_of + 0.5
+    planes = _Planes.of(len(cell_of))
+    for i in range(0, len(owner), BATCH):
+        plane, vertex = member[i : i + BATCH], owner[i : i + BATCH]
+        planes.add(vertex, places[plane] - middle[vertex], normals[plane])
+    vertices, sums = middle + _minimisers(middle, planes, nearby), planes.normals
     return Dual(vertices, sums, _triangles(quads, vertices, normals[of_edge]))
 
 
@@ -225,24 +233,21 @@ class _Planes:
         return best, np.clip(inside, -limit, limit)
 
 
-def _minimisers(
-    cells: Ints, owner: Ints, places: Array, normals: Array, nearby: Callable[[Array], tuple[Array, Array]]
-) -> tuple[Array, Array]:
-    """The vertex of each patch: the point nearest to its tangent planes, and the sum of its normals.
+def _minimisers(middle: Array, planes: _Planes, nearby: Callable[[Array], tuple[Array, Array]]) -> Array:
+    """The vertex of each patch: the point nearest to its tangent planes, from the middle of its cell.
 
-    owner : the vertex of each plane. nearby : see `contour`.
+    nearby : see `contour`.
 
     A vertex that is not on the surface gets another plane, the one at the nearest point of the surface: the cell's
     edges may miss the planes of an edge or a corner. A vertex may leave its cell if it is on the surface.
     """
-    middle = cells + 0.5
-    planes = _Planes.of(len(cells))
-    planes.add(owner, places - middle[owner], normals)
-    vertices = np.zeros((len(cells), 3))
-    errors = np.full(len(cells), np.inf)
-    rows = np.arange(len(cells))
+    vertices = np.zeros(middle.shape)
+    errors = np.full(len(middle), np.inf)
+    rows = np.arange(len(middle))
     for turn in range(TURNS):
-        best, inside = planes.nearest(rows)
+        best, inside = np.empty((len(rows), 3)), np.empty((len(rows), 3))
+        for i in range(0, len(rows), BATCH):
+            best[i : i + BATCH], inside[i : i + BATCH] = planes.nearest(rows[i : i + BATCH])
         distances, gradients = nearby(middle[rows] + inside)
         outside = np.flatnonzero(np.any(best != inside, axis=1) & (np.abs(best).max(axis=1) < REACH))
         if len(outside):
@@ -259,7 +264,7 @@ def _minimisers(
         foot = inside[off] - distances[off, None] * gradients[off]
         _, across = nearby(middle[rows] + foot)
         planes.add(rows, foot, across)
-    return middle + vertices, planes.normals
+    return vertices
 
 
 def _solved(matrix: Array, right: Array) -> Array:
