@@ -143,13 +143,13 @@ def contour(
     whole = np.all(quads >= 0, axis=1)
     quads, of_edge = quads[whole], np.flatnonzero(whole)
     quads, cell_of, owner = _manifold(quads, of_edge, cell_of, member, owner)
-    middle = cell_of + 0.5
+    middle = cell_of.astype(np.float64) + 0.5
     planes = _Planes.of(len(cell_of))
     for i in range(0, len(owner), BATCH):
         plane, vertex = member[i : i + BATCH], owner[i : i + BATCH]
         planes.add(vertex, places[plane] - middle[vertex], normals[plane])
-    vertices, sums = middle + _minimisers(middle, planes, nearby), planes.normals
-    return Dual(vertices, sums, _triangles(quads, vertices, normals[of_edge]))
+    vertices = middle + _minimisers(middle, planes, nearby)
+    return Dual(vertices, planes.normals, _triangles(quads, vertices, normals[of_edge]))
 
 
 def _collected(blocks: Iterable[tuple[Ints, Array]]) -> tuple[Ints, Array, Ints, Ints]:
