@@ -31,6 +31,7 @@ from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, check_scene
+from raymarch.scene.sky import Sky
 
 Progress = Callable[[float], None]
 
