@@ -22,7 +22,7 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.plan.passes import DRAWN
 from tests.support.commands import files, run
 
-HELLO = "import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2)) | rm.box(1.5)\n"
+HELLO = "import raymarch as rm\nscene = rm.union(rm.sphere(rm.Param('radius', 1, 0.5, 2)), rm.box(1.5), k=0.01)\n"
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_every_view(folder, view):
     assert run("render", "hello.py", "-o", "a.png", "--view", view, "--size", "48x32") == 0
     with Image.open("a.png") as picture:
         assert picture.width == 48
-        assert (picture.height > 32) == (view not in ("final", "normal", "material", "boxes")), "a bar where it is due"
+        assert (picture.height > 32) == (view not in ("final", "normal", "position", "material", "boxes")), "a bar where it is due"
         shown = np.asarray(picture.convert("L"), int)[:32]
     assert shown.max() > shown.min()
 

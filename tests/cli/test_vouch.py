@@ -35,7 +35,7 @@ DOUBTFUL = {
     ),
     "too few steps": (
         "scene = rm.Scene(rm.sphere() | rm.plane(offset=-1), rm.Camera((0, 0, 5), (0, 0, 0)),\n"
-        "                 quality=rm.Quality(max_steps=6))",
+        "                 quality=rm.Quality(max_steps=6, analytic=False))",
         [],
         "of the rays ran out of steps (Quality(max_steps=...), 6 now; --view iterations)",
     ),

@@ -13,7 +13,7 @@ from tests.support import commands
 from tests.support.commands import files
 
 HELLO = """import raymarch as rm
-scene = rm.Scene(rm.sphere(rm.Param("size", 1.0, 0.5, 2.0)) | rm.plane(offset=-1){more})
+scene = rm.Scene(rm.union(rm.sphere(rm.Param("size", 1.0, 0.5, 2.0)), rm.plane(offset=-1), k=1e-3){more})
 """
 QUICK = ("--size", "32x18")
 
