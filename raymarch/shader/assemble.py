@@ -153,6 +153,8 @@ def assemble(
     taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
     if plan.analytic.used:
         called = frozenset[str]().union(*(chunk.needs for chunk in (*mains, *promised.chunks)))
+        if setup is not None:  # `set_frame` calls functions of the camera and of the values of the frame
+            called |= {function.name for function in values.functions}
         roots = [root for root in roots if root.name in called]
     fields, parameters, text = _fields(plan, roots, taken, constants)
     declared = Chunk.of("constants", [line for name, line in fixed.items() if name in taken])

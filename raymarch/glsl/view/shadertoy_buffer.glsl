@@ -16,7 +16,7 @@ void mainImage(out vec4 fragColor, in vec2 fragCoord) {
         begin_sample(int(count));
         Ray ray = camera_ray(fragCoord + sample_offset(int(count)));
         Hit hit = trace(ray);
-        vec4 color = vec4(hit.found ? shade(ray, hit) : sky(ray.direction), 1.0);
+        vec4 color = vec4(shade(ray, hit), 1.0);
         count += 1.0;
         if (finite(color)) before.rgb = mix(before.rgb, color.rgb, 1.0 / count);
     }
