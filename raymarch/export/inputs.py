@@ -116,12 +116,18 @@ def number_text(value: Any) -> str:
 
 
 def sky_light(made: Plan) -> dict[str, str]:
-    """The declaration of the sky's spherical harmonics as a constant, if the shader reads them.
+    """The declaration of the sky's spherical harmonics as a constant, if the shader reads them."""
+    if not made.sky_light:
+        return {}
+    colors = ", ".join(map(number_text, harmonics(made)))
+    return {"u_sky_light": f"const vec3 u_sky_light[9] = vec3[9]({colors});"}
+
+
+def harmonics(made: Plan) -> list[tuple[float, ...]]:
+    """The nine coefficients of the sky's spherical harmonics.
 
     Raises PlanError if they depend on time or a parameter.
     """
-    if not made.sky_light:
-        return {}
     sky = made.scene.sky
     if find(sky.expressions, "time", "param"):
         raise PlanError(
@@ -130,8 +136,7 @@ def sky_light(made: Plan) -> dict[str, str]:
             legal="a sky that does not change, or light=False",
             where=sky.where,
         )
-    colors = ", ".join(number_text(tuple(map(float, row))) for row in sky.harmonics(Values({})))
-    return {"u_sky_light": f"const vec3 u_sky_light[9] = vec3[9]({colors});"}
+    return [tuple(map(float, row)) for row in sky.harmonics(Values({}))]
 
 
 def light_rows(made: Plan, values: Values) -> NDArray[np.float32]:

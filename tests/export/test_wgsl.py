@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,7 @@ from raymarch.scene.parameter import set_values
 from raymarch.truth.field import Field
 from tests.export.test_shaders import EXAMPLES
 from tests.support.commands import files
-
-wgpu = pytest.importorskip("wgpu")
+from tests.support.wgsl_device import Device
 
 MAIN = """
 @group(0) @binding(0) var<storage, read> points: array<vec4f>;
@@ -33,11 +34,13 @@ fn main(@builtin(global_invocation_id) at: vec3u) {
 
 
 @pytest.fixture(scope="module")
-def device() -> Any:
-    adapters = wgpu.gpu.enumerate_adapters_sync()
-    if not adapters:
-        pytest.skip("wgpu finds no device")
-    return adapters[0].request_device_sync()
+def device() -> Iterator[Device]:
+    if find_spec("wgpu") is None:
+        pytest.skip("wgpu is not installed")
+    with Device() as made:
+        if not made.present:
+            pytest.skip("wgpu finds no device")
+        yield made
 
 
 def text(scene: rm.Scene, folder: Path, **options: Any) -> str:
@@ -45,15 +48,12 @@ def text(scene: rm.Scene, folder: Path, **options: Any) -> str:
     return (folder / "made.wgsl").read_text()
 
 
-def computed(device: Any, code: str, call: str, points: NDArray[Any], before: str = "") -> NDArray[np.float32]:
+def computed(device: Device, code: str, call: str, points: NDArray[Any], before: str = "") -> NDArray[np.float32]:
     """The values of a vec4f expression of a point p, (N, 4); N is a multiple of 64."""
-    from wgpu.utils.compute import compute_with_buffers
-
     given = np.zeros((len(points), 4), np.float32)
     given[:, :3] = points
     shader = code + MAIN.replace("CALL", call).replace("BEFORE", before)
-    made = compute_with_buffers({0: given}, {1: (given.size, "f")}, shader, n=len(points) // 64)
-    return np.frombuffer(made[1], np.float32).reshape(-1, 4)
+    return device.compute(shader, given)
 
 
 SIZE = rm.Param("size", 1.2, 0.5, 2.0)
@@ -68,7 +68,7 @@ SOLIDS = {
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_fields_have_their_values(name: str, device: Any, tmp_path: Path) -> None:
+def test_fields_have_their_values(name: str, device: Device, tmp_path: Path) -> None:
     scene = rm.Scene(SOLIDS[name])
     code = text(scene, tmp_path, time=0.7)
     points = np.random.default_rng(2).uniform(-1.3, 1.3, (256, 3)).astype(np.float32)
@@ -79,7 +79,7 @@ def test_fields_have_their_values(name: str, device: Any, tmp_path: Path) -> Non
     np.testing.assert_allclose(got, wanted, atol=2e-5)
 
 
-def test_variables_change_the_values(device: Any, tmp_path: Path) -> None:
+def test_variables_change_the_values(device: Device, tmp_path: Path) -> None:
     scene = rm.Scene(SOLIDS["time"] | SOLIDS["parameter"])
     points = np.random.default_rng(2).uniform(-1.3, 1.3, (64, 3)).astype(np.float32)
     field = Field(scene, set_values(scene.parameters, {"size": 0.8}, 0.2))
@@ -88,7 +88,7 @@ def test_variables_change_the_values(device: Any, tmp_path: Path) -> None:
     np.testing.assert_allclose(got, field.distance(points.astype(float)), atol=2e-5)
 
 
-def test_lights_and_materials_have_their_values(device: Any, tmp_path: Path) -> None:
+def test_lights_and_materials_have_their_values(device: Device, tmp_path: Path) -> None:
     solid = rm.sphere(0.5).material(rm.Material(albedo=(0.8, 0.2, 0.1), roughness=0.4)) | rm.plane(offset=-0.5)
     lamp = rm.PointLight((1, 2, 1), color=(1, 0.5, 0.25), intensity=8)
     code = text(rm.Scene(solid, lights=[lamp], tone=rm.ToneMapping("aces")), tmp_path)
@@ -101,14 +101,14 @@ def test_lights_and_materials_have_their_values(device: Any, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", ["village", "primitives", "papers/glass", "papers/lights", "showcase/lanterns"])
-def test_the_compiler_takes_examples(name: str, device: Any, tmp_path: Path) -> None:
-    device.create_shader_module(code=text(load(EXAMPLES / f"{name}.py"), tmp_path))
+def test_the_compiler_takes_examples(name: str, device: Device, tmp_path: Path) -> None:
+    device.compile(text(load(EXAMPLES / f"{name}.py"), tmp_path))
 
 
-def test_the_compiler_finds_faults(device: Any, tmp_path: Path) -> None:
+def test_the_compiler_finds_faults(device: Device, tmp_path: Path) -> None:
     code = text(rm.Scene(rm.box()), tmp_path)
-    with pytest.raises(Exception, match="lengths"):
-        device.create_shader_module(code=code.replace("length(", "lengths(", 1))
+    with pytest.raises(RuntimeError, match="lengths"):
+        device.compile(code.replace("length(", "lengths(", 1))
 
 
 def test_what_wgsl_cannot_hold_is_refused(tmp_path: Path) -> None:

@@ -178,11 +178,12 @@ def leaving(world: World) -> Iterator[Figure]:
 def _evaluations(world: World, scene: rm.Scene) -> float:
     """Of the field, by all rays of a pixel that shows the scene; counted by the shader itself."""
     size = (64, 48)
+    scene = scene.replace(quality=scene.quality.replace(analytic=False))
     ready = prepare(scene, ("color",), size)
     text = ready.texts["color"]
-    assert text.count("float field(vec3 p) {") == 1 and text.count("out_color = vec4(hit.found") == 1
+    assert text.count("float field(vec3 p) {") == 1 and text.count("out_color = vec4(shade(") == 1
     text = text.replace("float field(vec3 p) {", "int asked = 0;\nfloat field(vec3 p) {\n    asked++;")
-    text = text.replace("    out_color = vec4(hit.found", "    vec4 shown = vec4(hit.found")
+    text = text.replace("    out_color = vec4(shade(", "    vec4 shown = vec4(shade(")
     head, _, tail = text.rpartition("}")
     text = head + "    out_color = vec4(shown.rgb * 0.0 + float(asked), hit.found ? 1.0 : 0.0);\n}" + tail
     with Program(world.context, FULL_SCREEN, text, lambda line: ("", None), "count") as program:

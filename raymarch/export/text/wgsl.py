@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from raymarch.errors import PlanError
-from raymarch.export.inputs import Text, planned
+from raymarch.export.inputs import Text, harmonics, planned
 from raymarch.expr.glsl import (
     ATOM,
     ORDER,
@@ -215,6 +215,9 @@ def text_of(scene: Scene, values: Values) -> Text:
     inputs |= {TIME: (FLOAT, values.time)} if text.uses_time else {}
     for name, (type, value) in inputs.items():
         lines.append(f"var<private> {name}: {type_text(type)} = {Wgsl().constant(const(value))};")
+    if made.sky_light:
+        colors = ", ".join(Wgsl().constant(const(row)) for row in harmonics(made))
+        lines.append(f"const u_sky_light = array<vec3<f32>, 9>({colors});")
     for type in _structs([e.type for f in text.names for e in (*f.params, f.body)]):
         lines += [f"struct {type.name} {{", *(f"    {name}: {type_text(of)}," for name, of in type.fields), "}"]
     lines += ["", *(line.text for line in text.lines())]
