@@ -21,6 +21,7 @@ from raymarch.sdf.node import Node
 from raymarch.sdf.placing import affine, rotate_about, rotation_matrix, scale_evenly, translate
 from raymarch.sdf.rounds import cone, ellipsoid
 from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere
+from raymarch.sdf.visibility import visible
 
 FARTHEST = 1e30
 """Stands for infinity. Larger distances are no hits."""
@@ -225,6 +226,10 @@ _Moved: TypeAlias = tuple[Expr, Expr, Operand | None]
 """A ray in the space of a child, and the length of a unit of that space; None is 1."""
 
 
+def _unmoved(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
+    return o, d, None
+
+
 def _translated(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
     return o - params["offset"], d, None
 
@@ -245,7 +250,13 @@ def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
 
 _PLACED: dict[Definition, Callable[[Expr, Expr, Mapping[str, Expr]], _Moved]] = {
     made.definition: move  # type: ignore[union-attr]
-    for made, move in ((translate, _translated), (rotate_about, _rotated), (scale_evenly, _scaled), (affine, _mapped))
+    for made, move in (
+        (translate, _translated),
+        (rotate_about, _rotated),
+        (scale_evenly, _scaled),
+        (affine, _mapped),
+        (visible, _unmoved),
+    )
 }
 
 _AFFINE = affine.definition  # type: ignore[attr-defined]

@@ -60,7 +60,7 @@ def marches() -> Iterator[Pair]:
     yield Pair(54, "cone pass", cones, unmended=narrow)
     low = rm.Camera((0, 0.4, 3.0), (0, 0.38, 0), fov=40.0)
     floor = rm.plane() | rm.sphere(0.3).translate((0, 0.3, 0))
-    horizon = rm.Scene(floor, low, quality=rm.Quality(max_steps=48, tracer="plain"))
+    horizon = rm.Scene(floor, low, quality=rm.Quality(max_steps=48, tracer="plain", analytic=False))
     yield Pair(
         58,
         "infinite plane at the horizon",
@@ -195,7 +195,7 @@ def histories() -> Iterator[Pair]:
 
     def after_a_nan(renderer: Renderer, scene: rm.Scene) -> rm.Frame:
         renderer.render(scene)
-        pair = renderer.resources.pair("history", renderer.size)
+        pair = renderer.resources.pair("color history", renderer.size)
         for target in (pair.front, pair.back):
             texels = target.read()
             high, wide = texels.shape[:2]

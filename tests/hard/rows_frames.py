@@ -29,7 +29,7 @@ def fresh(world: World, scene: rm.Scene, size: tuple[int, int] = SIZE) -> Frame:
 
 def poison(world: World, size: tuple[int, int] = SIZE, texel: tuple[int, int] | None = None) -> None:
     """Write NaN over the history, or over one texel of it."""
-    pair = world.renderer.resources.pair("history", size)
+    pair = world.renderer.resources.pair("color history", size)
     for target in (pair.front, pair.back):
         for k in range(target.attachments):
             texels = target.read(k)

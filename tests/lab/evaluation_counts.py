@@ -36,7 +36,10 @@ class EvaluationCounts:
 def count_evaluations(
     renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None
 ) -> EvaluationCounts:
-    """Count the evaluations of one sample per pixel, marched without cones and closed forms. Errors are those of `Renderer.render`."""
+    """Count the evaluations of one sample per pixel, marched without cones and closed forms.
+
+    Errors are those of `Renderer.render`.
+    """
     scene = scene.replace(quality=scene.quality.replace(samples=1, temporal="off", schedule="single", analytic=False))
     ready = prepare(scene)
     call = renderer.draw_calls(scene, time, params)[-1]

@@ -90,7 +90,7 @@ def test_a_poisoned_history_leaves_no_trace(renderer: Renderer, kept: str, angle
     """Rows 42 and 44 of the hard cases."""
     for _ in range(3):
         renderer.render(scene(temporal=kept))
-    pair = renderer.resources.pair("history", SIZE, 2 if kept == "reproject" else 1)
+    pair = renderer.resources.pair("color history", SIZE, 2 if kept == "reproject" else 1)
     for k in range(pair.front.attachments):
         spoilt = pair.front.read(k)
         spoilt[5:20, 10:30] = poison
