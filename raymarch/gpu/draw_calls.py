@@ -142,6 +142,11 @@ class Drawing:
                 for chosen in passes:
                     yield from self._drawn(chosen, turn)
 
+    def _read_by(self, chosen: Pass) -> dict[str, Any]:
+        """What earlier passes left to one. The scene's shader gives names that it does not use itself to parameters."""
+        own = frozenset(self.ready.shader.parameters.values()) if chosen.effect is None else frozenset[str]()
+        return {name: value for name, value in self.carried.items() if name not in own}
+
     def _drawn(self, chosen: Pass, turn: Turn) -> Iterator[DrawCall]:
         """The draw call of a pass in a turn, if there is one. Later passes then read what it writes."""
         size = turn.size or self.size
@@ -151,7 +156,7 @@ class Drawing:
             program, compiling = self.resources.program(self.ready, chosen.name)
             uniforms = {
                 **self.uniforms,
-                **self.carried,
+                **self._read_by(chosen),
                 **(CENTRE if chosen.sharp else {}),
                 **turn.uniforms,
                 **((turn.before or {}) if chosen.changed else {}),

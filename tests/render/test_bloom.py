@@ -243,3 +243,14 @@ def test_values_out_of_range_are_refused(given: dict[str, float], words: str) ->
 def test_post_is_a_list_of_effects(post: Any) -> None:
     with pytest.raises(SceneError, match=r"Scene: post = .*(\[Bloom\(\)\]|\(Bloom\(...\)\))"):
         rm.Scene(NODE, post=post)
+
+
+def test_a_parameter_may_be_called_as_a_texture_of_a_pass(renderer: rm.Renderer) -> None:
+    """`u_color` is the picture that the passes of bloom read, and the parameter `color` of the scene."""
+    pictures = []
+    for name in ("color", "other"):
+        ball = rm.sphere(rm.Param(name, 0.4, 0.1, 0.9)).material(rm.Material(emission=(4, 2, 1)))
+        made = rm.Scene(ball, rm.Camera((0, 0, 4), (0, 0, 0)), post=[rm.Bloom(0.3, 0.1)])
+        pictures.append(renderer.render(made, params={name: 0.7}, outputs=("color", "depth")))
+    assert np.array_equal(pictures[0].color, pictures[1].color)
+    assert np.array_equal(pictures[0].depth, pictures[1].depth)

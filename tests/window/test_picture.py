@@ -48,7 +48,11 @@ def test_no_draw_depends_on_what_was_bound_before_it(renderer: rm.Renderer) -> N
 def test_a_moving_picture_marches_no_longer_than_its_budget(renderer: rm.Renderer) -> None:
     """Rays that are marched over several passes wait where they are, and end once nothing moves."""
     scene = progressive(
-        rm.Scene(rm.sphere(1) | rm.plane(offset=-1), CAMERA, quality=rm.Quality(steps_per_pass=4, max_steps=64))
+        rm.Scene(
+            rm.sphere(1) | rm.plane(offset=-1),
+            CAMERA,
+            quality=rm.Quality(steps_per_pass=4, max_steps=64, analytic=False),
+        )
     )
     screen = Screen(renderer.context, SIZE)
     picture = Picture(renderer, screen, Pace(budget=1e-3))

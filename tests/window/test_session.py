@@ -83,7 +83,7 @@ def test_a_session(view: View) -> None:
     distance = np.sqrt(37) - value
     assert abs(truth["distance"] - distance) < 2e-2 and abs(pick["distance"] - truth["distance"]) < 1e-3
     assert np.allclose(pick["position"], np.array([0, 1, 6]) + pick["distance"] * ray, atol=0.05)
-    assert np.allclose(pick["normal"], -ray, atol=0.05) and pick["evaluations"] > 0
+    assert np.allclose(pick["normal"], -ray, atol=0.05)
 
     # More exact, and back: the same picture by another quality.
     mark = session.mark()
