@@ -258,7 +258,7 @@ def _mixed(kind: str, first: Made, second: Made, k: float, family: str) -> Made:
         return Made(joined, None, wa + wb)
     grey = _values(GREY, np.zeros((len(a), 3)))
     va, vb = (grey if made.values is None else made.values for made in (first, second))
-    share = (wb / (wa + wb))[:, None]
+    share = (wb / np.maximum(wa + wb, 1e-300))[:, None]  # both are 0 where neither operand changes the field
     return Made(joined, (1.0 - share) * va + share * vb, wa + wb)
 
 
