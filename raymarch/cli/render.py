@@ -104,7 +104,7 @@ def run(
     ] = None,
     batch: Annotated[
         int | None,
-        typer.Option(metavar="N", min=1, help="--cluster: pictures of one task.", show_default="as many as take 0.5 s"),
+        typer.Option(metavar="N", min=1, help="--cluster: pictures of one task.", show_default="as many as take 0.2 s"),
     ] = None,
     task_timeout: Annotated[
         float | None,

@@ -37,7 +37,7 @@ T = TypeVar("T")
 TIMEOUT = 900.0
 """Seconds that a task may take. Compilation alone may take RAYMARCH_COMPILE_LIMIT, 600 seconds."""
 
-TASK = 0.5
+TASK = 0.2
 """Seconds of a task of short pictures. A task costs scheduler, client and worker some milliseconds."""
 
 LARGEST_BATCH = 32
@@ -214,7 +214,7 @@ def render_frames(
     resources : Dask resources that a worker must have, such as {"GPU": 1}.
     mixed_drivers : accept workers whose drivers may differ in the last bit.
     split_samples : number of tasks that share the samples of each pixel, from 1 to the samples.
-    batch : frames of one task. None: as many as take half a second, up to 32.
+    batch : frames of one task. None: as many as take a fifth of a second, up to 32.
     task_timeout : seconds after which a worker that still draws a frame ends itself, and another one draws it.
     backend, device : as in `Renderer`.
 
