@@ -100,7 +100,7 @@ def _compared(point: Point, first: Point) -> str:
     """The time of a setting relative to the first one."""
     if point is first:
         return ""
-    doubt = ", not certain" if point.time.overlaps(first.time) else ""
+    doubt = ", within the noise" if point.time.overlaps(first.time) else ""
     return f"{point.time.value / first.time.value:.2g}× the time{doubt}"
 
 

@@ -82,7 +82,7 @@ def test_a_difference_of_times_within_their_intervals_is_not_certain(fake):
     assert as_html(fake).count("10× the time<") == 1
     first = next(p for p in fake.points if p.name == "epsilon 0.4")
     first.times = [2.5, 2.5, 2.5, 2.5, 90.0, 90.0]
-    assert as_html(fake).count("10× the time, not certain<") == 1
+    assert as_html(fake).count("10× the time, within the noise<") == 1
 
 
 def test_cheaper_pictures_of_another_kind_are_no_answer(fake):
@@ -128,7 +128,7 @@ def test_the_error_is_located(fake, known):
     assert found.largest == pytest.approx(4.0)
     assert found.bands[1].worst == 1.0
     assert found.bands[1].hits == pytest.approx(grazing.sum() / inner.sum())
-    assert "seen at an angle, at 10° to 30°: 100% of the largest errors" in found.words
+    assert "seen at an angle, 10° to 30° between ray and surface: 100% of the worst hundredth" in found.words
     spread = np.flatnonzero(inner)[np.argsort(cosine[inner])][::20]  # all angles alike
     off = np.full(known.depth.size, 0.001)
     off[spread] = 0.3
