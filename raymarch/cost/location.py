@@ -62,8 +62,8 @@ class Location:
             return "the error is spread evenly over the surfaces."
         seen = {0.0: "edge-on", 10.0: "at an angle", 30.0: "from the front"}[band.low]
         return (
-            f"the error lies where surfaces are seen {seen}, {band.low:g}° to {band.high:g}° between ray and "
-            f"surface: {band.worst:.0%} of the worst hundredth of the errors are there, and {band.hits:.0%} of the hits."
+            f"the error lies where surfaces are seen {seen}, {band.low:g}° to {band.high:g}° between ray and surface: "
+            f"{band.worst:.0%} of the worst hundredth of the errors are there, and {band.hits:.0%} of the hits."
         )
 
 
