@@ -51,7 +51,8 @@ def test_a_session(view: View) -> None:
     assert alike(seen[BELOW], drawn(scene_of(SCENE, camera), value)[BELOW])
 
     # Edit: camera and parameter stay.
-    edited = SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.3, 0.9)")
+    marched = "    ball | floor, quality=rm.Quality(analytic=False),"  # so that a picked ray evaluates the field
+    edited = SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.3, 0.9)").replace("    ball | floor,", marched)
     mark = save(session, edited)
     session.wait("loaded", since=mark)
     seen = session.settled()
@@ -83,7 +84,7 @@ def test_a_session(view: View) -> None:
     distance = np.sqrt(37) - value
     assert abs(truth["distance"] - distance) < 2e-2 and abs(pick["distance"] - truth["distance"]) < 1e-3
     assert np.allclose(pick["position"], np.array([0, 1, 6]) + pick["distance"] * ray, atol=0.05)
-    assert np.allclose(pick["normal"], -ray, atol=0.05)
+    assert np.allclose(pick["normal"], -ray, atol=0.05) and pick["evaluations"] > 0
 
     # More exact, and back: the same picture by another quality.
     mark = session.mark()
