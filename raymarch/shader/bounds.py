@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
 from raymarch.expr.glsl import literal
 from raymarch.plan import Plan
 from raymarch.sdf.facts import Facts
 from raymarch.shader.chunk import Chunk, Lines
+
+Ends: TypeAlias = "list[tuple[str, float | None, float | None]]"
+
+OPEN = 1e30
+"""The end of a box that is unbounded there, where another box is not."""
 
 
 def scene_box(plan: Plan) -> Chunk:
@@ -17,47 +25,61 @@ def scene_box(plan: Plan) -> Chunk:
     further inwards. For rays u_cone is 0.
     """
     text = Lines("the scene's bounds", where=plan.scene.node.where)
-    _clip_to_box(text, plan, "scene_box", plan.scene.node.facts)
+    _clip_to_box(text, plan, "scene_box(Ray ray, vec2 range)", _printed(box_ends(plan.scene.node.facts)))
     return text.chunk("scene box")
 
 
-def _clip_to_box(text: Lines, plan: Plan, name: str, facts: Facts) -> None:
-    """The function that clips a ray or a cone to a box."""
-    text.add(f"vec2 {name}(Ray ray, vec2 range) {{")
-    for axis, low, high in box_ends(facts):
+def _clip_to_box(text: Lines, plan: Plan, head: str, ends: Sequence[tuple[str, str]]) -> None:
+    """The function that clips a ray or a cone to a box.
+
+    ends : the lower and the upper end of the box on each axis, as GLSL; "" where it is unbounded.
+    """
+    text.add(f"vec2 {head} {{")
+    for axis, (low, high) in zip("xyz", ends, strict=True):
         at = f"range, ray.origin.{axis}, ray.direction.{axis}"
         if plan.marching.cones and "WIDE_CONE" in plan.variants:  # it also starts as wide as u_cone_start
             at = "range, ray.origin.{axis} {sign} u_cone_start, ray.direction.{axis} {sign} u_cone"
-            clips = [f"above({at.format(axis=axis, sign='+')}, {literal(low)})"] if low is not None else []
-            clips += [f"below({at.format(axis=axis, sign='-')}, {literal(high)})"] if high is not None else []
+            clips = [f"above({at.format(axis=axis, sign='+')}, {low})"] if low else []
+            clips += [f"below({at.format(axis=axis, sign='-')}, {high})"] if high else []
         elif plan.marching.cones:
-            clips = [f"above({at} + u_cone, {literal(low)})"] if low is not None else []
-            clips += [f"below({at} - u_cone, {literal(high)})"] if high is not None else []
+            clips = [f"above({at} + u_cone, {low})"] if low else []
+            clips += [f"below({at} - u_cone, {high})"] if high else []
         else:
-            planes = ", ".join(literal(end) for end in (low, high) if end is not None)
-            clip = "above" if high is None else "below" if low is None else "slab"
-            clips = [f"{clip}({at}, {planes})"] if planes else []
+            clip = "above" if not high else "below" if not low else "slab"
+            clips = [f"{clip}({at}, {', '.join(filter(None, (low, high)))})"] if low or high else []
         for call in clips:
             text.add(f"    range = {call};")
     text.add("    return range;")
     text.add("}")
 
 
+def _printed(ends: Ends) -> list[tuple[str, str]]:
+    return [("" if low is None else literal(low), "" if high is None else literal(high)) for _, low, high in ends]
+
+
 def marched_range(plan: Plan) -> Chunk:
     """The part of a ray in which solids are marched: from the first to the last of their boxes that it goes through."""
-    boxes = plan.analytic.boxes
+    boxes = [box_ends(facts) for facts in plan.analytic.boxes]
     text = Lines("the bounds of what is marched", where=plan.scene.node.where)
     if len(boxes) == 1:
-        _clip_to_box(text, plan, "marched_range", boxes[0])
+        _clip_to_box(text, plan, "marched_range(Ray ray, vec2 range)", _printed(boxes[0]))
         return text.chunk("marched range")
-    for i, box in enumerate(boxes):
-        _clip_to_box(text, plan, f"marched_box_{i}", box)
+    if boxes:
+        bounded = [[any(box[i][j] is not None for box in boxes) for j in (1, 2)] for i in range(3)]
+        ends = [
+            ("low." + axis if low else "", "high." + axis if high else "")
+            for axis, (low, high) in zip("xyz", bounded, strict=True)
+        ]
+        _clip_to_box(text, plan, "clip_to_box(Ray ray, vec2 range, vec3 low, vec3 high)", ends)
+        text.add("")
     text.add("vec2 marched_range(Ray ray, vec2 range) {")
     text.add("    vec2 found = vec2(1.0e30, -1.0e30);")
     if boxes:
         text.add("    vec2 part;")
-    for i in range(len(boxes)):
-        text.add(f"    part = marched_box_{i}(ray, range);")
+    for box in boxes:
+        low = ", ".join(literal(-OPEN if end is None else end) for _, end, _ in box)
+        high = ", ".join(literal(OPEN if end is None else end) for _, _, end in box)
+        text.add(f"    part = clip_to_box(ray, range, vec3({low}), vec3({high}));")
         text.add("    if (part.x <= part.y) found = vec2(min(found.x, part.x), max(found.y, part.y));")
     text.add("    return found;")
     text.add("}")
@@ -83,12 +105,12 @@ def scene_cone(plan: Plan) -> Chunk:
     return text.chunk("scene cone")
 
 
-def box_ends(facts: Facts) -> list[tuple[str, float | None, float | None]]:
+def box_ends(facts: Facts) -> Ends:
     """Each axis with the lower and upper bound of the scene's box, None if unbounded.
 
     Bounds are padded so that rounding cannot cut off the surface.
     """
-    found: list[tuple[str, float | None, float | None]] = []
+    found: Ends = []
     for i, axis in enumerate("xyz"):
         ends = [float(facts.lower[i]), float(facts.upper[i])]
         largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
