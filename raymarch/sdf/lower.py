@@ -214,11 +214,12 @@ class Lowering:
         while pending:
             node = pending.pop()
             evaluations = [1] * len(node.children) if node.definition.arity == "many" else _evaluations(node)
-            for child, times in zip(map(_unlabelled, node.children), evaluations, strict=True):
+            for given, times in zip(node.children, evaluations, strict=True):
+                child = _unlabelled(given)
                 key = self._key(child)
                 self._sites[key] = self._sites.get(key, 0) + times
                 if (inside := assignment_of(child)) is not None and inside == assignment_of(node):
-                    self._inner.add(id(child))
+                    self._inner |= {id(given), id(child)}
                 if key not in seen:
                     seen.add(key)
                     pending.append(child)
