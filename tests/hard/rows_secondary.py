@@ -89,6 +89,12 @@ def shortened(world: World) -> Iterator[Figure]:
             # borders of shadows and silhouettes may shift by a pixel: what stands alone is an edge
             alone = off & np.roll(off, 1, 0) & np.roll(off, -1, 0) & np.roll(off, 1, 1) & np.roll(off, -1, 1)
             yield Figure(f"pixels of {name} that are wrong in a {what}", int(alone.sum()), 0, "the same solid")
+    far = Pair("floor", 20.0, 5.2e4, "slab", 1e4, "hard", 0.0, "sun", 2.0).scene()
+    lit = 0
+    for short in ({"step_scale": 0.3}, {"step_scale": 0.001}, {"step_variation": 0.7}):
+        shaded = far.replace(quality=far.quality.replace(max_steps=8192, **short))
+        lit += int((world.draw(shaded, (24, 18), outputs=("color",)).color > 0.0).any(axis=-1).sum())
+    yield Figure("pixels of a far occluder's shadow that are lit, of 1,296", lit, 0, "a step is an ulp or more")
 
 
 @case(66, "bounces that run out of steps", "rays out of steps saw the sky")
@@ -101,7 +107,7 @@ def endless_wall(world: World) -> Iterator[Figure]:
         lights=[],
         sky=(1, 1, 1),
         bounces=1,
-        quality=rm.Quality(samples=1024),
+        quality=rm.Quality(samples=1024, analytic=False),
     )
     mean = float(world.draw(scene, (40, 40), outputs=("color",)).color.mean())
     yield Figure("excess over half of the sky's light", abs(mean - 0.5), 1e-3, "4 standard errors of 1,638,400 rays")

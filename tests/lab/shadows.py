@@ -39,6 +39,7 @@ class Pair:
     body : "ball" or "slab". size : radius of the ball, or half width of the slab.
     penumbra : of the light. softness : tangent of its angular radius.
     place : "sun", or "point" for a light ten times as far as the occluder. camera : distance of the camera.
+    analytic : as in `Quality`; False marches what has a closed form.
     """
 
     receiver: str
@@ -51,6 +52,7 @@ class Pair:
     place: str
     camera: float
     bounces: int = 0
+    analytic: bool | None = False
 
     @property
     def light(self) -> Array:
@@ -83,7 +85,7 @@ class Pair:
             lights=[light],
             sky=(0, 0, 0),
             bounces=self.bounces,
-            quality=rm.Quality(samples=samples),
+            quality=rm.Quality(samples=samples, analytic=self.analytic),
         )
 
 

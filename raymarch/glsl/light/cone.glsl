@@ -8,6 +8,8 @@ float cone_shadow(Surface surface, Light light, float width) {
     float near = 0.5 * contact(surface.p, surface.t);
     float least = 1.0;
     float s = range.x;
+    float z = 0.0;
+    float before = 0.0;
     float r = 0.0;
     float last = 0.0;
     for (int i = 0; i < shadow_steps; i++) {
@@ -16,8 +18,10 @@ float cone_shadow(Surface surface, Light light, float width) {
         r = u_side * field(ray.origin + s * ray.direction);
         if (r <= near + GROWTH * s) return 0.0;
         least = min(least, r / (width * s));
-        s += safe_step(r);
+        before = z;
+        z = safe_step(r, s);
+        s += z;
     }
-    float derivative = (r - last) / safe_step(last);
-    return meets_ahead(r, derivative, range.y - s + safe_step(r)) ? 0.0 : least;
+    float derivative = (r - last) / before;
+    return meets_ahead(r, derivative, range.y - s + z) ? 0.0 : least;
 }

@@ -17,6 +17,8 @@ float hard_shadow(Surface surface, Light light) {
 #endif
     float near = 0.5 * contact(surface.p, surface.t);
     float s = range.x;
+    float z = 0.0;
+    float before = 0.0;
     float r = 0.0;
     float last = 0.0;
     for (int i = 0; i < shadow_steps; i++) {
@@ -29,8 +31,10 @@ float hard_shadow(Surface surface, Light light) {
 #endif
         if (i == 0) near = min(near, 0.5 * r);
         if (r <= near + GROWTH * s) return 0.0;
-        s += safe_step(r);
+        before = z;
+        z = safe_step(r, s);
+        s += z;
     }
-    float derivative = (r - last) / safe_step(last);
-    return meets_ahead(r, derivative, range.y - s + safe_step(r)) ? 0.0 : 1.0;
+    float derivative = (r - last) / before;
+    return meets_ahead(r, derivative, range.y - s + z) ? 0.0 : 1.0;
 }

@@ -9,6 +9,8 @@ float triangulated_shadow(Surface surface, Light light, float width) {
     float near = 0.5 * contact(surface.p, surface.t);
     float least = 1.0;
     float s = range.x;
+    float z = 0.0;
+    float before = 0.0;
     float r = 0.0;
     float last = 0.0;
     for (int i = 0; i < shadow_steps; i++) {
@@ -19,8 +21,10 @@ float triangulated_shadow(Surface surface, Light light, float width) {
         // If the circle lies before the last sample, the occluder is not between the two samples, but beyond both.
         float back = r * r < 2.0 * last * last ? r * r / (2.0 * last) : 0.0;
         least = min(least, sqrt(r * r - back * back) / (width * (s - back)));
-        s += safe_step(r);
+        before = z;
+        z = safe_step(r, s);
+        s += z;
     }
-    float derivative = (r - last) / safe_step(last);
-    return meets_ahead(r, derivative, range.y - s + safe_step(r)) ? 0.0 : least;
+    float derivative = (r - last) / before;
+    return meets_ahead(r, derivative, range.y - s + z) ? 0.0 : least;
 }

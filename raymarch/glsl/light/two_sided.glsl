@@ -25,7 +25,7 @@ float two_sided_shadow(Surface surface, Light light, float width) {
         least = min(least, r / reach);
         if (least <= -1.0) return 0.0;
         before = z;
-        z = safe_step(max(max(0.5 * abs(r), r - width * (s + r)), 0.05 * reach));
+        z = safe_step(max(max(0.5 * abs(r), r - width * (s + r)), 0.05 * reach), s);
         s += z;
     }
     if (s < range.y) {

@@ -2,7 +2,7 @@
 const float UNDONE = -1.0;  // no step is too long
 
 float step_length(March at, float far) {
-    return safe_step(at.r);
+    return safe_step(at.r, at.t);
 }
 
 float averaged_derivative(float before, float derivative) {

@@ -18,6 +18,8 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #else
     float t = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
 #endif
+    float z = 0.0;
+    float before = 0.0;
     float r = 0.0;
     float last = 0.0;
     for (int i = 0; i < secondary_steps; i++) {
@@ -36,10 +38,12 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
             hit.residual = max(r, 0.0);  // an upper bound
             return hit;
         }
-        t += safe_step(r);
+        before = z;
+        z = safe_step(r, t);
+        t += z;
     }
-    t -= safe_step(r);
-    float derivative = (r - last) / safe_step(last);
+    t -= z;
+    float derivative = (r - last) / before;
 #ifdef ANALYTIC
     bool meets = meets_ahead(r, derivative, range.y - t);
     if (meets) hit.t = t + r / -derivative;
