@@ -5,7 +5,7 @@ A solid is a tree of tuples:
     ("sphere", radius)  ("box", size)  ("plane", normal, offset)  ("torus", major, minor)  ("cylinder", radius, height)
     ("capsule", a, b, radius)  ("union" | "intersection" | "difference", k, blend, a, b, ...)  ("move", by, a)
     ("turn", angle, axis, a)  ("scale", factor, a)  ("repeat", spacings, counts, a)  ("mirror", axis, a)
-    ("paint", i, a)
+    ("paint", i, a)  ("visible", kinds, a), hidden from these rays: "camera shadow"
 
 A ray meets the first of the solids that a hard union joins at its root: spheres and planes in closed form, all
 others by steps of half the distance and bisection. Normals are central differences. A picture also says where it is
@@ -121,6 +121,8 @@ def distance(tree: Tree, p: Array) -> Array:
     kind = tree[0]
     if kind == "paint":
         return distance(tree[2], p)
+    if kind == "nothing":
+        return np.full(len(p), math.inf)
     if kind in ("move", "turn", "scale", "mirror"):
         factor, q = _inner(tree, p)
         return factor * distance(tree[-1], q)
@@ -138,9 +140,32 @@ def distance(tree: Tree, p: Array) -> Array:
 def _joined(kind: str, a: Array, b: Array, k: float, family: str) -> Array:
     """A field that would be steeper than 1 is divided by its steepness, as docs/how-it-is-built.md says."""
     slope = math.sqrt(2.0) if k and family == "circular_geometric" else 1.0
+    if np.isinf(a).any() or np.isinf(b).any():  # nothing there
+        k = 0.0
     if kind == "union":
         return blended(a, b, k, family) / slope
     return -blended(-a, -b if kind == "intersection" else b, k, family) / slope
+
+
+KINDS = ("camera", "shadow", "reflection")
+"""Of rays."""
+
+
+def shown(tree: Tree, rays: str) -> Tree:
+    """A tree without what is hidden from a kind of rays."""
+    if tree[0] == "visible":
+        return ("nothing",) if rays in tree[1] else shown(tree[2], rays)
+    return tuple(shown(c, rays) if isinstance(c, tuple) and c and isinstance(c[0], str) else c for c in tree)
+
+
+def vacant(tree: Tree) -> bool:
+    """Whether there is no solid."""
+    kind, children = tree[0], [c for c in tree[1:] if isinstance(c, tuple) and c and isinstance(c[0], str)]
+    if kind == "union":
+        return all(map(vacant, children))
+    if kind == "intersection":
+        return any(map(vacant, children))
+    return kind == "nothing" or (bool(children) and vacant(children[0]))
 
 
 def around(tree: Tree) -> tuple[Array, float]:
@@ -162,7 +187,7 @@ def around(tree: Tree) -> tuple[Array, float]:
         a, b = np.asarray(tree[1], float), np.asarray(tree[2], float)
         return 0.5 * (a + b), 0.5 * float(np.linalg.norm(b - a)) + tree[3]
     if kind == "union":
-        balls = [around(child) for child in tree[3:]]
+        balls = [around(child) for child in tree[3:] if not vacant(child)]
         centre = np.mean([c for c, _ in balls], axis=0)
         return centre, max(float(np.linalg.norm(c - centre)) + r for c, r in balls) + 0.25 * tree[1] * (len(balls) - 1)
     if kind == "intersection":
@@ -239,11 +264,15 @@ def surface(tree: Tree, p: Array, materials: list[dict[str, Any]]) -> Made:
         for other in others:
             made = _mixed(kind, made, surface(other, p, materials), k, family)
         return made
-    return Made(_leaf(tree, p), None, np.ones(len(p)))
+    return Made(distance(tree, p), None, np.ones(len(p)))
 
 
 def _mixed(kind: str, first: Made, second: Made, k: float, family: str) -> Made:
     a, b = first.distance, second.distance
+    if np.isinf(b).any():  # nothing there
+        return replace(first, distance=_joined(kind, a, b, k, family))
+    if np.isinf(a).any():
+        return replace(second, distance=_joined(kind, a, b, k, family))
     h = 1e-5 * k if k else np.maximum(1e-9 * np.abs(a - b), 1e-300)
     wa = np.abs(_joined(kind, a + h, b, k, family) - _joined(kind, a - h, b, k, family)) / (2.0 * h)
     wb = np.abs(_joined(kind, a, b + h, k, family) - _joined(kind, a, b - h, k, family)) / (2.0 * h)
@@ -276,25 +305,32 @@ class Part:
     normal: Array
 
 
+def operands(trees: list[Tree]) -> list[Tree]:
+    """The solids that hard unions join at the root."""
+    return [
+        leaf for tree in trees for leaf in (operands(list(tree[3:])) if tree[0] == "union" and not tree[1] else [tree])
+    ]
+
+
 def parts_of(trees: list[Tree]) -> list[Part]:
-    made = []
-    for tree in trees:
-        if tree[0] == "union" and tree[1] == 0.0:
-            made += parts_of(list(tree[3:]))
-            continue
-        core, by = tree, np.zeros(3)
-        while core[0] in ("paint", "move"):
-            by = by + np.asarray(core[1], float) if core[0] == "move" else by
-            core = core[-1]
-        centre, radius = around(tree)
-        if core[0] == "plane":
-            n = np.asarray(core[1], float) / np.linalg.norm(core[1])
-            made.append(Part(tree, "plane", by + core[2] * n, math.inf, n))
-        else:
-            if not math.isfinite(radius):
-                raise ValueError(f"an endless solid that is no plane: {core[0]}")
-            made.append(Part(tree, "sphere" if core[0] == "sphere" else "any", centre, radius, np.zeros(3)))
-    return made
+    return [part_of(tree) for tree in operands(trees)]
+
+
+def part_of(tree: Tree) -> Part:
+    """One solid; its kind is "none" if there is nothing."""
+    core, by = tree, np.zeros(3)
+    if vacant(tree):
+        return Part(tree, "none", by, 0.0, by)
+    while core[0] in ("paint", "move"):
+        by = by + np.asarray(core[1], float) if core[0] == "move" else by
+        core = core[-1]
+    centre, radius = around(tree)
+    if core[0] == "plane":
+        n = np.asarray(core[1], float) / np.linalg.norm(core[1])
+        return Part(tree, "plane", by + core[2] * n, math.inf, n)
+    if not math.isfinite(radius):
+        raise ValueError(f"an endless solid that is no plane: {core[0]}")
+    return Part(tree, "sphere" if core[0] == "sphere" else "any", centre, radius, np.zeros(3))
 
 
 @dataclass
@@ -332,6 +368,8 @@ def meet(parts: list[Part], rays: Rays, own: NDArray[np.int64] | None = None) ->
     n = len(rays.start)
     met = Met(np.full(n, math.inf), np.full(n, -1), np.zeros(n, bool))
     for i, part in enumerate(parts):
+        if part.kind == "none":
+            continue
         left = None if own is None else own == i
         found = {"plane": _meet_plane, "sphere": _meet_sphere, "any": _meet_any}[part.kind](part, rays, left)
         # what is behind another hit does not matter
@@ -460,7 +498,8 @@ class Spec:
     fov: float
     sky: tuple[float, ...] = (0.5, 0.65, 0.85)
     sky_light: bool = False
-    fog: tuple[tuple[float, ...], float] | None = None
+    fog: tuple[tuple[float, ...] | None, float, float, float] | None = None
+    """color, None for that of the sky; density, falloff and height"""
     occlusion: tuple[int, float, float, float] | None = None
     """steps, reach, strength, decay"""
     bounces: int = 0
@@ -533,7 +572,10 @@ class Brute:
 
     def __init__(self, spec: Spec, size: tuple[int, int]) -> None:
         self.spec, self.size = spec, size
-        self.parts = parts_of(spec.trees)
+        trees = operands(spec.trees)
+        self.parts, self.blockers, self.reflected = (
+            [part_of(shown(tree, rays)) for tree in trees] for rays in ("camera", "shadow", "reflection")
+        )
         self.eye = np.asarray(spec.position, float)
         self.scale = float(np.linalg.norm(np.asarray(spec.target, float) - self.eye))
         self.parallel = spec.height is not None
@@ -577,25 +619,28 @@ class Brute:
 
     def _shaded(self, rays: Rays, travelled: Array, own: Any, bounces: int) -> Shaded:
         spec, n = self.spec, len(rays.start)
-        met = meet(self.parts, rays, own)
+        parts = self.parts if own is None else self.reflected
+        met = meet(parts, rays, own)
         lights = len(spec.lights)
         made = Shaded(
             np.tile(np.asarray(spec.sky, float), (2, n, 1)), met.t, np.zeros((n, 3)), met.part,
             np.ones((lights, n)), met.close, np.tile(np.asarray(spec.sky, float), (lights, 2, n, 1)),
         )  # fmt: skip
+        if spec.fog is not None and spec.fog[2] > 0.0 and own is None:  # a layer also covers the sky
+            made.color, made.flipped = (self._fogged(c, rays, np.full(n, math.inf)) for c in (made.color, made.flipped))
         hit = np.flatnonzero(np.isfinite(met.t))
         if not len(hit):
             return made
         t, d = met.t[hit], rays.direction[hit]
         p, part = rays.origin[hit] + t[:, None] * d, met.part[hit]
         foot = self.foot(travelled[hit] + t)
-        normal, values = self._local(p, part, foot)
-        made.close[hit] |= self._beside_a_border(p, d, normal, part, foot, values)
+        normal, values = self._local(parts, p, part, foot)
+        made.close[hit] |= self._beside_a_border(parts, p, d, normal, part, foot, values)
         made.normal[hit] = normal
         view = -d
         ambient_open = self._open(p, normal)
         color = np.zeros((2, len(hit), 3))
-        shown = np.zeros((lights, 2, len(hit), 3))
+        flipped = np.zeros((lights, 2, len(hit), 3))
         if spec.sky_light:
             color += (ambient_open[:, None] * np.asarray(spec.sky)) * values[..., COLOR] * (1 - values[..., MIRROR:])
         for i, light in enumerate(spec.lights):
@@ -605,24 +650,35 @@ class Brute:
             given = at.radiance * self._answer(normal, view, at.direction, facing, values)
             everywhere = at.radiance * values[..., COLOR] * (values[..., AMBIENT, None] * ambient_open[:, None])
             color += everywhere + seen[:, None] * given
-            shown[i] = (1.0 - 2.0 * seen)[:, None] * given
+            flipped[i] = (1.0 - 2.0 * seen)[:, None] * given
             made.lit[i, hit] = seen
             made.close[hit] |= unsure & (np.abs(given).max(axis=(0, 2)) > 1e-3)
         self._mirrored(made, hit, p, normal, d, part, values[0], foot, travelled[hit] + t, bounces, color)
-        shown = shown + color
+        flipped = flipped + color
         if spec.fog is not None and own is None:
-            fog, density = np.asarray(spec.fog[0], float), spec.fog[1]
-            left = np.exp(-density * t)[:, None]
-            color = fog + left * (color - fog)
-            shown = fog + left * (shown - fog)
+            color, flipped = (self._fogged(c, rays.of(hit), t) for c in (color, flipped))
         made.color[:, hit] = color
-        made.flipped[:, :, hit] = shown
+        made.flipped[:, :, hit] = flipped
         return made
 
-    def _local(self, p: Array, part: NDArray[np.int64], foot: Array, known: Array | None = None) -> tuple[Array, Array]:
+    def _fogged(self, color: Array, rays: Rays, t: Array) -> Array:
+        """Colours (..., N, 3) behind a length of fog, whose density is exponential in the height."""
+        assert self.spec.fog is not None
+        fog, density, falloff, height = self.spec.fog
+        rate = falloff * rays.direction[:, 1]
+        with np.errstate(all="ignore"):
+            reach = np.where(rate == 0.0, t, -np.expm1(-rate * t) / rate)
+            depth = density * np.exp(falloff * (height - rays.origin[:, 1])) * reach
+        left = np.exp(-depth)[:, None]
+        behind = np.asarray(self.spec.sky if fog is None else fog, float)
+        return np.asarray(behind + left * (color - behind))
+
+    def _local(
+        self, parts: list[Part], p: Array, part: NDArray[np.int64], foot: Array, known: Array | None = None
+    ) -> tuple[Array, Array]:
         """Normals, if not known, and materials a little inside and a little outside of the solid, (2, N, 7)."""
         normal, values = np.zeros_like(p) if known is None else known, np.zeros((2, len(p), 7))
-        for i, one in enumerate(self.parts):
+        for i, one in enumerate(parts):
             rows = part == i
             if rows.any():
                 size = (
@@ -636,7 +692,9 @@ class Brute:
                     values[side, rows] = _values(GREY, at) if found is None else found
         return normal, values
 
-    def _beside_a_border(self, p: Array, d: Array, normal: Array, part: Any, foot: Array, values: Array) -> Any:
+    def _beside_a_border(
+        self, parts: list[Part], p: Array, d: Array, normal: Array, part: Any, foot: Array, values: Array
+    ) -> Any:
         """Where a pattern changes within a few hundredths of a pixel."""
         found = np.zeros(len(p), bool)
         if not any(material.get("color", " ")[0] == "checker" for material in self.spec.materials):
@@ -646,7 +704,7 @@ class Brute:
         along = np.cross(normal, across) / cosine
         for shift in (across, along):
             for sign in (-0.04, 0.04):
-                other = self._local(p + sign * foot[:, None] * shift, part, foot, normal)[1]
+                other = self._local(parts, p + sign * foot[:, None] * shift, part, foot, normal)[1]
                 found |= np.all(np.abs(other - values)[..., COLOR].max(axis=-1) > 0.02, axis=0)
         return found
 
@@ -659,7 +717,7 @@ class Brute:
         for i in range(steps):
             far = reach * (i + 1) / steps
             at = p + far * normal
-            r = np.min([distance(part.tree, at) for part in self.parts], axis=0)
+            r = np.min([distance(part.tree, at) for part in self.blockers], axis=0)
             missing = missing + decay**i * np.clip(1.0 - r / far, 0.0, 1.0)
             weights += decay**i
         return np.asarray(np.clip(1.0 - strength * missing / weights, 0.0, 1.0))
@@ -679,7 +737,7 @@ class Brute:
         start = 0.05 * base / np.maximum(facing[rows], GRAZING)
         end = np.minimum(at.distance[rows], FAR * self.scale)
         rays = Rays(p[rows], at.direction[rows], start, end, base, np.full(len(rows), 8 * ULP))
-        shadow = meet(self.parts, rays, part[rows])
+        shadow = meet(self.blockers, rays, part[rows])
         seen[rows] = ~np.isfinite(shadow.t)
         unsure[rows] |= shadow.close
         return seen, unsure

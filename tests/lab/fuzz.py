@@ -97,6 +97,9 @@ def faults(world: World, node: rm.Node, seed: int, only: tuple[str, ...] = (), e
 DEEP = 40
 """Every batch of this many is one of trees up to eight deep; the others have up to three operators on each other."""
 
+REFUSED = " of instances ("
+"""In the message of a plan that refuses an operation on instances, which only some operations take."""
+
 SHRINK = 60
 """Scenes that are tried to make a failure smaller."""
 
@@ -106,7 +109,7 @@ class Search:
 
     def __init__(self, world: World, each: int = EACH) -> None:
         self.world, self.each = world, each
-        self.scenes = 0
+        self.scenes = self.refused = 0
         self.failed: Counter[str] = Counter()
 
     def batch(self, seed: int, examples: int = 12) -> str | None:
@@ -134,6 +137,9 @@ class Search:
             try:
                 wrong = faults(self.world, node, view, each=self.each)
             except RaymarchError as error:
+                if REFUSED in str(error):
+                    self.refused += 1
+                    return
                 wrong = [f"{type(error).__name__}: {error}"]
             if wrong:
                 smallest[:] = [*wrong, f"view {view}", as_python(node)]
@@ -167,7 +173,10 @@ def main(arguments: list[str]) -> int:
             seed += 1
             if seed % 5 == 0:
                 print(f"{search.scenes} scenes", flush=True)
-        print(f"{search.scenes} scenes, {EACH} of {len(RELATIONS)} relations each; failures: {dict(search.failed)}")
+        print(
+            f"{search.scenes} scenes, {EACH} of {len(RELATIONS)} relations each; failures: {dict(search.failed)}; "
+            f"{search.refused} refused, because only some operations take instances"
+        )
     if given_.keep:
         keep(
             "fuzz",

@@ -23,7 +23,7 @@ import raymarch as rm
 from raymarch.errors import RaymarchError
 from raymarch.gpu import Frame, Renderer
 from raymarch.scene.quality import SCHEDULES, TRACERS
-from tests.hard.brute import FAMILIES, Brute, Picture, Spec, Tree, around, distance, parts_of
+from tests.hard.brute import FAMILIES, KINDS, Brute, Picture, Spec, Tree, around, distance, parts_of, shown
 from tests.lab.long_runs import keep
 
 SIZE = (33, 25)
@@ -88,6 +88,8 @@ class Text:
             return f"{child}.scale({self.number(tree[1])})"
         if kind == "mirror":
             return f"{child}.mirror({tree[1]!r})"
+        if kind == "visible":
+            return f"{child}.visible({', '.join(f'{rays}=False' for rays in tree[1].split())})"
         return f"{child}.material(m{tree[1]})"
 
     def material(self, material: dict[str, Any]) -> str:
@@ -129,7 +131,9 @@ class Text:
         lines.append(f"lights = [{', '.join(self.light(light) for light in spec.lights)}]")
         rest = [f"sky=rm.Sky({tuple(spec.sky)!r}, light={spec.sky_light})"]
         if spec.fog is not None:
-            rest.append(f"fog=rm.Fog({tuple(spec.fog[0])!r}, {spec.fog[1]!r})")
+            color, density, falloff, height = spec.fog
+            layer = f", {self.number(falloff)}, {self.number(height, True)}" if falloff else ""
+            rest.append(f"fog=rm.Fog({color!r}, {self.number(density)}{layer})")
         if spec.occlusion is not None:
             rest.append(f"occlusion=rm.AmbientOcclusion{spec.occlusion!r}")
         quality = ", ".join(f"{name}={value!r}" for name, value in {"max_steps": 2048, **spec.quality}.items())
@@ -398,7 +402,7 @@ def drawn(seed: int) -> Spec:
     )
     spec = Spec(trees, draw.materials, lights, position, target, fov, draw.color(), draw.chance(0.3), bounces=bounces)
     if draw.chance(0.15):
-        spec.fog = (draw.color(), float(random.uniform(0.02, 0.3)) / draw.unit)
+        spec.fog = (draw.color(), float(random.uniform(0.02, 0.3)) / draw.unit, 0.0, 0.0)
     if draw.chance(0.15):
         spec.occlusion = (int(random.integers(1, 6)), draw.length(0.1, 0.8), float(random.uniform(0.5, 1.5)), 0.75)
     if draw.chance(0.25):
@@ -414,10 +418,35 @@ def drawn(seed: int) -> Spec:
         reach = math.dist(position, target)
         spec.near, spec.far = reach * float(random.uniform(0.0, 1.0)), reach * float(random.uniform(1.0, 2.0))
     spec.quality = draw.quality()
+    _hide(spec, draw, np.random.default_rng((seed, 1)))
     spec.tags = tuple(sorted(set(draw.tags)))
     if blocked(spec):
         return drawn(seed + 1_000_003)
     return spec
+
+
+def _hide(spec: Spec, draw: Draw, random: np.random.Generator) -> None:
+    """Fog in a layer, and solids hidden from kinds of rays."""
+    if spec.fog is None and random.uniform() < 0.15:
+        draw.tags.append("layered fog")
+        density, falloff = 10.0 ** random.uniform((-2.0, -1.0), (0.5, 1.0)) / draw.unit
+        color = None if random.uniform() < 0.3 else tuple(round(float(c), 3) for c in random.uniform(0.1, 1.0, 3))
+        spec.fog = (color, float(density), float(falloff), float(draw.unit * random.uniform(-1.0, 1.0)))
+    if random.uniform() < 0.3:
+        draw.tags.append("hidden")
+        for _ in range(random.integers(1, 3)):
+            i = int(random.integers(len(spec.trees)))
+            kinds = " ".join(rays for rays in KINDS if random.uniform() < 0.5)
+            spec.trees[i] = _hidden(spec.trees[i], kinds or "shadow", random)
+
+
+def _hidden(tree: Tree, kinds: str, random: np.random.Generator) -> Tree:
+    """A tree of which a drawn part is hidden."""
+    places = [i for i, c in enumerate(tree) if isinstance(c, tuple) and c and isinstance(c[0], str)]
+    if tree[0] == "repeat" or not places or random.uniform() < 0.4:
+        return ("visible", kinds, tree)
+    place = int(random.choice(places))
+    return (*tree[:place], _hidden(tree[place], kinds, random), *tree[place + 1 :])
 
 
 def blocked(spec: Spec) -> bool:
@@ -430,7 +459,8 @@ def blocked(spec: Spec) -> bool:
     return any(
         distance(part.tree, np.array([place], float))[0] < least
         for place, least in places
-        for part in parts_of(spec.trees)
+        for kind in KINDS
+        for part in parts_of([shown(tree, kind) for tree in spec.trees])
     )
 
 
