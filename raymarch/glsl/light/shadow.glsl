@@ -2,6 +2,7 @@
 // The ray counts as blocked at a distance to a surface above 0 but below that at which it starts, so that it does not
 // hit the surface that it starts from. If half of the field's value at the start is less, that is the threshold,
 // because a bound may be flat there. The threshold grows along the ray with the coordinates and their ulp.
+// The steps are those of the tracer. It expects that the ray leaves the surface at the angle of the normal.
 // No ray is traced for a surface that faces away from the light or is out of its range.
 float hard_shadow(Surface surface, Light light) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
@@ -16,25 +17,22 @@ float hard_shadow(Surface surface, Light light) {
     vec2 range = scene_box(ray, vec2(start, light.distance));
 #endif
     float near = 0.5 * contact(surface.p, surface.t);
-    float s = range.x;
-    float z = 0.0;
-    float before = 0.0;
-    float r = 0.0;
-    float last = 0.0;
+    float rise = clamp(dot(geometric_normal(surface), light.direction), -1.0, 0.999);
+    March at = March(range.x, 0.0, 0.0, 0.0, rise, 0.0, false, false);
+    float slope = 0.0;
     for (int i = 0; i < shadow_steps; i++) {
-        if (s >= range.y) return 1.0;
-        last = r;
+        float z = step_length(at, range.y);
+        if (at.t + min(z, at.r) >= range.y) return 1.0;
+        float t = at.t + z;
 #ifdef ANALYTIC
-        r = u_side * ray_field(ray.origin + s * ray.direction, inside);
+        float r = u_side * ray_field(ray.origin + t * ray.direction, inside);
 #else
-        r = u_side * field(ray.origin + s * ray.direction);
+        float r = u_side * field(ray.origin + t * ray.direction);
 #endif
         if (i == 0) near = min(near, 0.5 * r);
-        if (r <= near + GROWTH * s) return 0.0;
-        before = z;
-        z = safe_step(r, s);
-        s += z;
+        if (r <= near + GROWTH * t && t < range.y) return 0.0;
+        slope = z > 0.0 ? (r - at.r) / z : 0.0;
+        move(at, z <= at.r + abs(r), t, r, z > 0.0 ? slope : at.derivative);
     }
-    float derivative = (r - last) / before;
-    return meets_ahead(r, derivative, range.y - s + z) ? 0.0 : 1.0;
+    return meets_ahead(at.r, slope, range.y - at.t) ? 0.0 : 1.0;
 }

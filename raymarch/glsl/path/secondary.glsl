@@ -1,4 +1,4 @@
-// The hit of a secondary ray, by plain steps from `start`; inside the solid if `side` is -1. `travelled` is the length
+// The hit of a secondary ray, by the steps of the tracer from `start`; inside the solid if `side` is -1. `travelled` is the length
 // of the path before it, which sets the precision.
 Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     Hit hit = no_hit(0.0);
@@ -14,43 +14,39 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     }
 #endif
 #ifdef ANALYTIC
-    float t = inside ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
+    float begin = inside ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
 #else
-    float t = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
+    float begin = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
 #endif
-    float z = 0.0;
-    float before = 0.0;
-    float r = 0.0;
-    float last = 0.0;
+    March at = March(begin, 0.0, 0.0, 0.0, -0.7, 0.0, false, false);
+    float slope = 0.0;
     for (int i = 0; i < secondary_steps; i++) {
-        if (t > range.y) return hit;
+        float z = step_length(at, range.y);
+        if (at.t + min(z, at.r) > range.y) return hit;
+        float t = at.t + z;
         vec3 p = ray.origin + t * ray.direction;
-        last = r;
 #ifdef ANALYTIC
-        r = side * u_side * ray_field(p, inside);
+        float r = side * u_side * ray_field(p, inside);
 #else
-        r = side * u_side * field(p);
+        float r = side * u_side * field(p);
 #endif
         hit.evaluations += 1.0;
-        if (r < contact(p, travelled + t)) {
+        bool empty = z <= at.r + abs(r);
+        if (empty && t <= range.y && r < contact(p, travelled + t)) {
             hit.found = true;
             hit.t = t + r;
             hit.residual = max(r, 0.0);  // an upper bound
             return hit;
         }
-        before = z;
-        z = safe_step(r, t);
-        t += z;
+        slope = z > 0.0 ? (r - at.r) / z : 0.0;
+        move(at, empty, t, r, z > 0.0 ? slope : at.derivative);
     }
-    t -= z;
-    float derivative = (r - last) / before;
+    bool meets = meets_ahead(at.r, slope, range.y - at.t);
+    if (meets) hit.t = at.t + at.r / -slope;
 #ifdef ANALYTIC
-    bool meets = meets_ahead(r, derivative, range.y - t);
-    if (meets) hit.t = t + r / -derivative;
     hit.found = meets || blocked;
 #else
-    hit.found = meets_ahead(r, derivative, range.y - t);
-    if (hit.found) hit.t = t + r / -derivative;
+    hit.found = meets;
 #endif
     return hit;
 }
