@@ -29,7 +29,7 @@ SCHEDULES = ("single", "two", "four", "six", "cone")
 PAIRED = ("plain", "enhanced", "auto_relaxed", "bracketing")
 """Tracers of the comparison of products, each with and without cones."""
 EPSILONS = (0.5, 0.1, 0.02)
-BARE = Quality(refinement="none", schedule="single", epsilon=0.05, assume_certified=True)
+BARE = Quality(refinement="none", schedule="single", epsilon=0.05, assume_certified=True, analytic=False)
 """As in P1: a ray ends where the field is small enough, without a refinement step."""
 OVERSTEPS = (16, 24)
 """P1's figure 5 counts the undone steps in this range."""

@@ -36,7 +36,12 @@ def main() -> None:
             given = scene.quality
             for tracer, schedule in settings:
                 quality = given.replace(
-                    tracer=tracer, schedule=schedule, max_steps=STEPS, assume_certified=not certified, omega=None
+                    tracer=tracer,
+                    schedule=schedule,
+                    max_steps=STEPS,
+                    assume_certified=not certified,
+                    omega=None,
+                    analytic=False,
                 )
                 scene = scene.replace(quality=quality)
                 frame = renderer.render(scene, outputs=("evaluations",))
