@@ -15,6 +15,18 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
+__all__ = [
+    "ClusterError",
+    "CostError",
+    "DeviceError",
+    "PlanError",
+    "RaymarchError",
+    "RenderError",
+    "RenderWarning",
+    "SceneError",
+    "ShaderError",
+]
+
 _NOT_THE_USERS = (
     os.path.dirname(os.path.abspath(__file__)) + os.sep,
     "<frozen",

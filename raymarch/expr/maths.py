@@ -22,6 +22,48 @@ from raymarch.expr.convert import numbers, short
 from raymarch.expr.node import Expr, Operand, construct, expr, var
 from raymarch.expr.types import FLOAT, vector
 
+__all__ = [
+    "abs",
+    "acos",
+    "asin",
+    "atan",
+    "atan2",
+    "ceil",
+    "clamp",
+    "cos",
+    "cosh",
+    "cross_product",
+    "distance",
+    "dot",
+    "exp",
+    "exp2",
+    "floor",
+    "fract",
+    "length",
+    "log",
+    "log2",
+    "max",
+    "min",
+    "mix",
+    "mod",
+    "normalize",
+    "pi",
+    "pow",
+    "sign",
+    "sin",
+    "sinh",
+    "smoothstep",
+    "sqrt",
+    "step",
+    "tan",
+    "tanh",
+    "tau",
+    "vec2",
+    "vec3",
+    "vec4",
+    "where",
+]
+
 P = ParamSpec("P")
 
 pi = math.pi

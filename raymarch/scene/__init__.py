@@ -2,12 +2,13 @@
 
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera
-from raymarch.scene.file import load
+from raymarch.scene.file import load as load
 from raymarch.scene.fog import Fog
 from raymarch.scene.light import DirectionSample, Light, PointLight, RectLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, time
 from raymarch.scene.pattern import checker, grid_lines, marble, noise, stripes
+from raymarch.scene.post import Bloom
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.scene.skies import GradientSky, ImageSky, SunSky
@@ -17,6 +18,7 @@ from raymarch.scene.tone import ToneMapping
 
 __all__ = [
     "AmbientOcclusion",
+    "Bloom",
     "Camera",
     "DirectionSample",
     "Fog",
@@ -38,7 +40,6 @@ __all__ = [
     "ToneMapping",
     "checker",
     "grid_lines",
-    "load",
     "marble",
     "noise",
     "planar",

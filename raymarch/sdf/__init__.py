@@ -1,223 +1,45 @@
-"""Nodes: shapes, booleans, transforms, repetition and deformations. Each is a short function with its facts."""
+"""Nodes: shapes, booleans, transforms, repetition and deformations. Each is a short function with its facts.
 
-from raymarch.sdf import lower as _lower  # noqa: F401  registers how a node is evaluated and printed
-from raymarch.sdf.booleans import difference, intersection, union
-from raymarch.sdf.boxes import (
-    box_frame,
-    hexagonal_prism,
-    pyramid,
-    quad,
-    rhombus,
-    rounded_box,
-    slab,
-    triangle,
-    triangular_prism,
-)
-from raymarch.sdf.cells import repeat_varied
+Public are the names that the modules list. What is a method of nodes can be called as a function of this package, too.
+"""
+
+import sys
+from typing import TYPE_CHECKING
+
+from raymarch.sdf import lower as _lower  # registers how a node is evaluated and printed
+from raymarch.sdf.booleans import *
+from raymarch.sdf.boxes import *
+from raymarch.sdf.cells import *
 from raymarch.sdf.copies import polar, repeat_interval, repeat_mirrored
-from raymarch.sdf.curves import bezier_tube, helix, polyline_tube
-from raymarch.sdf.definition import operator, shape
+from raymarch.sdf.curves import *
+from raymarch.sdf.definition import *
 from raymarch.sdf.deform import bend, displace, taper, twist
-from raymarch.sdf.flat import (
-    circle,
-    cross,
-    flat_triangle,
-    polygon,
-    polyline,
-    rectangle,
-    regular_polygon,
-    rounded_rectangle,
-    star,
-    stroke,
-    trapezoid,
-)
-from raymarch.sdf.flat_curves import arc, bezier, egg, ellipse, flat_vesica, heart, moon, pie, ring
-from raymarch.sdf.folds import ball_fold, box_fold, fold_fractal, plane_fold
-from raymarch.sdf.fractals import apollonian, julia, mandelbox, mandelbulb, menger, sierpinski
-from raymarch.sdf.instancing import instances
-from raymarch.sdf.joints import complement, engrave, groove, morph, pipe, tongue, xor
-from raymarch.sdf.lettering import image, text
-from raymarch.sdf.node import Node
-from raymarch.sdf.noise import displace_by, displace_by_noise, hash, value_noise
-from raymarch.sdf.periodic import gyroid, lidinoid, neovius, schwarz_d, schwarz_p
+from raymarch.sdf.flat import *
+from raymarch.sdf.flat_curves import *
+from raymarch.sdf.folds import *
+from raymarch.sdf.fractals import *
+from raymarch.sdf.instancing import *
+from raymarch.sdf.joints import *
+from raymarch.sdf.joints import complement
+from raymarch.sdf.lettering import *
+from raymarch.sdf.node import *
+from raymarch.sdf.noise import *
+from raymarch.sdf.noise import displace_by, displace_by_noise
+from raymarch.sdf.periodic import *
 from raymarch.sdf.placing import material, mirror, rotate, scale, transform, translate
-from raymarch.sdf.polyhedra import (
-    cuboctahedron,
-    dodecahedron,
-    icosahedron,
-    icosidodecahedron,
-    octahedron,
-    rhombicuboctahedron,
-    tetrahedron,
-    truncated_cube,
-    truncated_dodecahedron,
-    truncated_icosahedron,
-    truncated_octahedron,
-    truncated_tetrahedron,
-)
+from raymarch.sdf.polyhedra import *
 from raymarch.sdf.profiles import elongate, extrude, extrude_to, offset, revolve, slice
-from raymarch.sdf.raw import glsl_node
+from raymarch.sdf.raw import *
 from raymarch.sdf.repetition import repeat
-from raymarch.sdf.rounds import (
-    blob,
-    capped_torus,
-    cone,
-    cut_hollow_sphere,
-    cut_sphere,
-    death_star,
-    disc,
-    ellipsoid,
-    infinite_cone,
-    infinite_cylinder,
-    line,
-    link,
-    round_cone,
-    rounded_cylinder,
-    solid_angle,
-    superquadric,
-    vesica,
-)
-from raymarch.sdf.sampled import displace_by_image, grid, heightmap, mesh
-from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere, torus
+from raymarch.sdf.rounds import *
+from raymarch.sdf.sampled import *
+from raymarch.sdf.sampled import displace_by_image
+from raymarch.sdf.solids import *
 from raymarch.sdf.thickness import round, shell
-from raymarch.sdf.transition import transition
+from raymarch.sdf.transition import *
 from raymarch.sdf.visibility import visible
 from raymarch.sdf.warps import orient, shear, wrap_around
 
-__all__ = [
-    "Node",
-    "apollonian",
-    "arc",
-    "ball_fold",
-    "bend",
-    "bezier",
-    "bezier_tube",
-    "blob",
-    "box",
-    "box_fold",
-    "box_frame",
-    "capped_torus",
-    "capsule",
-    "circle",
-    "complement",
-    "cone",
-    "cross",
-    "cuboctahedron",
-    "cut_hollow_sphere",
-    "cut_sphere",
-    "cylinder",
-    "death_star",
-    "difference",
-    "disc",
-    "displace",
-    "displace_by",
-    "displace_by_image",
-    "displace_by_noise",
-    "dodecahedron",
-    "egg",
-    "ellipse",
-    "ellipsoid",
-    "elongate",
-    "engrave",
-    "extrude",
-    "extrude_to",
-    "flat_triangle",
-    "flat_vesica",
-    "fold_fractal",
-    "glsl_node",
-    "grid",
-    "groove",
-    "gyroid",
-    "hash",
-    "heart",
-    "heightmap",
-    "helix",
-    "hexagonal_prism",
-    "icosahedron",
-    "icosidodecahedron",
-    "image",
-    "infinite_cone",
-    "infinite_cylinder",
-    "instances",
-    "intersection",
-    "julia",
-    "lidinoid",
-    "line",
-    "link",
-    "mandelbox",
-    "mandelbulb",
-    "material",
-    "menger",
-    "mesh",
-    "mirror",
-    "moon",
-    "morph",
-    "neovius",
-    "octahedron",
-    "offset",
-    "operator",
-    "orient",
-    "pie",
-    "pipe",
-    "plane",
-    "plane_fold",
-    "polar",
-    "polygon",
-    "polyline",
-    "polyline_tube",
-    "pyramid",
-    "quad",
-    "rectangle",
-    "regular_polygon",
-    "repeat",
-    "repeat_interval",
-    "repeat_mirrored",
-    "repeat_varied",
-    "revolve",
-    "rhombicuboctahedron",
-    "rhombus",
-    "ring",
-    "rotate",
-    "round",
-    "round_cone",
-    "rounded_box",
-    "rounded_cylinder",
-    "rounded_rectangle",
-    "scale",
-    "schwarz_d",
-    "schwarz_p",
-    "shape",
-    "shear",
-    "shell",
-    "sierpinski",
-    "slab",
-    "slice",
-    "solid_angle",
-    "sphere",
-    "star",
-    "stroke",
-    "superquadric",
-    "taper",
-    "tetrahedron",
-    "text",
-    "tongue",
-    "torus",
-    "transform",
-    "transition",
-    "translate",
-    "trapezoid",
-    "triangle",
-    "triangular_prism",
-    "truncated_cube",
-    "truncated_dodecahedron",
-    "truncated_icosahedron",
-    "truncated_octahedron",
-    "truncated_tetrahedron",
-    "twist",
-    "union",
-    "value_noise",
-    "vesica",
-    "visible",
-    "wrap_around",
-    "xor",
-]
+if not TYPE_CHECKING:  # type checkers know the public names by the imports of all names
+    _modules = [module for path, module in sys.modules.items() if path.startswith("raymarch.sdf.")]
+    __all__ = sorted(name for module in _modules for name in getattr(module, "__all__", ()))

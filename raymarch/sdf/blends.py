@@ -19,8 +19,6 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, exp2, length, log2, max, min, mod, round, sqrt, vec2
 from raymarch.sdf.domain import Scalar
 
-__all__ = ["FAMILIES", "Family"]
-
 Fold = Callable[..., Expr]
 
 ROOT_HALF = math.sqrt(0.5)

@@ -23,6 +23,8 @@ from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
+__all__ = ["difference", "intersection", "union"]
+
 Fold = Callable[[Expr, Expr], Expr]
 
 

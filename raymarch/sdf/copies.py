@@ -32,8 +32,6 @@ from raymarch.sdf.placing import rotation_matrix, translate
 from raymarch.sdf.registry import method
 from raymarch.sdf.repetition import INFINITE, MOST, copies_of, repeat
 
-__all__ = ["polar", "repeat_interval", "repeat_mirrored"]
-
 # Around the y axis
 
 OWN, NEARER, GUARDED, ALL = range(4)

@@ -31,6 +31,8 @@ from raymarch.sdf.domain import Domain, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
 from raymarch.sdf.node import Node
 
+__all__ = ["operator", "shape"]
+
 P = ParamSpec("P")
 Child: TypeAlias = Callable[[Expr], Expr]
 Rule: TypeAlias = Callable[..., Any]

@@ -23,8 +23,6 @@ from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
-__all__ = ["bend", "displace", "taper", "twist"]
-
 
 def _reach(node: Node, name: str, axes: str) -> float:
     """Largest distance of the child from the origin in the plane of some axes. SceneError if it is unbounded there."""

@@ -17,7 +17,7 @@ from raymarch.sdf.domain import Fraction, Positive, Scalar
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
-__all__ = ["complement", "engrave", "groove", "morph", "pipe", "tongue", "xor"]
+__all__ = ["engrave", "groove", "morph", "pipe", "tongue", "xor"]
 
 DIAGONAL = math.sqrt(2.0)
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
 
+__all__ = ["Node"]
+
 
 class Node:
     """A solid, given by its signed distance: negative inside, positive outside.

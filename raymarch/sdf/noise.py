@@ -29,7 +29,7 @@ from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
-__all__ = ["displace_by", "displace_by_noise", "hash", "value_noise"]
+__all__ = ["hash", "value_noise"]
 
 Frequency = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="1/length")]
 Octaves = Annotated[int, Domain(None, low=1, high=16, unit="count")]

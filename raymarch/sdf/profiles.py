@@ -22,9 +22,6 @@ from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
-__all__ = ["EASINGS", "elongate", "extrude", "extrude_to", "offset", "revolve", "slice"]
-
-
 # Extrusion
 
 

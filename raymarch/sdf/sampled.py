@@ -30,7 +30,7 @@ from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, V
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
-__all__ = ["displace_by_image", "grid", "heightmap", "mesh"]
+__all__ = ["grid", "heightmap", "mesh"]
 
 Progress = Callable[[float], None]
 

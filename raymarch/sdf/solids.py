@@ -13,6 +13,8 @@ from raymarch.expr.vocabulary import clamp, dot, length, max, min, vec2, vec3, w
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Direction, Length, Positive, Size3, Vec3, require, shown
 
+__all__ = ["box", "capsule", "cylinder", "plane", "sphere", "torus"]
+
 _FAR = const(np.inf)
 
 

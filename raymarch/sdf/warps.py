@@ -20,8 +20,6 @@ from raymarch.sdf.node import Node
 from raymarch.sdf.placing import AXES, axis_vector
 from raymarch.sdf.registry import method
 
-__all__ = ["orient", "shear", "wrap_around"]
-
 
 def _solid(name: str, node: Any) -> Node:
     if not isinstance(node, Node) or node.dimension != 3:

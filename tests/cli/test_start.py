@@ -107,7 +107,9 @@ def declared() -> dict[str, str]:
     tree = ast.parse(Path(rm.__file__).read_text(encoding="utf-8"))
     block = next(part for part in tree.body if isinstance(part, ast.If))
     imports = [part for part in block.body if isinstance(part, ast.ImportFrom)]
-    return {alias.name: str(part.module) for part in imports for alias in part.names}
+    listed = [(str(part.module), alias.name) for part in imports for alias in part.names]
+    expanded = [(module, import_module(module).__all__ if name == "*" else [name]) for module, name in listed]
+    return {name: module for module, names in expanded for name in names}
 
 
 def test_each_name_is_what_a_type_checker_takes_it_for() -> None:

@@ -15,7 +15,7 @@ from raymarch.sdf.definition import REGISTRY, Definition
 from tests.support.node_samples import definitions
 
 ROOT = Path(rm.__file__).parents[1]
-PUBLIC = [name for name in raymarch.sdf.__all__ if name in REGISTRY and REGISTRY[name] in definitions()]
+PUBLIC = [name for name in dir(raymarch.sdf) if name in REGISTRY and REGISTRY[name] in definitions()]
 
 
 def text_of(name: str) -> str:

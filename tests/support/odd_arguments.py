@@ -254,8 +254,8 @@ def calls() -> Iterator[Call]:
         if callable(function) and name not in UNCALLED | WITH_DEVICE and not _is_error(function):
             yield _call(name, function, solid, plane)
     yield _call("Layout", Layout, solid, plane)
-    for name in sdf.__all__:
-        if name not in rm.__all__ and callable(getattr(sdf, name)):
+    for name in METHODS:
+        if name not in rm.__all__ and callable(getattr(sdf, name, None)):
             yield _call(name, getattr(sdf, name), solid, plane)
     for name in METHODS:
         if hasattr(rm.Node, name) and not name.startswith("evaluate"):
