@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from os.path import abspath, dirname, sep
 from types import FrameType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, overload
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -24,6 +24,33 @@ from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, TYPES, Type, vecto
 _HERE = dirname(abspath(__file__)) + sep
 
 Floats: TypeAlias = NDArray[np.floating[Any]]
+Method: TypeAlias = Callable[["Expr", "Operand"], "Expr"]
+
+
+def _operators(compute: Callable[[Operand, Operand], Expr]) -> tuple[Method, Method]:
+    """The methods of an operator, with the expression on the left and on the right."""
+    return lambda self, other: compute(self, other), lambda self, other: compute(other, self)
+
+
+def _function(op: str) -> Callable[[Expr], Expr]:
+    """The method of a function of one argument."""
+    return lambda self: elementwise(op, self)
+
+
+class _Components:
+    """Components as attributes, named as in GLSL."""
+
+    def __init__(self, names: str) -> None:
+        self.names = names
+
+    @overload
+    def __get__(self, value: None, owner: type[Expr]) -> _Components: ...
+
+    @overload
+    def __get__(self, value: Expr, owner: type[Expr]) -> Expr: ...
+
+    def __get__(self, value: Expr | None, owner: type[Expr]) -> _Components | Expr:
+        return self if value is None else swizzle(value, self.names)
 
 
 class Expr:
@@ -83,91 +110,25 @@ class Expr:
 
         return universal(ufunc.__name__, method, inputs, options)
 
-    # Arithmetic, as in GLSL: scalars are broadcast over vectors.
-    def __add__(self, other: Operand) -> Expr:
-        return elementwise("add", self, other)
-
-    def __radd__(self, other: Operand) -> Expr:
-        return elementwise("add", other, self)
-
-    def __sub__(self, other: Operand) -> Expr:
-        return elementwise("sub", self, other)
-
-    def __rsub__(self, other: Operand) -> Expr:
-        return elementwise("sub", other, self)
-
-    def __mul__(self, other: Operand) -> Expr:
-        return product(self, other)
-
-    def __rmul__(self, other: Operand) -> Expr:
-        return product(other, self)
-
-    def __matmul__(self, other: Operand) -> Expr:
-        return product(self, other)
-
-    def __rmatmul__(self, other: Operand) -> Expr:
-        return product(other, self)
-
-    def __truediv__(self, other: Operand) -> Expr:
-        return elementwise("div", self, other)
-
-    def __rtruediv__(self, other: Operand) -> Expr:
-        return elementwise("div", other, self)
-
-    def __mod__(self, other: Operand) -> Expr:
-        return elementwise("mod", self, other)
-
-    def __rmod__(self, other: Operand) -> Expr:
-        return elementwise("mod", other, self)
-
-    def __floordiv__(self, other: Operand) -> Expr:
-        return elementwise("floor", elementwise("div", self, other))
-
-    def __rfloordiv__(self, other: Operand) -> Expr:
-        return elementwise("floor", elementwise("div", other, self))
-
-    def __pow__(self, other: Operand) -> Expr:
-        return _power(self, other)
-
-    def __rpow__(self, other: Operand) -> Expr:
-        return _power(other, self)
-
-    def __round__(self) -> Expr:
-        return elementwise("round", self)
-
-    def __floor__(self) -> Expr:
-        return elementwise("floor", self)
-
-    def __ceil__(self) -> Expr:
-        return elementwise("ceil", self)
-
-    def __neg__(self) -> Expr:
-        return elementwise("neg", self)
+    # Arithmetic, as in GLSL: scalars are broadcast over vectors. Comparisons give booleans; == stays identity, because
+    # equal expressions are one object. The functions are defined below.
+    __add__, __radd__ = _operators(lambda a, b: elementwise("add", a, b))
+    __sub__, __rsub__ = _operators(lambda a, b: elementwise("sub", a, b))
+    __mul__, __rmul__ = _operators(lambda a, b: product(a, b))
+    __matmul__, __rmatmul__ = _operators(lambda a, b: product(a, b))
+    __truediv__, __rtruediv__ = _operators(lambda a, b: elementwise("div", a, b))
+    __mod__, __rmod__ = _operators(lambda a, b: elementwise("mod", a, b))
+    __floordiv__, __rfloordiv__ = _operators(lambda a, b: elementwise("floor", elementwise("div", a, b)))
+    __pow__, __rpow__ = _operators(lambda a, b: _power(a, b))
+    __lt__, __gt__ = _operators(lambda a, b: compare("lt", a, b))
+    __le__, __ge__ = _operators(lambda a, b: compare("le", a, b))
+    __and__ = _operators(lambda a, b: logic("and", a, b))[0]
+    __or__ = _operators(lambda a, b: logic("or", a, b))[0]
+    __neg__, __abs__ = _function("neg"), _function("abs")
+    __round__, __floor__, __ceil__ = _function("round"), _function("floor"), _function("ceil")
 
     def __pos__(self) -> Expr:
         return self
-
-    def __abs__(self) -> Expr:
-        return elementwise("abs", self)
-
-    # Comparisons give booleans; == stays identity, because equal expressions are one object.
-    def __lt__(self, other: Operand) -> Expr:
-        return compare("lt", self, other)
-
-    def __le__(self, other: Operand) -> Expr:
-        return compare("le", self, other)
-
-    def __gt__(self, other: Operand) -> Expr:
-        return compare("lt", other, self)
-
-    def __ge__(self, other: Operand) -> Expr:
-        return compare("le", other, self)
-
-    def __and__(self, other: Expr) -> Expr:
-        return logic("and", self, other)
-
-    def __or__(self, other: Expr) -> Expr:
-        return logic("or", self, other)
 
     def __invert__(self) -> Expr:
         return logic("not", self)
@@ -184,49 +145,10 @@ class Expr:
     def __iter__(self) -> Iterator[Expr]:
         return (self[i] for i in range(len(self)))
 
-    @property
-    def x(self) -> Expr:
-        return swizzle(self, "x")
-
-    @property
-    def y(self) -> Expr:
-        return swizzle(self, "y")
-
-    @property
-    def z(self) -> Expr:
-        return swizzle(self, "z")
-
-    @property
-    def w(self) -> Expr:
-        return swizzle(self, "w")
-
-    @property
-    def xy(self) -> Expr:
-        return swizzle(self, "xy")
-
-    @property
-    def yz(self) -> Expr:
-        return swizzle(self, "yz")
-
-    @property
-    def xz(self) -> Expr:
-        return swizzle(self, "xz")
-
-    @property
-    def yx(self) -> Expr:
-        return swizzle(self, "yx")
-
-    @property
-    def zx(self) -> Expr:
-        return swizzle(self, "zx")
-
-    @property
-    def zy(self) -> Expr:
-        return swizzle(self, "zy")
-
-    @property
-    def xyz(self) -> Expr:
-        return swizzle(self, "xyz")
+    x, y, z, w = _Components("x"), _Components("y"), _Components("z"), _Components("w")
+    xy, yz, xz = _Components("xy"), _Components("yz"), _Components("xz")
+    yx, zx, zy = _Components("yx"), _Components("zx"), _Components("zy")
+    xyz = _Components("xyz")
 
     @property
     def is_constant(self) -> bool:

@@ -7,6 +7,8 @@ Results that GLSL leaves undefined are defined: `sqrt` of a negative number is 0
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from raymarch.errors import SceneError
@@ -16,102 +18,42 @@ from raymarch.expr.types import BOOL, FLOAT, MATRICES, VEC3, Type
 Vec = Operand
 
 
-def _unary(op: str, x: Operand) -> Expr:
-    return elementwise(op, x)
+def _unary(op: str, doc: str | None = None) -> Callable[[Operand], Expr]:
+    """A function of each component."""
+
+    def function(x: Operand) -> Expr:
+        return elementwise(op, x)
+
+    function.__name__ = function.__qualname__ = op
+    function.__doc__ = doc
+    return function
 
 
-def sign(x: Operand) -> Expr:
-    """-1, 0 or 1."""
-    return _unary("sign", x)
-
-
-def floor(x: Operand) -> Expr:
-    return _unary("floor", x)
-
-
-def ceil(x: Operand) -> Expr:
-    return _unary("ceil", x)
-
-
-def round(x: Operand) -> Expr:
-    """Nearest integer; halves round up, on every driver."""
-    return _unary("round", x)
-
-
-def fract(x: Operand) -> Expr:
-    """x - floor(x), in [0, 1)."""
-    return _unary("fract", x)
-
-
-def abs(x: Operand) -> Expr:
-    """|x|; Python's own abs() does the same."""
-    return _unary("abs", x)
-
-
-def sqrt(x: Operand) -> Expr:
-    """Square root; 0 for negative x."""
-    return _unary("sqrt", x)
-
-
-def exp(x: Operand) -> Expr:
-    return _unary("exp", x)
-
-
-def exp2(x: Operand) -> Expr:
-    return _unary("exp2", x)
-
-
-def log(x: Operand) -> Expr:
-    """Natural logarithm of max(x, 1.1754944e-38)."""
-    return _unary("log", x)
-
-
-def log2(x: Operand) -> Expr:
-    """Logarithm to base 2 of max(x, 1.1754944e-38)."""
-    return _unary("log2", x)
-
-
-def sin(x: Operand) -> Expr:
-    return _unary("sin", x)
-
-
-def cos(x: Operand) -> Expr:
-    return _unary("cos", x)
-
-
-def tan(x: Operand) -> Expr:
-    return _unary("tan", x)
-
-
-def asin(x: Operand) -> Expr:
-    """Arc sine of x clamped to [-1, 1]."""
-    return _unary("asin", x)
-
-
-def acos(x: Operand) -> Expr:
-    """Arc cosine of x clamped to [-1, 1]."""
-    return _unary("acos", x)
-
-
-def atan(x: Operand) -> Expr:
-    return _unary("atan", x)
+sign = _unary("sign", "-1, 0 or 1.")
+floor = _unary("floor")
+ceil = _unary("ceil")
+round = _unary("round", "Nearest integer; halves round up, on every driver.")
+fract = _unary("fract", "x - floor(x), in [0, 1).")
+abs = _unary("abs", "|x|; Python's own abs() does the same.")
+sqrt = _unary("sqrt", "Square root; 0 for negative x.")
+exp = _unary("exp")
+exp2 = _unary("exp2")
+log = _unary("log", "Natural logarithm of max(x, 1.1754944e-38).")
+log2 = _unary("log2", "Logarithm to base 2 of max(x, 1.1754944e-38).")
+sin = _unary("sin")
+cos = _unary("cos")
+tan = _unary("tan")
+asin = _unary("asin", "Arc sine of x clamped to [-1, 1].")
+acos = _unary("acos", "Arc cosine of x clamped to [-1, 1].")
+atan = _unary("atan")
+sinh = _unary("sinh")
+cosh = _unary("cosh")
+tanh = _unary("tanh")
 
 
 def atan2(y: Operand, x: Operand) -> Expr:
     """Angle of (x, y), from -pi to pi; 0 at the origin."""
     return elementwise("atan2", y, x)
-
-
-def sinh(x: Operand) -> Expr:
-    return _unary("sinh", x)
-
-
-def cosh(x: Operand) -> Expr:
-    return _unary("cosh", x)
-
-
-def tanh(x: Operand) -> Expr:
-    return _unary("tanh", x)
 
 
 def pow(x: Operand, y: Operand) -> Expr:
