@@ -10,7 +10,7 @@ from raymarch.expr.node import Expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp
 from raymarch.scene.parameter import as_number
-from raymarch.scene.value import Value, value
+from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import Scalar
 
 POINT, NORMAL = var("p", VEC3), var("normal", VEC3)
@@ -18,7 +18,7 @@ POINT, NORMAL = var("p", VEC3), var("normal", VEC3)
 
 
 @value
-class AmbientOcclusion(Value):
+class AmbientOcclusion(Part):
     """Ambient occlusion from samples of the field along the normal.
 
     Ambient light is dimmed where the field rises more slowly along the normal than it would above a plane.
@@ -66,7 +66,3 @@ class AmbientOcclusion(Value):
 
         missing, _ = loop(self.steps, (0.0, 1.0), add)
         return clamp(1.0 - self.strength * missing / total, 0.0, 1.0)
-
-    @property
-    def expressions(self) -> list[Expr]:
-        return [self.reach, self.strength, self.decay]

@@ -14,7 +14,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, instance, real, short
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import Values, as_number, as_vec3
-from raymarch.scene.value import Value, value
+from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import Scalar, Vec3Like
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
@@ -108,7 +108,7 @@ def look_at(
 
 
 @value
-class Camera(Value):
+class Camera(Part):
     """A camera, perspective or orthographic.
 
     Parameters
@@ -245,13 +245,6 @@ class Camera(Value):
     @property
     def _constant(self) -> bool:
         return all(e.is_constant for e in self.expressions)
-
-    @property
-    def expressions(self) -> list[Expr]:
-        """All values that may depend on parameters or time."""
-        place = (self.position, self.target, self.up, self.fov, self.height)
-        optics = (self.near, self.far, self.aperture, self.focus, self.shutter)
-        return [e for e in (*place, *optics) if e is not None]
 
     @property
     def orthographic(self) -> bool:

@@ -9,7 +9,7 @@ from raymarch.expr.vocabulary import abs, exp, max, min, mix, where
 from raymarch.scene.color import as_color
 from raymarch.scene.parameter import as_number
 from raymarch.scene.sky import DIRECTION
-from raymarch.scene.value import Value, value
+from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar
 
 COLOR, ORIGIN, LENGTH = var("color", VEC3), var("origin", VEC3), var("t", FLOAT)
@@ -20,7 +20,7 @@ SKY_DISTANCE = 1e20
 
 
 @value
-class Fog(Value):
+class Fog(Part):
     """Fog with transmittance exp(-optical depth). Without `falloff` the optical depth is density * distance.
 
     Parameters
@@ -58,11 +58,6 @@ class Fog(Value):
             falloff=as_number("Fog: falloff", falloff, low=0.0),
             height=as_number("Fog: height", height),
         )
-
-    @property
-    def expressions(self) -> list[Expr]:
-        """All values that may depend on parameters or time."""
-        return [*([] if self.color is None else [self.color]), self.density, self.falloff, self.height]
 
     @property
     def layered(self) -> bool:

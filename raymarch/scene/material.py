@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -38,8 +38,8 @@ COAT = ("clearcoat", "clearcoat_roughness")
 RELIEF = ("bump_gradient", "ambient_visibility")
 """The fields of maps: the gradient that perturbs the normal, and the visibility for ambient light, 0 to 1."""
 
-MADE = {"albedo": "color", "occlusion": "ambient_visibility"}
-"""Parameters that shading reads under another name."""
+MADE = {"albedo": "color"}
+"""Parameters that are another name of a value."""
 
 FIELDS = (*MIXED, "emission", *GLASS, *COAT, *RELIEF, "own")
 """All values. "physical" and "own" are 1 for a material that is physical, or has a BSDF of the user's own."""
@@ -102,9 +102,29 @@ class Material(Value):
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """
 
+    color: Expr
+    albedo: Expr | None
+    shininess: Expr
+    specular: Expr
+    ambient: Expr
+    metalness: Expr
+    roughness: Expr
+    f0: Expr
+    emission: Expr
+    transmission: Expr
+    ior: Expr
+    absorption: Expr
+    clearcoat: Expr
+    clearcoat_roughness: Expr
+    occlusion: Expr
+    normal: Texture | None
+    normal_strength: Scalar
+    height: Texture | Expr | None
+    height_scale: Scalar
+    bsdf: type[BSDF] | None
+    physical: bool
     _given: dict[str, Any]
     _fields: dict[str, Expr]
-    physical: bool
 
     def __init__(
         self,
@@ -149,31 +169,35 @@ class Material(Value):
         maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
         check_map_sizes({**maps, "occlusion": occlusion})
         raised = height_field(height)
+        given = {**phong, **physical, "emission": emission, "occlusion": occlusion}
+        given |= {"f0": _spread(physical["f0"]), "absorption": _spread(physical["absorption"])}
+        unset = {n: default for n, (default, _, _, _) in _VALUES.items() if given[n] is None}
+        if is_physical:
+            unset |= {"specular": 0.0, "ambient": 0.0}
         made = {
-            "color": material_value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0),
-            "shininess": material_value("shininess", _or(shininess, 32.0), 1, 1e-3, 1e6),
-            "specular": material_value("specular", 0.0 if is_physical else _or(specular, 0.25), 1, 0.0, 1.0),
-            "ambient": material_value("ambient", 0.0 if is_physical else _or(ambient, 0.1), 1, 0.0, 1.0),
-            "metalness": material_value("metalness", _or(metalness, 0.0), 1, 0.0, 1.0),
-            "roughness": material_value("roughness", _or(roughness, 0.5), 1, 0.0, 1.0),
-            "f0": material_value("f0", _spread(_or(f0, 0.04)), 3, 0.0, 1.0),
-            "physical": expr(1.0 if is_physical else 0.0),
-            "emission": material_value("emission", _or(emission, (0.0, 0.0, 0.0)), 3, 0.0, np.inf),
-            "transmission": material_value("transmission", _or(transmission, 0.0), 1, 0.0, 1.0),
-            "ior": material_value("ior", _or(ior, 1.5), 1, 1.0, 4.0),
-            "absorption": material_value("absorption", _spread(_or(absorption, 0.0)), 3, 0.0, 1e6),
-            "clearcoat": material_value("clearcoat", _or(clearcoat, 0.0), 1, 0.0, 1.0),
-            "clearcoat_roughness": material_value("clearcoat_roughness", _or(clearcoat_roughness, 0.0), 1, 0.0, 1.0),
-            "bump_gradient": bump_gradient(normal, normal_strength, raised, height_scale),
-            "ambient_visibility": material_value("occlusion", _or(occlusion, 1.0), 1, 0.0, 1.0),
-            "own": expr(0.0 if bsdf is None else 1.0),
+            n: material_value(n, unset.get(n, given[n]), size, low, high) for n, (_, size, low, high) in _VALUES.items()
         }
-        given = {**phong, **physical, "color": color, "emission": emission, "occlusion": occlusion}
-        kept = {name: _kept(value, made[MADE.get(name, name)]) for name, value in given.items()}
-        relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
-        self._set(physical=is_physical, _fields=made, _given={**kept, **relief, "bsdf": bsdf})
+        made["color"] = material_value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
-            made["roughness"] = expr(0.0 if self.transmits else 0.5)
+            made["roughness"] = expr(0.0 if _may_exceed_0(made["transmission"]) else 0.5)
+        relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
+        others = {**relief, "bsdf": bsdf}
+        fields = {
+            **made,
+            "physical": expr(1.0 if is_physical else 0.0),
+            "own": expr(0.0 if bsdf is None else 1.0),
+            "bump_gradient": bump_gradient(normal, normal_strength, raised, height_scale),
+            "ambient_visibility": made["occlusion"],
+        }
+        kept = {n: _kept(value, made[MADE.get(n, n)]) for n, value in {**given, "color": color}.items()}
+        self._set(
+            **made,
+            **others,
+            albedo=made["color"] if is_physical else None,
+            physical=is_physical,
+            _fields={n: fields[n] for n in FIELDS},
+            _given={**kept, **others},
+        )
 
     def arguments(self) -> dict[str, Any]:
         return dict(self._given)
@@ -186,137 +210,34 @@ class Material(Value):
         return (*self.expressions, self.bsdf)
 
     @property
-    def bsdf(self) -> type[BSDF] | None:
-        """The BSDF of the user's own, if there is one."""
-        return self._given["bsdf"]
-
-    @property
-    def color(self) -> Expr:
-        """Base colour, linear RGB; the albedo of a physical material."""
-        return self._fields["color"]
-
-    @property
-    def albedo(self) -> Expr | None:
-        """Albedo of a physical material, linear RGB; None for Phong."""
-        return self._fields["color"] if self.physical else None
-
-    @property
-    def normal(self) -> Texture | None:
-        """The normal map."""
-        return self._given["normal"]
-
-    @property
-    def normal_strength(self) -> Scalar:
-        """Factor of the slopes of the normal map."""
-        return self._given["normal_strength"]
-
-    @property
-    def height(self) -> Texture | Expr | None:
-        """The height map, or the heights as an expression of the point."""
-        return self._given["height"]
-
-    @property
-    def height_scale(self) -> Scalar:
-        """Factor of the heights."""
-        return self._given["height_scale"]
-
-    @property
-    def occlusion(self) -> Expr:
-        """Fraction of the ambient light that reaches the surface."""
-        return self._fields["ambient_visibility"]
-
-    @property
-    def shininess(self) -> Expr:
-        """Exponent of the Phong highlight."""
-        return self._fields["shininess"]
-
-    @property
-    def specular(self) -> Expr:
-        """Strength of the Phong highlight."""
-        return self._fields["specular"]
-
-    @property
-    def ambient(self) -> Expr:
-        """Fraction of each light that arrives from all directions."""
-        return self._fields["ambient"]
-
-    @property
-    def metalness(self) -> Expr:
-        """0 for a dielectric, 1 for a metal."""
-        return self._fields["metalness"]
+    def expressions(self) -> list[Expr]:
+        """All values in the order of FIELDS. They may depend on parameters, time, POSITION and the index of a cell."""
+        return list(self._fields.values())
 
     @property
     def metallic(self) -> bool:
         """True if the metalness may be above 0 somewhere."""
-        metalness = self._fields["metalness"]
-        return self.physical and (not metalness.is_constant or float(metalness.data) > 0.0)
-
-    @property
-    def roughness(self) -> Expr:
-        """From 0 (a mirror) to 1."""
-        return self._fields["roughness"]
-
-    @property
-    def f0(self) -> Expr:
-        """Reflectance of a dielectric at normal incidence, linear RGB."""
-        return self._fields["f0"]
-
-    @property
-    def emission(self) -> Expr:
-        """Emitted light, linear RGB."""
-        return self._fields["emission"]
+        return self.physical and _may_exceed_0(self.metalness)
 
     @property
     def emits(self) -> bool:
         """True if the surface may emit light somewhere."""
-        return not self.emission.is_constant or bool(np.any(self.emission.data))
-
-    @property
-    def expressions(self) -> list[Expr]:
-        """All values in the order of FIELDS. They may depend on parameters, time, POSITION and the index of a cell."""
-        return [self._fields[name] for name in FIELDS]
+        return _may_exceed_0(self.emission)
 
     @property
     def transmits(self) -> bool:
         """True if the transmission may be above 0 somewhere."""
-        transmission = self._fields["transmission"]
-        return not transmission.is_constant or bool(np.any(transmission.data))
-
-    @property
-    def transmission(self) -> Expr:
-        """Fraction of the light that is refracted into the solid."""
-        return self._fields["transmission"]
-
-    @property
-    def ior(self) -> Expr:
-        """Index of refraction."""
-        return self._fields["ior"]
-
-    @property
-    def absorption(self) -> Expr:
-        """Absorption coefficient per unit of length inside, linear RGB."""
-        return self._fields["absorption"]
-
-    @property
-    def clearcoat(self) -> Expr:
-        """Weight of the clear coat."""
-        return self._fields["clearcoat"]
-
-    @property
-    def clearcoat_roughness(self) -> Expr:
-        """Roughness of the clear coat."""
-        return self._fields["clearcoat_roughness"]
+        return _may_exceed_0(self.transmission)
 
     @property
     def coated(self) -> bool:
         """True if the weight of the clear coat may be above 0 somewhere."""
-        return not self.clearcoat.is_constant or float(self.clearcoat.data) > 0.0
+        return _may_exceed_0(self.clearcoat)
 
     @property
     def frosted(self) -> bool:
         """True if the material transmits and may be rough somewhere."""
-        roughness = self._fields["roughness"]
-        return self.transmits and (not roughness.is_constant or float(roughness.data) > 0.0)
+        return self.transmits and _may_exceed_0(self.roughness)
 
     def without_maps(self) -> Material:
         """The same material with each texture replaced by its mean, without normal, height and occlusion maps."""
@@ -328,11 +249,7 @@ class Material(Value):
             mean = weight * node.data.levels[-1][0, 0].astype(np.float64)
             return expr(mean if node.type.is_vector else float(mean[0]))
 
-        given = {
-            name: self._fields[MADE.get(name, name)]
-            for name, value in self._given.items()
-            if value is not None and MADE.get(name, name) in FIELDS
-        }
+        given = {n: getattr(self, n) for n in (*_VALUES, "color", "albedo") if self._given[n] is not None}
         new = rewrite(given.values(), rule)
         flat = {name: _kept(made, new[made]) for name, made in given.items()}
         return self.replace(**{**flat, "normal": None, "height": None, "occlusion": None})
@@ -340,8 +257,7 @@ class Material(Value):
     @property
     def mirrors(self) -> bool:
         """True if it may be so smooth somewhere that Whitted ray tracing traces its reflection; see `SMOOTH`."""
-        transmission = self._fields["transmission"]
-        clear = transmission.is_constant and float(transmission.data) == 1.0
+        clear = self.transmission.is_constant and float(self.transmission.data) == 1.0
         lobes = [self.roughness, *([self.clearcoat_roughness] if self.coated else [])]
         smooth = any(not r.is_constant or float(r.data) < 2.0 * SMOOTH for r in lobes)
         return self.physical and not clear and smooth
@@ -376,19 +292,26 @@ def _without_unset(values: dict[str, Any]) -> dict[str, Any]:
     return {n: None if any(value is e for e in _UNSET.get(n, ())) else value for n, value in values.items()}
 
 
-_UNSET = {
-    "shininess": (expr(32.0),),
-    "specular": (expr(0.0), expr(0.25)),
-    "ambient": (expr(0.0), expr(0.1)),
-    "metalness": (expr(0.0),),
-    "roughness": (expr(0.5),),
-    "f0": (expr((0.04, 0.04, 0.04)),),
-    "transmission": (expr(0.0),),
-    "ior": (expr(1.5),),
-    "absorption": (expr((0.0, 0.0, 0.0)),),
-    "clearcoat": (expr(0.0),),
-    "clearcoat_roughness": (expr(0.0),),
+_VALUES: Mapping[str, tuple[Any, int, float, float]] = {
+    "shininess": (32.0, 1, 1e-3, 1e6),
+    "specular": (0.25, 1, 0.0, 1.0),
+    "ambient": (0.1, 1, 0.0, 1.0),
+    "metalness": (0.0, 1, 0.0, 1.0),
+    "roughness": (0.5, 1, 0.0, 1.0),
+    "f0": ((0.04, 0.04, 0.04), 3, 0.0, 1.0),
+    "emission": ((0.0, 0.0, 0.0), 3, 0.0, np.inf),
+    "transmission": (0.0, 1, 0.0, 1.0),
+    "ior": (1.5, 1, 1.0, 4.0),
+    "absorption": ((0.0, 0.0, 0.0), 3, 0.0, 1e6),
+    "clearcoat": (0.0, 1, 0.0, 1.0),
+    "clearcoat_roughness": (0.0, 1, 0.0, 1.0),
+    "occlusion": (1.0, 1, 0.0, 1.0),
 }
+"""The values beside the colour: default, number of components, and range."""
+
+_UNSET = {name: [expr(default)] for name, (default, _, _, _) in _VALUES.items()}
+for _name in ("specular", "ambient"):
+    _UNSET[_name].append(expr(0.0))  # of physical materials
 
 
 def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
@@ -399,6 +322,11 @@ def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
             f"Material: {one} together with {other}",
             legal="Phong's shininess, specular, ambient; or the physical albedo, metalness, roughness, f0",
         )
+
+
+def _may_exceed_0(value: Expr) -> bool:
+    """True if a value >= 0 may be above 0 somewhere."""
+    return not value.is_constant or bool(np.any(value.data))
 
 
 def _or(value: Any, otherwise: Any) -> Any:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import Values, as_number
-from raymarch.scene.value import Value, value
+from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import Scalar
 
 PICTURE: Final = -1
@@ -33,7 +33,7 @@ class Stage:
     uniforms: Mapping[str, Any] = field(default_factory=dict)
 
 
-class PostEffect(Value):
+class PostEffect(Part):
     """Base of the post effects.
 
     A subclass has the two class attributes, `stages` for the shader and `apply` for the reference. Fields that are
@@ -48,11 +48,6 @@ class PostEffect(Value):
     __slots__ = ()
     MODULE: ClassVar[str] = ""
     LABEL: ClassVar[str] = ""
-
-    @property
-    def expressions(self) -> list[Expr]:
-        """Every expression in it that may read parameters or time."""
-        return [part for part in self.arguments().values() if isinstance(part, Expr)]
 
     def numbers(self, values: Values) -> dict[str, float]:
         """The values of its expressions in a frame, by the name of the field."""

@@ -98,6 +98,17 @@ class Value:
         return f"{type(self).__name__}({', '.join(f'{name}={_shown(value)}' for name, value in given.items())})"
 
 
+class Part(Value):
+    """Base of the parts of a scene whose fields may be expressions."""
+
+    __slots__ = ()
+
+    @property
+    def expressions(self) -> list[Expr]:
+        """All values that may depend on parameters or time."""
+        return [given for given in self.arguments().values() if isinstance(given, Expr)]
+
+
 @dataclass_transform(frozen_default=True, eq_default=False)
 def value(cls: type[T]) -> type[T]:
     """Decorator: a frozen dataclass with slots whose fields are the parameters of its constructor."""
