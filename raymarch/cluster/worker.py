@@ -54,8 +54,8 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
-    """A picture: the content of its file.
+class Work:
+    """What a worker did for a picture.
 
     Attributes
     ----------
@@ -63,23 +63,25 @@ class Done:
     doubts : reasons to doubt the picture.
     """
 
-    content: bytes
     milliseconds: float
     seconds: float
     worker: str
-    doubts: Sequence[str] = ()
+    doubts: Sequence[str]
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
-    """A mean of some samples per pixel: float32 (H, W, 3), of `count` samples. Other attributes as in `Done`."""
+class Done(Work):
+    """A picture: the content of its file."""
+
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Share(Work):
+    """A mean of some samples per pixel: float32 (H, W, 3), of `count` samples."""
 
     color: NDArray[np.float32]
     count: int
-    milliseconds: float
-    seconds: float
-    worker: str
-    doubts: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,12 +197,12 @@ def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done
             if item.part is not None and item.part.samples is not None:
                 first, end = item.part.samples
                 spent = clock_time.perf_counter() - start
-                return Share(frame.color, end - first, frame.milliseconds, spent, address(), doubts)
+                return Share(frame.milliseconds, spent, address(), doubts, frame.color, end - first)
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / f"picture{job.shot.suffix}"
                 save_view(file, job.shot, frame, scene, key_of(content, renderer.context.driver))
                 made = file.read_bytes()
-            return Done(made, frame.milliseconds, clock_time.perf_counter() - start, address(), doubts)
+            return Done(frame.milliseconds, clock_time.perf_counter() - start, address(), doubts, made)
     except RaymarchError as fault:
         return Refused(str(fault), address())
 
@@ -241,4 +243,4 @@ def merge(source: Source, job: Job, content: str | None, *shares: Share | Refuse
     drawn = [share for share in shares if isinstance(share, Share)]
     spent = clock_time.perf_counter() - start + sum(share.seconds for share in drawn)
     doubts = list(dict.fromkeys(doubt for share in drawn for doubt in share.doubts))
-    return Done(made, sum(share.milliseconds for share in drawn), spent, address(), doubts)
+    return Done(sum(share.milliseconds for share in drawn), spent, address(), doubts, made)

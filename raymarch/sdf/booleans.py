@@ -6,7 +6,6 @@ tree. At each level the quadratic blend lowers the field by at most k/4, which t
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,7 +15,7 @@ from raymarch.expr.function import function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, min
-from raymarch.sdf.blends import FAMILIES, fold_all, reach_of
+from raymarch.sdf.blends import FAMILIES, fold_all, levels, reach_of
 from raymarch.sdf.definition import Child, ChildFacts, combination
 from raymarch.sdf.domain import Count, Positive, Scalar, Word, as_operand
 from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
@@ -36,10 +35,6 @@ def balanced(values: Sequence[Expr], fold: Fold) -> Expr:
     return row[0]
 
 
-def _levels(n: int) -> int:
-    return math.ceil(math.log2(n))
-
-
 @function(a=FLOAT, b=FLOAT, k=FLOAT)
 def smooth_min(a: Expr, b: Expr, k: Expr) -> Expr:
     """Quadratic smooth minimum: min(a, b) where |a - b| >= k, smooth_min(a, a, k) = a - k/4."""
@@ -47,7 +42,8 @@ def smooth_min(a: Expr, b: Expr, k: Expr) -> Expr:
     return min(a, b) - h * h * k * 0.25
 
 
-def _hull(children: Sequence[ChildFacts]) -> tuple[Expr, Expr]:
+def hull(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
+    """The box around all operands."""
     return balanced([c.lower for c in children], min), balanced([c.upper for c in children], max)
 
 
@@ -56,16 +52,17 @@ def _overlap(children: Sequence[ChildFacts]) -> tuple[Expr, Expr]:
 
 
 def _grown_hull(children: Sequence[ChildFacts], k: Expr) -> tuple[Expr, Expr]:
-    corners = [child.grown(_levels(len(children)) * 0.25 * k) for child in children]
+    corners = [child.grown(levels(len(children)) * 0.25 * k) for child in children]
     return balanced([lower for lower, _ in corners], min), balanced([upper for _, upper in corners], max)
 
 
-def _widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
+def widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
+    """The largest spread of the operands."""
     return balanced([c.spread for c in children], max)
 
 
-def _of_the_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
-    """A subtracted solid never makes the field smaller."""
+def spread_of_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
+    """The spread of the first operand: a subtracted solid never makes the field smaller."""
     return children[0].spread
 
 
@@ -76,14 +73,14 @@ def _exact_if_apart(*children: Facts) -> Exactness:
     return worst(*[c.exactness for c in children]) if disjoint(*children) else "bound"
 
 
-@combination(bounds=_hull, exactness=_exact_if_apart, spread=_widest, associative=True, dimension="any", called="union")
+@combination(bounds=hull, exactness=_exact_if_apart, spread=widest, associative=True, dimension="any", called="union")
 def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
     """Union of solids."""
     return balanced([child(p) for child in children], min)
 
 
 @combination(
-    bounds=_overlap, spread=_widest, convex=True, associative=True, cuts=True, dimension="any", called="intersection"
+    bounds=_overlap, spread=widest, convex=True, associative=True, cuts=True, dimension="any", called="intersection"
 )
 def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
     """Intersection of solids."""
@@ -92,7 +89,7 @@ def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
 
 @combination(
     bounds=lambda children: (children[0].lower, children[0].upper),
-    spread=_of_the_first,
+    spread=spread_of_first,
     cuts=True,
     dimension="any",
     called="difference",
@@ -102,14 +99,14 @@ def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
 
 
-@combination(bounds=_grown_hull, spread=_widest, dimension="any", called="union")
+@combination(bounds=_grown_hull, spread=widest, dimension="any", called="union")
 def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """Smooth union of solids, joined by a fillet."""
     return balanced([child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
 @combination(
-    bounds=lambda children, k: _overlap(children), spread=_widest, cuts=True, dimension="any", called="intersection"
+    bounds=lambda children, k: _overlap(children), spread=widest, cuts=True, dimension="any", called="intersection"
 )
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """Smooth intersection of solids: new edges are rounded."""
@@ -118,7 +115,7 @@ def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr
 
 @combination(
     bounds=lambda children, k: (children[0].lower, children[0].upper),
-    spread=_of_the_first,
+    spread=spread_of_first,
     cuts=True,
     dimension="any",
     called="difference",
@@ -142,7 +139,7 @@ def _blended_slope(children: Sequence[ChildFacts], k: Expr, family: str, steps: 
     return FAMILIES[family](steps).steepness(len(children))
 
 
-@combination(bounds=_blended_bounds, lipschitz=_blended_slope, spread=_widest, dimension="any", called="union")
+@combination(bounds=_blended_bounds, lipschitz=_blended_slope, spread=widest, dimension="any", called="union")
 def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """Union of solids, joined by one of the families of blends."""
     return fold_all(FAMILIES[family](steps), [child(p) for child in children], k)
@@ -151,7 +148,7 @@ def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word,
 @combination(
     bounds=lambda children, **_: _overlap(children),
     lipschitz=_blended_slope,
-    spread=_widest,
+    spread=widest,
     cuts=True,
     dimension="any",
     called="intersection",
@@ -164,7 +161,7 @@ def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family
 @combination(
     bounds=lambda children, **_: (children[0].lower, children[0].upper),
     lipschitz=_blended_slope,
-    spread=_of_the_first,
+    spread=spread_of_first,
     cuts=True,
     dimension="any",
     called="difference",

@@ -225,6 +225,11 @@ def shown(value: Expr) -> str:
     return f"{low.tolist()}" if value.is_constant else f"an expression between {low.tolist()} and {high.tolist()}"
 
 
+def surely(condition: Expr) -> bool:
+    """True if a relation holds for all values of the parameters."""
+    return bool(interval_of(condition)[0])
+
+
 def require(condition: Expr, what: str, legal: str) -> None:
     """SceneError(what, legal) unless a relation between parameters holds over their whole ranges.
 

@@ -33,15 +33,10 @@ from raymarch.expr.vocabulary import (
     where,
 )
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Positive, Size2, Turn, Vec2, require, shown
+from raymarch.sdf.domain import Positive, Size2, Turn, Vec2, require, shown, surely
 from raymarch.sdf.facts import Exactness
 
 __all__ = ["arc", "bezier", "egg", "ellipse", "flat_vesica", "heart", "moon", "pie", "ring"]
-
-
-def _holds(condition: Expr) -> bool:
-    """True if a condition holds for all values of the parameters."""
-    return bool(interval_of(condition)[0])
 
 
 @function(p=VEC2, radius=FLOAT, back=FLOAT)
@@ -95,7 +90,7 @@ def _check_arc(radius: Any, angle: Any, thickness: Any) -> None:
 def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
     """Where the round ends overlap, the field of the nearer end is only a bound."""
     apart = (angle <= math.pi) | (2.0 * radius * sin(0.5 * angle) >= thickness) | (angle >= 2.0 * math.pi)
-    return "exact" if _holds(apart) else "bound"
+    return "exact" if surely(apart) else "bound"
 
 
 @shape(exactness=_exact_if_open, bounds=_arc_bounds, symmetry="x", spread=1.0, check=_check_arc, dimension=2)
@@ -121,7 +116,7 @@ def _pie_bounds(radius: Any, angle: Any) -> tuple[Expr, Expr]:
 
 def _exact_if_cut(radius: Expr, angle: Expr) -> Exactness:
     """At a full turn the two edges coincide and bound nothing."""
-    return "exact" if _holds(angle < 2.0 * math.pi) else "bound"
+    return "exact" if surely(angle < 2.0 * math.pi) else "bound"
 
 
 @shape(
@@ -129,7 +124,7 @@ def _exact_if_cut(radius: Expr, angle: Expr) -> Exactness:
     bounds=_pie_bounds,
     symmetry="x",
     spread=1.0,
-    convex=lambda radius, angle: _holds(angle <= math.pi),
+    convex=lambda radius, angle: surely(angle <= math.pi),
     dimension=2,
 )
 def pie(p: Expr, radius: Positive = 1.0, angle: Turn = 2.0) -> Expr:

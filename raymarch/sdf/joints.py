@@ -11,7 +11,7 @@ from typing import Any
 
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import length, max, min, mix, vec2
-from raymarch.sdf.booleans import balanced
+from raymarch.sdf.booleans import balanced, hull, spread_of_first, widest
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Fraction, Positive, Scalar
 from raymarch.sdf.node import Node
@@ -22,20 +22,8 @@ __all__ = ["engrave", "groove", "morph", "pipe", "tongue", "xor"]
 DIAGONAL = math.sqrt(2.0)
 
 
-def _hull(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
-    return balanced([c.lower for c in children], min), balanced([c.upper for c in children], max)
-
-
-def _widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
-    return balanced([c.spread for c in children], max)
-
-
 def _first(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
     return children[0].lower, children[0].upper
-
-
-def _spread_of_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
-    return children[0].spread
 
 
 def _near_both(children: Sequence[ChildFacts], radius: Expr) -> tuple[Expr, Expr]:
@@ -49,14 +37,14 @@ def pipe_along(p: Expr, children: Sequence[Child], radius: Positive) -> Expr:
     return length(vec2(children[0](p), children[1](p))) - radius
 
 
-@combination(bounds=_first, lipschitz=DIAGONAL, spread=_spread_of_first, cuts=True, called="engrave")
+@combination(bounds=_first, lipschitz=DIAGONAL, spread=spread_of_first, cuts=True, called="engrave")
 def engraved(p: Expr, children: Sequence[Child], depth: Positive) -> Expr:
     """A V-shaped line cut into the first solid where the second surface meets it."""
     a, b = children[0](p), children[1](p)
     return max(a, math.sqrt(0.5) * (a + depth - abs(b)))
 
 
-@combination(bounds=_first, spread=_spread_of_first, cuts=True, called="groove")
+@combination(bounds=_first, spread=spread_of_first, cuts=True, called="groove")
 def grooved(p: Expr, children: Sequence[Child], depth: Positive, width: Positive) -> Expr:
     """A channel with upright walls cut into the first solid along the second surface."""
     a, b = children[0](p), children[1](p)
@@ -67,21 +55,21 @@ def _raised(children: Sequence[ChildFacts], height: Expr, width: Expr) -> tuple[
     return children[0].grown(height)
 
 
-@combination(bounds=_raised, spread=_spread_of_first, symmetry="", called="tongue")
+@combination(bounds=_raised, spread=spread_of_first, symmetry="", called="tongue")
 def tongued(p: Expr, children: Sequence[Child], height: Positive, width: Positive) -> Expr:
     """A rib with upright walls raised on the first solid along the second surface."""
     a, b = children[0](p), children[1](p)
     return min(a, max(a - height, abs(b) - 0.5 * width))
 
 
-@combination(bounds=_hull, spread=_widest, called="xor")
+@combination(bounds=hull, spread=widest, called="xor")
 def exclusive(p: Expr, children: Sequence[Child]) -> Expr:
     """Exclusive or: the points of one of two solids but not of both."""
     a, b = children[0](p), children[1](p)
     return max(min(a, b), -max(a, b))
 
 
-@combination(bounds=_hull, called="morph")
+@combination(bounds=hull, called="morph")
 def between(p: Expr, children: Sequence[Child], amount: Fraction) -> Expr:
     """The mean of two fields: where it is not positive, one of them is not."""
     return mix(children[0](p), children[1](p), amount)

@@ -14,7 +14,6 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.function import function, loop
-from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import (
@@ -47,6 +46,7 @@ from raymarch.sdf.domain import (
     Vec3,
     require,
     shown,
+    surely,
 )
 from raymarch.sdf.facts import Exactness
 from raymarch.sdf.polyhedra import icosahedral_fold
@@ -79,11 +79,6 @@ Roundness = Annotated[Any, Domain(FLOAT, low=0.05, high=2.0)]
 def about_y(p: Expr) -> Expr:
     """Distance of a point from the y axis, and its height."""
     return vec2(length(p.xz), p.y)
-
-
-def surely(condition: Expr) -> bool:
-    """True if a relation holds for all values of the parameters."""
-    return bool(interval_of(condition)[0])
 
 
 # Ellipsoids

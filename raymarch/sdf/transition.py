@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from raymarch.expr.convert import short
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min
 from raymarch.expr.walk import find
-from raymarch.sdf.booleans import balanced
+from raymarch.sdf.booleans import balanced, hull, widest
 from raymarch.sdf.definition import Child, ChildFacts, combination
 from raymarch.sdf.domain import Positive, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
@@ -21,14 +20,6 @@ from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
 __all__ = ["transition"]
-
-
-def _hull(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
-    return balanced([c.lower for c in children], min), balanced([c.upper for c in children], max)
-
-
-def _widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
-    return balanced([c.spread for c in children], max)
 
 
 def _transition_slope(children: Sequence[ChildFacts], start: Expr, end: Expr, reach: Expr) -> Expr:
@@ -42,7 +33,7 @@ def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> s
     return "".join(axis for axis in still if all(axis in child.symmetry for child in children))
 
 
-@combination(bounds=_hull, lipschitz=_transition_slope, spread=_widest, symmetry=_symmetry_across, called="transition")
+@combination(bounds=hull, lipschitz=_transition_slope, spread=widest, symmetry=_symmetry_across, called="transition")
 def transition_between(
     p: Expr,
     children: Sequence[Child],
