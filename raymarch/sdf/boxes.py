@@ -18,7 +18,7 @@ from raymarch.expr.node import Expr, const
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import all_of, clamp, cross, dot, length, max, min, normalize, sqrt, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Direction, Length, NonNegative, Positive, Size2, Size3, Vec3, require, shown
+from raymarch.sdf.domain import Direction, Length, NonNegative, Positive, Size2, Size3, Vec3, fits
 from raymarch.sdf.facts import Exactness
 
 __all__ = [
@@ -46,20 +46,14 @@ def largest(v: Expr) -> Expr:
     return max(*v)
 
 
-def _check_rounded_box(size: Any, radius: Any) -> None:
-    require(
-        2.0 * radius <= smallest(size),
-        f"rounded_box: radius = {shown(radius)} for size = {shown(size)}",
-        "radius <= half the smallest extent",
-    )
-
-
 @shape(
     exactness="exact",
     bounds=lambda size, radius: cube(0.5 * size),
     symmetry="xyz",
     convex=True,
-    check=_check_rounded_box,
+    check=fits(
+        "rounded_box", lambda size, radius: 2.0 * radius <= smallest(size), "radius <= half the smallest extent"
+    ),
 )
 def rounded_box(p: Expr, size: Size3 = (1.6, 1.0, 1.2), radius: NonNegative = 0.2) -> Expr:
     """Box about the origin with rounded edges and corners.
@@ -73,15 +67,14 @@ def rounded_box(p: Expr, size: Size3 = (1.6, 1.0, 1.2), radius: NonNegative = 0.
     return length(max(q, 0.0)) + min(largest(q), 0.0) - radius
 
 
-def _check_box_frame(size: Any, thickness: Any) -> None:
-    require(
-        2.0 * thickness <= smallest(size),
-        f"box_frame: thickness = {shown(thickness)} for size = {shown(size)}",
-        "thickness <= half the smallest extent",
-    )
-
-
-@shape(exactness="exact", bounds=lambda size, thickness: cube(0.5 * size), symmetry="xyz", check=_check_box_frame)
+@shape(
+    exactness="exact",
+    bounds=lambda size, thickness: cube(0.5 * size),
+    symmetry="xyz",
+    check=fits(
+        "box_frame", lambda size, thickness: 2.0 * thickness <= smallest(size), "thickness <= half the smallest extent"
+    ),
+)
 def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15) -> Expr:
     """The twelve edges of a box, as bars of square section.
 

@@ -6,7 +6,7 @@ The decorators read the `Domain` in the annotation, convert each argument, and r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any, TypeAlias
@@ -239,6 +239,21 @@ def require(condition: Expr, what: str, legal: str) -> None:
     always, possible = interval_of(condition)
     if not always and not (possible and (find([condition], "time") or _holds_at_corners(condition))):
         raise SceneError(what, legal=legal)
+
+
+def fits(node: str, holds: Callable[..., Expr], legal: str) -> Callable[..., None]:
+    """A check of a node's parameters that must fit each other.
+
+    holds : the relation, a function of those parameters; see `require`. legal : it in words.
+    """
+    names = holds.__code__.co_varnames[: holds.__code__.co_argcount]
+
+    def check(**params: Any) -> None:
+        given = {name: params[name] for name in names}
+        values = ", ".join(f"{name} = {shown(value)}" for name, value in given.items())
+        require(holds(**given), f"{node}: {values}", legal)
+
+    return check
 
 
 def _holds_at_corners(condition: Expr) -> bool:

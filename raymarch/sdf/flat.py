@@ -24,7 +24,7 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import VEC2
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, where
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Domain, NonNegative, Points2, Positive, Size2, Vec2, require, shown
+from raymarch.sdf.domain import Domain, NonNegative, Points2, Positive, Size2, Vec2, fits, require, shown
 from raymarch.sdf.facts import Exactness
 
 __all__ = [
@@ -64,20 +64,16 @@ def rectangle(p: Expr, size: Size2 = (1.6, 1.0)) -> Expr:
     return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0)
 
 
-def _check_rounded_rectangle(size: Any, radius: Any) -> None:
-    require(
-        2.0 * radius <= min(size.x, size.y),
-        f"rounded_rectangle: radius = {shown(radius)} for size = {shown(size)}",
-        "radius <= half the smaller extent",
-    )
-
-
 @shape(
     exactness="exact",
     bounds=lambda size, radius: cube(0.5 * size),
     symmetry="xy",
     convex=True,
-    check=_check_rounded_rectangle,
+    check=fits(
+        "rounded_rectangle",
+        lambda size, radius: 2.0 * radius <= min(size.x, size.y),
+        "radius <= half the smaller extent",
+    ),
     dimension=2,
 )
 def rounded_rectangle(p: Expr, size: Size2 = (1.6, 1.0), radius: NonNegative = 0.2) -> Expr:
@@ -275,16 +271,12 @@ def flat_triangle(p: Expr, a: Vec2 = (-0.8, -0.6), b: Vec2 = (0.9, -0.4), c: Vec
     return enclosed(p, [a, where(left, b, c), where(left, c, b)])
 
 
-def _check_trapezoid(bottom: Any, top: Any, height: Any) -> None:
-    require(bottom + top > 0.0, f"trapezoid: bottom = {shown(bottom)}, top = {shown(top)}", "at least one of them > 0")
-
-
 @shape(
     exactness="exact",
     bounds=lambda bottom, top, height: cube(vec2(0.5 * max(bottom, top), 0.5 * height)),
     symmetry=lambda bottom, top, height: "xy" if bottom is top else "x",
     convex=True,
-    check=_check_trapezoid,
+    check=fits("trapezoid", lambda bottom, top: bottom + top > 0.0, "at least one of them > 0"),
     dimension=2,
 )
 def trapezoid(p: Expr, bottom: NonNegative = 1.8, top: NonNegative = 0.8, height: Positive = 1.2) -> Expr:
@@ -362,15 +354,11 @@ def _star_bounds(points: int, outer: Any, inner: Any) -> tuple[Expr, Expr]:
     )
 
 
-def _check_star(points: int, outer: Any, inner: Any) -> None:
-    require(inner < outer, f"star: inner = {shown(inner)}, outer = {shown(outer)}", "inner < outer")
-
-
 @shape(
     exactness="exact",
     bounds=_star_bounds,
     symmetry=lambda points, outer, inner: "x" if points % 2 else "xy",
-    check=_check_star,
+    check=fits("star", lambda outer, inner: inner < outer, "inner < outer"),
     dimension=2,
 )
 def star(p: Expr, points: Sides = 5, outer: Positive = 1.0, inner: Positive = 0.45) -> Expr:
@@ -386,15 +374,11 @@ def star(p: Expr, points: Sides = 5, outer: Positive = 1.0, inner: Positive = 0.
     return edge(q, hollow, tip, slant, slant)  # in the sector, the sign follows from the side of the line alone
 
 
-def _check_cross(size: Any, thickness: Any) -> None:
-    require(thickness < size, f"cross: thickness = {shown(thickness)}, size = {shown(size)}", "thickness < size")
-
-
 @shape(
     exactness="exact",
     bounds=lambda size, thickness: cube(vec2(0.5 * size)),
     symmetry="xy",
-    check=_check_cross,
+    check=fits("cross", lambda size, thickness: thickness < size, "thickness < size"),
     dimension=2,
 )
 def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:

@@ -33,7 +33,7 @@ from raymarch.expr.vocabulary import (
     where,
 )
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Positive, Size2, Turn, Vec2, require, shown, surely
+from raymarch.sdf.domain import Positive, Size2, Turn, Vec2, fits, surely
 from raymarch.sdf.facts import Exactness
 
 __all__ = ["arc", "bezier", "egg", "ellipse", "flat_vesica", "heart", "moon", "pie", "ring"]
@@ -49,19 +49,11 @@ def shallow_arc(p: Expr, radius: Expr, back: Expr) -> Expr:
     return ((p.x - radius) * (p.x + span + back) + p.y * p.y) / (length(p + vec2(back, 0.0)) + span)
 
 
-def _check_ring(radius: Any, thickness: Any) -> None:
-    require(
-        thickness <= 2.0 * radius,
-        f"ring: thickness = {shown(thickness)}, radius = {shown(radius)}",
-        "thickness <= twice the radius",
-    )
-
-
 @shape(
     exactness="exact",
     bounds=lambda radius, thickness: cube(vec2(radius + 0.5 * thickness)),
     symmetry="xy",
-    check=_check_ring,
+    check=fits("ring", lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
     dimension=2,
 )
 def ring(p: Expr, radius: Positive = 0.8, thickness: Positive = 0.3) -> Expr:
@@ -79,21 +71,20 @@ def _arc_bounds(radius: Any, angle: Any, thickness: Any) -> tuple[Expr, Expr]:
     return vec2(-wide, radius * cos(half) - 0.5 * thickness), vec2(wide, radius + 0.5 * thickness)
 
 
-def _check_arc(radius: Any, angle: Any, thickness: Any) -> None:
-    require(
-        thickness <= 2.0 * radius,
-        f"arc: thickness = {shown(thickness)}, radius = {shown(radius)}",
-        "thickness <= twice the radius",
-    )
-
-
 def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
     """Where the round ends overlap, the field of the nearer end is only a bound."""
     apart = (angle <= math.pi) | (2.0 * radius * sin(0.5 * angle) >= thickness) | (angle >= 2.0 * math.pi)
     return "exact" if surely(apart) else "bound"
 
 
-@shape(exactness=_exact_if_open, bounds=_arc_bounds, symmetry="x", spread=1.0, check=_check_arc, dimension=2)
+@shape(
+    exactness=_exact_if_open,
+    bounds=_arc_bounds,
+    symmetry="x",
+    spread=1.0,
+    check=fits("arc", lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
+    dimension=2,
+)
 def arc(p: Expr, radius: Positive = 0.8, angle: Turn = 4.0, thickness: Positive = 0.3) -> Expr:
     """A stroke along a circle about the origin, with round ends, open at the bottom.
 
@@ -166,16 +157,12 @@ def heart(p: Expr, height: Positive = 1.6) -> Expr:
     return unit * where(q.x + q.y > 1.0, length(q - vec2(0.25, 0.75)) - math.sqrt(0.125), straight)
 
 
-def _check_vesica(width: Any, height: Any) -> None:
-    require(width <= height, f"flat_vesica: width = {shown(width)}, height = {shown(height)}", "width <= height")
-
-
 @shape(
     exactness="exact",
     bounds=lambda width, height: cube(0.5 * vec2(width, height)),
     symmetry="xy",
     convex=True,
-    check=_check_vesica,
+    check=fits("flat_vesica", lambda width, height: width <= height, "width <= height"),
     dimension=2,
 )
 def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 1.8) -> Expr:
@@ -224,17 +211,16 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
     return dot(vec2(x, y), n) - length(vec2(a, b) * n)
 
 
-def _check_egg(width: Any, height: Any, tip: Any) -> None:
-    require(width <= height, f"egg: width = {shown(width)}, height = {shown(height)}", "width <= height")
-    require(2.0 * tip < width, f"egg: tip = {shown(tip)}, width = {shown(width)}", "tip < half the width")
-
-
 @shape(
     exactness="exact",
     bounds=lambda width, height, tip: cube(0.5 * vec2(width, height)),
     symmetry="x",
     convex=True,
-    check=_check_egg,
+    check=fits(
+        "egg",
+        lambda width, height, tip: (width <= height) & (2.0 * tip < width),
+        "width <= height, and tip < half the width",
+    ),
     dimension=2,
 )
 def egg(p: Expr, width: Positive = 1.2, height: Positive = 1.6, tip: Positive = 0.3) -> Expr:
@@ -267,15 +253,17 @@ def _moon_bounds(radius: Any, bite: Any, offset: Any) -> tuple[Expr, Expr]:
     return vec2(-radius, -high), vec2(clamp(x, -radius, radius), high)
 
 
-def _check_moon(radius: Any, bite: Any, offset: Any) -> None:
-    require(
-        (offset < radius + bite) & (abs(radius - bite) < offset),
-        f"moon: radius = {shown(radius)}, bite = {shown(bite)}, offset = {shown(offset)}",
+@shape(
+    exactness="exact",
+    bounds=_moon_bounds,
+    symmetry="y",
+    check=fits(
+        "moon",
+        lambda radius, bite, offset: (offset < radius + bite) & (abs(radius - bite) < offset),
         "circles that cross: |radius - bite| < offset < radius + bite",
-    )
-
-
-@shape(exactness="exact", bounds=_moon_bounds, symmetry="y", check=_check_moon, dimension=2)
+    ),
+    dimension=2,
+)
 def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive = 0.6) -> Expr:
     """A crescent: a disc about the origin minus another disc on the +x axis.
 

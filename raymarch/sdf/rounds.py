@@ -44,7 +44,7 @@ from raymarch.sdf.domain import (
     Size3,
     Turn,
     Vec3,
-    require,
+    fits,
     shown,
     surely,
 )
@@ -169,12 +169,6 @@ def _half_angle_sine(angle: Any) -> Expr:
     return where(half < 0.5 * math.pi, 1.0, sin(half))
 
 
-def _check_capped_torus(major: Any, minor: Any, angle: Any) -> None:
-    require(
-        minor <= major, f"capped_torus: minor = {shown(minor)} exceeds major = {shown(major)}", legal="minor <= major"
-    )
-
-
 def _capped_torus_exactness(major: Any, minor: Any, angle: Any) -> Exactness:
     """Where the two round ends overlap, the field is only a bound."""
     closed = surely(angle >= 2.0 * math.pi)
@@ -194,7 +188,7 @@ def _capped_torus_bounds(major: Any, minor: Any, angle: Any) -> tuple[Expr, Expr
     exactness=_capped_torus_exactness,
     bounds=_capped_torus_bounds,
     symmetry="yz",
-    check=_check_capped_torus,
+    check=fits("capped_torus", lambda major, minor: minor <= major, "minor <= major"),
     spread=1.0,
 )
 def capped_torus(p: Expr, major: Positive = 0.8, minor: Positive = 0.2, angle: Turn = 4.0) -> Expr:
@@ -213,15 +207,11 @@ def capped_torus(p: Expr, major: Positive = 0.8, minor: Positive = 0.2, angle: T
     return where(beside, length(vec2(length(p.xz) - major, p.y)), length(vec3(flat - major * end, p.y))) - minor
 
 
-def _check_link(straight: Any, major: Any, minor: Any) -> None:
-    require(minor <= major, f"link: minor = {shown(minor)} exceeds major = {shown(major)}", legal="minor <= major")
-
-
 @shape(
     exactness="exact",
     bounds=lambda straight, major, minor: cube(vec3(major + minor, 0.5 * straight + major + minor, minor)),
     symmetry="xyz",
-    check=_check_link,
+    check=fits("link", lambda major, minor: minor <= major, "minor <= major"),
 )
 def link(p: Expr, straight: NonNegative = 0.6, major: Positive = 0.45, minor: Positive = 0.15) -> Expr:
     """Link of a chain: a torus about the z axis, elongated along y.
@@ -250,19 +240,15 @@ def infinite_cylinder(p: Expr, radius: Positive = 0.5) -> Expr:
     return length(p.xz) - radius
 
 
-def _check_rounded_cylinder(radius: Any, height: Any, rounding: Any) -> None:
-    require(
-        rounding <= min(radius, 0.5 * height),
-        f"rounded_cylinder: rounding = {shown(rounding)} for radius = {shown(radius)}, height = {shown(height)}",
-        "rounding <= radius and <= height / 2",
-    )
-
-
 @shape(
     exactness="exact",
     bounds=lambda radius, height, rounding: cube(vec3(radius, 0.5 * height, radius)),
     symmetry="xyz",
-    check=_check_rounded_cylinder,
+    check=fits(
+        "rounded_cylinder",
+        lambda radius, height, rounding: rounding <= min(radius, 0.5 * height),
+        "rounding <= radius and <= height / 2",
+    ),
     convex=True,
 )
 def rounded_cylinder(p: Expr, radius: Positive = 0.8, height: Positive = 1.4, rounding: NonNegative = 0.2) -> Expr:
@@ -275,15 +261,11 @@ def rounded_cylinder(p: Expr, radius: Positive = 0.8, height: Positive = 1.4, ro
     return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0) - rounding
 
 
-def _check_cone(radius: Any, height: Any, top: Any) -> None:
-    require(max(radius, top) > 0.0, "cone: radius = 0 and top = 0", "one of them > 0")
-
-
 @shape(
     exactness="exact",
     bounds=lambda radius, height, top: cube(vec3(max(radius, top), 0.5 * height, max(radius, top))),
     symmetry="xz",
-    check=_check_cone,
+    check=fits("cone", lambda radius, top: max(radius, top) > 0.0, "one of them > 0"),
     convex=True,
 )
 def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNegative = 0.0) -> Expr:
@@ -323,14 +305,6 @@ def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
     return where(beyond > 0.0, length(vec2(beyond, min(dot(q, side), 0.0))), beyond)
 
 
-def _check_round_cone(bottom: Any, top: Any, height: Any) -> None:
-    require(
-        abs(bottom - top) < height,
-        f"round_cone: bottom = {shown(bottom)} and top = {shown(top)} for height = {shown(height)}",
-        "radii that differ by less than the height; else one ball contains the other",
-    )
-
-
 @shape(
     exactness="exact",
     bounds=lambda bottom, top, height: (
@@ -338,7 +312,11 @@ def _check_round_cone(bottom: Any, top: Any, height: Any) -> None:
         vec3(max(bottom, top), 0.5 * height + top, max(bottom, top)),
     ),
     symmetry="xz",
-    check=_check_round_cone,
+    check=fits(
+        "round_cone",
+        lambda bottom, top, height: abs(bottom - top) < height,
+        "radii that differ by less than the height; else one ball contains the other",
+    ),
     convex=True,
 )
 def round_cone(p: Expr, bottom: Positive = 0.6, top: Positive = 0.25, height: Positive = 1.0) -> Expr:
@@ -436,10 +414,6 @@ def _rim(radius: Any, cut: Any) -> Expr:
     return sqrt((radius - cut) * (radius + cut))
 
 
-def _check_cut(name: str, radius: Any, cut: Any) -> None:
-    require(abs(cut) < radius, f"{name}: cut = {shown(cut)} for radius = {shown(radius)}", "-radius < cut < radius")
-
-
 def _cut_sphere_bounds(radius: Any, cut: Any) -> tuple[Expr, Expr]:
     wide = where(cut < 0.0, radius, _rim(radius, cut))
     return vec3(-wide, cut, -wide), vec3(wide, radius, wide)
@@ -449,7 +423,7 @@ def _cut_sphere_bounds(radius: Any, cut: Any) -> tuple[Expr, Expr]:
     exactness="exact",
     bounds=_cut_sphere_bounds,
     symmetry="xz",
-    check=lambda radius, cut: _check_cut("cut_sphere", radius, cut),
+    check=fits("cut_sphere", lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
     convex=True,
 )
 def cut_sphere(p: Expr, radius: Positive = 1.0, cut: Length = -0.3) -> Expr:
@@ -481,7 +455,7 @@ def _cut_hollow_bounds(radius: Any, cut: Any, thickness: Any) -> tuple[Expr, Exp
     exactness=_cut_hollow_exactness,
     bounds=_cut_hollow_bounds,
     symmetry="xz",
-    check=lambda radius, cut, thickness: _check_cut("cut_hollow_sphere", radius, cut),
+    check=fits("cut_hollow_sphere", lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
     spread=1.0,
 )
 def cut_hollow_sphere(p: Expr, radius: Positive = 0.8, cut: Length = 0.2, thickness: Positive = 0.1) -> Expr:
@@ -504,19 +478,22 @@ def _death_star_rim(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
     return sqrt((radius - height) * (radius + height)), height
 
 
-def _check_death_star(radius: Any, bite: Any, distance: Any) -> None:
-    message = f"death_star: bite = {shown(bite)} at distance = {shown(distance)} from radius = {shown(radius)}"
-    require(abs(radius - bite) < distance, message, "|radius - bite| < distance: else one ball contains the other")
-    require(distance < radius + bite, message, "distance < radius + bite: else the balls do not intersect")
-
-
 def _death_star_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
     rim, height = _death_star_rim(radius, bite, distance)
     wide = where(height < 0.0, rim, radius)
     return vec3(-wide, -radius, -wide), vec3(wide, height, wide)
 
 
-@shape(exactness="exact", bounds=_death_star_bounds, symmetry="xz", check=_check_death_star)
+@shape(
+    exactness="exact",
+    bounds=_death_star_bounds,
+    symmetry="xz",
+    check=fits(
+        "death_star",
+        lambda radius, bite, distance: (abs(radius - bite) < distance) & (distance < radius + bite),
+        "spheres that intersect: |radius - bite| < distance < radius + bite",
+    ),
+)
 def death_star(p: Expr, radius: Positive = 1.0, bite: Positive = 0.7, distance: Positive = 1.2) -> Expr:
     """Ball minus another ball above it on the y axis.
 
@@ -538,15 +515,11 @@ def death_star(p: Expr, radius: Positive = 1.0, bite: Positive = 0.7, distance: 
     return where(inside > 0.0, where((ball > 0.0) & below_rim, ball, outside), inside)
 
 
-def _check_vesica(height: Any, width: Any) -> None:
-    require(width <= height, f"vesica: width = {shown(width)} exceeds height = {shown(height)}", "width <= height")
-
-
 @shape(
     exactness="exact",
     bounds=lambda height, width: cube(0.5 * vec3(width, height, width)),
     symmetry="xyz",
-    check=_check_vesica,
+    check=fits("vesica", lambda height, width: width <= height, "width <= height"),
     convex=True,
 )
 def vesica(p: Expr, height: Positive = 1.8, width: Positive = 0.9) -> Expr:
