@@ -76,7 +76,23 @@ class Limits:
         return min(self.texture_size, self.viewport[0]), min(self.texture_size, self.viewport[1])
 
 
-class Context:
+class Releasing:
+    """What is released at the end of a `with` block."""
+
+    def release(self) -> None:
+        """Free the resources. Idempotent."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()
+
+
+class Context(Releasing):
     """One OpenGL 3.3 core context, made by `open_context`. It is current only inside `with context.bound():`.
 
     Attributes
@@ -224,11 +240,6 @@ class Context:
     def __enter__(self) -> Self:
         self.check()
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.release()
 
     def __repr__(self) -> str:
         state = "released" if self.released else self.driver.renderer

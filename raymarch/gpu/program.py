@@ -6,15 +6,14 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Literal, NamedTuple, Self, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import DeviceError, Location, ShaderError
-from raymarch.gpu.context import Context
+from raymarch.gpu.context import Context, Releasing
 from raymarch.gpu.targets import Surface, Target, confine
 
 FULL_SCREEN = """#version 330 core
@@ -99,7 +98,7 @@ class Elements(NamedTuple):
     values: NDArray[Any]
 
 
-class Program:
+class Program(Releasing):
     """A linked program: a pass that fills a surface, or a tile of it.
 
     Parameters
@@ -206,14 +205,6 @@ class Program:
             texture.use(unit)
             member.value = unit
             unit += 1
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.release()
 
 
 def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:

@@ -7,8 +7,7 @@ OpenGL's first row is the bottom of a picture; arrays here have row 0 at the TOP
 from __future__ import annotations
 
 import operator
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import moderngl
 import numpy as np
@@ -19,7 +18,7 @@ from raymarch.expr.convert import plain, short
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
-from raymarch.gpu.context import Context
+from raymarch.gpu.context import Context, Releasing
 
 _COMPONENTS = 4
 
@@ -34,7 +33,7 @@ class Surface(Protocol):
     def size(self) -> tuple[int, int]: ...
 
 
-class Target:
+class Target(Releasing):
     """A framebuffer with RGBA float textures of one size; attachment i is `layout(location = i)` of the shader.
 
     Sampling is nearest, clamped to the edge. The content is undefined until it is drawn, written or cleared.
@@ -162,16 +161,8 @@ class Target:
         if self.released or self.context.released:
             raise DeviceError(f"the target of {self._describe()} was released", legal="a new target")
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.release()
-
-
-class PingPong:
+class PingPong(Releasing):
     """Two equal targets: draw into `back` while the shader reads `front`, then `swap`.
 
     Parameters and errors are those of `Target`.
@@ -198,14 +189,6 @@ class PingPong:
         """Free both targets. Idempotent."""
         self.front.release()
         self.back.release()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.release()
 
 
 def upload(context: Context, data: Samples | Table) -> moderngl.Texture | moderngl.Texture3D:

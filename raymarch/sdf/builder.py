@@ -7,6 +7,7 @@ from collections.abc import Callable
 from types import MethodType
 from typing import TYPE_CHECKING, Any
 
+from raymarch.errors import SceneError
 from raymarch.sdf.helptext import help_text
 
 if TYPE_CHECKING:
@@ -22,23 +23,29 @@ class Builder:
 
     Parameters
     ----------
-    definition : the definition.
-    function : takes the operands and the parameters and makes a node.
-    operands : name of the parameter before those of the definition; None for a shape.
+    definition : the definition. source : the function that it was made of.
     """
 
-    def __init__(self, definition: Definition, function: Callable[..., Node], operands: str | None) -> None:
+    def __init__(self, definition: Definition, source: Callable[..., Any]) -> None:
         self.definition = definition
-        self.__name__ = function.__name__
-        self.__qualname__ = function.__qualname__
-        self.__module__ = function.__module__
-        self.__annotations__ = function.__annotations__
-        self._function = function
-        self._operands = operands
+        self.__name__ = source.__name__
+        self.__qualname__ = source.__qualname__
+        self.__module__ = source.__module__
+        self.__annotations__ = source.__annotations__
+        self._operands = {"none": None, "one": "node", "many": "nodes"}[definition.arity]
         self._help: str | None = None
 
     def __call__(self, *args: Any, **kwargs: Any) -> Node:
-        return self._function(*args, **kwargs)
+        if self._operands is None:
+            return self.definition.make((), args, kwargs)
+        if self._operands in kwargs:
+            args = (kwargs.pop(self._operands), *args)
+        if not args:
+            name = self.definition.called
+            raise SceneError(f"{name} needs '{self._operands}'", legal=f"{name}({self._operands}, ...)")
+        operands, *others = args
+        children = (operands,) if self._operands == "node" else operands
+        return self.definition.make(children, tuple(others), kwargs)
 
     def __get__(self, instance: object, owner: type | None = None) -> Any:
         """As a method, like a function. `help` also knows a function by it."""

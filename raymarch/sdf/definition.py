@@ -7,13 +7,12 @@ registry, where the fluent methods, the generic tests and the documentation find
 from __future__ import annotations
 
 import builtins
-import functools
 import inspect
 import typing
 from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, cast
+from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
 
 import numpy as np
 
@@ -316,13 +315,13 @@ FLAT: Mapping[Type | None, Type] = {VEC3: VEC2, MAT3: MAT2}
 
 def _define(
     source: Callable[..., Any],
-    *,
     arity: str,
     dimension: Dimension,
     child_dimension: Dimension,
-    **declared: Any,
+    declared: dict[str, Any],
 ) -> Definition:
     """The definition; one of any dimension gets a flat twin, whose vectors have two components."""
+    declared = {"check": None, "associative": False, "cuts": False, **declared}
     if dimension != "any" and child_dimension != "any":
         definition = _define_one(source, arity, dimension, child_dimension, declared)
         REGISTRY[definition.name] = definition
@@ -423,6 +422,16 @@ def _require(name: str, exactness: Any, bounds: Any) -> None:
         raise SceneError(f"{name}: exactness = {short(exactness)}", legal="'exact', 'bound' or 'estimate'")
 
 
+def _decorator(arity: str, dimension: Dimension, child_dimension: Dimension | None, **declared: Any) -> Any:
+    """The decorator that makes a definition of a function, and gives the function that makes its nodes."""
+
+    def decorate(source: Callable[..., Any]) -> Builder:
+        _require(source.__name__, declared["exactness"], declared["bounds"])
+        return Builder(_define(source, arity, dimension, child_dimension or dimension, declared), source)
+
+    return decorate
+
+
 def shape(
     *,
     exactness: Exactness | Rule | None = None,
@@ -458,32 +467,19 @@ def shape(
     Raises SceneError if a fact is missing.
     """
 
-    def decorate(source: Callable[Concatenate[Any, P], Any]) -> Callable[P, Node]:
-        _require(source.__name__, exactness, bounds)
-        definition = _define(
-            source,
-            arity="none",
-            called=called,
-            dimension=dimension,
-            child_dimension=dimension,
-            exactness=exactness,
-            bounds=bounds,
-            lipschitz=lipschitz,
-            symmetry=symmetry,
-            spread=spread,
-            convex=convex,
-            check=check,
-            associative=False,
-            cuts=False,
-        )
-
-        @functools.wraps(source)
-        def build(*args: P.args, **kwargs: P.kwargs) -> Node:
-            return definition.make((), args, kwargs)
-
-        return cast(Callable[P, Node], Builder(definition, build, None))
-
-    return decorate
+    return _decorator(
+        "none",
+        dimension,
+        dimension,
+        called=called,
+        exactness=exactness,
+        bounds=bounds,
+        lipschitz=lipschitz,
+        symmetry=symmetry,
+        spread=spread,
+        convex=convex,
+        check=check,
+    )
 
 
 def operator(
@@ -519,32 +515,19 @@ def operator(
     called : the name in messages, reprs and GLSL; by default that of the function.
     """
 
-    def decorate(source: Callable[Concatenate[Any, Any, P], Any]) -> Callable[Concatenate[Node, P], Node]:
-        _require(source.__name__, exactness, bounds)
-        definition = _define(
-            source,
-            arity="one",
-            called=called,
-            dimension=dimension,
-            child_dimension=child_dimension or dimension,
-            exactness=exactness,
-            bounds=bounds,
-            lipschitz=lipschitz,
-            symmetry=symmetry,
-            spread=spread,
-            convex=convex,
-            check=check,
-            associative=False,
-            cuts=False,
-        )
-
-        @functools.wraps(source)
-        def build(node: Node, *args: P.args, **kwargs: P.kwargs) -> Node:
-            return definition.make((node,), args, kwargs)
-
-        return cast(Callable[Concatenate[Node, P], Node], Builder(definition, build, "node"))
-
-    return decorate
+    return _decorator(
+        "one",
+        dimension,
+        child_dimension,
+        called=called,
+        exactness=exactness,
+        bounds=bounds,
+        lipschitz=lipschitz,
+        symmetry=symmetry,
+        spread=spread,
+        convex=convex,
+        check=check,
+    )
 
 
 def combination(
@@ -567,33 +550,20 @@ def combination(
     `cuts`: a child without its own material takes the material of the child that it cuts.
     """
 
-    def decorate(
-        source: Callable[Concatenate[Any, Any, P], Any],
-    ) -> Callable[Concatenate[Sequence[Node], P], Node]:
-        definition = _define(
-            source,
-            arity="many",
-            called=called,
-            dimension=dimension,
-            child_dimension=child_dimension or dimension,
-            exactness=exactness,
-            bounds=bounds,
-            lipschitz=lipschitz,
-            symmetry=symmetry,
-            spread=spread,
-            convex=convex,
-            check=None,
-            associative=associative,
-            cuts=cuts,
-        )
-
-        @functools.wraps(source)
-        def build(nodes: Sequence[Node], *args: P.args, **kwargs: P.kwargs) -> Node:
-            return definition.make(nodes, args, kwargs)
-
-        return cast(Callable[Concatenate[Sequence[Node], P], Node], Builder(definition, build, "nodes"))
-
-    return decorate
+    return _decorator(
+        "many",
+        dimension,
+        child_dimension,
+        called=called,
+        exactness=exactness,
+        bounds=bounds,
+        lipschitz=lipschitz,
+        symmetry=symmetry,
+        spread=spread,
+        convex=convex,
+        associative=associative,
+        cuts=cuts,
+    )
 
 
 def cube(half: Any) -> tuple[Expr, Expr]:

@@ -28,57 +28,6 @@ from raymarch.scene.scene import Scene
 from raymarch.scene.srgb import srgb_glsl
 from raymarch.shader import Shader, assemble
 
-_DISPLAY = """#version 300 es
-precision highp float;
-precision highp int;
-precision highp sampler2D;
-uniform sampler2D u_picture;
-uniform sampler2D u_maps;  // two rows: viridis, inferno
-uniform vec2 u_size;  // of the surface that is drawn, in pixels
-uniform int u_view;  // 0 the picture, 1 depth, 2 evaluations, 3 normals
-uniform float u_scale;  // the least depth, or the most evaluations
-out vec4 out_color;
-
-TONED
-
-vec4 texel(ivec2 at) {
-    return texelFetch(u_picture, clamp(at, ivec2(0), textureSize(u_picture, 0) - 1), 0);
-}
-
-// Linear interpolation, because not all devices filter float textures.
-vec4 smoothed(vec2 at) {
-    vec2 place = at * vec2(textureSize(u_picture, 0)) - 0.5;
-    ivec2 low = ivec2(floor(place));
-    vec2 w = place - floor(place);
-    if (w.x < 0.001 && w.y < 0.001) return texel(low);
-    vec4 under = mix(texel(low), texel(low + ivec2(1, 0)), w.x);
-    return mix(under, mix(texel(low + ivec2(0, 1)), texel(low + ivec2(1, 1)), w.x), w.y);
-}
-
-vec3 mapped(float share, int row) {
-    float last = float(textureSize(u_maps, 0).x - 1);
-    float at = clamp(share, 0.0, 1.0) * last;
-    ivec2 low = ivec2(min(floor(at), last - 1.0), row);
-    return mix(texelFetch(u_maps, low, 0).rgb, texelFetch(u_maps, low + ivec2(1, 0), 0).rgb, at - float(low.x));
-}
-
-void main() {
-    vec2 at = gl_FragCoord.xy / u_size;
-    vec3 color;
-    if (u_view == 0) {
-        vec3 light = smoothed(at).rgb;
-        vec3 c = clamp(toned(clamp(mix(light, vec3(0.0), isnan(light)), 0.0, 1.0e30)), 0.0, 1.0);
-        color = vec3(linear_to_srgb(c.r), linear_to_srgb(c.g), linear_to_srgb(c.b));
-    } else {
-        vec4 value = texel(ivec2(at * vec2(textureSize(u_picture, 0))));
-        if (u_view == 1) color = value.x < 0.0 ? vec3(0.0) : mapped(u_scale / value.x, 0);
-        else if (u_view == 2) color = mapped(value.w / u_scale, 1);
-        else color = value.xyz == vec3(0.0) ? vec3(0.0) : 0.5 + 0.5 * value.xyz;
-    }
-    out_color = vec4(color, 1.0);
-}
-"""
-
 
 def text_of(scene: Scene, values: Values) -> Text:
     """The page. Raises PlanError for many lights or a sky light that change."""
@@ -95,7 +44,7 @@ def page_text(scene: Scene, values: Values) -> str:
     pose = scene.pose(values)
     data = {
         "shader": _text(_short(shader.text("samples", "300 es", lines))),
-        "display": _DISPLAY.replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}"),
+        "display": _file("page.glsl").replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}"),
         "params": _params(made, shader, values),
         "time": values.time if TIME in shader.uniforms else None,
         "elevation": _elevation(scene, values),
@@ -104,12 +53,15 @@ def page_text(scene: Scene, values: Values) -> str:
         "maps": _packed("maps", _maps()),
         "source": _source(scene),
     }
-    template = files("raymarch.export").joinpath("page.html").read_text(encoding="utf-8")
     file = Path(scene.where.file) if scene.where else None
     name = file.stem if file and file.exists() else "raymarch"  # a notebook's cell is no file
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     # no markup can end the script early
-    return template.replace("TITLE", escape(name)).replace("DATA", text.replace("<", "\\u003c"), 1)
+    return _file("page.html").replace("TITLE", escape(name)).replace("DATA", text.replace("<", "\\u003c"), 1)
+
+
+def _file(name: str) -> str:
+    return files("raymarch.export").joinpath(name).read_text(encoding="utf-8")
 
 
 def _short(text: str) -> str:

@@ -1,0 +1,49 @@
+#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+uniform sampler2D u_picture;
+uniform sampler2D u_maps;  // two rows: viridis, inferno
+uniform vec2 u_size;  // of the surface that is drawn, in pixels
+uniform int u_view;  // 0 the picture, 1 depth, 2 evaluations, 3 normals
+uniform float u_scale;  // the least depth, or the most evaluations
+out vec4 out_color;
+
+TONED
+
+vec4 texel(ivec2 at) {
+    return texelFetch(u_picture, clamp(at, ivec2(0), textureSize(u_picture, 0) - 1), 0);
+}
+
+// Linear interpolation, because not all devices filter float textures.
+vec4 smoothed(vec2 at) {
+    vec2 place = at * vec2(textureSize(u_picture, 0)) - 0.5;
+    ivec2 low = ivec2(floor(place));
+    vec2 w = place - floor(place);
+    if (w.x < 0.001 && w.y < 0.001) return texel(low);
+    vec4 under = mix(texel(low), texel(low + ivec2(1, 0)), w.x);
+    return mix(under, mix(texel(low + ivec2(0, 1)), texel(low + ivec2(1, 1)), w.x), w.y);
+}
+
+vec3 mapped(float share, int row) {
+    float last = float(textureSize(u_maps, 0).x - 1);
+    float at = clamp(share, 0.0, 1.0) * last;
+    ivec2 low = ivec2(min(floor(at), last - 1.0), row);
+    return mix(texelFetch(u_maps, low, 0).rgb, texelFetch(u_maps, low + ivec2(1, 0), 0).rgb, at - float(low.x));
+}
+
+void main() {
+    vec2 at = gl_FragCoord.xy / u_size;
+    vec3 color;
+    if (u_view == 0) {
+        vec3 light = smoothed(at).rgb;
+        vec3 c = clamp(toned(clamp(mix(light, vec3(0.0), isnan(light)), 0.0, 1.0e30)), 0.0, 1.0);
+        color = vec3(linear_to_srgb(c.r), linear_to_srgb(c.g), linear_to_srgb(c.b));
+    } else {
+        vec4 value = texel(ivec2(at * vec2(textureSize(u_picture, 0))));
+        if (u_view == 1) color = value.x < 0.0 ? vec3(0.0) : mapped(u_scale / value.x, 0);
+        else if (u_view == 2) color = mapped(value.w / u_scale, 1);
+        else color = value.xyz == vec3(0.0) ? vec3(0.0) : 0.5 + 0.5 * value.xyz;
+    }
+    out_color = vec4(color, 1.0);
+}
