@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Generator, Iterator
-from fnmatch import fnmatchcase
+from fnmatch import fnmatchcase, translate
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +35,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     lines = LONG.read_text(encoding="utf-8").splitlines()
     patterns = [line for line in lines if line and not line.startswith("#")]
     whole = not config.args or config.args == config.getini("testpaths")
-    unknown = [p for p in patterns if whole and not any(fnmatchcase(item.nodeid, p) for item in items)]
+    any_pattern = re.compile("|".join(translate(pattern) for pattern in patterns))
+    found: set[str] = set()
+    for item in items:
+        if any_pattern.match(item.nodeid):
+            item.add_marker("long")
+            found.update(pattern for pattern in patterns if fnmatchcase(item.nodeid, pattern))
+    unknown = [pattern for pattern in patterns if whole and pattern not in found]
     if unknown:
         raise pytest.UsageError(f"{LONG.name}: no test is called {', '.join(unknown)}")
-    for item in items:
-        if any(fnmatchcase(item.nodeid, pattern) for pattern in patterns):
-            item.add_marker("long")
     if config.getoption("--all"):
         return
 

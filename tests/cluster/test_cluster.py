@@ -91,14 +91,16 @@ def test_films_pictures_and_failures(
     assert told.splitlines()[-1] == "raymarch: 1 of 6 frames could not be drawn (see above)"
 
 
-def test_a_killed_and_a_hung_worker_cost_only_their_tasks(folder: Path, client: Any) -> None:
+@pytest.mark.parametrize("also_hung", [False, True], ids=["killed", "killed and hung"])
+def test_a_killed_and_a_hung_worker_cost_only_their_tasks(folder: Path, client: Any, also_hung: bool) -> None:
     assert draw("p_%02d.png", frames="0:24") == 0
     first, second = client.run(os.getpid).values()
 
     def disturb() -> None:
         wait_for(lambda: len(content("c_*.png")) >= 4, 60, "4 frames")
         os.kill(first, signal.SIGKILL)
-        os.kill(second, signal.SIGSTOP)  # the scheduler replaces it after its time to live
+        if also_hung:
+            os.kill(second, signal.SIGSTOP)  # the scheduler replaces it after its time to live
 
     thread = threading.Thread(target=disturb)
     thread.start()

@@ -143,6 +143,13 @@ def test_samples_are_measured_and_kept(folder, drawn, asked):
     assert {q.samples for q in drawn} == {2}
 
 
+@pytest.fixture
+def short_ladder(monkeypatch):
+    """Whether all settings are tried is tested in test_search.py."""
+    monkeypatch.setattr("raymarch.cost.search.LADDER", (2.0, 0.1))
+
+
+@pytest.mark.usefixtures("short_ladder")
 def test_what_was_reached_is_stated(folder, capsys):
     assert draw("--error", "0.5px") == 0
     said = capsys.readouterr().err
@@ -152,6 +159,7 @@ def test_what_was_reached_is_stated(folder, capsys):
     assert "60s: " in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("short_ladder")
 @pytest.mark.parametrize(
     ("args", "says"),
     [

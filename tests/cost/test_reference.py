@@ -26,14 +26,17 @@ def test_it_is_the_truth(scene, known):
     assert known.floor.mean() > 3
 
 
-def test_the_picture_is_the_mean_of_finer_rays(scene, known):
-    fine = rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color
+@pytest.fixture(scope="module")
+def fine(scene):
+    return rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color
+
+
+def test_the_picture_is_the_mean_of_finer_rays(known, fine):
     assert known.picture[7, 9] == pytest.approx(fine[14:16, 18:20].mean(axis=(0, 1)))
     assert known.spread[7, 9] == pytest.approx(fine[14:16, 18:20].reshape(4, 3).std(axis=0, ddof=1).max() / 2)
 
 
-def test_the_half_is_every_other_ray(scene, known, monkeypatch):
-    fine = rm.truth(scene, size=(2 * SIZE[0], 2 * SIZE[1])).color
+def test_the_half_is_every_other_ray(scene, known, fine, monkeypatch):
     assert known.half[7, 9] == pytest.approx((fine[14, 18] + fine[15, 19]) / 2)
     monkeypatch.setattr(reference_module, "AT_ONCE", 4 * SIZE[0] * 5)
     monkeypatch.setenv(CACHE_VARIABLE, "")

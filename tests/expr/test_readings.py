@@ -220,7 +220,7 @@ def test_every_operation_has_every_reading() -> None:
 
 
 def test_every_operation_has_a_sample() -> None:
-    used = {op for s in SAMPLES for op in RULES if find([s.function.body], op)}
+    used = {e.op for s in SAMPLES for e in find([s.function.body], *RULES)}
     assert set(RULES) - used == STRUCTS | {"fetch"}, "tests/expr/test_tables.py samples the last"
 
 

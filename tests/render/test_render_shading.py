@@ -12,7 +12,8 @@ from raymarch.scene.parameter import set_values
 from raymarch.truth import silhouettes, truth
 from tests.support.shader_samples import lamps, scenes, solid
 
-SIZE = (80, 60)
+SIZE, SMALL = (80, 60), (56, 42)
+"""The smaller for soft shadows, whose truth takes long."""
 SKIES = ("gradient sky", "sun sky", "blue sky", "matte under a sky", "gold under a sky", "occlusion")
 EXACT = ("physical", "masking", "both models", "patterns", "glow without lights", "many plain lamps", *SKIES)
 MAPS = ("mapped", "relief", "relief under a sky", "relief in corners", "matte relief", "glow of a texture")
@@ -23,10 +24,10 @@ AWAY = rm.Camera((5.079, 3.367, 7.483), (1.345, 0.007, 0.016))
 SOFT = ("soft shadows", "soft shadows without end", "lamps", "many lamps")
 
 
-def differences(renderer: Renderer, scene: rm.Scene) -> np.ndarray:
+def differences(renderer: Renderer, scene: rm.Scene, size: tuple[int, int] = SIZE) -> np.ndarray:
     """Off silhouettes, over what is there: a highlight of brightness 20 need not be known to 1/255."""
-    renderer.resize(SIZE)
-    known = truth(scene, SIZE)
+    renderer.resize(size)
+    known = truth(scene, size)
     found = renderer.render(scene).color
     return (np.abs(found - known.color) / np.maximum(known.color, 1.0)).max(axis=-1)[~silhouettes(known)]
 
@@ -41,7 +42,7 @@ def test_a_look_is_true(renderer: Renderer, name: str) -> None:
 def test_a_soft_shadow_is_true(renderer: Renderer, name: str) -> None:
     """The samples on its way are others in float32, by which a penumbra may change by `SAMPLING` of the light; what is
     beyond is the border of a hard one, or of the lamp that touches a ball."""
-    off = differences(renderer, scenes()[name].replace(camera=AWAY))
+    off = differences(renderer, scenes()[name].replace(camera=AWAY), SMALL)
     assert np.mean(off > 1 / 255) < 0.01 and np.mean(off > 1.05 * SAMPLING) < 3e-3
 
 

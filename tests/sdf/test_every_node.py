@@ -1,46 +1,83 @@
 """What every node promises, tested on every definition of the package: see `node_samples`.
 
-Each test reads a fact from the node and holds it against the field itself, evaluated in float64.
+Each promise is a function that reads a fact from the node and holds it against the field itself, evaluated in float64.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from raymarch.errors import SceneError
-from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import companion
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VECTORS
 from raymarch.gpu.context import Context
 from raymarch.sdf import Node
-from raymarch.sdf.lower import lower
-from tests.support.glsl_harness import assert_es, run
-from tests.support.node_samples import POINTS, SPECIAL, Field, Seen, definitions, look_at, samples
+from tests.support.glsl_harness import ES, assert_valid, run, shader
+from tests.support.node_samples import POINTS, SPECIAL, Field, NodeSample, Seen, definitions, look_at, samples
 from tests.support.records import measured
 from tests.support.surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance, unit
 
 ULP = float(np.finfo(np.float32).eps)
 
 
-def brief() -> list[object]:
-    """The samples; drawn ones between the first and the last of a definition are long."""
-    chosen: list[object] = []
+PROMISES: list[Callable[[Seen], None]] = []
+"""What is held against the field of each sample, in this order."""
+ON_THE_DRIVER: list[Callable[[Seen, Context], None]] = []
+"""What is held against the text that is printed, as the driver runs it."""
+
+
+def promise(check: Callable[[Seen], None]) -> Callable[[Seen], None]:
+    PROMISES.append(check)
+    return check
+
+
+def promise_on_the_driver(check: Callable[[Seen, Context], None]) -> Callable[[Seen, Context], None]:
+    ON_THE_DRIVER.append(check)
+    return check
+
+
+def by_definition() -> Iterator[Any]:
+    """The samples of each definition; drawn ones between the first and the last are long."""
     for definition, some in groupby(samples(), key=lambda sample: sample.definition):
         drawn = list(some)
-        between = () if definition.name in SPECIAL else drawn[1:-1]
-        chosen += [pytest.param(sample, marks=[pytest.mark.long] * (sample in between)) for sample in drawn]
-    return chosen
+        between = [] if definition.name in SPECIAL else drawn[1:-1]
+        yield pytest.param([s for s in drawn if s not in between], id=definition.name)
+        if between:
+            yield pytest.param(between, id=f"{definition.name}-between", marks=pytest.mark.long)
 
 
-@pytest.fixture(scope="module", params=brief(), ids=lambda sample: sample.id)
-def s(request: pytest.FixtureRequest) -> Seen:
-    """One sample after the other; all tests look at it before the next one comes."""
-    return look_at(request.param)
+@pytest.mark.parametrize("chosen", list(by_definition()))
+def test_promises(chosen: list[NodeSample], egl: Context) -> None:
+    """All promises of each sample: they share its points, values, surface and gradients. Each broken one is told."""
+    broken: list[Exception] = []
+    names: list[str] = []
+
+    def told(name: str, check: Callable[[], None]) -> None:
+        try:
+            check()
+        except Exception as fault:
+            fault.add_note(name)
+            broken.append(fault)
+            names.append(name)
+
+    texts: dict[str, str] = {}
+    for sample in chosen:
+        s = look_at(sample)
+        for check in PROMISES:
+            told(f"{sample.id}: {check.__name__}", partial(check, s))
+        for run_there in ON_THE_DRIVER:
+            told(f"{sample.id}: {run_there.__name__}", partial(run_there, s, egl))
+        texts[sample.id] = shader(s.node.glsl(), "field({0})", [VECTORS[s.node.dimension]], 1, ES)
+    told("the text serves ES", partial(assert_valid, texts))
+    if broken:
+        raise ExceptionGroup("; ".join(names), broken)
 
 
 TOLERANCE = 2e-3
@@ -58,7 +95,8 @@ def few_wrong(node: Node) -> float:
 MEASURED = measured()
 
 
-def test_the_field_is_the_one_that_was_measured(s: Seen) -> None:
+@promise
+def the_field_is_the_one_that_was_measured(s: Seen) -> None:
     """docs/proofs.md tells of these very fields; one that is another than it was has to be looked at again.
 
     A new node has no figures yet: there is nothing to compare, and the end of the run says so.
@@ -78,9 +116,10 @@ def test_every_definition_has_samples() -> None:
     assert len(definitions()) >= 22
 
 
-def test_glsl_is_the_twin(s: Seen, egl: Context) -> None:
+@promise_on_the_driver
+def glsl_is_the_twin(s: Seen, egl: Context) -> None:
     """float32 on the driver against float64, within 16 ulp of the coordinates or of the solid's size."""
-    text = print_functions([lower(s.node)])
+    text = print_functions([s.field.definition])
     point = VECTORS[s.node.dimension]
     values = run(egl, s.node.glsl(), "field({0})", [(point, s.points)], samples=text.samples)
     error = np.abs(values - s.values)
@@ -93,17 +132,13 @@ def test_glsl_is_the_twin(s: Seen, egl: Context) -> None:
     )
 
 
-def test_glsl_serves_es(s: Seen) -> None:
-    node = s.node
-    assert_es(node.glsl(), "field({0})", [VECTORS[node.dimension]])
-
-
 def least_smooth(node: Node) -> float:
     """The share of points away from kinks that a test needs; estimates of fractals are rough nearly everywhere."""
     return 0.05 if node.exactness == "estimate" else 0.5
 
 
-def test_gradient_equals_central_differences(s: Seen) -> None:
+@promise
+def gradient_equals_central_differences(s: Seen) -> None:
     points = s.points[:2000]
     central, smooth = smooth_differences(s.field, points, 1e-6 * s.field.size, 1e-4)
     gradient = s.field.gradient(points)
@@ -114,11 +149,12 @@ def test_gradient_equals_central_differences(s: Seen) -> None:
     np.testing.assert_allclose(s.node.gradient(points[:5]), gradient[:5], atol=1e-12)
 
 
-def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
+@promise_on_the_driver
+def gradient_on_the_driver(s: Seen, egl: Context) -> None:
     points = s.points[:4000]
     _, smooth = smooth_differences(s.field, points, 1e-4 * s.field.size, 2e-2)
     assert smooth.mean() > least_smooth(s.node), "too few points are smooth to tell anything"
-    text = print_functions([companion(lower(s.node))])
+    text = print_functions([s.field.companion])
     body = "\n".join(line.text for line in text.lines()) + "\n"
     declared = "".join(f"uniform sampler{d.dimension}D {name};\n" for name, d in text.samples.items())
     point = VECTORS[s.node.dimension]
@@ -128,7 +164,8 @@ def test_gradient_on_the_driver(s: Seen, egl: Context) -> None:
     assert np.mean(~(error < 1e-4)) <= 0.005 + few_wrong(s.node), f"off by up to {error.max():.3g}"
 
 
-def test_normals_on_the_surface_survive_float32(s: Seen) -> None:
+@promise
+def normals_on_the_surface_survive_float32(s: Seen) -> None:
     """On the surface itself, where sign * sqrt(d^2) and the like would divide rounding errors by rounding errors."""
     points = s.surface[:400].astype(np.float32).astype(np.float64)
     gradient = s.field.gradient(points)
@@ -142,14 +179,13 @@ def test_normals_on_the_surface_survive_float32(s: Seen) -> None:
     if s.node.exactness == "estimate" and not np.any(smooth):
         return  # the surface of a fractal may be nothing but creases
     assert smooth.mean() > 0.02
-    whole = companion(lower(s.node))
-    (single,) = evaluator([whole.body], whole.params, np.float32)(points.astype(np.float32))
-    single = np.broadcast_to(single, (len(points), s.node.dimension + 1))[:, :-1]
+    single = s.field.whole_single(points)[:, :-1]
     error = np.linalg.norm(unit(single.astype(np.float64)) - unit(gradient), axis=1)[smooth]
     assert np.mean(~(error < 1e-3)) <= few_wrong(s.node), points[smooth][np.argmax(error)]
 
 
-def test_never_steeper_than_promised(s: Seen) -> None:
+@promise
+def never_steeper_than_promised(s: Seen) -> None:
     """Pairs of points, far apart and close together; and the gradient itself."""
     if s.node.exactness == "estimate":
         assert s.node.lipschitz == np.inf
@@ -171,26 +207,24 @@ def test_never_steeper_than_promised(s: Seen) -> None:
     assert slopes.max() <= limit * (1 + 1e-9)
 
 
-def test_special_points(s: Seen) -> None:
+@promise
+def special_points(s: Seen) -> None:
     """The origin, axes, corners and middles of the box: no 0/0, no root of 0 with an infinite slope."""
     low, high = (
         np.where(np.isfinite(b), b, e) for b, e in zip(s.node.bounds, (s.field.low, s.field.high), strict=True)
     )
     marks = np.stack([low, high, 0.5 * (low + high), np.zeros_like(low), 1.5 * high - 0.5 * low], axis=-1)
     points = np.stack(np.meshgrid(*marks, indexing="ij"), axis=-1).reshape(-1, s.node.dimension)
-    whole = companion(lower(s.node))
-    for dtype, rounding in ((np.float64, 1e-9), (np.float32, 1e-4)):
-        both = np.broadcast_to(
-            evaluator([whole.body], whole.params, dtype)(points)[0], (len(points), s.node.dimension + 1)
-        )
+    for whole, rounding in ((s.field.whole, 1e-9), (s.field.whole_single, 1e-4)):
+        both = whole(points)
         assert np.all(np.isfinite(both)), points[~np.isfinite(both).all(axis=1)]
         if s.node.exactness != "estimate":
             assert np.linalg.norm(both[:, :-1], axis=1).max() <= s.node.lipschitz + rounding
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_shapes_do_not_know_their_unit(s: Seen, scale: float) -> None:
-    """All lengths a million times as large: the field as well. An absolute epsilon would show."""
+@promise
+def shapes_do_not_know_their_unit(s: Seen) -> None:
+    """All lengths a million times as large or as small: the field as well. An absolute epsilon would show."""
     definition = s.sample.definition
     if definition.arity != "none" or s.node.exactness == "estimate":
         return  # no shape, or an iteration with a size of its own
@@ -201,16 +235,18 @@ def test_shapes_do_not_know_their_unit(s: Seen, scale: float) -> None:
     }
     if any(d.unit != "length" and n not in definition.defaults for n, d in definition.domains.items()):
         return  # not all parameters have a unit
-    given = {name: value * scale if name in lengths else value for name, value in s.node.params.items()}
-    field = Field(definition.make((), (), given))
     points, values = s.points[:3000], s.values[:3000]
-    np.testing.assert_allclose(field.value(scale * points), scale * values, atol=1e-9 * scale * s.field.size)
-    twin = field.single(scale * points)
-    error = np.abs(twin - scale * values) / (scale * np.maximum(np.abs(points).max(axis=1), s.field.size))
-    assert error.max() <= 64 * ULP
+    for scale in (1e-6, 1e6):
+        given = {name: value * scale if name in lengths else value for name, value in s.node.params.items()}
+        field = Field(definition.make((), (), given))
+        np.testing.assert_allclose(field.value(scale * points), scale * values, atol=1e-9 * scale * s.field.size)
+        twin = field.single(scale * points)
+        error = np.abs(twin - scale * values) / (scale * np.maximum(np.abs(points).max(axis=1), s.field.size))
+        assert error.max() <= 64 * ULP, scale
 
 
-def test_solid_lies_within_its_bounds(s: Seen) -> None:
+@promise
+def solid_lies_within_its_bounds(s: Seen) -> None:
     low, high = s.node.bounds
     assert low.shape == high.shape == (s.node.dimension,)
     assert np.all(low <= high)
@@ -227,7 +263,8 @@ def test_solid_lies_within_its_bounds(s: Seen) -> None:
     assert np.all(s.field.value(far)[outside] > 0)
 
 
-def test_no_side_of_the_box_cuts_the_solid(s: Seen) -> None:
+@promise
+def no_side_of_the_box_cuts_the_solid(s: Seen) -> None:
     """A cap that the points above are too few to meet."""
     for axis in range(s.node.dimension):
         for edge in (bounds[axis] for bounds in s.node.bounds):
@@ -235,7 +272,8 @@ def test_no_side_of_the_box_cuts_the_solid(s: Seen) -> None:
                 assert lowest_on_plane(s.field, axis, edge) >= -1e-9 * s.field.size, (axis, edge)
 
 
-def test_small_values_lie_near_the_bounds(s: Seen) -> None:
+@promise
+def small_values_lie_near_the_bounds(s: Seen) -> None:
     """What is grown or blended relies on it: a field that rises slowly reaches far."""
     spread = s.node.facts.spread
     assert spread >= 1.0
@@ -245,7 +283,8 @@ def test_small_values_lie_near_the_bounds(s: Seen) -> None:
     assert np.all(outside <= spread * np.maximum(s.values, 1e-12) + 1e-9 * s.field.size)
 
 
-def test_what_is_called_convex_is_convex(s: Seen) -> None:
+@promise
+def what_is_called_convex_is_convex(s: Seen) -> None:
     if not s.node.facts.convex:
         return  # not known to be convex
     inside = np.concatenate([s.points[s.values < 0][:20_000], s.surface])
@@ -254,7 +293,8 @@ def test_what_is_called_convex_is_convex(s: Seen) -> None:
     assert s.field.value(middles).max() <= 1e-10 * s.field.size
 
 
-def test_bounds_of_exact_shapes_are_tight(s: Seen) -> None:
+@promise
+def bounds_of_exact_shapes_are_tight(s: Seen) -> None:
     if s.sample.definition.arity != "none" or s.node.exactness != "exact":
         return  # no exact shape
     for axis in range(s.node.dimension):
@@ -263,7 +303,8 @@ def test_bounds_of_exact_shapes_are_tight(s: Seen) -> None:
                 assert lowest_on_plane(s.field, axis, edge) <= 0.01 * s.field.size
 
 
-def test_distance_is_never_larger_than_to_the_surface(s: Seen) -> None:
+@promise
+def distance_is_never_larger_than_to_the_surface(s: Seen) -> None:
     """For exact nodes and bounds alike: the surface, found by bisection, is at least as far as the field says."""
     if s.node.exactness == "estimate":
         return  # an estimate promises nothing
@@ -274,7 +315,8 @@ def test_distance_is_never_larger_than_to_the_surface(s: Seen) -> None:
     assert excess[worst] <= 1e-9 * s.field.size, (s.points[worst], s.surface[nearest[worst]], s.values[worst])
 
 
-def test_exact_distance_is_the_distance(s: Seen) -> None:
+@promise
+def exact_distance_is_the_distance(s: Seen) -> None:
     """Inside and outside, against the nearest point of the surface by search."""
     if s.node.exactness != "exact":
         return  # not exact
@@ -284,8 +326,8 @@ def test_exact_distance_is_the_distance(s: Seen) -> None:
     margin = np.minimum(s.points - s.field.low, s.field.high - s.points).min(axis=1)
     known = np.abs(s.values) < 0.5 * margin  # the nearest surface lies well in the region looked at
     queries = np.concatenate([s.points[known & (s.values > 0)][:120], s.points[known & (s.values < 0)][:120]])
-    distances = nearest_distance(s.field, random, s.surface, queries)
     values = np.abs(s.field.value(queries))
+    distances = nearest_distance(s.field, random, s.surface, queries, values + TOLERANCE * s.field.size)
     for k in np.argsort(values - distances)[:8]:  # where most is missing, a nearer piece may have been overlooked
         if distances[k] - values[k] > TOLERANCE * s.field.size:
             distances[k] = min(distances[k], thorough_distance(s.field, random, queries[k], distances[k]))
@@ -296,7 +338,8 @@ def test_exact_distance_is_the_distance(s: Seen) -> None:
     )
 
 
-def test_every_child_counts(s: Seen) -> None:
+@promise
+def every_child_counts(s: Seen) -> None:
     """Any child that is moved a little changes the field somewhere: none is forgotten."""
     node, points = s.node, s.points[:20_000]
     if len(node.children) > 2:
@@ -312,25 +355,30 @@ def test_every_child_counts(s: Seen) -> None:
         assert np.abs(other - s.values[: len(points)]).max() > 1e-6 * s.field.size, f"child {k} is without effect"
 
 
-def test_symmetry_is_symmetry(s: Seen) -> None:
+@promise
+def symmetry_is_symmetry(s: Seen) -> None:
     points = s.points[:10_000]
     for axis in s.node.facts.symmetry:
         mirrored = points * np.where(np.arange(s.node.dimension) == "xyz".index(axis), -1.0, 1.0)
         np.testing.assert_allclose(s.field.value(mirrored), s.values[:10_000], atol=1e-12 * s.field.size)
 
 
-def test_equal_nodes_have_equal_text(s: Seen) -> None:
+@promise
+def equal_nodes_have_equal_text(s: Seen) -> None:
     assert s.sample.build().glsl() == s.node.glsl()
 
 
-def test_one_point_is_like_many(s: Seen) -> None:
+@promise
+def one_point_is_like_many(s: Seen) -> None:
     node: Node = s.node
-    points = s.points[:3]
+    points, many = s.points[:3], s.values[:3]
     assert node.distance(points[0]).shape == ()
-    np.testing.assert_allclose([node.distance(p) for p in points], node.distance(points), atol=1e-13 * s.field.size)
+    np.testing.assert_allclose(node.distance(points), many, atol=1e-13 * s.field.size)
+    np.testing.assert_allclose([s.field.value(p) for p in points], many, atol=1e-13 * s.field.size)
     assert node.distance(points[:0]).shape == (0,)
     assert node.gradient(points[:0]).shape == (0, node.dimension)
 
 
-def test_definition_is_documented(s: Seen) -> None:
+@promise
+def definition_is_documented(s: Seen) -> None:
     assert len(s.sample.definition.doc.strip()) > 5

@@ -14,7 +14,7 @@ from raymarch.expr import glsl as printer
 from raymarch.expr import vocabulary as v
 from raymarch.plan import plan
 from raymarch.shader import assemble
-from tests.support.shader_samples import PASSES, scenes
+from tests.support.shader_samples import PASSES, assembled, scenes
 
 SCENES = scenes()
 
@@ -22,7 +22,7 @@ SCENES = scenes()
 @pytest.mark.parametrize("passes", PASSES, ids="+".join)
 @pytest.mark.parametrize("name", SCENES)
 def test_every_line_says_what_made_it(name: str, passes: tuple[str, ...]) -> None:
-    shader = assemble(plan(SCENES[name], passes))
+    shader = assembled(name, passes)
     for version in ("330 core", "300 es"):
         lines = shader.text(version=version).splitlines()
         head = len(lines) - len(shader.body)

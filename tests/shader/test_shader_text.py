@@ -17,7 +17,7 @@ from raymarch.plan import plan
 from raymarch.scene import load
 from raymarch.shader import Shader, assemble
 from tests.support.required import glslang
-from tests.support.shader_samples import PASSES, scenes
+from tests.support.shader_samples import PASSES, assembled, scenes
 
 ROOT = Path(rm.__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -56,7 +56,7 @@ ABSENT = {
 
 @pytest.mark.parametrize("name", ABSENT)
 def test_what_is_not_called_for_is_not_in_the_text(name: str) -> None:
-    made = re.sub(r"//.*", "", text(SCENES[name]))
+    made = re.sub(r"//.*", "", assembled(name).text())
     for word in ABSENT[name]:
         assert word not in made
 
@@ -156,7 +156,8 @@ def test_the_text_is_the_same_in_every_process_and_beside_unused_modules(tmp_pat
     """Other hash seeds; other parameters, materials, lights and shapes written, planned and assembled before; and a
     package with another light in it, which gives a name that is chosen from several modules."""
     processes = [printing(ROOT, 1)]
-    shutil.copytree(ROOT / "raymarch", tmp_path / "raymarch", ignore=shutil.ignore_patterns("__pycache__"))
+    being_written = shutil.ignore_patterns("*.pyc.*")
+    shutil.copytree(ROOT / "raymarch", tmp_path / "raymarch", ignore=being_written)
     module = tmp_path / "raymarch" / "glsl" / "light" / "aaa.glsl"
     module.write_text(EXTRA)
     processes.append(printing(tmp_path, 4, BEFORE))
@@ -173,7 +174,7 @@ def test_the_text_is_the_same_in_every_process_and_beside_unused_modules(tmp_pat
 def test_one_text_is_valid_on_the_desktop_and_on_the_web(name: str, tmp_path: Path) -> None:
     files = []
     for passes in PASSES:
-        made = shader(SCENES[name], passes)
+        made = assembled(name, passes)
         for chosen in passes:
             for version in ("330 core", "300 es"):
                 files.append(tmp_path / f"{'_'.join(passes)}.{chosen}.{version[:3]}.frag")
@@ -187,7 +188,7 @@ def test_one_text_is_valid_on_the_desktop_and_on_the_web(name: str, tmp_path: Pa
 def test_every_number_is_written_for_both_languages(name: str) -> None:
     """A float literal carries a decimal point; a whole number stands in a counting loop, an int
     a texel's place or an index alone."""
-    code = re.sub(r"//.*|#.*|layout\(location = \d\)|const int .*|for \(int .*\{", "", text(SCENES[name]))
+    code = re.sub(r"//.*|#.*|layout\(location = \d\)|const int .*|for \(int .*\{", "", assembled(name).text())
     hashes = (r"uint pcg\(.*?\n}", ">> 8", r"random_of_pixel\(\d+\)")
     dimensions = (r"dimension \+ \d", r"16 \+ 8 \* bounce", r"\b10\d\d\b(?: \+ 2 \* i(?: \+ 1)?)?")
     bounces = (r"bounce (?:==|<|>) \d+", r"count ==? 0", r"1\.0, 0\)")
@@ -302,7 +303,7 @@ def test_the_text_of_an_example_reads_as_written_by_hand(file: Path) -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_no_function_stands_twice(name: str) -> None:
     """The field and its materials ask the same parts by the same functions."""
-    code = re.sub(r"//.*", "", text(SCENES[name], PASSES[2]))
+    code = re.sub(r"//.*", "", assembled(name, PASSES[2]).text())
     # Functions of nothing are values; two of them may well be equal.
     bodies = re.findall(r"^(\w+) \w+(\([^)]+\) \{\n.*?^\})", code, re.MULTILINE | re.DOTALL)
     assert len(bodies) > 5 and len(set(bodies)) == len(bodies)

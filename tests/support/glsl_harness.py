@@ -160,9 +160,15 @@ def evaluate(
 
 def assert_es(text: str, call: str, types: Sequence[Type], size: int = 1) -> None:
     """The same text must be valid in `#version 300 es`, by the reference compiler."""
-    source = shader(text, call, types, size, ES)
+    assert_valid({call: shader(text, call, types, size, ES)})
+
+
+def assert_valid(texts: Mapping[str, str]) -> None:
+    """The reference compiler takes fragment shaders, by their names. One process reads all of them."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "shader.frag")
-        file.write_text(source, encoding="utf-8")
-        done = subprocess.run([glslang(), str(file)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"{done.stdout}\n{source}"
+        files = {str(Path(folder, f"{k}.frag")): name for k, name in enumerate(texts)}
+        for file, name in files.items():
+            Path(file).write_text(texts[name], encoding="utf-8")
+        done = subprocess.run([glslang(), *files], capture_output=True, text=True, check=False)
+    wrong = [name for file, name in files.items() if f"{file}\nERROR" in done.stdout] or list(texts)
+    assert done.returncode == 0, f"{', '.join(wrong)}:\n{done.stdout}\n{texts[wrong[0]]}"

@@ -25,6 +25,7 @@ import raymarch.sdf
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
+from raymarch.expr.function import Function
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import cos, sin
 from raymarch.scene.material import Material
@@ -321,7 +322,7 @@ class Field:
     def __init__(self, node: Node) -> None:
         self.node = node
         definition = lower(node)
-        self._definition = definition
+        self.definition = definition
         self._value = evaluator([definition.body], definition.params)
         self.dimension = node.dimension
         low, high = node.bounds
@@ -338,12 +339,20 @@ class Field:
 
     @cached_property
     def _single(self) -> Callable[..., Any]:
-        return evaluator([self._definition.body], self._definition.params, np.float32)
+        return evaluator([self.definition.body], self.definition.params, np.float32)
+
+    @cached_property
+    def companion(self) -> Function:
+        """The function of the gradient and the value."""
+        return companion(self.definition)
 
     @cached_property
     def _whole(self) -> Callable[..., Any]:
-        whole = companion(self._definition)
-        return evaluator([whole.body], whole.params)
+        return evaluator([self.companion.body], self.companion.params)
+
+    @cached_property
+    def _whole_single(self) -> Callable[..., Any]:
+        return evaluator([self.companion.body], self.companion.params, np.float32)
 
     def value(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.broadcast_to(self._value(points)[0], points.shape[:-1])
@@ -358,6 +367,10 @@ class Field:
     def whole(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The gradient, and the value as its last component."""
         return np.broadcast_to(self._whole(points)[0], (*points.shape[:-1], self.dimension + 1))
+
+    def whole_single(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The same in float32."""
+        return np.broadcast_to(self._whole_single(points)[0], (*points.shape[:-1], self.dimension + 1))
 
     def draw(self, random: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Points of the region, float32 numbers."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 import raymarch as rm
 from raymarch.expr.vocabulary import sin
+from raymarch.plan import plan
 from raymarch.scene.light import PENUMBRAS
 from raymarch.scene.quality import NORMALS, TRACERS
+from raymarch.shader import Shader, assemble
 
 RED, BLUE = rm.Material((1, 0, 0)), rm.Material((0, 0, 1), shininess=80)
 GAP, TINT = rm.Param("gap", 1.0, 0.5, 2.0), rm.Param("tint", (0.2, 0.4, 0.6), 0, 1)
@@ -73,8 +77,15 @@ def maps() -> dict[str, rm.Scene]:
     }
 
 
+@cache
+def assembled(name: str, passes: tuple[str, ...] = ("color",)) -> Shader:
+    """The shader of a scene, by its name; a process assembles it once."""
+    return assemble(plan(scenes()[name], passes))
+
+
+@cache
 def scenes() -> dict[str, rm.Scene]:
-    """By name. Built anew at each call."""
+    """By name. A process builds them once: scenes are values, and a test that changes one gets another."""
     made = {
         "plain": rm.Scene(rm.sphere()),
         "unlit": rm.Scene(rm.sphere(), lights=[]),

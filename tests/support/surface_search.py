@@ -45,26 +45,40 @@ def lowest_on_plane(field: Field, axis: int, at: float) -> float:
 
 
 def nearest_distance(
-    field: Field, random: np.random.Generator, cloud: NDArray[np.float64], queries: NDArray[np.float64]
+    field: Field,
+    random: np.random.Generator,
+    cloud: NDArray[np.float64],
+    queries: NDArray[np.float64],
+    enough: NDArray[np.float64] | float = -np.inf,
 ) -> NDArray[np.float64]:
-    """Distances to the surface: from the nearest known points of it, by trying others around them."""
-    best, index = cKDTree(cloud).query(queries)
-    at = cloud[index]
-    rows = np.arange(len(at))
+    """Distances to the surface: from the nearest known points of it, by trying others around them.
+
+    A search ends once it has found a distance of at most `enough`.
+    """
+    found, index = cKDTree(cloud).query(queries)
+    enough = np.broadcast_to(enough, found.shape)
+    nearest = cloud[index]
     radius = 0.06 * field.size
     for _ in range(12):
+        noise = random.normal(size=(6, *nearest.shape))  # for all, so that no search depends on when others end
+        searched = found > enough
+        if not np.any(searched):
+            break
+        at, best, asked = nearest[searched], found[searched], queries[searched]
         slope = field.gradient(at)
         normal = slope / np.maximum(np.linalg.norm(slope, axis=1), 1e-6)[:, None]
-        along = (queries - at) - ((queries - at) * normal).sum(axis=1)[:, None] * normal  # what slides it nearer
+        away = asked - at
+        along = away - (away * normal).sum(axis=1)[:, None] * normal  # what slides it nearer
         steps = [share * along for share in (1.0, 0.5, 0.2)]
-        steps += [radius * random.normal(size=at.shape) for _ in range(6)]
-        tried, distances = projected(field, at[:, None] + np.stack(steps, axis=1), queries[:, None])
+        steps += [radius * part[searched] for part in noise]
+        tried, distances = projected(field, at[:, None] + np.stack(steps, axis=1), asked[:, None])
         chosen = np.argmin(distances, axis=1)
+        rows = np.arange(len(at))
         better = distances[rows, chosen] < best
-        best = np.where(better, distances[rows, chosen], best)
-        at = np.where(better[:, None], tried[rows, chosen], at)
+        found[searched] = np.where(better, distances[rows, chosen], best)
+        nearest[searched] = np.where(better[:, None], tried[rows, chosen], at)
         radius *= 0.6
-    return best
+    return found
 
 
 def projected(
