@@ -396,7 +396,7 @@ class Field:
         return 0.5 * (a + b)
 
 
-@dataclass
+@dataclass(eq=False)
 class Seen:
     """A sample's node, with its field at many points."""
 
@@ -405,6 +405,16 @@ class Seen:
     field: Field
     points: NDArray[np.float64]
     values: NDArray[np.float64]
+
+    @cached_property
+    def text(self) -> str:
+        """GLSL of the field."""
+        return self.node.glsl()
+
+    @cached_property
+    def gradients(self) -> NDArray[np.float64]:
+        """Of the first 5000 points."""
+        return self.field.gradient(self.points[:5000])
 
     @cached_property
     def surface(self) -> NDArray[np.float64]:
