@@ -430,6 +430,8 @@ def _is_large(node: Node) -> bool:
 
 def _evaluations(node: Node) -> list[int]:
     """The number of places in the body of a node at which it evaluates each child."""
+    if not node.children:
+        return []
     times = [0] * len(node.children)
     for part in topological([node.definition.template(len(node.children), node.params).body]):
         if part.op == "apply":
