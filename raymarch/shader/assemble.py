@@ -29,6 +29,7 @@ from raymarch.plan import Pass, Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.relief import footprint_axis, shading_normal
 from raymarch.scene.scene import all_nodes
+from raymarch.sdf.labels import rows_of
 from raymarch.shader import kinds
 from raymarch.shader.bounds import marched_range, scene_box, scene_cone
 from raymarch.shader.chunk import Chunk, Mapped, Values
@@ -336,7 +337,10 @@ class _Places:
             definition = node.definition
             if definition.where not in self._first_use:
                 self._first_use[definition.where] = node.where
-                for call in find([definition.template(len(node.children), node.params).body], "call"):
+                if rows_of(node) is not None:  # the shader asks rows through cells
+                    continue
+                operands = min(len(node.children), 2)  # further ones call the same functions
+                for call in find([definition.template(operands, node.params).body], "call"):
                     self._first_use.setdefault(call.data.where, node.where)
 
     def of(self, source: Expr) -> Location | None:
