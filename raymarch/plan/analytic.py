@@ -18,7 +18,7 @@ from raymarch.expr.vocabulary import max, min, where
 from raymarch.plan.hoisting import hoist
 from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.intersections import FARTHEST, NAMES, has_closed_form, interval_of_ray
+from raymarch.sdf.intersections import FARTHEST, NAMES, has_closed_form, interval_of_ray, is_placed
 from raymarch.sdf.labels import flattened
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
@@ -133,7 +133,8 @@ def _union_field(name: str, nodes: Sequence[Node], whole: Node, lowering: Loweri
 
 
 def _operands(root: Node) -> list[Node]:
-    """The operands of the outermost hard unions, under labels too."""
+    """The operands of the outermost hard unions, under labels too. A union under transforms that keep shapes is taken
+    apart if all its operands can be solved: they are then transformed."""
     found: list[Node] = []
     pending = [root]
     while pending:
@@ -144,8 +145,36 @@ def _operands(root: Node) -> list[Node]:
         if inner.definition is hard_union.definition:  # type: ignore[attr-defined]
             pending.extend(reversed(flattened(inner)))
         else:
-            found.append(node)
+            found += _apart(node)
     return found
+
+
+def _apart(root: Node) -> list[Node]:
+    """The operands of a union under transforms, each under them; the node itself if one of them cannot be solved."""
+    found: list[Node] = []
+    pending: list[tuple[Node, tuple[Node, ...]]] = [(root, ())]
+    while pending:
+        node, above = pending.pop()
+        inner, placed = node, above
+        while inner.label is not None or is_placed(inner):
+            if inner.label is None:
+                placed = (*placed, inner)
+            inner = inner.children[0]
+        if inner.definition is hard_union.definition:  # type: ignore[attr-defined]
+            pending.extend((child, placed) for child in reversed(flattened(inner)))
+        elif not has_closed_form(inner):
+            return [root]
+        else:
+            found.append(reduce(_placed, reversed(above), node))
+    return found if len(found) > 1 else [root]
+
+
+def _placed(node: Node, transform: Node) -> Node:
+    """A node under a transform that another node has."""
+    definition, params = transform.definition, transform.params
+    made = Node(definition, (node,), params, definition.derive((node,), params))
+    made.where = transform.where
+    return made
 
 
 def _around(boxes: Sequence[Facts]) -> Facts:

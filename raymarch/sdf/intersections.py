@@ -198,11 +198,14 @@ NAMES = tuple(definition.name for definition in _SHAPES)
 def has_closed_form(node: Node) -> bool:
     """True if a ray's part in the solid is known in closed form: a shape of `NAMES` under rigid transforms and scaling
     by one factor."""
-    while node.definition in _PLACED or node.label is not None:
-        if node.definition is _AFFINE and not _keeps_shapes(node):
-            return False
+    while is_placed(node) or node.label is not None:
         node = node.children[0]
     return node.definition in _SHAPES
+
+
+def is_placed(node: Node) -> bool:
+    """True if a node is a rigid transform or a scaling by one factor of its child."""
+    return node.definition in _PLACED and (node.definition is not _AFFINE or _keeps_shapes(node))
 
 
 def interval_of_ray(node: Node, o: Expr, d: Expr) -> Expr:
