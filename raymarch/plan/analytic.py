@@ -23,8 +23,9 @@ from raymarch.sdf.labels import flattened
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 
-MOST = 64
-"""Largest number of solids that are solved by `Quality(analytic=None)`. Each ray solves all of them."""
+MOST = 24
+"""Largest number of solids that are solved by `Quality(analytic=None)`; of more, only the unbounded ones are. On llvmpipe
+more delay the first frame by more than ten frames gain: see docs/marching.md."""
 
 MOST_BOXES = 8
 """Largest number of boxes that a ray is clipped to one by one; the boxes of more operands are joined."""
@@ -79,10 +80,15 @@ def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:
         (solved if closed else marched).append(node)
     if not solved:
         return Analytic(f"no operand of the outermost hard union is one of {', '.join(NAMES)}, only rotated and moved")
-    if asked is None and len(solved) > MOST:
-        return Analytic(f"{len(solved)} solids have closed forms, more than {MOST} take as long as their march")
-    count = f"{len(solved)} of {len(solved) + len(marched)} operands of the outermost union"
     why = "Quality(analytic=True)" if asked else "rays meet them without steps"
+    if asked is None and len(solved) > MOST:
+        many = f"{len(solved)} solids have closed forms, and more than {MOST} compile slowly"
+        marched += [node for node in solved if node.facts.bounded]
+        solved = [node for node in solved if not node.facts.bounded]
+        if not solved:
+            return Analytic(many)
+        why = f"the unbounded ones; {many}"
+    count = f"{len(solved)} of {len(solved) + len(marched)} operands of the outermost union"
     return Analytic(f"{count}: {why}", tuple(solved), tuple(marched))
 
 

@@ -288,3 +288,24 @@ def test_an_empty_part_is_warned_of_with_its_line() -> None:
     assert warning.startswith(f"intersection at {apart.where}") and "empty" in warning
     assert any("the solid is empty" in found for found in plan(rm.Scene(apart)).warnings)
     assert not plan(rm.Scene(rm.sphere() & rm.sphere().translate((1, 0, 0)))).warnings
+
+
+def test_unions_under_rigid_transforms_are_solved_one_by_one() -> None:
+    def solved(node: rm.Node) -> tuple[int, int]:
+        closed = plan(rm.Scene(node)).analytic
+        return len(closed.solved), len(closed.marched)
+
+    pair = rm.sphere() | rm.box().translate((2, 0, 0)).material(rm.Material())
+    assert solved(pair.rotate(0.3).scale(2.0).material(rm.Material()).translate((0, 1, 0)) | rm.plane()) == (3, 0)
+    assert solved(pair.scale((1, 2, 1)) | rm.plane()) == (1, 1)
+    assert solved((pair | rm.torus()).rotate(0.3) | rm.plane()) == (1, 1)
+    moved = plan(rm.Scene(pair.translate((5, 0, 0)) | rm.torus())).analytic
+    assert sorted(float(node.facts.lower[0]) for node in moved.solved) == [4.0, 6.5]
+
+
+def test_of_many_solids_with_closed_forms_only_the_unbounded_are_solved() -> None:
+    many = rm.union(*[rm.sphere(0.1 * i + 0.1).translate((i, 0, 0)) for i in range(25)])
+    assert not plan(rm.Scene(many)).analytic.used
+    closed = plan(rm.Scene(many | rm.plane())).analytic
+    assert (len(closed.solved), len(closed.marched)) == (1, 25)
+    assert len(plan(rm.Scene(many, quality=rm.Quality(analytic=True))).analytic.solved) == 25

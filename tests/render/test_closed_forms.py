@@ -71,7 +71,7 @@ CASES: dict[str, Callable[[], rm.Scene]] = {
         things(1e-3), camera=rm.Camera((1e-3, 1.7e-3, 4e-3), (0, 3e-4, 0), fov=45)
     ),
     "far away": lambda: scene(
-        rm.union(*(part.translate((1e4, 0, 0)) for part in things().children)),
+        things(marched=False).rotate(0.3, "y").rotate(-0.3, "y").translate((1e4, 0, 0)) | RING.translate((1e4, 0, 0)),
         camera=rm.Camera((1e4 + 1, 1.7, 4), (1e4, 0.3, 0), fov=45),
     ),
     "orthographic": lambda: scene(camera=rm.Camera((1, 1.7, 4), (0, 0.3, 0), projection="orthographic", height=3)),
