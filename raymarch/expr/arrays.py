@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,11 @@ from raymarch.expr.types import BOOL, FLOAT, Type
 
 Array: TypeAlias = Any
 """A NumPy array of any shape and precision."""
+
+Result = TypeVar("Result")
+
+KEPT = 4
+"""Number of results of a function of parameters and time that are kept: those of the frames of a moment."""
 
 SMALLEST = float(np.finfo(np.float32).tiny)
 """Smallest normal float32: the lower bound of divisors and of the arguments of logarithms and powers in all
@@ -295,6 +300,27 @@ def evaluator(
             return program(*[np.asarray(v, dtype) for v in values])
 
     return run
+
+
+class Remembered(Generic[Result]):
+    """A function of the bound parameters and time: its last results are kept.
+
+    make : the function. leaves : the parameters and time that it reads.
+    """
+
+    def __init__(self, make: Callable[[], Result], leaves: Sequence[Expr]) -> None:
+        self.make, self.leaves = make, leaves
+        self._known: dict[tuple[bytes, ...], Result] = {}
+
+    def __call__(self) -> Result:
+        now = tuple((FLOAT64._param if e.op == "param" else FLOAT64._time)(e).tobytes() for e in self.leaves)
+        if now not in self._known:
+            result = self.make()
+            for old in list(self._known)[: -KEPT + 1]:
+                self._known.pop(old, None)
+            self._known[now] = result
+            return result
+        return self._known[now]
 
 
 def value_of(node: Expr) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -86,7 +87,46 @@ class Table:
         return self.values.tobytes() + bytes(self.nbytes - self.values.nbytes)
 
 
-def fetch(data: Table, index: Operand) -> Expr:
+class LiveTable:
+    """A table that depends on parameters and time.
+
+    Attributes
+    ----------
+    make : a function that returns the table for the bound parameters and time. All have as many channels.
+    label : name in messages.
+    key : names the function: live tables with equal keys are equal.
+    """
+
+    __slots__ = ("channels", "key", "label", "make", "type")
+
+    def __init__(self, make: Callable[[], Table], label: str, key: str) -> None:
+        self.make, self.label, self.key = make, label, key
+        self.channels = make().channels
+        self.type = vector(self.channels)
+
+    def __repr__(self) -> str:
+        return f"LiveTable({self.label})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LiveTable) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    name, dimension = Table.name, Table.dimension
+
+    @property
+    def values(self) -> Array:
+        """The numbers for the bound parameters and time."""
+        return self.make().values
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the texture in bytes, for the bound parameters and time."""
+        return self.make().nbytes
+
+
+def fetch(data: Table | LiveTable, index: Operand) -> Expr:
     """The texel of an index, a number that is rounded down; an index outside reads any texel."""
     given = expr(index)
     if given.type is not FLOAT:
@@ -103,6 +143,8 @@ def evaluate(node: Expr, index: Array) -> Array:
 
 def interval(node: Expr, _index: Any) -> tuple[Array, Array]:
     """Interval row of "fetch": the smallest and the largest number of each channel."""
+    if isinstance(node.data, LiveTable):
+        return np.full(node.type.shape, -np.inf), np.full(node.type.shape, np.inf)
     low, high = (ends.astype(np.float64) for ends in (node.data.values.min(axis=0), node.data.values.max(axis=0)))
     return (low[0], high[0]) if node.type is FLOAT else (low, high)
 

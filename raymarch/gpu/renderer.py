@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.errors import DeviceError, RenderError
+from raymarch.expr.arrays import bound
 from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
@@ -353,7 +354,7 @@ class Renderer:
         size : of the whole picture; None is the renderer's.
         """
         uniforms = frame_uniforms(ready, values, size or self.size, pose, outputs)
-        with in_pass(*(chosen.name for chosen in ready.plan.passes)):
+        with in_pass(*(chosen.name for chosen in ready.plan.passes)), bound(values.params, values.time):
             uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
                 uniforms["u_lights"] = self.resources.lights(lights.rows(ready.plan.scene, values))

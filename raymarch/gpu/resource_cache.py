@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import PlanError, SceneError, warn
 from raymarch.expr.samples import Samples
-from raymarch.expr.tables import Table
+from raymarch.expr.tables import LiveTable, Table
 from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
 from raymarch.gpu.prepare import Prepared
@@ -159,8 +159,11 @@ class ResourceCache:
                 self._counter.draw(march.back, {"u_march": (march.front, 0)})
             return int(query.samples)
 
-    def texture(self, data: Samples | Texels | Table) -> moderngl.Texture | moderngl.Texture3D:
-        """The texture of sampled data or of an image; uploaded if it is not cached."""
+    def texture(self, data: Samples | Texels | Table | LiveTable) -> moderngl.Texture | moderngl.Texture3D:
+        """The texture of sampled data or of an image; uploaded if it is not cached. That of a live table is for the bound
+        parameters and time."""
+        if isinstance(data, LiveTable):
+            data = data.make()
         if data.key not in self._textures:
             made = upload_pyramid(self.context, data) if isinstance(data, Texels) else upload(self.context, data)
             self._textures[data.key] = made

@@ -12,7 +12,7 @@ without any such object stores a lower bound of f(c) only: f(p) >= f(c) - |p - c
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -39,6 +39,9 @@ WORTH = 0.75
 
 FINEST = 4
 """Maximum number of times that a cell of the grid is halved."""
+
+FINEST_LIVE = 3
+"""The same for objects that depend on parameters or time: each evaluation then descends as often as any could need."""
 
 CELLS = 1 << 22
 """Number of cells beyond which none is halved."""
@@ -107,6 +110,11 @@ class Cells:
     need: float
     cut: float
 
+    def widened(self, n: int) -> Cells:
+        """The same cells with limits that hold wherever n bounded objects are."""
+        limits = {"depth": FINEST_LIVE, "most": n, "unbounded": (0, 0)}
+        return replace(self, **limits, stack=int(np.ceil(np.log2(max(n, 2)))) + 1 if self.stack else 0)
+
     @property
     def near(self) -> int:
         """Number of cells with a list."""
@@ -139,6 +147,7 @@ class _Builder:
         self.exactly = np.concatenate([np.full(len(form), form.exact) for form in self.forms])
         self.order = np.concatenate([form.order for form in self.forms])
         self.blended = bool(rows.family)
+        self.finest = FINEST_LIVE if rows.live else FINEST
         self.bounded = np.all(np.isfinite(self.lower) & np.isfinite(self.upper), axis=1)
         self.reach, self.lowers = 0.0, 0.0
         if self.blended:
@@ -176,9 +185,11 @@ class _Builder:
         self.largest = float(np.max(np.abs([self.low, self.low + size * counts])))
         held = self.bounded
         self.middle = np.zeros_like(self.lower)
-        self.middle[held] = 0.5 * (self.lower[held] + self.upper[held])
         radii = np.full(len(held), np.inf)
-        radii[held] = np.concatenate([form.radius for form in self.forms])[held]
+        balls = [form.spheres for form in self.forms]
+        with np.errstate(invalid="ignore"):
+            self.middle[held] = np.concatenate([middle for middle, _ in balls])[held]
+        radii[held] = np.concatenate([radius for _, radius in balls])[held]
         self.spheres = np.concatenate([self.middle, radii[:, None]], axis=1).astype(np.float32)
         self.at_middle = self.values(self.middle, np.arange(len(rows))).astype(np.float32)
         self.all_exact = bool(np.all(self.exactly))
@@ -462,7 +473,7 @@ class _Builder:
             counts = np.diff(level.starts)
             crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED) << depth
             split = np.zeros(len(counts), bool)
-            if depth < FINEST and crowded.any() and total < CELLS and entries < ENTRIES:
+            if depth < self.finest and crowded.any() and total < CELLS and entries < ENTRIES:
                 parents = np.nonzero(crowded)[0]
                 crowd = _taken(level, parents)
                 near, near_at, _, far_at, value = self.divided(crowd, 0.5 * size, None, last=True)

@@ -6,7 +6,7 @@ Two trees have the same form if they differ in numbers and materials only.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from dataclasses import replace as changed
 from typing import Any, TypeAlias
@@ -16,20 +16,26 @@ from numpy.typing import NDArray
 
 from raymarch.errors import PlanError
 from raymarch.expr.node import Expr, var
-from raymarch.expr.types import FLOAT
-from raymarch.expr.walk import find
+from raymarch.expr.types import BOOL, FLOAT
+from raymarch.expr.walk import find, rebuild, topological
+from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.instancing import of_rows
 from raymarch.sdf.labels import rows_of
+from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import labelled
-from raymarch.sdf.rows import Form, Rows, Slot
+from raymarch.sdf.rows import Form, Moving, Rows, Slot
+from raymarch.sdf.solids import sphere
 from raymarch.sdf.visibility import hidden_from
 
 AS_DATA = 32
 """Number of objects from which a union is data. On llvmpipe the first five frames of 32 objects take as long as with
 text; from 75 objects on each frame is faster as data. See docs/scale.md."""
+
+AS_LIVE_DATA = 64
+"""The same for objects that depend on parameters or time: in each frame that moves them, cells are built again."""
 
 ALIKE = 8
 """Least number of objects of one form that are worth rows; fewer stay text."""
@@ -48,6 +54,9 @@ ABOVE_OBJECTS = {
 
 DEEPEST = 200
 """Maximum number of operators above a union that becomes data."""
+
+SHORT = 200
+"""Maximum number of operations in a parameter of an object that is a row."""
 
 Signature: TypeAlias = tuple[int, tuple[float, ...], tuple[Any, ...]]
 """The form of a tree, its numbers, and the materials of its slots."""
@@ -72,16 +81,16 @@ class Gathered:
         return sum(map(len, self.rows))
 
 
-def gather(root: Node, choice: str, exact: float) -> Gathered:
+def gather(root: Node, choice: str, exact: float, live: bool = True) -> Gathered:
     """The tree with its objects as rows.
 
     choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact; if
-        infinite, all objects are text.
+        infinite, all objects are text. live : False for text for objects that depend on parameters or time.
     """
     made = Gathered(root)
     unlimited = not math.isfinite(exact)
     if choice != "text" and not unlimited:
-        made.node = _Gatherer(made, choice).visit(root, exact, 0)
+        made.node = _Gatherer(made, choice, live).visit(root, exact, 0)
     largest = max((len(node.children) for node in _unions(root)), default=0)
     if made.rows:
         made.reason = "Quality(objects='data')" if choice == "data" else f"{AS_DATA} or more objects of few forms"
@@ -108,9 +117,11 @@ def _unions(root: Node) -> list[Node]:
 
 
 class _Gatherer:
-    def __init__(self, made: Gathered, choice: str) -> None:
-        self.made = made
+    def __init__(self, made: Gathered, choice: str, live: bool) -> None:
+        self.made, self.allowed = made, live
         self.least = 2 if choice == "data" else AS_DATA
+        self.least_live = 2 if choice == "data" else AS_LIVE_DATA
+        self.live: set[int] = set()  # forms that depend on parameters or time
         self.alike = 1 if choice == "data" else ALIKE
         self.forms: dict[Any, int] = {}
         self.known: dict[int, Signature | None] = {}
@@ -194,25 +205,30 @@ class _Gatherer:
                 if signature is not None:
                     groups.setdefault(signature[0], []).append(i)
         groups = {form: members for form, members in groups.items() if len(members) >= self.alike}
+        moving = {form: groups.pop(form) for form in self.live & groups.keys()}
+        if sum(map(len, moving.values())) < self.least_live:
+            moving = {}
         count = sum(map(len, groups.values()))
         if count + sum(map(len, given)) < self.least or (count < self.least and not given):
             groups = {}
-        if not groups and not given:
+        if not groups and not given and not moving:
             made = self._below(node, exact, depth)
             if above is None:
                 return made
             return above if made is node else self._placed(self._labelled(made, above.label), above)
-        chosen = {i for members in groups.values() for i in members}
+        chosen = {i for some in (groups, moving) for members in some.values() for i in members}
         rest = [i for i, operand in enumerate(operands) if i not in chosen and rows_of(operand) is None]
-        forms = [self._form([operands[i] for i in members], members) for members in groups.values()]
-        rows = self._rows(forms, given, len(operands))
-        self._keep(rows, exact)
         children = [self.visit(operands[i], exact, depth + 1) for i in rest]
         self.made.text += len(rest)
-        data = self._placed(of_rows(rows), node)
-        if not children:
-            return data
-        return self._placed(Node(hard_union.definition, (*children, data), {}, node.facts), node)  # type: ignore[attr-defined]
+        for some, instances in ((groups, given), (moving, ())):
+            if some or instances:
+                forms = [self._form([operands[i] for i in members], members) for members in some.values()]
+                rows = self._rows(forms, instances, len(operands))
+                self._keep(rows, exact)
+                children.append(self._placed(of_rows(rows), node))
+        if len(children) == 1:
+            return children[0]
+        return self._placed(Node(hard_union.definition, tuple(children), {}, node.facts), node)  # type: ignore[attr-defined]
 
     def _labelled(self, node: Node, label: Any) -> Node:
         made = Node(labelled.definition, (node,), {}, node.facts, label)  # type: ignore[attr-defined]
@@ -247,7 +263,14 @@ class _Gatherer:
         for i, signature in enumerate(signatures):
             groups.setdefault(signature[0], []).append(i)
         alike = sum(len(members) for members in groups.values() if len(members) >= self.alike)
-        if alike < self.least or len(groups) > FORMS or not any(c.facts.bounded for c in node.children):
+        moves = bool(self.live & groups.keys())
+        if moves and not all(child.facts.bounded for child in node.children):
+            return None
+        if (
+            alike < (self.least_live if moves else self.least)
+            or len(groups) > FORMS
+            or not any(c.facts.bounded for c in node.children)
+        ):
             return None
         forms = [self._form([node.children[i] for i in members], members) for members in groups.values()]
         made = self._rows(forms, [], len(node.children))
@@ -297,7 +320,11 @@ class _Gatherer:
             if not isinstance(value, Expr):
                 statics.append(value)
             elif value.op != "const":
-                return None
+                written = _written(value) if self.allowed else None
+                if written is None:
+                    return None
+                statics.append(written[0])
+                own += written[1]
             else:
                 statics.append(value.type.name)
                 data = value.data
@@ -318,6 +345,10 @@ class _Gatherer:
             slots = (node.label,) if label == "slot" else ()
         form = (key, steep, label, tuple(s[0] for s in below if s is not None))
         number = self.forms.setdefault(form, len(self.forms))
+        if not all(v.is_constant for v in node.params.values() if isinstance(v, Expr)) or any(
+            s is not None and s[0] in self.live for s in below
+        ):
+            self.live.add(number)
         numbers = tuple(own)
         for s in below:
             if s is not None:
@@ -340,6 +371,8 @@ class _Gatherer:
         used = [0, 0]
 
         def leaf(value: Any) -> Expr:
+            if isinstance(value, Expr) and value.op != "const":
+                return _rewritten(value, leaf)
             size = int(np.size(value.data)) if isinstance(value, Expr) else 1
             type = value.type if isinstance(value, Expr) else FLOAT
             column = values[:, used[0] : used[0] + size].reshape(len(members), *type.shape)
@@ -366,6 +399,7 @@ class _Gatherer:
             return made
 
         template = symbolic(members[0])
+        moves = signatures[0] is not None and signatures[0][0] in self.live
         facts = [member.facts for member in members]
         form = Form(
             template,
@@ -376,26 +410,82 @@ class _Gatherer:
             np.array(order, np.int64),
             np.array([f.lower for f in facts]),
             np.array([f.upper for f in facts]),
-            np.array([_radius(member) for member in members]),
+            np.array([0.0 if moves else _radius(member) for member in members]),
             np.array([f.spread for f in facts]),
             np.array([f.lipschitz for f in facts]),
             all(f.exactness == "exact" for f in facts),
         )
+        if moves:
+            form = changed(form, moving=_moving(template, members))
         return form, [s[2] for s in signatures if s is not None]
+
+
+def _constants(node: Expr) -> list[bool]:
+    """For each argument, whether it is a number that may differ from object to object."""
+    return [arg.op == "const" and arg.type is not BOOL for arg in node.args]
+
+
+def _written(value: Expr) -> tuple[Any, list[float]] | None:
+    """An expression of parameters and time: what it is but for its constants, hashable, and these. None if it is long, or
+    reads anything else."""
+    order = [e for e in topological([value], limit=SHORT) if e.op != "const" or e.type is BOOL]
+    if not order or any(e.op in NEVER_HOISTED for e in order):
+        return None
+    number = {e: i for i, e in enumerate(order)}
+    form: list[Any] = []
+    numbers: list[float] = []
+    for e in order:
+        own = _constants(e)
+        form.append((e.op, e.type.name, e.data if e.op != "const" else e.data.tolist()))
+        form += [a.type.name if c else number[a] for a, c in zip(e.args, own, strict=True)]
+        numbers += [x for a, c in zip(e.args, own, strict=True) if c for x in np.ravel(a.data).tolist()]
+    return tuple(form), numbers
+
+
+def _rewritten(value: Expr, leaf: Callable[[Expr], Expr]) -> Expr:
+    """The expression with `leaf` of each of the constants that `_written` lists, in that order."""
+    made: dict[Expr, Expr] = {}
+    for e in topological([value]):
+        args = [leaf(a) if c else made[a] for a, c in zip(e.args, _constants(e), strict=True)]
+        made[e] = rebuild(e, tuple(args))
+    return made[value]
+
+
+RIGID = ("translate", "rotate_about", "labelled")
+"""Operators that move a solid."""
+
+
+def _inner(node: Node) -> list[Node]:
+    """A node and the nodes below it, as far as these are moved and scaled only."""
+    found = [node]
+    while found[-1].definition.name in (*RIGID, "scale_evenly"):
+        found.append(found[-1].children[0])
+    return found
+
+
+def _moving(template: Node, members: Sequence[Node]) -> Moving:
+    """Where the objects of a form are, from the boxes of their parts that are moved and scaled."""
+    *chain, _ = _inner(template)
+    inside = Slot(-1)
+    made = Node(labelled.definition, (sphere(),), {}, sphere().facts, inside)  # type: ignore[attr-defined]
+    for node in reversed(chain):
+        if node.label is None:
+            made = Node(node.definition, (made,), node.params, node.facts)
+    (mark,) = find([Lowering().field(made, label=inside).body], "mark")
+    facts = [_inner(member)[-1].facts for member in members]
+    middle = np.array([0.5 * (f.lower + f.upper) for f in facts])
+    return Moving(mark.args[1], middle, np.array([0.5 * float(np.linalg.norm(f.size)) for f in facts]))
 
 
 def _radius(node: Node) -> float:
     """Radius of a sphere about the centre of the node's box that holds the solid: smaller than that of the box where
     the solid is rotated."""
+    *chain, inner = _inner(node)
     factor = 1.0
-    while True:
-        name = node.definition.name
-        if name == "scale_evenly":
-            factor *= float(node.params["factor"].data)
-        elif name not in ("translate", "rotate_about", "labelled"):
-            break
-        node = node.children[0]
-    return factor * 0.5 * float(np.linalg.norm(node.facts.size))
+    for each in chain:
+        if each.definition.name == "scale_evenly":
+            factor *= float(each.params["factor"].data)
+    return factor * 0.5 * float(np.linalg.norm(inner.facts.size))
 
 
 def _margin(family: str, k: float, n: int) -> float:

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from raymarch.expr.arrays import Remembered, bound
 from raymarch.expr.derivative import companion, gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
-from raymarch.expr.tables import MOST, Table, fetch
+from raymarch.expr.tables import MOST, LiveTable, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import substitute
@@ -82,7 +84,8 @@ class ObjectsInCells:
         """The rows with their cells, which are built once for equal rows."""
         key = (rows, self.exact[rows])
         if key not in _built:
-            _built[key] = Located(rows, build(*key))
+            with bound({}, 0.0):
+                _built[key] = Located(rows, build(*key), lambda: build(*key))
             while len(_built) > _KEPT:
                 _built.popitem(last=False)
         _built.move_to_end(key)
@@ -101,19 +104,34 @@ class Located:
     field : the distance, a function of the point; its companion is the gradient.
     """
 
-    def __init__(self, rows: Rows, cells: Cells) -> None:
+    def __init__(self, rows: Rows, cells: Cells, again: Callable[[], Cells]) -> None:
+        """again : builds the cells for the bound parameters and time, which rows that are live depend on."""
         self.rows, self.cells = rows, cells
-        firsts = np.cumsum([0, *map(len, rows.forms)])
-        listed = np.zeros((max(1, len(cells.lists)), 2 if rows.family else 1), np.float32)
-        for begin in range(0, len(cells.lists), MOST):
-            some = cells.lists[begin : begin + MOST]
-            form_of = np.searchsorted(firsts, some, side="right") - 1
-            texel_of = np.array([rows.stored.texel_of(i, -firsts[i]) for i in range(len(rows.forms))])
-            strides = np.array([packing.texels for packing in rows.stored.packings])
-            listed[begin : begin + MOST, 0] = texel_of[form_of] + strides[form_of] * some
-        if rows.family:
-            listed[:, 1] = cells.merges
-        # Float32 numbers `MOST` entries. Longer lists are divided into pages, which overlap by the longest list.
+        self.page, self.counted = MOST, 0.0
+        self.pages: list[Table | LiveTable]
+        self.texels: Table | LiveTable
+        if rows.live:
+            now = Remembered(lambda: (_listed(rows, made := again()), made.texels), rows.live)
+            self.cells = cells.widened(len(rows))
+            self.pages = [_live(rows, lambda: now()[0], "lists of objects")]
+            self.texels = _live(rows, lambda: now()[1], "cells of objects")
+        else:
+            self._divide(cells)
+        p = var("p", VEC3)
+        place = _Place(self, p)
+        self.point, self.place = p, place
+        (value,) = self.walk(place, p, None)
+        self.field = Function("objects", (p,), value)
+        value, slope = self.walk(place, p, lambda i, entry, pair, read: (pair[1],))
+        both = construct(slope, value)
+        made = Function("objects_gradient", (p,), both)
+        made.derived["gradient of"] = self.field
+        self.field.derived["companion", 0] = made
+
+    def _divide(self, cells: Cells) -> None:
+        """Tables of the lists and the cells. Float32 numbers `MOST` entries: longer lists are divided into pages, which
+        overlap by the longest list."""
+        listed = _listed(self.rows, cells)
         self.page = MOST - cells.most
         starts = range(0, len(listed), self.page)
         self.pages = [Table(listed[i : i + MOST], "lists of objects") for i in starts]
@@ -126,16 +144,6 @@ class Located:
             texels[own, 0] = cells.starts - page * self.page
             texels[own, 1] += self.counted * page
         self.texels = Table(texels, "cells of objects")
-        p = var("p", VEC3)
-        place = _Place(self, p)
-        self.point, self.place = p, place
-        (value,) = self.walk(place, p, None)
-        self.field = Function("objects", (p,), value)
-        value, slope = self.walk(place, p, lambda i, entry, pair, read: (pair[1],))
-        both = construct(slope, value)
-        made = Function("objects_gradient", (p,), both)
-        made.derived["gradient of"] = self.field
-        self.field.derived["companion", 0] = made
 
     def walk(self, place: _Place, p: Expr, carried: Carried | None, mixed: Mixed | None = None) -> tuple[Expr, ...]:
         """The union of the objects in the cell of a point: the distance, and what else is carried.
@@ -250,6 +258,26 @@ class Located:
         start = (place.start, *zeros, *(zeros * self.cells.stack))
         final = loop(max_turns(self.cells), start, step, lambda _turn, at, *_: at >= place.end)
         return final[1 : 1 + size]
+
+
+def _listed(rows: Rows, cells: Cells) -> NDArray[np.float32]:
+    """The texel at which the row of each entry of the lists begins; in a blend, also the number of folds after it."""
+    firsts = np.cumsum([0, *map(len, rows.forms)])
+    listed = np.zeros((max(1, len(cells.lists)), 2 if rows.family else 1), np.float32)
+    texel_of = np.array([rows.stored.texel_of(i, -firsts[i]) for i in range(len(rows.forms))])
+    strides = np.array([packing.texels for packing in rows.stored.packings])
+    for begin in range(0, len(cells.lists), MOST):
+        some = cells.lists[begin : begin + MOST]
+        form_of = np.searchsorted(firsts, some, side="right") - 1
+        listed[begin : begin + MOST, 0] = texel_of[form_of] + strides[form_of] * some
+    if rows.family:
+        listed[:, 1] = cells.merges
+    return listed
+
+
+def _live(rows: Rows, texels: Callable[[], NDArray[np.float32]], label: str) -> LiveTable:
+    """A table of rows that are live."""
+    return LiveTable(Remembered(lambda: Table(texels(), label), rows.live), label, rows.name(label))
 
 
 def _nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:

@@ -165,7 +165,8 @@ def plan(
     given, origin = scene, origin_of(scene)
     scene = seen_from(given, origin)
     lowering = lowering or Lowering()
-    gathered = gather(scene.node, scene.quality.objects, exact_distance(scene))
+    live = not standalone and scene.quality.temporal != "reproject"  # motion vectors are computed for text
+    gathered = gather(scene.node, scene.quality.objects, exact_distance(scene), live)
     objects = ObjectsInCells(gathered.rows)
     if gathered.rows:
         lowering.objects = objects

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.arrays import FLOAT32, FLOAT64, evaluator
+from raymarch.expr.arrays import FLOAT32, FLOAT64, Remembered, bound, evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
-from raymarch.expr.tables import Table, fetch
+from raymarch.expr.tables import LiveTable, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import columns, where
 from raymarch.expr.vocabulary import min as minimum
@@ -51,6 +51,29 @@ class Slot:
 
 
 @dataclass(frozen=True, eq=False)
+class Moving:
+    """Where objects are that depend on parameters or time: each in a ball of the space of a part of its form.
+
+    point : the point in that space, an affine map of `var("p", VEC3)`, over the leaves of the form.
+    middle, radius : of the balls, shape (n, 3) and (n,), for all values of parameters and time.
+    """
+
+    point: Expr
+    middle: Array
+    radius: Array
+
+    def spheres(self, leaves: Sequence[Expr], numbers: Sequence[Array]) -> tuple[Array, Array]:
+        """The balls in the space of the rows, for the bound parameters and time: centres and radii."""
+        p = var("p", VEC3)
+        run = evaluator([self.point], [p, *leaves])
+        shape = (len(self.radius), 3)
+        at = [np.broadcast_to(run(np.broadcast_to(q, shape), *numbers)[0], shape) for q in np.eye(4, 3, -1)]
+        linear = np.stack([column - at[0] for column in at[1:]], axis=-1)
+        centres = np.linalg.solve(linear, (self.middle - at[0])[..., None])[..., 0]
+        return centres, self.radius / np.cbrt(np.abs(np.linalg.det(linear)))
+
+
+@dataclass(frozen=True, eq=False)
 class Form:
     """Objects of one form.
 
@@ -64,6 +87,7 @@ class Form:
     lower, upper : box of each object, shape (n, 3). radius : of a sphere about the centre of the box that holds it,
         shape (n,). spread, lipschitz : facts of each, shape (n,).
     exact : True if all are exact.
+    moving : where objects are that depend on parameters or time; None for a form that does not.
     """
 
     template: Node
@@ -78,6 +102,7 @@ class Form:
     spread: Array
     lipschitz: Array
     exact: bool
+    moving: Moving | None = None
 
     def __len__(self) -> int:
         return len(self.order)
@@ -89,6 +114,13 @@ class Form:
         for array in (*self.numbers, self.slots, self.order):
             digest.update(array.tobytes())
         return self.template, self.leaves, len(self), digest.hexdigest()
+
+    @property
+    def spheres(self) -> tuple[Array, Array]:
+        """A ball around each object, for the bound parameters and time: centres (n, 3) and radii (n,)."""
+        if self.moving is not None:
+            return self.moving.spheres(self.leaves, self.numbers)
+        return 0.5 * (self.lower + self.upper), self.radius
 
     def marked(self, label: Any) -> Expr:
         """The field with its labels, over the leaves; see `Lowering.field`."""
@@ -122,28 +154,46 @@ class Columns:
     ----------
     field : float field(vec3 p, columns...).
     known : what replaces a subexpression over the leaves: a column, or a constant if all objects have the same value.
-    values : the value of each column for each object, shape (n, ...) each.
     """
 
     def __init__(self, form: Form, lowered: Function, roots: Sequence[Expr]) -> None:
         (self.point,) = lowered.params
-        fixed = _invariant(roots, self.point, form.leaves)
+        self.form = form
+        self.live = tuple(find(roots, "param", "time"))
+        """The parameters and time, on which some columns depend."""
+        fixed = _invariant(roots, self.point, [*form.leaves, *self.live])
+        changing = depends_on(fixed, self.live)
         self.known: dict[Expr, Expr] = {}
-        self.values: list[Array] = []
         made: list[Expr] = []
-        computed = evaluator(fixed, form.leaves)(*form.numbers) if fixed else ()
-        for node, given in zip(fixed, computed, strict=True):
-            value = np.broadcast_to(given, (len(form), *node.type.shape))
-            if np.all(value == value[:1]):
-                self.known[node] = const(value[0], node.type)
-                continue
-            same = next((k for k, other in enumerate(self.values) if np.array_equal(other, value)), None)
+        kept: list[Expr] = []
+        values: list[Array] = []
+        for node, value in zip(fixed, self._computed(fixed), strict=True):
+            same = None
+            if node not in changing:
+                if np.all(value == value[:1]):
+                    self.known[node] = const(value[0], node.type)
+                    continue
+                pairs = enumerate(zip(kept, values, strict=True))
+                same = next((k for k, (e, v) in pairs if e not in changing and np.array_equal(v, value)), None)
             if same is None:
-                self.values.append(np.ascontiguousarray(value, np.float64))
+                kept.append(node)
+                values.append(np.ascontiguousarray(value, np.float64))
                 made.append(var(f"column {len(made)}", node.type))
             self.known[node] = made[-1 if same is None else same]
         self.params = tuple(made)
+        self._values, self.sources = values, kept
+        self._now = Remembered(lambda: self._computed(self.sources), self.live)
         self.field = self.function(lowered.name, lowered.body, lowered)
+
+    def _computed(self, nodes: Sequence[Expr]) -> list[Array]:
+        """The values of expressions over the leaves for each object, for the bound parameters and time."""
+        found = evaluator(nodes, self.form.leaves)(*self.form.numbers) if nodes else ()
+        return [np.broadcast_to(v, (len(self.form), *e.type.shape)) for v, e in zip(found, nodes, strict=True)]
+
+    @property
+    def values(self) -> Sequence[Array]:
+        """The value of each column for each object, shape (n, ...) each, for the bound parameters and time."""
+        return self._now() if self.live else self._values
 
     def function(self, name: str, body: Expr, like: Function | None = None) -> Function:
         """A function of the point and the columns; the body is over the leaves."""
@@ -158,8 +208,13 @@ class Columns:
     @cached_property
     def _single(self) -> Callable[..., Any]:
         run = evaluator([self.field.body], self.field.params, np.float32)
-        narrow = [column.astype(np.float32) for column in self.values]
-        return lambda points, rows: run(points, *(column[rows] for column in narrow))[0]
+        narrow = [column.astype(np.float32) for column in self._values]
+
+        def distance(points: Any, rows: Any) -> Any:
+            columns = [column.astype(np.float32) for column in self.values] if self.live else narrow
+            return run(points, *(column[rows] for column in columns))[0]
+
+        return distance
 
     @cached_property
     def _gradient(self) -> Callable[..., tuple[Any, ...]]:
@@ -258,6 +313,11 @@ class Rows:
     def __len__(self) -> int:
         return sum(map(len, self.forms))
 
+    @cached_property
+    def live(self) -> tuple[Expr, ...]:
+        """The parameters and time, on which some objects depend."""
+        return tuple(dict.fromkeys(leaf for form in self.forms if form.moving for leaf in form.columns.live))
+
     @property
     def labelled(self) -> bool:
         """True if objects have materials of their own."""
@@ -292,7 +352,15 @@ class Rows:
     @cached_property
     def stored(self) -> Stored:
         """The table of all rows."""
-        return Stored(self)
+        with bound({}, 0.0):
+            return Stored(self)
+
+    def name(self, what: str) -> str:
+        """A name for a part of the rows that are live, by their content."""
+        digest = hashlib.sha256(what.encode())
+        for form in self.forms:
+            digest.update(repr((form.key[2:], [_written(e) for e in form.columns.sources])).encode())
+        return digest.hexdigest()[:12]
 
     @property
     def field(self) -> Function:
@@ -317,16 +385,23 @@ class Stored:
         self.packings: list[Packing] = []
         self.varying: list[list[int]] = []
         self.first = [0]
-        tables = []
         for form in rows.forms:
             varying = [j for j in range(form.slots.shape[1]) if np.any(form.slots[:, j] != form.slots[0, j])]
             packing = Packing(form.columns.params, len(varying))
-            extra = [form.slots[:, j].astype(np.float64) for j in varying]
-            tables.append(packing.table([*form.columns.values, *extra], len(form)))
             self.varying.append(varying)
             self.packings.append(packing)
-            self.first.append(self.first[-1] + len(tables[-1]))
-        self.table = Table(np.concatenate(tables), f"{len(rows):,} objects")
+            self.first.append(self.first[-1] + packing.texels * len(form))
+        self.table: Table | LiveTable = self._table()
+        if rows.live:
+            self.table = LiveTable(Remembered(self._table, rows.live), self.table.label, rows.name("rows"))
+
+    def _table(self) -> Table:
+        """All rows, for the bound parameters and time."""
+        tables = []
+        for form, packing, varying in zip(self.rows.forms, self.packings, self.varying, strict=True):
+            extra = [form.slots[:, j].astype(np.float64) for j in varying]
+            tables.append(packing.table([*form.columns.values, *extra], len(form)))
+        return Table(np.concatenate(tables), f"{len(self.rows):,} objects")
 
     def read(self, form: int, entry: Expr) -> list[Expr]:
         """Columns and varying slots of the row whose first texel has the index `entry`."""
@@ -444,6 +519,17 @@ def _gradients(rows: Rows, points: Any) -> Array:
             found[mine] = form.columns.gradient(flat[mine], winner[mine] - start)
         start += len(form)
     return found.reshape(*np.shape(points)[:-1], 4)
+
+
+def _written(node: Expr) -> str:
+    """An expression as text: equal texts have equal values."""
+    number = {e: i for i, e in enumerate(topological([node]))}
+    data = {
+        "const": lambda e: e.data.tolist(),
+        "param": lambda e: (e.data.name, e.data.value),
+        "call": lambda e: e.data.name,
+    }
+    return str([(e.op, str(data.get(e.op, lambda e: e.data)(e)), *[number[a] for a in e.args]) for e in number])
 
 
 def is_plain(body: Expr) -> bool:

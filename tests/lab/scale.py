@@ -123,11 +123,8 @@ def asking_all() -> Any:
             self.low = self.low - self.size
             self.size, self.counts = 3.0 * self.size, np.ones(3, np.int64)
             level = cells._Level(np.zeros((1, 3), np.int64), np.array([0, len(ranks)]), ranks.astype(np.int32))
-            finest, cells.FINEST = cells.FINEST, 0
-            try:
-                return self.refined(np.zeros((1, 2), np.float32), level)
-            finally:
-                cells.FINEST = finest
+            self.finest = 0
+            return self.refined(np.zeros((1, 2), np.float32), level)
 
     objects._built.clear()
     kept, objects.build = objects.build, lambda rows, exact: Whole(rows, exact).run()
