@@ -160,8 +160,8 @@ class ResourceCache:
             return int(query.samples)
 
     def texture(self, data: Samples | Texels | Table | LiveTable) -> moderngl.Texture | moderngl.Texture3D:
-        """The texture of sampled data or of an image; uploaded if it is not cached. That of a live table is for the bound
-        parameters and time."""
+        """The texture of sampled data or of an image; uploaded if it is not cached. That of a live table is for the
+        bound parameters and time."""
         if isinstance(data, LiveTable):
             data = data.make()
         if data.key not in self._textures:

@@ -24,8 +24,8 @@ from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 
 MOST = 24
-"""Largest number of solids that are solved by `Quality(analytic=None)`; of more, only the unbounded ones are. On llvmpipe
-more delay the first frame by more than ten frames gain: see docs/marching.md."""
+"""Largest number of solids that are solved by `Quality(analytic=None)`; of more, only the unbounded ones are. More
+delay the first frame by more than ten frames gain, on llvmpipe: see docs/marching.md."""
 
 MOST_BOXES = 8
 """Largest number of boxes that a ray is clipped to one by one; the boxes of more operands are joined."""

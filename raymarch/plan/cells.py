@@ -112,8 +112,8 @@ class Cells:
 
     def widened(self, n: int) -> Cells:
         """The same cells with limits that hold wherever n bounded objects are."""
-        limits = {"depth": FINEST_LIVE, "most": n, "unbounded": (0, 0)}
-        return replace(self, **limits, stack=int(np.ceil(np.log2(max(n, 2)))) + 1 if self.stack else 0)
+        stack = int(np.ceil(np.log2(max(n, 2)))) + 1 if self.stack else 0
+        return replace(self, depth=FINEST_LIVE, most=n, stack=stack, unbounded=(0, 0))
 
     @property
     def near(self) -> int:
@@ -186,9 +186,9 @@ class _Builder:
         held = self.bounded
         self.middle = np.zeros_like(self.lower)
         radii = np.full(len(held), np.inf)
-        balls = [form.spheres for form in self.forms]
-        with np.errstate(invalid="ignore"):
-            self.middle[held] = np.concatenate([middle for middle, _ in balls])[held]
+        with np.errstate(invalid="ignore"):  # of unbounded objects
+            balls = [form.spheres for form in self.forms]
+        self.middle[held] = np.concatenate([middle for middle, _ in balls])[held]
         radii[held] = np.concatenate([radius for _, radius in balls])[held]
         self.spheres = np.concatenate([self.middle, radii[:, None]], axis=1).astype(np.float32)
         self.at_middle = self.values(self.middle, np.arange(len(rows))).astype(np.float32)

@@ -34,9 +34,6 @@ AS_DATA = 32
 """Number of objects from which a union is data. On llvmpipe the first five frames of 32 objects take as long as with
 text; from 75 objects on each frame is faster as data. See docs/scale.md."""
 
-AS_LIVE_DATA = 64
-"""The same for objects that depend on parameters or time: in each frame that moves them, cells are built again."""
-
 ALIKE = 8
 """Least number of objects of one form that are worth rows; fewer stay text."""
 
@@ -120,7 +117,6 @@ class _Gatherer:
     def __init__(self, made: Gathered, choice: str, live: bool) -> None:
         self.made, self.allowed = made, live
         self.least = 2 if choice == "data" else AS_DATA
-        self.least_live = 2 if choice == "data" else AS_LIVE_DATA
         self.live: set[int] = set()  # forms that depend on parameters or time
         self.alike = 1 if choice == "data" else ALIKE
         self.forms: dict[Any, int] = {}
@@ -206,7 +202,7 @@ class _Gatherer:
                     groups.setdefault(signature[0], []).append(i)
         groups = {form: members for form, members in groups.items() if len(members) >= self.alike}
         moving = {form: groups.pop(form) for form in self.live & groups.keys()}
-        if sum(map(len, moving.values())) < self.least_live:
+        if sum(map(len, moving.values())) < self.least:
             moving = {}
         count = sum(map(len, groups.values()))
         if count + sum(map(len, given)) < self.least or (count < self.least and not given):
@@ -263,14 +259,9 @@ class _Gatherer:
         for i, signature in enumerate(signatures):
             groups.setdefault(signature[0], []).append(i)
         alike = sum(len(members) for members in groups.values() if len(members) >= self.alike)
-        moves = bool(self.live & groups.keys())
-        if moves and not all(child.facts.bounded for child in node.children):
+        if self.live & groups.keys() and not all(child.facts.bounded for child in node.children):
             return None
-        if (
-            alike < (self.least_live if moves else self.least)
-            or len(groups) > FORMS
-            or not any(c.facts.bounded for c in node.children)
-        ):
+        if alike < self.least or len(groups) > FORMS or not any(c.facts.bounded for c in node.children):
             return None
         forms = [self._form([node.children[i] for i in members], members) for members in groups.values()]
         made = self._rows(forms, [], len(node.children))
@@ -426,10 +417,10 @@ def _constants(node: Expr) -> list[bool]:
 
 
 def _written(value: Expr) -> tuple[Any, list[float]] | None:
-    """An expression of parameters and time: what it is but for its constants, hashable, and these. None if it is long, or
-    reads anything else."""
-    order = [e for e in topological([value], limit=SHORT) if e.op != "const" or e.type is BOOL]
-    if not order or any(e.op in NEVER_HOISTED for e in order):
+    """An expression of parameters and time: what it is but for its constants, hashable, and these. None if it is long,
+    or reads anything else."""
+    order = [e for e in topological([value]) if e.op != "const" or e.type is BOOL]
+    if len(order) > SHORT or any(e.op in NEVER_HOISTED for e in order):
         return None
     number = {e: i for i, e in enumerate(order)}
     form: list[Any] = []

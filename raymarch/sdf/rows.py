@@ -524,12 +524,17 @@ def _gradients(rows: Rows, points: Any) -> Array:
 def _written(node: Expr) -> str:
     """An expression as text: equal texts have equal values."""
     number = {e: i for i, e in enumerate(topological([node]))}
-    data = {
-        "const": lambda e: e.data.tolist(),
-        "param": lambda e: (e.data.name, e.data.value),
-        "call": lambda e: e.data.name,
-    }
-    return str([(e.op, str(data.get(e.op, lambda e: e.data)(e)), *[number[a] for a in e.args]) for e in number])
+    parts: list[tuple[Any, ...]] = []
+    for e in number:
+        data = e.data
+        if e.op == "const":
+            data = data.tolist()
+        elif e.op == "param":
+            data = data.name, data.value
+        elif e.op == "call":
+            data = data.name
+        parts.append((e.op, str(data), *[number[a] for a in e.args]))
+    return str(parts)
 
 
 def is_plain(body: Expr) -> bool:

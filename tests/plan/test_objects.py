@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.expr.arrays import evaluator
+from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion
 from raymarch.plan import plan
 from raymarch.plan.cells import CUT
@@ -199,12 +199,67 @@ def test_a_chain_of_bars_is_one_union():
     assert len(rows.forms) == 2
 
 
-def test_animated_objects_stay_text():
-    moving = rm.sphere(rm.Param("radius", 0.3, 0.1, 1.0)).translate((0, 3, 0))
+def test_few_moving_objects_stay_text_beside_others():
+    small = rm.sphere(rm.Param("radius", 0.3, 0.1, 1.0)).translate((0, 3, 0))
     turning = rm.box(0.3).rotate(rm.time).translate((2, 0, 0))
-    gathered = gather(rm.union(*objects(40), moving, turning), "auto", 0.0)
+    gathered = gather(rm.union(*objects(40), small, turning), "auto", 0.0)
     assert (gathered.data, gathered.text) == (40, 2)
-    assert count(rm.union(*objects(40), moving, k=0.2)) == 0  # the order of the folds would change
+    assert count(rm.union(*objects(40), small, k=0.2)) == 41  # the order of the folds would change
+    assert count(rm.union(*objects(40), small, rm.plane(), k=0.2)) == 0
+
+
+SPREAD = rm.Param("spread", 1.0, 0.2, 2.0)
+
+
+def moving(n, blend=False):
+    """Objects of which the positions, turns and sizes read time and a parameter, each by numbers of its own."""
+    rng = np.random.default_rng(4)
+    made = []
+    for i in range(n):
+        x, y, z, a, b = rng.uniform(-1.5, 1.5, 5)
+        if i % 3 == 0:
+            each = rm.sphere(0.3 + 0.1 * rm.sin(rm.time + a)).translate((SPREAD * x, SPREAD * y + b * rm.time, z))
+        elif i % 3 == 1:
+            each = rm.box(rng.uniform(0.2, 0.5, 3)).rotate(a + b * rm.time, rng.normal(size=3)).translate((x, y, z))
+        else:
+            tree = rm.cylinder(0.1, 0.6) | rm.sphere(0.2).translate((0, 0.2 + 0.1 * rm.sin(a * rm.time), 0))
+            each = tree.scale(SPREAD + abs(a)).rotate(b).translate((x, y, z))
+        made.append(each)
+    return [each for each in made if each.facts.bounded]
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3])
+def test_rows_follow_parameters_and_time(k):
+    """The field through cells is that of the tree for each value, from the same functions and tables."""
+    node = rm.union(*moving(36), k=k)
+    at = points(150, 3.0)
+    texts = set()
+    for spread, time in ((1.0, 0.0), (1.9, 0.7), (0.2, 40.0)):
+        with bound({"spread": spread}, time):
+            near = assert_same(node, np.concatenate([at, onto(node, at, 0.05)]))
+            assert near.mean() > 0.2
+        texts.add(located(node).texels.name)
+    assert len(texts) == 1
+
+
+def test_a_moved_object_changes_tables_but_no_text():
+    def name(a):
+        made = rm.union(*[rm.sphere(0.2).translate((i, rm.sin(a * i * rm.time), 0)) for i in range(2, 41)])
+        return located(made).texels
+
+    first, again, other = name(1.0), name(1.0), name(1.5)
+    assert first == again and first.name != other.name
+    with bound({}, 0.0):
+        still = first.values
+    with bound({}, 0.3):
+        assert not np.array_equal(still, first.values)
+
+
+def test_motion_vectors_and_exports_keep_moving_objects_as_text():
+    node = rm.union(*[rm.sphere(0.2).translate((i, rm.sin(i * rm.time), 0)) for i in range(2, 41)])
+    assert plan(rm.Scene(node)).gathered.data == 39
+    assert plan(rm.Scene(node, quality=rm.Quality(temporal="reproject"))).gathered.data == 0
+    assert plan(rm.Scene(node), standalone=True).gathered.data == 0
 
 
 def test_unions_below_other_operators():

@@ -155,3 +155,23 @@ def test_the_cache_notices_changed_data(renderer):
     first = picture(places)
     assert np.array_equal(picture(places.copy()), first)
     assert not np.array_equal(picture(places + np.array([0.3, 0.0, 0.0])), first)
+
+
+def test_moving_objects_equal_text(renderer):
+    """The same program draws all frames; a slider and time move the rows."""
+    lift = rm.Param("lift", 0.0, -1.0, 1.0)
+    rng = np.random.default_rng(8)
+    made = []
+    for i in range(12):
+        x, y, z, a = rng.uniform(-1.2, 1.2, 4)
+        each = rm.sphere(0.4) if i % 2 else rm.box(0.6).rotate(a * rm.time, (1, 2, 0))
+        material = rm.Material(color=rng.uniform(0.1, 1, 3))
+        made.append(each.translate((x, y + lift * x, z + 0.3 * rm.sin(rm.time + a))).material(material))
+    scene = rm.Scene(rm.union(*made), camera=CAMERA, lights=[rm.Sun(shadow=True)])
+    data, text = (scene.replace(quality=rm.Quality(objects=choice)) for choice in ("data", "text"))
+    for time, value in ((0.0, 0.0), (1.3, 0.0), (1.3, 0.8)):
+        at = {"time": time, "params": {"lift": value}, "outputs": OUTPUTS}
+        compiled = renderer.compiled
+        frame = renderer.render(data, **at)
+        assert time == 0.0 or renderer.compiled == compiled
+        assert_equal(frame, renderer.render(text, **at), geometry=True)
