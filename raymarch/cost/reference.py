@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch import cache
 from raymarch.cost.content import content_key
 from raymarch.errors import SceneError
 from raymarch.scene.parameter import set_values
@@ -23,8 +21,7 @@ from raymarch.truth.near_edges import silhouettes_within
 from raymarch.truth.rays import camera_rays
 from raymarch.truth.tracer import finished, trace
 
-CACHE_VARIABLE = "RAYMARCH_CACHE"
-"""Environment variable with the cache folder of references; empty disables the cache."""
+CACHE_VARIABLE = cache.VARIABLE
 
 EDGE_WIDTHS = (0.25, 0.0625)
 """Edge distances in pixels that are tried where nearly every pixel has an edge."""
@@ -124,14 +121,8 @@ def reference(
 
 def cache_folder() -> Path | None:
     """The cache folder: $RAYMARCH_CACHE, else in the user's cache; None if the variable is empty."""
-    given = os.environ.get(CACHE_VARIABLE)
-    if given is not None:
-        return Path(given) / "truth" if given.strip() else None
-    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    try:
-        return (Path(base) if base else Path.home() / ".cache") / "raymarch" / "truth"
-    except RuntimeError:  # there is no home directory
-        return None
+    found = cache.folder()
+    return None if found is None else found / "truth"
 
 
 def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progress: Progress) -> Reference:
@@ -207,27 +198,11 @@ def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edg
 
 
 def _load(file: Path) -> Reference | None:
-    try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            content = {f.name: stored[f.name] for f in fields(Reference)}
-    except (OSError, ValueError, KeyError, EOFError, SyntaxError, BadZipFile):
+    stored = cache.load(file)
+    if stored is None or not {f.name for f in fields(Reference)} <= stored.keys():
         return None
-    return Reference(**content | {name: content[name].item() for name in ("samples", "pixel", "edge_width")})
+    return Reference(**stored | {name: stored[name].item() for name in ("samples", "pixel", "edge_width")})
 
 
 def _save(file: Path, made: Reference) -> None:
-    """Save through a temporary file and a rename, so that nobody reads a partial file."""
-    partial = None
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{file.stem[:8]}.", suffix=".npz", dir=file.parent)
-        partial = Path(name)
-        with os.fdopen(handle, "wb") as stream:
-            content: dict[str, Any] = {f.name: np.asarray(getattr(made, f.name)) for f in fields(Reference)}
-            np.savez(stream, **content)
-        partial.replace(file)
-    except OSError:
-        pass
-    finally:
-        if partial is not None:
-            partial.unlink(missing_ok=True)
+    cache.save(file, {f.name: np.asarray(getattr(made, f.name)) for f in fields(Reference)})

@@ -11,14 +11,22 @@ without any such object stores a lower bound of f(c) only: f(p) >= f(c) - |p - c
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+import hashlib
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch import cache
+from raymarch.errors import warn
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
 from raymarch.sdf.blends import FAMILIES
@@ -53,6 +61,9 @@ cells are larger."""
 MANY, ENTRIES = 1 << 22, 24 << 20
 """Number of entries in all lists beyond which only cells with twice as many objects are halved, and beyond which none
 is, to limit memory."""
+
+KEPT_FROM, KEPT_SECONDS, KEPT_BYTES = 1000, 0.5, 2 << 30
+"""Number of objects, and seconds of their build, from which cells are kept on disk; bytes of all cells there."""
 
 PAIRS = 1 << 15
 """Pairs of a cell and an object that are evaluated at once."""
@@ -131,8 +142,37 @@ class _Level:
 
 
 def build(rows: Rows, exact: float) -> Cells:
-    """The cells of some rows. exact : distance to surfaces up to which the field must be exact."""
-    return _Builder(rows, exact).run()
+    """The cells of some rows, from the cache on disk if their build took long before.
+
+    exact : distance to surfaces up to which the field must be exact.
+    """
+    builder = _Builder(rows, exact)
+    folder = cache.folder() if len(rows) >= KEPT_FROM and not rows.live else None
+    if folder is None:
+        return builder.run()
+    file = folder / "cells" / f"{builder.key}.npz"
+    stored = cache.load(file)
+    made = None if stored is None else _restored(stored)
+    if made is not None:
+        with suppress(OSError):
+            os.utime(file)  # it was used: see `cache.save`
+        return made
+    begin = time.perf_counter()
+    made = builder.run()
+    if time.perf_counter() - begin >= KEPT_SECONDS:
+        fault = cache.save(file, {f.name: getattr(made, f.name) for f in fields(Cells)}, limit=KEPT_BYTES)
+        if fault:
+            warn(f"the cells of {len(rows):,} objects are built again in each run: {fault}")
+    return made
+
+
+def _restored(stored: Mapping[str, NDArray[Any]]) -> Cells | None:
+    """Cells from the arrays of a file; None if some are missing."""
+    if not {f.name for f in fields(Cells)} <= stored.keys():
+        return None
+    plain = {name: a if a.ndim else a.item() for name, a in stored.items()}
+    low, high = plain["unbounded"].tolist()
+    return Cells(**plain | {"unbounded": (low, high)})
 
 
 class _Builder:
@@ -198,6 +238,19 @@ class _Builder:
         self.sloped = bool(np.any(self.lipschitz != 1.0))
         if self.blended:
             self.ranked = np.argsort(self.order, kind="stable")
+
+    @property
+    def key(self) -> str:
+        """The content from which the cells are built, and the code that builds them."""
+        digest = hashlib.sha256(Path(__file__).read_bytes())
+        digest.update(repr((self.rows.k, self.rows.family, self.need, np.__version__)).encode())
+        for form in self.forms:
+            digest.update("".join(line.text for line in print_functions([form.columns.field]).lines()).encode())
+            facts = (form.lower, form.upper, form.radius, form.spread, form.lipschitz, form.order)
+            for array in (*form.columns.values, *facts):
+                digest.update(repr((array.shape, form.exact)).encode())
+                digest.update(np.ascontiguousarray(array))
+        return digest.hexdigest()[:24]
 
     # Values
 

@@ -9,10 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import warnings
-import zipfile
-import zlib
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
+from raymarch import cache as disk
 from raymarch.errors import SceneError, warn
 from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
 from raymarch.expr.node import Expr, expr
@@ -131,7 +130,7 @@ def mesh(
     extent : scale the mesh to this largest extent and centre it at the origin. None keeps its coordinates.
     resolution : samples along its largest extent, 8 to 256.
     progress : called with the fraction done, 0 to 1.
-    cache : folder of the cache, which is keyed by content; default ~/.cache/raymarch, or RAYMARCH_CACHE.
+    cache : folder of the cache, which is keyed by content; default $RAYMARCH_CACHE, or the user's cache.
 
     A mesh that is inside out, as a whole or in a part, is reversed. Triangles wound against their neighbours are
     reversed too. A SceneWarning reports both. Lengths are used unchanged: files do not state their unit.
@@ -151,7 +150,7 @@ def mesh(
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
     key = hashlib.sha256(content + f"{extent} {resolution} 3".encode()).hexdigest()[:24]
-    kept = _cache(folder)
+    kept = disk.folder() if folder is None else Path(folder)
     kept = kept and kept / f"mesh-{key}.npz"
     found = None if kept is None else _from_cache(kept)
     if found is None:
@@ -159,51 +158,24 @@ def mesh(
         sampled = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
         values, size, centre = (unit * part for part in sampled)
         if kept is not None:
-            _to_cache(kept, values, size, centre, repairs)
+            arrays = {"values": values, "size": size, "centre": centre, "repairs": np.array(repairs, np.str_)}
+            disk.save(kept, arrays, compressed=True)
         found = sampled_grid(Samples(values), size, centre), repairs
     for repair in found[1]:
         warn(repair)
     return found[0]
 
 
-def _cache(folder: str | None) -> Path | None:
-    """The folder of the cache; None without a home folder."""
-    try:
-        return Path(folder or os.environ.get("RAYMARCH_CACHE") or Path.home() / ".cache" / "raymarch")
-    except RuntimeError:
-        return None
-
-
 def _from_cache(kept: Path) -> tuple[Node, list[str]] | None:
     """Samples of an earlier run and its repairs; None if there are none, or they are damaged."""
+    found = disk.load(kept)
     try:
-        with kept.open("rb") as file, np.load(file) as found:
-            repairs = [str(repair) for repair in found["repairs"]]
-            return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), repairs
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        KeyError,
-        TypeError,
-        AttributeError,
-        zipfile.BadZipFile,
-        zlib.error,
-        SceneError,
-    ):
+        if found is None:
+            return None
+        repairs = [str(repair) for repair in found["repairs"]]
+        return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), repairs
+    except (*disk.UNREADABLE, SceneError):
         return None
-
-
-def _to_cache(kept: Path, values: Any, size: Any, centre: Any, repairs: Sequence[str] = ()) -> None:
-    """Keep samples for the next run. If the cache cannot be written, it is not used."""
-    partial = kept.with_suffix(f".{os.getpid()}.part.npz")
-    try:
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(partial, values=values, size=size, centre=centre, repairs=np.array(repairs, np.str_))
-        partial.replace(kept)
-    except OSError:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
 
 
 def _extent(what: str, value: Any) -> float:

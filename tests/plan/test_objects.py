@@ -1,6 +1,7 @@
 """Objects as rows of a table: which objects, and the field that cells give against that of all objects."""
 
 from collections import OrderedDict
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion
-from raymarch.plan import plan
+from raymarch.plan import cells, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.gather import AS_DATA, gather
 from raymarch.plan.objects import ObjectsInCells
@@ -56,9 +57,9 @@ def compared(node, at, exact=0.0):
     value, true = evaluator([found.field.body], found.field.params)(at)[0], node.distance(at)
     near = evaluator([found.place.near], found.field.params)(at)[0]
     if not found.rows.family:
-        cells = found.cells
-        assert np.all(near[true <= cells.need + CUT * cells.size / 2**cells.depth])
-        near = near & (true <= cells.need + CUT * cells.size / 2**cells.depth)
+        made = found.cells
+        assert np.all(near[true <= made.need + CUT * made.size / 2**made.depth])
+        near = near & (true <= made.need + CUT * made.size / 2**made.depth)
     return value, true, near
 
 
@@ -126,8 +127,8 @@ def test_other_units(size):
 def test_objects_on_the_borders_of_cells():
     """A regular lattice, asked on the borders of its cells in float32, where rounding decides on the cell."""
     node = rm.union(*[rm.sphere(0.3).translate((x, y, z)) for x in range(4) for y in range(4) for z in range(4)])
-    cells = located(node).cells
-    lines = [cells.low[i] + cells.size * np.arange(2, cells.counts[i] - 1) for i in range(3)]
+    made = located(node).cells
+    lines = [made.low[i] + made.size * np.arange(2, made.counts[i] - 1) for i in range(3)]
     at = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
     for shift in (-1e-6, 0.0, 1e-6):
         assert_same(node, (at + shift).astype(np.float32).astype(np.float64))
@@ -165,6 +166,37 @@ def test_gradients_are_those_of_the_text():
     near = evaluator([found.place.near], found.field.params)(at)[0]
     away = np.abs(slope - node.gradient(at)).max(axis=1)[near]
     assert np.mean(away < 1e-4) > 0.99
+
+
+# The cache
+
+
+@pytest.mark.parametrize("k", [0.0, 0.2])
+def test_cells_are_kept_on_disk(tmp_path, monkeypatch, k):
+    monkeypatch.setenv("RAYMARCH_CACHE", str(tmp_path))
+    monkeypatch.setattr(cells, "KEPT_FROM", 10)
+    monkeypatch.setattr(cells, "KEPT_SECONDS", 0.0)
+    (rows,) = gather(rm.union(*objects(20), k=k), "data", 0.0).rows
+    first = cells.build(rows, 0.1)
+    (file,) = (tmp_path / "cells").iterdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(cells._Builder, "run", None)
+        same = cells.build(rows, 0.1)
+    for field in fields(first):
+        assert np.array_equal(getattr(first, field.name), getattr(same, field.name)), field.name
+    content = file.read_bytes()
+    for spoiled in (b"", content[: len(content) // 2]):
+        file.write_bytes(spoiled)
+        assert np.array_equal(cells.build(rows, 0.1).texels, first.texels) and file.read_bytes() == content
+    cells.build(rows, 0.2)
+    cells.build(gather(rm.union(*objects(20, seed=1), k=k), "data", 0.0).rows.popitem()[0], 0.1)
+    assert len(list((tmp_path / "cells").iterdir())) == 3
+    monkeypatch.setattr(cells, "KEPT_BYTES", 0)
+    cells.build(rows, 0.3)
+    assert len(list((tmp_path / "cells").iterdir())) == 1
+    monkeypatch.setenv("RAYMARCH_CACHE", "/dev/null/nowhere")
+    with pytest.warns(UserWarning, match="20 objects are built again in each run: cannot write '/dev/null/nowhere"):
+        cells.build(rows, 0.1)
 
 
 # Which objects
