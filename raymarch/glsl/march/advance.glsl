@@ -4,6 +4,6 @@
 void move(inout March at, bool empty, float t, float r, float derivative) {
     at.t = empty ? t : at.t;
     at.r = empty ? r : at.r;
-    at.last_derivative = empty ? derivative : UNDONE;
+    at.last_derivative = empty ? derivative : min(UNDONE, 0.0);
     at.derivative = empty ? averaged_derivative(at.derivative, derivative) : UNDONE;
 }

@@ -4,8 +4,8 @@
 // the same points.
 // A refining step is accepted only if the residual becomes smaller. Along a surface the derivative is nearly 0, and a
 // secant step may pass through an object that stands on the surface. No value certifies such a step as empty, so the
-// first is at most a pixel longer than a plain step, and the next no longer than the distance over which the derivative
-// has held. A ray that only passes the surface is not a hit, or edges and silhouettes would be an epsilon too wide and
+// first is at most `leap_pixels` pixels longer than a plain step, and passes no thicker solid. The next is no longer than
+// the distance over which the derivative has held. A ray that only passes the surface is not a hit, or edges and silhouettes would be an epsilon too wide and
 // show normals of back faces. It searches on from its last certified sample.
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
@@ -22,9 +22,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         float z = step_length(at, far);
         if (aiming) {
 #ifdef ORTHOGRAPHIC
-            float leap = u_pixel + (at.refining ? at.t - at.kept_t : 0.0);
+            float leap = leap_pixels * u_pixel + (at.refining ? at.t - at.kept_t : 0.0);
 #else
-            float leap = u_pixel * at.t + (at.refining ? at.t - at.kept_t : 0.0);
+            float leap = leap_pixels * u_pixel * at.t + (at.refining ? at.t - at.kept_t : 0.0);
 #endif
             z = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.r + leap) : at.r;
         }
@@ -79,5 +79,5 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     hit.done = found || escaped;
     hit.t = found ? at.t + last_step(widths, at) : at.t;
     hit.residual = abs(at.r);
-    if (!hit.done) on_exhausted(hit);
+    if (!hit.done) on_exhausted(hit, at.last_derivative);
 }
