@@ -402,7 +402,8 @@ class BSDF(ABC):
     def mirrored(self, values: Values, n_dot_v: Expr, traced: Sequence[Expr]) -> Expr:
         """Reflectance of the traced fractions of the lobes as mirrors, a vec3."""
         lobes = self.lobes(values, n_dot_v)
-        return sum_of([done * lobe.reflectance for lobe, done in zip(lobes, traced, strict=True)])
+        terms = [done * lobe.reflectance for lobe, done in zip(lobes, traced, strict=True)]
+        return sum_of(terms) if terms else vec3(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

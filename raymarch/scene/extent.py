@@ -19,6 +19,7 @@ from raymarch.expr.raw import without_twin
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
+from raymarch.sdf.visibility import FAR_AWAY, hiding_nodes
 
 SMALLEST, LARGEST = 1e-15, 1e15
 """Range of lengths in which every intermediate value of a scene is a float32: squares of a thousandth of a pixel at the
@@ -52,6 +53,8 @@ def refuse_extent(scene: Scene, origin: NDArray[np.float64], field: Function) ->
     if not without_twin(field.body):
         with bound(values.params, values.time):
             away = abs(float(evaluator([field.body], field.params)(pose.position - origin)[0])) or None
+    if away is not None and away > 1e-3 * FAR_AWAY and hiding_nodes(scene.node):
+        away = None  # the camera sees none of the solids
     if away is not None and not np.isfinite(away):
         return  # a value is not finite at the defaults; each frame checks that
     varies = bool(scene.parameters)  # the box then bounds the solid over their whole ranges, and may be far too large

@@ -56,8 +56,10 @@ def exponential_min(a: Expr, b: Expr, k: Expr) -> Expr:
 
 @function(a=FLOAT, b=FLOAT, k=FLOAT)
 def root_min(a: Expr, b: Expr, k: Expr) -> Expr:
-    """A branch of a hyperbola; it acts at all distances."""
-    return 0.5 * (a + b - length(vec2(a - b, 0.5 * k)))
+    """A branch of a hyperbola; it acts at all distances. The smaller distance is factored out: its sum with a large
+    one would round it."""
+    gap, width = abs(a - b), 0.5 * k
+    return min(a, b) - 0.5 * width * (width / (length(vec2(gap, width)) + gap))
 
 
 def _round_fold(a: Expr, b: Expr, radius: Expr) -> Expr:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from raymarch.expr.function import Function, trace
-from raymarch.expr.node import Expr, construct, var
+from raymarch.expr.node import Expr, const, construct, var
 from raymarch.expr.operations import operations
 from raymarch.expr.types import FLOAT, VEC3, Type, struct, vector
 from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
@@ -114,7 +114,7 @@ class Reflection:
         def made(symbols: Mapping[str, Expr]) -> Expr:
             values, normal, view = self._at(symbols)
             each = self.bsdf.traced(values, _cosine(normal, view))
-            return construct(*each) if len(each) > 1 else each[0]
+            return construct(*each) if len(each) > 1 else [*each, const(0.0)][0]
 
         return self._call("mirror_weight", {}, made)
 

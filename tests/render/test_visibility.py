@@ -161,3 +161,24 @@ def test_what_cannot_be_hidden_is_refused_by_name() -> None:
     with pytest.raises(PlanError, match=r"visible\(reflection=False\) hides a part that transmits light"):
         plan(rm.Scene(glass | rm.plane(offset=-1), bounces=2))
     plan(rm.Scene(glass | rm.plane(offset=-1), bounces=0))
+
+
+def test_a_scene_of_which_the_camera_sees_nothing_is_drawn_in_any_unit(egl: Context) -> None:
+    ball = rm.sphere(1e-3).translate((rm.Param("x", 0.0), 0, 0)).visible(camera=False)
+    with rm.Renderer(SIZE, context=egl) as renderer:
+        assert np.isinf(renderer.render(rm.Scene(ball, rm.Camera((0, 0, 0.01), (0, 0, 0)))).depth).all()
+
+
+def test_a_hidden_mirror_leaves_a_ray_tree_of_phong_surfaces(egl: Context) -> None:
+    """No lobe is left that a ray could trace."""
+    solid = rm.sphere(0.6).material(rm.Material(color=(0.8, 0.1, 0.1)))
+    scene = rm.Scene(
+        solid | MIRROR.visible(camera=False, shadow=False, reflection=False),
+        rm.Camera((1, 1.6, 5), (0, 0.2, 0)),
+        bounces=2,
+        quality=rm.Quality(integrator="whitted"),
+    )
+    with rm.Renderer(SIZE, context=egl) as renderer:
+        found = renderer.render(scene).color.copy()
+        alone = renderer.render(scene.replace(node=solid)).color
+    assert np.abs(found - alone).max() < 1e-3

@@ -10,7 +10,10 @@ import pytest
 
 from raymarch.expr import const
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.function import trace
+from raymarch.expr.types import FLOAT
 from raymarch.sdf import Node, box, capsule, difference, intersection, sphere, torus, union
+from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.booleans import BLENDS, smooth_min
 from tests.support.refusals import refused
 
@@ -229,3 +232,16 @@ def test_every_blend_is_offered_by_name() -> None:
     assert "quadratic" in BLENDS
     for name in BLENDS:
         assert union(A, B, k=0.1, blend=name).distance((0, 0, 0)) < 0
+
+
+@pytest.mark.parametrize("blend", FAMILIES)
+@pytest.mark.parametrize("far", [1e6, 1e17])
+def test_a_far_operand_leaves_the_near_one_its_digits(blend: str, far: float) -> None:
+    """In float32; 1e17 is the distance to a solid that is hidden from a kind of rays."""
+    a = np.linspace(-1.0, 1.0, 41, dtype=np.float32)
+    fold = FAMILIES[blend](4).fold
+    blended = trace("blended", lambda x, y: fold(x, y, 0.3), (("x", FLOAT), ("y", FLOAT)))
+    single = evaluator([blended.body], blended.params, np.float32)
+    away = np.full_like(a, far)
+    for given in ((a, away), (away, a)):
+        assert np.abs(single(*given)[0] - a).max() < 1e-7
