@@ -249,7 +249,7 @@ class _Builder:
             facts = (form.lower, form.upper, form.radius, form.spread, form.lipschitz, form.order)
             for array in (*form.columns.values, *facts):
                 digest.update(repr((array.shape, form.exact)).encode())
-                digest.update(np.ascontiguousarray(array))
+                digest.update(np.ascontiguousarray(array).data)
         return digest.hexdigest()[:24]
 
     # Values
