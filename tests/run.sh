@@ -63,9 +63,9 @@ types=$(mktemp)
     echo "$((SECONDS - begun)) $status" >"$types"
 } &
 checker=$!
-# A process draws with one thread: there are as many processes as cores. Each takes neighbouring tests, which share
-# what their fixtures made, until it has none left; then it takes some of another's.
-export LP_NUM_THREADS=${LP_NUM_THREADS:-1}
+# A process draws and computes with one thread: there are as many processes as cores. Each takes neighbouring tests,
+# which share what their fixtures made, until it has none left; then it takes some of another's.
+export LP_NUM_THREADS=${LP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
 # Most shaders of the tests draw one small picture: the software renderer compiles them without its optimizer in less
 # time than that saves. `--all` draws as users do.
 [[ " $* " == *" --all "* ]] || export GALLIVM_PERF=${GALLIVM_PERF-nopt}
