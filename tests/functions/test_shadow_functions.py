@@ -106,6 +106,12 @@ def test_a_bound_that_is_flat_where_the_ray_starts_is_no_obstacle(egl: Context) 
     assert shadows(egl, "light/shadow", "0.05 * p.z", UP)[0] == 1.0
 
 
+def test_a_ray_out_of_steps_is_lit_unless_it_comes_nearer(egl: Context) -> None:
+    """512 steps along a wall end a tenth of the way to the light: the wall stays beside the ray, or crosses it."""
+    assert shadows(egl, "light/shadow", "0.02", UP, far=100.0)[0] == 1.0
+    assert shadows(egl, "light/shadow", "0.02 - 0.001 * p.z", UP, far=100.0)[0] == 0.0
+
+
 @pytest.mark.parametrize("kind", SOFT)
 def test_a_wall_along_the_ray_takes_what_it_covers(egl: Context, kind: str) -> None:
     """A wall at h from the ray: its clearance over the disc's radius falls to h / (width far) at the light, which

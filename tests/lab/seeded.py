@@ -36,7 +36,13 @@ TESTS = {
     "sky": ("render/test_render_shading.py", "render/test_render_bounces.py"),
     "temporal": ("render/test_temporal.py", "gpu/test_views.py"),
     "probe": ("gpu/test_probe.py", "hard/test_probe.py"),
-    "view": ("render/test_temporal.py", "gpu/test_views.py", "render/test_resumed.py", "gpu/test_cycles.py"),
+    "view": (
+        "render/test_lens.py",
+        "render/test_temporal.py",
+        "gpu/test_views.py",
+        "render/test_resumed.py",
+        "gpu/test_cycles.py",
+    ),
 }
 """The tests of a folder of modules, those most likely to notice first."""
 
