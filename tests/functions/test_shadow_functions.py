@@ -28,7 +28,7 @@ struct Light { vec3 direction; float distance; vec3 radiance; };
 const float epsilon_pixels = 1.0;
 const float contact_share = 0.5;
 const int shadow_steps = 512;
-const float u_side = 1.0;
+const float smoothing = 0.3;
 int asked = 0;
 vec2 scene_box(Ray ray, vec2 range) { return range; }
 vec2 scene_cone(Ray ray, vec2 range, float width) { return range; }
@@ -37,6 +37,7 @@ float body(vec3 p);
 float field(vec3 p) { asked++; return body(p); }
 """
 NEARNESS = ("march/widths", "march/nearness", "march/epsilon", "march/contact")
+STEPS = ("march/hit", "march/safe_step", "march/auto_relaxed", "march/advance")
 KINDS = {
     "light/shadow": "hard_shadow(surface, light)",
     "light/cone": "cone_shadow(surface, light, width)",
@@ -59,10 +60,8 @@ def shadows(
             float share = {KINDS[kind]};
             return vec2(share, float(asked));
         }}"""
-    text = modules(
-        *NEARNESS, "march/safe_step", "march/extrapolate", "light/spawn_ray", kind, before=BEFORE, after=after
-    )
-    found = run(egl, text, "seen({0})", [(VEC3, ways)], 2, {"u_pixel": PIXEL})
+    text = modules(*NEARNESS, *STEPS, "march/extrapolate", "light/spawn_ray", kind, before=BEFORE, after=after)
+    found = run(egl, text, "seen({0})", [(VEC3, ways)], 2, {"u_pixel": PIXEL, "u_side": 1.0})
     return found[:, 0], found[:, 1]
 
 
