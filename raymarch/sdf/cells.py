@@ -23,16 +23,16 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import called, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr, make
-from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs as absolute
-from raymarch.expr.vocabulary import clamp, max, min, round, vec3, where
+from raymarch.expr.vocabulary import max, min, round, vec3, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.copies import UNBOUNDED, each_axis
+from raymarch.sdf.copies import UNBOUNDED
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
-from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole, as_length
+from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
-from raymarch.sdf.repetition import INFINITE, copies_of
+from raymarch.sdf.repetition import INFINITE, cells_of, check_centred, limited
 
 __all__ = ["repeat_varied"]
 
@@ -106,19 +106,15 @@ def varied_cells(
             continue
         shift = 0.5 if n and n % 2 == 0 else 0.0
         along = p[i] / spacing[i] - shift
-        own = _limited(round(along), n)
+        own = limited(round(along), n)
         local = along - own
-        other = _limited(own + where(local < 0.0, -1.0, 1.0), n)
+        other = limited(own + where(local < 0.0, -1.0, 1.0), n)
         gap = (0.5 - absolute(local)) * spacing[i]
         lookups.append([(p[i] - spacing[i] * (cell + shift), cell, g) for cell, g in ((own, None), (other, gap))])
         unseen.append((0.5 + absolute(local)) * spacing[i])
     nearest = [_look_up(child, cells, choice) for choice in product(*lookups)]
     aside = absolute(p - middle) - half
     return at_least(balanced([*nearest, *unseen], min), max(*aside))
-
-
-def _limited(cell: Expr, n: int) -> Expr:
-    return cell if n == INFINITE else clamp(cell, -float(n // 2), float((n - 1) // 2))
 
 
 def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr | None]]) -> Expr:
@@ -149,14 +145,7 @@ def repeat_varied(
     A bound, 1-Lipschitz. It is exact up to the distance of the nearest unvisited cell, which is half a cell or more.
     Evaluates the own cell and the nearer neighbour along each axis: 2, 4 or 8 evaluations of the solid.
     """
-    steps = each_axis("repeat_varied", "spacing", spacing)
-    counts = each_axis("repeat_varied", "count", count)
-    numbers = []
-    for step, number in zip(steps, counts, strict=True):
-        n = 1 if step is None else INFINITE if number is None else number
-        numbers.append(copies_of("repeat_varied", n, number is None, count))
-    legal = "a number > 0, or None, or three"
-    width = [expr(1.0) if step is None else as_length("repeat_varied: spacing", step, legal) for step in steps]
+    width, numbers = cells_of("repeat_varied", spacing, count)
     low, high = ([float(end(n)) for n in numbers] for end in (_first, _last))
     cells = Cells((low[0], low[1], low[2]), (high[0], high[1], high[2]))
     if not callable(build) or isinstance(build, Expr):
@@ -165,8 +154,9 @@ def repeat_varied(
     if not isinstance(node, Node) or node.dimension != 3:
         raise SceneError(f"repeat_varied: build gives {short(node)}", legal="a solid such as sphere()")
     middle, half = [], []
-    for i, axis in enumerate("xyz"):
-        _check_fit(node, axis, width[i], numbers[i], i)
+    for i in range(3):
+        if numbers[i] != 1:
+            check_centred("repeat_varied", node, width[i], i, "the middle of its cell")
         reach = 0.0 if numbers[i] == 1 else 0.5 * (numbers[i] - 1) * float(interval_of(width[i])[1])
         bottom, top = node.facts.lower[i] - reach, node.facts.upper[i] + reach
         ends = numbers[i] != INFINITE and np.isfinite(top - bottom)
@@ -182,20 +172,3 @@ def _first(n: int) -> float:
 
 def _last(n: int) -> float:
     return np.inf if n == INFINITE else (n - 1) // 2
-
-
-def _check_fit(node: Node, axis: str, step: Expr, n: int, i: int) -> None:
-    if n == 1:
-        return
-    if step.type is not FLOAT or not float(interval_of(step)[0]) > 0.0:
-        raise SceneError(f"repeat_varied: spacing along {axis} = {short(step)}", legal="a number > 0, or None")
-    smallest = float(interval_of(step)[0])
-    reach = 2.0 * float(np.maximum(-node.facts.lower, node.facts.upper)[i])
-    if not reach <= smallest * (1 + 1e-12):
-        raise SceneError(
-            f"repeat_varied: {node.name} reaches {0.5 * reach:g} from the middle of its cell along {axis}, its cell "
-            f"only {0.5 * smallest:g}",
-            legal=f"a spacing >= {reach:g} along {axis}"
-            if np.isfinite(reach)
-            else f"None as the spacing along {axis}, or parameters with a finite range",
-        )

@@ -20,9 +20,8 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import integer, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
-from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs as absolute
-from raymarch.expr.vocabulary import atan2, clamp, cos, length, max, min, mod, round, sin, vec3, where
+from raymarch.expr.vocabulary import atan2, cos, length, max, min, mod, round, sin, vec3, where
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
@@ -30,7 +29,7 @@ from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import rotation_matrix, translate
 from raymarch.sdf.registry import method
-from raymarch.sdf.repetition import INFINITE, MOST, copies_of, repeat
+from raymarch.sdf.repetition import INFINITE, MOST, cells_of, check_centred, each_axis, limited, repeat
 
 # Around the y axis
 
@@ -249,9 +248,7 @@ def mirrored_cells(
             parts.append(p[i])
             continue
         shift = 0.5 if n and n % 2 == 0 else 0.0  # an even number of cells has a wall at the origin
-        cell = round(p[i] / spacing[i] - shift)
-        if n != INFINITE:
-            cell = clamp(cell, -float(n // 2), float((n - 1) // 2))
+        cell = limited(round(p[i] / spacing[i] - shift), n)
         turn = 1.0 - 2.0 * mod(cell, 2.0)
         parts.append(turn * (p[i] - spacing[i] * (cell + shift)))
     return child(construct(*parts))
@@ -275,46 +272,11 @@ def repeat_mirrored(
     """
     if not isinstance(node, Node) or node.dimension != 3:
         raise SceneError(f"repeat_mirrored of {short(node)}", legal="a solid such as sphere()")
-    steps = each_axis("repeat_mirrored", "spacing", spacing)
-    counts = each_axis("repeat_mirrored", "count", count)
-    width, numbers = [], []
-    for i, axis in enumerate("xyz"):
-        n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
-        n = copies_of("repeat_mirrored", n, counts[i] is None, count)
-        step = expr(1.0) if steps[i] is None else as_length("repeat_mirrored: spacing", steps[i])
+    width, numbers = cells_of("repeat_mirrored", spacing, count)
+    for i, n in enumerate(numbers):
         if n != 1:
-            _check_fit(node, axis, step, i)
-        numbers.append(int(n))
-        width.append(step)
+            check_centred("repeat_mirrored", node, width[i], i, "the origin")
     return mirrored_cells(node, construct(*width), *numbers)
-
-
-def _check_fit(node: Node, axis: str, step: Expr, i: int) -> None:
-    if step.type is not FLOAT:
-        raise SceneError(f"repeat_mirrored: spacing along {axis} is a {step.type}", legal="a number > 0")
-    smallest = float(interval_of(step)[0])
-    if not smallest > 0.0:
-        raise SceneError(f"repeat_mirrored: spacing along {axis} = {smallest:g}", legal="a number > 0, or None")
-    reach = 2.0 * float(np.maximum(-node.facts.lower, node.facts.upper)[i])
-    if not reach <= smallest * (1 + 1e-12):
-        raise SceneError(
-            f"repeat_mirrored: {node.name} reaches {0.5 * reach:g} from the origin along {axis}, its cell only "
-            f"{0.5 * smallest:g}",
-            legal=f"a spacing >= {reach:g} along {axis}" if np.isfinite(reach) else f"None as the spacing along {axis}",
-        )
-
-
-def each_axis(name: str, what: str, value: Any) -> list[Any]:
-    """One entry for each axis."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, Expr) and value.type is not FLOAT:
-        value = list(value)
-    if isinstance(value, tuple | list):
-        if len(value) != 3:
-            raise SceneError(f"{name}: {what} = {short(value)}", legal="one value, or three for x, y and z")
-        return list(value)
-    return [value] * 3
 
 
 # A range of cells

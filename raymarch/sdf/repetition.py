@@ -17,7 +17,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import LARGEST, integer, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
-from raymarch.expr.types import FLOAT, vector
+from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, max, min, round, where
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
@@ -99,8 +99,8 @@ def repeat_cells(
         cells: list[tuple[Expr, Expr | None]] = [(cell, None)]
         if both >> i & 1:
             cells.append((cell + side, (0.5 - abs(local)) * spacing[i]))
-            unseen.append((0.5 + abs(along - _limited(cell, counts[i]))) * spacing[i])
-        lookups[i] = [(p[i] - spacing[i] * (_limited(c, counts[i]) + shift), gap) for c, gap in cells]
+            unseen.append((0.5 + abs(along - limited(cell, counts[i]))) * spacing[i])
+        lookups[i] = [(p[i] - spacing[i] * (limited(c, counts[i]) + shift), gap) for c, gap in cells]
     distances = [_lookup(child, choice, bool(guard)) for choice in product(*lookups)]
     if not guard:
         return balanced(distances, min)
@@ -108,7 +108,7 @@ def repeat_cells(
     return at_least(balanced([*distances, *unseen], min), max(*aside))
 
 
-def _limited(cell: Expr, count: int) -> Expr:
+def limited(cell: Expr, count: int) -> Expr:
     """The index of a cell, clamped to the cells that exist: -(n-1)/2 to (n-1)/2, shifted by half if n is even."""
     if count == INFINITE:
         return cell
@@ -121,14 +121,50 @@ def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: boo
     return at_least(distance, balanced(gaps, max)) if guard and gaps else distance
 
 
-def copies_of(name: str, value: Any, endless: bool, given: Any) -> int:
-    """The number of copies along an axis, 0 for infinitely many. `given` is the user's value for all axes."""
-    try:
-        return integer("count", value, 0 if endless else 1, MOST)
-    except SceneError:
+def each_axis(name: str, what: str, value: Any, dimension: int = 3) -> list[Any]:
+    """One entry for each axis of an argument of the function `name`."""
+    if isinstance(value, Expr) and value.type is not FLOAT:
+        value = list(value)
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, tuple | list):
+        if len(value) != dimension:
+            each = "three for x, y and z" if dimension == 3 else "two for x and y"
+            raise SceneError(f"{name}: {what} = {short(value)}", legal=f"one value, or {each}")
+        return list(value)
+    return [value] * dimension
+
+
+def cells_of(name: str, spacing: Any, count: Any, dimension: int = 3) -> tuple[list[Expr], list[int]]:
+    """The width of the cells and the number of copies along each axis: 0 for infinitely many, 1 without a spacing."""
+    widths, numbers = [], []
+    steps, counts = each_axis(name, "spacing", spacing, dimension), each_axis(name, "count", count, dimension)
+    for axis, step, given in zip("xyz", steps, counts, strict=False):
+        n = 1 if step is None else INFINITE if given is None else given
+        try:
+            numbers.append(integer("count", n, 0 if given is None else 1, MOST))
+        except SceneError:
+            legal = "integers >= 1, or None for infinitely many"
+            raise SceneError(f"{name}: count = {short(count)}", legal=legal) from None
+        widths.append(expr(1.0) if step is None else as_length(f"{name}: spacing", step))
+        smallest = float(interval_of(widths[-1])[0])
+        if numbers[-1] != 1 and not 0.0 < smallest <= LARGEST:
+            legal = "a number > 0, and finite; None leaves an axis alone: (None, None, 2.4)"
+            raise SceneError(f"{name}: spacing along {axis} = {smallest:g}", legal=legal)
+    return widths, numbers
+
+
+def check_centred(name: str, node: Node, width: Expr, i: int, place: str) -> None:
+    """SceneError if a solid does not lie in its cell about the origin, along the axis of index i. place : the origin's
+    name."""
+    axis, half = "xyz"[i], 0.5 * float(interval_of(width)[0])
+    reach = float(np.maximum(-node.facts.lower, node.facts.upper)[i])
+    if not reach <= half * (1 + 1e-12):
+        cure = f"None as the spacing along {axis}, or parameters with a finite range"
         raise SceneError(
-            f"{name}: count = {short(given)}", legal="integers >= 1, or None for infinitely many"
-        ) from None
+            f"{name}: {node.name} reaches {reach:g} from {place} along {axis}, its cell only {half:g}",
+            legal=f"a spacing >= {2.0 * reach:g} along {axis}" if np.isfinite(reach) else cure,
+        )
 
 
 @method
@@ -146,16 +182,10 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     """
     if not isinstance(node, Node):
         raise SceneError(f"repeat of {short(node)}", legal="a node such as sphere()")
-    steps = _each_axis("spacing", spacing, node.dimension)
-    counts = _each_axis("count", count, node.dimension)
+    width, numbers = cells_of("repeat", spacing, count, node.dimension)
     lower, upper = node.bounds
-    width, centre, numbers, both, middles, halves = [], [], [], 0, [], []
-    for i, axis in enumerate("xyz"[: node.dimension]):
-        n = 1 if steps[i] is None else INFINITE if counts[i] is None else counts[i]
-        n = copies_of("repeat", n, counts[i] is None, count)
-        numbers.append(n)
-        step = expr(1.0) if steps[i] is None else as_length("repeat: spacing", steps[i])
-        width.append(step)
+    centre, both, middles, halves = [], 0, [], []
+    for i, (axis, step, n) in enumerate(zip("xyz", width, numbers, strict=False)):
         middle = 0.0
         if n != 1:
             _check_fit(node, axis, step, float(lower[i]), float(upper[i]))
@@ -172,27 +202,8 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard, middles, halves)
 
 
-def _each_axis(name: str, value: Any, dimension: int) -> list[Any]:
-    """One entry for each axis."""
-    if isinstance(value, Expr) and value.type is vector(dimension):
-        return list(value)
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, tuple | list):
-        if len(value) != dimension:
-            each = "three for x, y and z" if dimension == 3 else "two for x and y"
-            raise SceneError(f"repeat: {name} = {short(value)}", legal=f"one value, or {each}")
-        return list(value)
-    return [value] * dimension
-
-
 def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) -> None:
-    if step.type is not FLOAT:
-        raise SceneError(f"repeat: spacing along {axis} is a {step.type}", legal="a number > 0")
     smallest = float(interval_of(step)[0])
-    if not 0.0 < smallest <= LARGEST:
-        legal = "a finite number > 0; None leaves an axis alone: repeat((None, None, 2.4))"
-        raise SceneError(f"repeat: spacing along {axis} = {smallest:g}", legal=legal)
     if not np.isfinite(upper - lower):
         raise SceneError(f"repeat: {node.name} is unbounded along {axis}", legal=f"None as the spacing along {axis}")
     if upper - lower > smallest * (1 + 1e-12):
