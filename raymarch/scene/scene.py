@@ -31,6 +31,7 @@ from raymarch.sdf.domain import ColorLike
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.labels import rows_of, seen_labels
 from raymarch.sdf.node import Node
+from raymarch.sdf.node import all_nodes as all_nodes
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -301,18 +302,6 @@ def _several(name: str, values: Any, kind: Any, legal: str, example: str) -> tup
         one = f"{type(values).__name__}(...)" if isinstance(values, kind) else short(values)
         raise SceneError(f"Scene: {name} = {one}", legal=f"a list of them, such as {example}")
     return tuple(_instance(name, value, kind, legal) for value in values)
-
-
-def all_nodes(root: Node) -> list[Node]:
-    """Every node of a tree once, parents first."""
-    found = {id(root): root}
-    pending = [root]
-    while pending:
-        for child in pending.pop().children:
-            if id(child) not in found:
-                found[id(child)] = child
-                pending.append(child)
-    return list(found.values())
 
 
 def _bounded_part(root: Node) -> Facts | None:

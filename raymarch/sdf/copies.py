@@ -26,7 +26,7 @@ from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import rotation_matrix, translate
 from raymarch.sdf.registry import method
 from raymarch.sdf.repetition import INFINITE, MOST, cells_of, check_centred, each_axis, limited, repeat
@@ -145,8 +145,7 @@ def polar(node: Node, count: int = 6) -> Node:
     child that is symmetric about the middle of its sector (about z = 0 if it is on the x axis), else 2. A child that
     extends beyond its sector is evaluated for every copy, and refused if there are more than 24.
     """
-    if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"polar of {short(node)}", legal="a solid such as sphere()")
+    solid("polar", node)
     count = integer("polar: count", count, 1, 65535)
     if count == 1:
         return node
@@ -270,8 +269,7 @@ def repeat_mirrored(
     neighbour is the mirror image of the solid in the point's own cell, and the image of a surface point is farther away
     than the surface point itself.
     """
-    if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"repeat_mirrored of {short(node)}", legal="a solid such as sphere()")
+    solid("repeat_mirrored", node)
     width, numbers = cells_of("repeat_mirrored", spacing, count)
     for i, n in enumerate(numbers):
         if n != 1:

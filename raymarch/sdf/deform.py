@@ -13,23 +13,19 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.vocabulary import abs, clamp, cos, length, max, min, sin, sqrt, vec2, vec3
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, solid
 from raymarch.sdf.registry import method
 
 
 def _reach(node: Node, name: str, axes: str) -> float:
     """Largest distance of the child from the origin in the plane of some axes. SceneError if it is unbounded there."""
-    if not isinstance(node, Node):
-        raise SceneError(f"{name} of {short(node)} ({type(node).__name__})", legal="a solid such as sphere()")
-    if node.dimension != 3:
-        raise SceneError(f"{name} of a flat shape ({node.name})", legal="a solid")
+    solid(name, node)
     picks = ["xyz".index(axis) for axis in axes]
     corner = np.maximum(np.abs(node.facts.lower), np.abs(node.facts.upper))[picks]
     reach = float(np.linalg.norm(corner))

@@ -17,7 +17,7 @@ from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.lower import lower
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import affine, material, refuse_label, translate
 from raymarch.sdf.rows import Form, Rows, Slot
 from raymarch.sdf.solids import sphere
@@ -94,9 +94,7 @@ def _materials(given: Any, n: int) -> tuple[tuple[Any, ...], NDArray[np.int64]]:
 
 
 def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
-    if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"instances of {short(node)} ({type(node).__name__})", legal="a solid such as sphere()")
-    facts = node.facts
+    facts = solid("instances", node).facts
     if not facts.bounded or facts.empty or facts.exactness == "estimate":
         what = "an estimate" if facts.exactness == "estimate" else "unbounded" if not facts.bounded else "empty"
         raise SceneError(f"instances of {node.name}, which is {what}", legal="a bounded solid that is exact or a bound")

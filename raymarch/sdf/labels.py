@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, children_first
 
 
 def flattened(node: Node) -> list[Node]:
@@ -56,14 +56,7 @@ def seen_labels(root: Node) -> set[Any]:
 def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
     """The same solid with labels mapped by a function. Shared nodes stay shared."""
     made: dict[int, Node] = {}
-    pending = [root]
-    while pending:
-        node = pending[-1]
-        waiting = [child for child in node.children if id(child) not in made]
-        if waiting:
-            pending += waiting
-            continue
-        pending.pop()
+    for node in children_first(root):
         children = tuple(made[id(child)] for child in node.children)
         label = None if node.label is None else change(node.label)
         rows = rows_of(node)

@@ -331,6 +331,38 @@ class Node:
         return self._call("material", material)
 
 
+def solid(what: str, node: Any) -> Node:
+    """The node. SceneError if it is none, or a flat shape. what : the operation on it, for the message."""
+    if not isinstance(node, Node) or node.dimension != 3:
+        raise SceneError(f"{what} of {short(node)} ({type(node).__name__})", legal="a solid such as sphere()")
+    return node
+
+
+def all_nodes(root: Node) -> list[Node]:
+    """Every node of a tree once, parents first."""
+    found = {id(root): root}
+    pending = [root]
+    while pending:
+        for child in pending.pop().children:
+            if id(child) not in found:
+                found[id(child)] = child
+                pending.append(child)
+    return list(found.values())
+
+
+def children_first(root: Node) -> list[Node]:
+    """Every node of a tree once, each after its children. Works for deep trees."""
+    found: dict[int, Node] = {}
+    pending = [root]
+    while pending:
+        missing = [child for child in pending[-1].children if id(child) not in found]
+        if not missing:
+            node = pending.pop()
+            found[id(node)] = node
+        pending += missing
+    return list(found.values())
+
+
 def _refused(symbol: str) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """The methods of an operator that nodes do not have, with the node on the left and on the right."""
 

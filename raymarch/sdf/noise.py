@@ -26,7 +26,7 @@ from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, solid
 from raymarch.sdf.registry import method
 
 __all__ = ["hash", "value_noise"]
@@ -142,8 +142,7 @@ def displace_by(
     """
     if not callable(function):
         raise SceneError(f"displace_by: function = {short(function)}", legal="a function of a point")
-    if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"displace_by of {short(node)}", legal="a solid such as sphere()")
+    solid("displace_by", node)
     made = function if isinstance(function, Function) else _traced(function)
     if amplitude is None or lipschitz is None:
         made, amplitude, lipschitz = _measured(node, made, amplitude, lipschitz)

@@ -101,24 +101,18 @@ def check_name(function: Any, what: str) -> None:
 
 def pickled(root: Node) -> list[tuple[Any, ...]]:
     """The rows of a tree, the root last."""
+    from raymarch.sdf.node import children_first
+
     numbers: dict[int, int] = {}
     rows: list[tuple[Any, ...]] = []
-    pending = [root]
-    while pending:
-        node = pending[-1]
-        missing = [child for child in node.children if id(child) not in numbers]
-        if missing:
-            pending += missing
-            continue
-        pending.pop()
-        if id(node) not in numbers:
-            numbers[id(node)] = len(rows)
-            for name, value in node.params.items():
-                for each in (value, *getattr(value, "functions", ())):
-                    if isinstance(each, FunctionType):
-                        check_name(each, f"{node.name}: {name} =")
-            children = tuple(numbers[id(child)] for child in node.children)
-            rows.append((name_of(node.definition), children, dict(node.params), node.label, node.where))
+    for node in children_first(root):
+        numbers[id(node)] = len(rows)
+        for name, value in node.params.items():
+            for each in (value, *getattr(value, "functions", ())):
+                if isinstance(each, FunctionType):
+                    check_name(each, f"{node.name}: {name} =")
+        children = tuple(numbers[id(child)] for child in node.children)
+        rows.append((name_of(node.definition), children, dict(node.params), node.label, node.where))
     return rows
 
 

@@ -149,7 +149,7 @@ def cells_of(name: str, spacing: Any, count: Any, dimension: int = 3) -> tuple[l
         widths.append(expr(1.0) if step is None else as_length(f"{name}: spacing", step))
         smallest = float(interval_of(widths[-1])[0])
         if numbers[-1] != 1 and not 0.0 < smallest <= LARGEST:
-            legal = "a number > 0, and finite; None leaves an axis alone: (None, None, 2.4)"
+            legal = f"a number > 0, and finite; None leaves an axis alone: {name}((None, None, 2.4))"
             raise SceneError(f"{name}: spacing along {axis} = {smallest:g}", legal=legal)
     return widths, numbers
 

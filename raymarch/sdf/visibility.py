@@ -9,7 +9,7 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import where
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import Domain
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, all_nodes
 from raymarch.sdf.registry import method
 
 KINDS = ("camera", "shadow", "reflection")
@@ -52,15 +52,7 @@ def hidden_from(node: Node) -> list[str]:
 
 def hiding_nodes(root: Node) -> list[Node]:
     """The nodes of a tree that hide something."""
-    found, pending, seen = [], [root], {id(root)}
-    while pending:
-        node = pending.pop()
-        if hidden_from(node):
-            found.append(node)
-        new = [child for child in node.children if id(child) not in seen]
-        seen |= {id(child) for child in new}
-        pending += new
-    return found
+    return [node for node in all_nodes(root) if hidden_from(node)]
 
 
 def shown(node: Node, value: Expr, rays: str | None) -> Expr:

@@ -16,16 +16,9 @@ from raymarch.expr.vocabulary import atan2, clamp, columns, cross, dot, length, 
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Direction, Length, NonNegative, Scalar, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import AXES, axis_vector
 from raymarch.sdf.registry import method
-
-
-def _solid(name: str, node: Any) -> Node:
-    if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"{name} of {short(node)}", legal="a solid such as sphere()")
-    return node
-
 
 # Orient
 
@@ -70,7 +63,7 @@ def orient(node: Node, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str =
     direction : vec3 of any length but 0.
     axis : axis of the solid: "x", "y", "z" or a direction.
     """
-    return oriented(_solid("orient", node), axis_vector("orient", axis), direction)
+    return oriented(solid("orient", node), axis_vector("orient", axis), direction)
 
 
 # Shear
@@ -110,7 +103,7 @@ def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> N
     axis, by = choice("shear: axis", axis, tuple(AXES), legal), choice("shear: by", by, tuple(AXES), legal)
     if axis == by:
         raise SceneError(f"shear: axis = {short(axis)}, by = {short(by)}", legal=legal)
-    return sheared(_solid("shear", node), amount, AXES[axis], AXES[by])
+    return sheared(solid("shear", node), amount, AXES[axis], AXES[by])
 
 
 # Wrap around
@@ -210,7 +203,7 @@ def wrap_around(node: Node, start: Scalar | None = None, end: Scalar | None = No
     A bound: inside the radius the field is weighted by the distance from the axis, and the result is divided by 1.125.
     Evaluates the slab once if it is symmetric about the middle of start and end, which must be 0, else twice.
     """
-    lower, upper = _solid("wrap_around", node).bounds
+    lower, upper = solid("wrap_around", node).bounds
     for name, value, edge in (("start", start, lower[0]), ("end", end, upper[0])):
         if value is None and not np.isfinite(edge):
             raise SceneError(f"wrap_around: {node.name} is unbounded along x", legal=f"a number as {name}")

@@ -17,7 +17,7 @@ from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.placing import with_label
 from raymarch.sdf.weights import weights_of
 from raymarch.truth import truth
@@ -196,18 +196,9 @@ def part_at(scene: Scene, values: Values, point: Vector) -> Node:
 
 
 def _labelled(root: Node) -> Node:
-    """The tree with each shape as its own label, without the previous labels. Works for deep trees."""
+    """The tree with each shape as its own label, without the previous labels."""
     made: dict[int, Node] = {}
-    pending = [root]
-    while pending:
-        node = pending[-1]
-        missing = [child for child in node.children if id(child) not in made]
-        if missing:
-            pending += missing
-            continue
-        pending.pop()
-        if id(node) in made:
-            continue
+    for node in children_first(root):
         if node.label is not None:
             made[id(node)] = made[id(node.children[0])]
         elif node.children:
