@@ -287,8 +287,7 @@ def report(model: Model, fault: Fault) -> None:
 
 def trouble(model: Model, fault: RaymarchError) -> None:
     """Show the error of a scene that loads but cannot be drawn."""
-    where = fault.where
-    report(model, Fault(fault.what, fault.legal, where.file if where else None, where.line if where else None))
+    report(model, Fault.of(fault))
 
 
 def reload(model: Model) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
+from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import Prepared
 from raymarch.scene.scene import Scene
 
@@ -18,6 +19,12 @@ class Fault:
     legal: str = ""
     file: str | None = None
     line: int | None = None
+
+    @classmethod
+    def of(cls, error: RaymarchError) -> Fault:
+        """The fault that an error tells."""
+        where = error.where
+        return cls(error.what, error.legal, *((where.file, where.line) if where else (None, None)))
 
     def text(self) -> str:
         """The text for the overlay: location, source line, message."""

@@ -158,8 +158,7 @@ class Reloader:
         took = sum(answer["ms"].values()) * 1e-3
         found = _guarded(lambda: _load(file, self.size), max(HERE_AT_LEAST, HERE_FACTOR * took))
         if isinstance(found, RaymarchError):
-            where = found.where
-            self._tell(Failed(Fault(found.what, found.legal, *((where.file, where.line) if where else (None, None)))))
+            self._tell(Failed(Fault.of(found)))
         elif isinstance(found, BaseException):
             self._tell(Failed(Fault(f"{type(found).__name__}: {found}", "", str(file), 1)))
         else:

@@ -23,6 +23,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
 from raymarch.window.constants import CLICKED, Constants
+from raymarch.window.news import Fault
 from raymarch.window.pace import scaled
 from raymarch.window.shot import progressive
 
@@ -109,7 +111,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     read: set[str] = set()
     _note_files(read)
     times: dict[str, float] = {}
-    error: Answer | None = None
+    error: Fault | None = None
     found: Scene | None = None
     baked = False
     try:
@@ -122,17 +124,17 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             with _timed(times, "compile"):
                 baked = _compiled(found, ready, size, request["params"])
     except RaymarchError as fault:
-        error = _described(fault)
+        error = Fault.of(fault)
     except MemoryError as fault:
-        error = {"what": f"out of memory: {fault}", "legal": "a smaller scene", "file": scene, "line": 1}
+        error = Fault(f"out of memory: {fault}", "a smaller scene", scene, 1)
     except Exception as fault:
         traceback.print_exc()
-        what = f"a fault of raymarch: {type(fault).__name__}: {fault}"
-        error = {"what": what, "legal": "", "file": None, "line": None}
+        error = Fault(f"a fault of raymarch: {type(fault).__name__}: {fault}")
     folder = str(Path(scene).absolute().parent)
     sources = {_source_of(f) for f in read}
     files = sorted({str(Path(scene).absolute()), *(f for f in sources if _watchable(f, folder))})
-    say({"id": number, "ok": error is None, "ms": times, "files": files, "error": error, "baked": baked})
+    described = None if error is None else asdict(error)
+    say({"id": number, "ok": error is None, "ms": times, "files": files, "error": described, "baked": baked})
     if error is None and found is not None:
         with contextlib.suppress(RaymarchError):  # so that a click does not wait for the compiler
             ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size))
@@ -187,16 +189,6 @@ def _draw(renderer: Renderer, scene: Scene, params: dict[str, Any], outputs: tup
         with Program(renderer.context, ready.vertex, text, ready.shader.locate, call.chosen.name) as fresh:
             fresh.draw(call.target, call.uniforms)
     renderer.context.finish()
-
-
-def _described(fault: RaymarchError) -> Answer:
-    where = fault.where
-    return {
-        "what": fault.what,
-        "legal": fault.legal,
-        "file": where.file if where else None,
-        "line": where.line if where else None,
-    }
 
 
 @contextlib.contextmanager
