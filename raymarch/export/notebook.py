@@ -57,12 +57,12 @@ class Live:
     size: tuple[int, int]
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
-        from raymarch.export.text.html import page_text
+        from raymarch.export.text.html import text_of
 
         image = render(self.scene, self.size, self.values.time, self.values.params)
         found: dict[str, Any] = {"image/png": encoded(image), "text/plain": repr(self)}
         try:
-            page = escape(page_text(self.scene, self.values), quote=True)
+            page = escape(text_of(self.scene, self.values).text, quote=True)
         except PlanError:
             return found
         width, height = self.size

@@ -9,7 +9,7 @@ from typing import Any
 
 from raymarch.errors import SceneError
 from raymarch.export.notebook import Live
-from raymarch.export.text.html import page_text
+from raymarch.export.text.html import text_of
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Value, set_values
 
@@ -50,7 +50,7 @@ def widget_class() -> Any:
         def __init__(self, shown: Live) -> None:
             self._shown = shown
             self._values = shown.values.params
-            page = page_text(shown.scene, shown.values)
+            page = text_of(shown.scene, shown.values).text
             params = _plain(shown.values.params)
             super().__init__(page=page, size=list(shown.size), params=params, time=shown.values.time)
 

@@ -89,33 +89,40 @@ def _arguments(signature: inspect.Signature, name: str, args: Sequence[Any], kwa
     return [*args, *kwargs.values()]
 
 
-def _componentwise(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
-    """A function of numbers that also takes arrays of any shape, which are broadcast."""
-
-    signature, name = inspect.signature(function), called or function.__name__
+def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bool) -> Callable[P, Any]:
+    """The function for expressions, and for arrays of numbers, or of vectors along the last axis; both broadcast."""
+    signature = inspect.signature(function)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> Any:
-        given = _arguments(signature, name, args, kwargs)
-        if builtins.any(map(_holds_expression, given)) or builtins.all(isinstance(a, int | float) for a in given):
-            made = function(*args, **kwargs)
-            return made if builtins.any(map(_holds_expression, given)) else _number(made.data)
-        arrays = [numbers(f"{name}: argument", a, "numbers, arrays of them, or expressions") for a in given]
-        try:
-            shape = np.broadcast_shapes(*(a.shape for a in arrays))
-        except ValueError:
-            shapes = " and ".join(str(a.shape) for a in arrays)
-            raise SceneError(f"{name} of shapes {shapes}", legal="shapes that broadcast") from None
+        given = _arguments(signature, called, args, kwargs)
+        if builtins.any(map(_holds_expression, given)):
+            return function(*args, **kwargs)
+        arrays = [numbers(f"{called}: argument", a, legal) for a in given]
+        shapes = " and ".join(str(a.shape) for a in arrays)
+        sizes = [a.shape[-1] if vectors and a.shape else 1 for a in arrays]
+        if vectors and not builtins.all(1 <= n <= 4 and a.size for n, a in zip(sizes, arrays, strict=True)):
+            raise SceneError(f"{called} of shapes {shapes}", legal=legal)
+        if vectors:
+            arrays = [a[..., 0] if a.shape and a.shape[-1] == 1 else a for a in arrays]
         # One number for all elements stays a constant, so that the function can check it.
-        symbols = [var(f"argument {i}", FLOAT) if a.shape else None for i, a in enumerate(arrays)]
-        places = [float(a) if s is None else s for s, a in zip(symbols, arrays, strict=True)]
+        inputs = {
+            var(f"argument {i}", vector(n)): a for i, (n, a) in enumerate(zip(sizes, arrays, strict=True)) if a.shape
+        }
+        symbols = iter(inputs)
+        places = [next(symbols) if a.shape else float(a) for a in arrays]
         named = dict(zip(kwargs, places[len(args) :], strict=True))  # other types than those of P, which it takes too
         made = function(*places[: len(args)], **named)  # type: ignore[arg-type]
-        inputs = [(s, np.broadcast_to(a, shape).ravel()) for s, a in zip(symbols, arrays, strict=True) if s is not None]
-        (result,) = evaluator([made], [s for s, _ in inputs])(*[a for _, a in inputs])
-        return _number(np.broadcast_to(result, (math.prod(shape),)).reshape(shape))
+        if not inputs:
+            return _number(made.data)
+        try:
+            (result,) = evaluator([made], list(inputs))(*inputs.values())
+            return _number(
+                result if vectors else np.broadcast_to(result, np.broadcast_shapes(*(a.shape for a in arrays)))
+            )
+        except ValueError:
+            raise SceneError(f"{called} of shapes {shapes}", legal="shapes that broadcast") from None
 
-    call.__doc__ = f"{function.__doc__ or _PLAIN.format(name)}\n\n{_NUMBERS}"
     return call
 
 
@@ -129,32 +136,18 @@ _VECTORS = """Arguments: expressions, sequences of 2 to 4 numbers, or arrays (..
 Returns an expression if an argument is one, else a float or a float64 array. SceneError for other arguments."""
 
 
+def _componentwise(function: Callable[P, Expr]) -> Callable[P, Any]:
+    """A function of numbers."""
+    name = function.__name__
+    call = _of_arrays(function, name, "numbers, arrays of them, or expressions", False)
+    call.__doc__ = f"{function.__doc__ or _PLAIN.format(name)}\n\n{_NUMBERS}"
+    return call
+
+
 def _of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
-    """A function of vectors of 2 to 4 numbers that also takes arrays of them, along the last axis."""
-
-    signature, name = inspect.signature(function), called or function.__name__
-
-    @wraps(function)
-    def call(*args: P.args, **kwargs: P.kwargs) -> Any:
-        given = _arguments(signature, name, args, kwargs)
-        if builtins.any(map(_holds_expression, given)):
-            return function(*args, **kwargs)
-        legal = "vectors of 2 to 4 numbers, arrays of them, or expressions"
-        arrays = [numbers(f"{name}: argument", a, legal) for a in given]
-        sizes = [a.shape[-1] if a.shape else 1 for a in arrays]
-        if not builtins.all(1 <= size <= 4 for size in sizes) or not builtins.all(a.size for a in arrays):
-            shapes = " and ".join(str(a.shape) for a in arrays)
-            raise SceneError(f"{name} of shapes {shapes}", legal=legal)
-        arrays = [a[..., 0] if a.shape and a.shape[-1] == 1 else a for a in arrays]
-        symbols = [var(f"argument {i}", vector(size)) for i, size in enumerate(sizes)]
-        named = dict(zip(kwargs, symbols[len(args) :], strict=True))  # other types than those of P, which it takes too
-        made = function(*symbols[: len(args)], **named)  # type: ignore[arg-type]
-        try:
-            return _number(evaluator([made], symbols)(*arrays)[0])
-        except ValueError:
-            shapes = " and ".join(str(a.shape) for a in arrays)
-            raise SceneError(f"{name} of shapes {shapes}", legal="shapes that broadcast") from None
-
+    """A function of vectors of 2 to 4 numbers."""
+    name = called or function.__name__
+    call = _of_arrays(function, name, "vectors of 2 to 4 numbers, arrays of them, or expressions", True)
     call.__doc__ = f"{function.__doc__ or _PLAIN_VECTORS.format(name)}\n\n{_VECTORS}"
     return call
 

@@ -31,11 +31,6 @@ from raymarch.shader import Shader, assemble
 
 def text_of(scene: Scene, values: Values) -> Text:
     """The page. Raises PlanError for many lights or a sky light that change."""
-    return Text(page_text(scene, values))
-
-
-def page_text(scene: Scene, values: Values) -> str:
-    """The page as text."""
     made = plan(alone(scene), ("samples", "geometry"), standalone=True)
     shader = assemble(made)
     lines = {name: f"{kind.partition('[')[0]} {name};" for name, kind in shader.uniforms.items() if is_own(name)}
@@ -57,7 +52,7 @@ def page_text(scene: Scene, values: Values) -> str:
     name = file.stem if file and file.exists() else "raymarch"  # a notebook's cell is no file
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     # no markup can end the script early
-    return _file("page.html").replace("TITLE", escape(name)).replace("DATA", text.replace("<", "\\u003c"), 1)
+    return Text(_file("page.html").replace("TITLE", escape(name)).replace("DATA", text.replace("<", "\\u003c"), 1))
 
 
 def _file(name: str) -> str:
