@@ -29,19 +29,23 @@ def _unknown(node: Expr, *_args: Interval) -> Interval:
 
 
 def _each(compute: Callable[..., Interval]) -> Rule:
+    """Rule for an operation that works on each component. An interval of one number has the same array twice."""
+
     def rule(node: Expr, *values: Interval) -> Interval:
-        lifted = [
-            (lift(low, a.type, node.type), lift(high, a.type, node.type))
-            for (low, high), a in zip(values, node.args, strict=True)
-        ]
+        type, shape = node.type, node.type.shape
+        lifted = []
+        for (low, high), a in zip(values, node.args, strict=True):
+            one = lift(low, a.type, type)
+            lifted.append((one, one if low is high else lift(high, a.type, type)))
         low, high = compute(*lifted)
-        return np.broadcast_to(low, node.type.shape), np.broadcast_to(high, node.type.shape)
+        one = low if np.shape(low) == shape else np.broadcast_to(low, shape)
+        return one, one if low is high else high if np.shape(high) == shape else np.broadcast_to(high, shape)
 
     return rule
 
 
 def _rising(f: Callable[[Any], Any]) -> Rule:
-    return _each(lambda a: (f(a[0]), f(a[1])))
+    return _each(lambda a: (low := f(a[0]), low if a[0] is a[1] else f(a[1])))
 
 
 def _times(x: Any, y: Any) -> Any:
@@ -50,6 +54,13 @@ def _times(x: Any, y: Any) -> Any:
 
 
 def _mul(a: Interval, b: Interval) -> Interval:
+    if a[0] is a[1] and b[0] is b[1]:
+        product = _times(a[0], b[0])
+        return product, product
+    if a[0] is a[1] or b[0] is b[1]:
+        (one, _), (low, high) = (a, b) if a[0] is a[1] else (b, a)
+        x, y = _times(one, low), _times(one, high)
+        return np.minimum(x, y), np.maximum(x, y)
     corners = [_times(x, y) for x in a for y in b]
     return np.minimum.reduce(np.broadcast_arrays(*corners)), np.maximum.reduce(np.broadcast_arrays(*corners))
 
@@ -115,11 +126,13 @@ def _cross(_node: Expr, a: Interval, b: Interval) -> Interval:
 
 
 def _sub(a: Interval, b: Interval) -> Interval:
-    return a[0] - b[1], a[1] - b[0]
+    low = a[0] - b[1]
+    return low, low if a[0] is a[1] and b[0] is b[1] else a[1] - b[0]
 
 
 def _add(a: Interval, b: Interval) -> Interval:
-    return a[0] + b[0], a[1] + b[1]
+    low = a[0] + b[0]
+    return low, low if a[0] is a[1] and b[0] is b[1] else a[1] + b[1]
 
 
 def _construct(node: Expr, *parts: Interval) -> Interval:
@@ -183,7 +196,7 @@ RULES: Mapping[str, Rule] = {
     "sub": _each(_sub),
     "mul": lambda node, a, b: _square(a) if node.args[0] is node.args[1] else _product(node, a, b),
     "div": _each(lambda a, b: _mul(a, _reciprocal(b))),
-    "neg": _each(lambda a: (-a[1], -a[0])),
+    "neg": _each(lambda a: (low := -a[1], low if a[0] is a[1] else -a[0])),
     "abs": _each(_abs),
     "sign": _rising(np.sign),
     "floor": _rising(np.floor),
