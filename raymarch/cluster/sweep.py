@@ -22,7 +22,7 @@ from raymarch.cost.effects import evaluations_of
 from raymarch.cost.environment import environment
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting
-from raymarch.cost.sweep import Point, Progress, Sweep, examine, turns
+from raymarch.cost.sweep import Point, Progress, Sweep, examine, facts_of, turns
 from raymarch.cost.variants import ideal_of
 from raymarch.errors import CostError, RaymarchError
 from raymarch.export.stills import Shot
@@ -100,7 +100,8 @@ def sweep_on(
     ordered = [points[i] for i in range(len(settings))]
     found = _times(cluster, sent, job, moment, settings, repeats, seed, report)
     measured_on = _environment(machines, found)
-    made = Sweep(name, known[()], ordered, seed, repeats, measured_on, untimed="" if found else SHARED)
+    untimed, facts = "" if found else SHARED, facts_of(scene, moment.time)
+    made = Sweep(name, known[()], ordered, seed, repeats, measured_on, untimed=untimed, **facts)
     for i, point in enumerate(ordered):
         if found is None:
             point.compile_ms = point.first_ms = float("nan")

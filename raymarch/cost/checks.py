@@ -13,6 +13,7 @@ from raymarch.cost.settings import with_quality
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.gpu.clock import Trial, try_timer
 from raymarch.plan.marching import trusted
+from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import LAST_STEP
 from raymarch.scene.scene import Scene
@@ -44,9 +45,9 @@ def check(
     renderer leaves out the check of its clock."""
     found = [*([] if renderer is None else [check_clock(renderer)]), check_times(made)]
     field = Field(scene, set_values(scene.parameters, params, time))
-    origin = scene.pose(set_values(scene.parameters, params, time), made.known.size[0] / made.known.size[1])
+    pose = scene.pose(set_values(scene.parameters, params, time), made.known.size[0] / made.known.size[1])
     full_size = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # at other scales the rays are unknown
-    found += [check_hits(p, scene, made, field, origin.position) for p in full_size]
+    found += [check_hits(p, scene, made, field, pose) for p in full_size]
     failed = [c for c in found if not c.holds]
     hits = [c for c in found if c.name.startswith("hits")]
     if hits and all(c.holds for c in hits):
@@ -78,7 +79,7 @@ def _claim(point: Point) -> float:
     return max(claimed / wall for claimed, wall in zip(point.times, point.walls, strict=True))
 
 
-def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: NDArray[Any]) -> Check:
+def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, pose: Pose) -> Check:
     """Check the distance of the hits of one setting from the surface, by the field in float64.
 
     A setting promises |field| <= `Quality.contact` pixel widths at the last sample of the ray, within rounding. One
@@ -94,17 +95,20 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, origin: ND
     depth = point.depth[ended].astype(np.float64)
     if not depth.size:
         return Check(f"hits of {point.name}", True, "no ray came to its end")
-    rays = _Rays(field, origin, known.direction[ended])
+    directions = known.direction[ended]
+    origins = np.broadcast_to(known.origin, known.direction.shape)[ended]
+    rays = _Rays(field, origins, directions, pose.near / (directions @ pose.view))
+    size_of_origins = np.abs(known.origin).max()
 
     def allowed(t: NDArray[Any], rows: Any) -> NDArray[Any]:
-        size = np.maximum(np.abs(rays.points(t, rows)).max(axis=1), t) + np.abs(origin).max()
-        return np.asarray(np.maximum(promised * known.pixel * t, ULPS * size) + ULPS * size)
+        size = np.maximum(np.abs(rays.points(t, rows)).max(axis=1), t) + size_of_origins
+        return np.asarray(np.maximum(promised * known.footprint(t), ULPS * size) + ULPS * size)
 
     beyond = rays.values(depth, ...) > allowed(depth, ...)
     if quality.refinement == "slope":
         beyond[beyond] = ~rays.came_near(depth[beyond], np.flatnonzero(beyond), allowed)
     elif quality.refinement == "proven":
-        reach = LAST_STEP * quality.near(certified) * known.pixel * depth[beyond]
+        reach = LAST_STEP * quality.near(certified) * known.footprint(depth[beyond])
         beyond[beyond] = ~rays.comes_near(depth[beyond], np.flatnonzero(beyond), allowed, reach)
     fraction = float(beyond.mean())
     lie = (
@@ -121,11 +125,12 @@ class _Rays:
     """Rays of some pixels and the field along them, in float64; `rows` selects rays."""
 
     field: Field
-    origin: NDArray[Any]
+    origins: NDArray[Any]
     directions: NDArray[Any]
+    starts: NDArray[Any]
 
     def points(self, t: NDArray[Any], rows: Any) -> NDArray[Any]:
-        return np.asarray(self.origin + t[:, None] * self.directions[rows])
+        return np.asarray(self.origins[rows] + t[:, None] * self.directions[rows])
 
     def values(self, t: NDArray[Any], rows: Any) -> NDArray[Any]:
         """abs(field) at the distances t."""
@@ -142,7 +147,7 @@ class _Rays:
     def came_near(self, t: NDArray[Any], rows: NDArray[Any], allowed: Any) -> NDArray[np.bool_]:
         """Whether the field is within the allowed value anywhere before t on each ray.
 
-        The ray is traced back to the camera. The steps are safe for a 1-Lipschitz field.
+        The ray is traced back to its start. The steps are safe for a 1-Lipschitz field.
         """
         at, near = t.copy(), np.zeros(len(t), np.bool_)
         left = np.arange(len(t))
@@ -151,7 +156,7 @@ class _Rays:
             value = self.values(at[left], rows[left])
             near[left] = value <= enough
             at[left] -= np.maximum(value - enough, enough)
-            left = left[~near[left] & (at[left] > 0.0)]
+            left = left[~near[left] & (at[left] > self.starts[rows[left]])]
             if not left.size:
                 break
         return near

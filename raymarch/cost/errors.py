@@ -38,7 +38,8 @@ class Errors:
     p1 : the sum of (depth - reference)^2 over all pixels where the reference hits, silhouettes too, the measure of
         Bálint and Valasek (2018). A ray without a hit counts with the distance that it reached.
     p1_apart : the same without silhouettes, where one pixel on the other surface outweighs all others.
-    pixels_p50, pixels_p99, pixels_max : abs(depth - reference) in footprints, a pixel's size at that distance.
+    pixels_p50, pixels_p99, pixels_p999, pixels_max : abs(depth - reference) in footprints, a pixel's size at that
+        distance; p999 is 99.9 %.
     normal_p50, normal_p99, normal_max : angle between the normals in degrees.
     flip_mean, flip_p99, flip_max : FLIP of the picture against the averaged reference, over all pixels.
     flip_region : pixels of the largest connected region where FLIP exceeds 0.2.
@@ -58,6 +59,7 @@ class Errors:
     p1_apart: float = NAN
     pixels_p50: float = NAN
     pixels_p99: float = NAN
+    pixels_p999: float = NAN
     pixels_max: float = NAN
     normal_p50: float = NAN
     normal_p99: float = NAN
@@ -122,7 +124,7 @@ def measure(
     if off.size:
         found["depth_rms"] = float(np.sqrt(np.mean(off**2)))
         found |= _ranks("depth", off, 50, 99, 100)
-        found |= _ranks("pixels", off / (known.pixel * known.depth[compared]), 50, 99, 100)
+        found |= _ranks("pixels", off / known.footprint()[compared], 50, 99, 99.9, 100)
         if normal is not None:
             shaped = _shaped("normal", normal, known.normal.shape)
             found |= _ranks("normal", _angles(shaped[compared], known.normal[compared]), 50, 99, 100)
@@ -162,7 +164,7 @@ def picture_doubt(known: Reference) -> float:
 
 def footprints(known: Reference, depth: ArrayLike) -> Array:
     """abs(depth - reference) in footprints, (H, W): inf where a hit is missed or false, 0 where neither hits."""
-    return apart(depth, known.depth, known.pixel * known.depth)
+    return apart(depth, known.depth, known.footprint())
 
 
 def apart(depth: ArrayLike, true: Array, width: Array) -> Array:
@@ -175,9 +177,10 @@ def apart(depth: ArrayLike, true: Array, width: Array) -> Array:
     return found
 
 
-def _ranks(name: str, values: Array, *ranks: int) -> dict[str, float]:
+def _ranks(name: str, values: Array, *ranks: float) -> dict[str, float]:
     found = np.percentile(values, ranks)
-    return {f"{name}_max" if r == 100 else f"{name}_p{r}": float(v) for r, v in zip(ranks, found, strict=True)}
+    names = ("max" if r == 100 else f"p{r}".replace(".", "") for r in ranks)
+    return {f"{name}_{rank}": float(v) for rank, v in zip(names, found, strict=True)}
 
 
 def _angles(a: Array, b: Array) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
-from raymarch.cost.answer import METRIC, answers, figures, finest, grouped, phrase, sentence
+from raymarch.cost.answer import METRIC, answers, closed, figures, finest, grouped, phrase, sentence
 from raymarch.cost.effects import Effect
 from raymarch.cost.explorer import code, page_data
 from raymarch.cost.location import location
@@ -47,6 +47,7 @@ def as_html(made: Sweep, metric: str = "pixels_p99", effects: Sequence[Effect] =
             answers=_cards(made),
             dearest=dearest(effects),
             effects=effects,
+            note=made.note,
             where=where.words,
             base=labelled(made.base),
             bands=where.bands,
@@ -63,21 +64,29 @@ def as_html(made: Sweep, metric: str = "pixels_p99", effects: Sequence[Effect] =
 
 
 def dearest(effects: Sequence[Effect]) -> str:
-    """The effect that costs most, in words; "" without effects."""
+    """The effect that costs most, or the only one, in words; "" without effects."""
     if not effects:
         return ""
     most = max(effects, key=lambda e: e.milliseconds.value)
-    time = most.milliseconds
+    time, alone = most.milliseconds, len(effects) == 1
     if time.low <= 0:
         most = max(effects, key=lambda e: e.evaluations)
-        count = f"; by evaluations, {most.name} costs most: {figures(most.evaluations)} per camera ray"
-        return f"No effect has a certain cost in time here{count if most.evaluations > 0 else ''}."
-    return f"Of its effects, {most.name} costs most: {figures(time.value)} ms, {most.share:.0%} of a frame."
+        count = f"{figures(most.evaluations)} per camera ray" if most.evaluations > 0 else ""
+        if alone:
+            return f"Its one effect, {most.name}, has no certain cost in time here{count and '; evaluations: '}{count}."
+        most_by = f"; by evaluations, {most.name} costs most: {count}"
+        return f"No effect has a certain cost in time here{count and most_by}."
+    cost = f"{figures(time.value)} ms, {most.share:.0%} of a frame"
+    if alone:
+        return f"Its one effect, {most.name}, costs {cost}."
+    return f"Of its effects, {most.name} costs most: {cost}."
 
 
 def _cards(made: Sweep) -> list[dict[str, Any]]:
     """The answers, one for each setting, and the most accurate setting."""
     cards = [(phrase(bounds), point) for bounds, point in grouped(answers(made))]
+    if cards and closed(made):
+        cards = [("solved in closed form", made.base)]
     best = finest(made)
     if best is not None and all(point is not best.point for _, point in cards):
         cards.append(("the most exact setting", best.point))
@@ -89,6 +98,7 @@ def _cards(made: Sweep) -> list[dict[str, Any]]:
             "times": _compared(point, cards[0][1]),
             "tracer": point.tracer,
             "error": figures(point.error(METRIC)),
+            "worst": location(point),
             "code": code(point),
             "index": index[id(point)],
         }

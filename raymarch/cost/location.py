@@ -40,7 +40,8 @@ class Band:
 class Location:
     """Where the error lies: by angle, and the pixel with the largest error.
 
-    column, row : of that pixel, from the left and the top. largest : its error in pixels.
+    column, row : of that pixel, from the left and the top. largest : its error in pixels. angle : at which its surface
+        is seen, in degrees.
     missed : number of missed and false hits away from silhouettes.
     """
 
@@ -49,6 +50,14 @@ class Location:
     row: int
     largest: float
     missed: int
+    angle: float = 90.0
+
+    @property
+    def worst(self) -> str:
+        """The largest error and the angle of its surface, in words; "" without an error."""
+        from_front = self.angle >= BANDS[2]
+        seen = "from the front" if from_front else "edge-on" if self.angle < BANDS[1] else "at an angle"
+        return f"{self.largest:.2g} px, on a surface seen {seen} ({self.angle:.2g}°)" if self.largest else ""
 
     @property
     def words(self) -> str:
@@ -86,7 +95,8 @@ def location(point: Point) -> Location:
         bands.append(Band(low, high, float(inside.mean()), float(inside[worst].mean()), p99))
     shown = np.where(compared, off, -1.0)
     row, column = np.unravel_index(int(np.argmax(shown)), shown.shape)
-    return Location(tuple(bands), int(column), int(row), float(values.max()), missed)
+    angle = float(_angles(known)[row, column])
+    return Location(tuple(bands), int(column), int(row), float(values.max()), missed, angle)
 
 
 def _angles(known: Reference) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from raymarch import cache
 from raymarch.cost.content import content_key
-from raymarch.errors import SceneError
-from raymarch.scene.parameter import set_values
+from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth import Truth, silhouettes, truth
 from raymarch.truth.floor import floor_evaluations
 from raymarch.truth.near_edges import silhouettes_within
-from raymarch.truth.rays import camera_rays
-from raymarch.truth.tracer import finished, trace
+from raymarch.truth.rays import Rays, camera_rays, lens_rays
+from raymarch.truth.tracer import finished, lens_points, trace
 
 CACHE_VARIABLE = cache.VARIABLE
 
@@ -51,7 +50,9 @@ class Reference:
         `picture` from the mean of infinitely many rays: half the difference of the two halves' means has the standard
         error of the whole.
     samples : rays per pixel of the picture.
-    pixel : size of a pixel at distance 1; its footprint at distance t is `pixel * t`.
+    pixel : size of a pixel at distance 1, or of an orthographic camera at all distances; see `footprint`.
+    parallel : True for an orthographic camera.
+    origin : start of the rays, (H, W, 3), or (1, 1, 3) if all rays have one.
     floor : (H, W), N* of `raymarch.truth.floor`; -1 where the field is only an estimate.
     """
 
@@ -68,12 +69,19 @@ class Reference:
     half: NDArray[np.float64]
     samples: int
     pixel: float
+    parallel: bool
+    origin: NDArray[np.float64]
     floor: NDArray[np.int64]
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height)."""
         return self.depth.shape[1], self.depth.shape[0]
+
+    def footprint(self, depth: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Width of a pixel at some distances along its ray; without them, at the true hits."""
+        t = self.depth if depth is None else depth
+        return np.full(t.shape, self.pixel) if self.parallel else self.pixel * t
 
 
 def reference(
@@ -98,12 +106,6 @@ def reference(
     Raises ValueError for another number of samples, SceneError as `raymarch.truth` does.
     """
     check_scene("reference", scene)
-    if not scene.camera.pinhole:
-        raise SceneError(
-            "cost measures the rays of a perspective camera that start at its position",
-            legal="a Camera without projection, near, far, aperture and shutter",
-            where=scene.camera.where,
-        )
     edge = round(max(samples, 0) ** 0.5)
     if edge * edge != samples or not 0 <= samples <= 256:
         raise ValueError(f"reference: samples = {samples} (a square number up to 256)")
@@ -127,9 +129,10 @@ def cache_folder() -> Path | None:
 
 def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progress: Progress) -> Reference:
     progress("reference: depth, normals, colour")
-    known = truth(scene, size, time, params, outputs=("normal", "material"))
+    known = truth(scene.replace(quality=scene.quality.replace(samples=1)), size, time, params, ("normal", "material"))
     values = set_values(scene.parameters, params, time)
     width, height = known.depth.shape[1], known.depth.shape[0]
+    pose = scene.pose(values, width / height)
     color = known.color if edge else np.zeros((height, width, 3))
     picture, spread, half = color, np.zeros(known.depth.shape), color
     if edge > 1:
@@ -153,7 +156,9 @@ def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progr
         spread=spread,
         half=half,
         samples=edge * edge,
-        pixel=scene.pose(values, width / height).pixel(height),
+        pixel=pose.pixel(height),
+        parallel=pose.orthographic,
+        origin=known.origin if pose.orthographic else pose.position[None, None, :],
         floor=floor,
     )
 
@@ -183,6 +188,8 @@ def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edg
     width, height = size
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
+    if pose.aperture > 0.0 or scene.motion_blur:
+        return _averaged_over_lens_and_time(scene, values, size, edge * edge)
     black = np.indices((edge, edge)).sum(axis=0).ravel() % 2 == 0
     picture, half, spread = np.empty((height, width, 3)), np.empty((height, width, 3)), np.empty((height, width))
     band = max(1, AT_ONCE // (width * edge * edge))
@@ -197,11 +204,50 @@ def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edg
     return finished(scene, values, picture), spread, finished(scene, values, half)
 
 
+def _averaged_over_lens_and_time(scene: Scene, values: Values, size: tuple[int, int], count: int) -> tuple[Any, ...]:
+    """As `_averaged`, where each ray of a pixel has a point of the pixel, of the lens, and of the open shutter.
+
+    Each of the three is stratified. Every pixel turns the points of the lens by an angle of its own: else all pixels
+    would show the same few points of the lens.
+    """
+    width, height = size
+    chance = np.random.default_rng(0)
+    edge = round(count**0.5)
+    black = np.indices((edge, edge)).sum(axis=0).ravel() % 2 == 0
+    square = (np.stack(np.divmod(np.arange(count), edge), axis=1) + 0.5) / edge - 0.5
+    angle = chance.uniform(0.0, 2.0 * np.pi, width * height)
+    turn = np.stack([np.cos(angle), np.sin(angle), -np.sin(angle), np.cos(angle)], axis=1).reshape(-1, 2, 2)
+    points, moments = lens_points(count)[chance.permutation(count)], chance.permutation(count)
+    opened = scene.camera.open_seconds(values) if scene.motion_blur else 0.0
+    row, column = (v.ravel() for v in np.indices((height, width)))
+    total, first, squares = (np.zeros((height * width, 3)) for _ in range(3))
+    for k in range(count):
+        then = replace(values, time=values.time + opened * ((moments[k] + 0.5) / count - 0.5))
+        pose = scene.pose(then, width / height)
+        origins, directions = pose.rays(column + square[k, 1], row + square[k, 0], size)
+        rays = Rays(origins, directions)
+        if pose.aperture > 0.0:
+            rays = lens_rays(pose, rays, turn @ points[k])
+        color = np.empty((height * width, 3))
+        for start in range(0, len(color), AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            some = Rays(rays.origins[part], rays.directions[part])
+            shape = (1, len(some.directions))
+            color[part] = trace(scene, then, pose, some, shape, pose.pixel(height) / edge).color[0]
+        total, squares = total + color, squares + color**2
+        if black[k]:
+            first += color
+    variance = np.maximum(squares - total**2 / count, 0.0) / (count - 1)
+    pictures = (finished(scene, values, v.reshape(height, width, 3)) for v in (total / count, first / black.sum()))
+    return next(pictures), np.sqrt(variance / count).max(axis=1).reshape(height, width), next(pictures)
+
+
 def _load(file: Path) -> Reference | None:
     stored = cache.load(file)
     if stored is None or not {f.name for f in fields(Reference)} <= stored.keys():
         return None
-    return Reference(**stored | {name: stored[name].item() for name in ("samples", "pixel", "edge_width")})
+    numbers = ("samples", "pixel", "parallel", "edge_width")
+    return Reference(**stored | {name: stored[name].item() for name in numbers})
 
 
 def _save(file: Path, made: Reference) -> None:

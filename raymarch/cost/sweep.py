@@ -17,6 +17,7 @@ from raymarch.cost.flip import flip
 from raymarch.cost.reference import Reference
 from raymarch.cost.settings import Setting, schedule_of
 from raymarch.cost.statistics import Median, median
+from raymarch.expr.walk import find
 from raymarch.plan import plan
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.shader import assemble
@@ -122,6 +123,8 @@ class Sweep:
     environment : see `raymarch.cost.environment`.
     checks : results of the self-checks; see `raymarch.cost.checks`.
     untimed : why no times were taken; "" if they were. The front is then by evaluations.
+    moment : the time of the frames in seconds, for a scene that reads it; else None.
+    estimate : True if the field of the scene is an estimate. note : what the errors of a blurred picture are; or "".
     """
 
     name: str
@@ -132,6 +135,9 @@ class Sweep:
     environment: dict[str, Any]
     checks: list[Any] = field(default_factory=list)
     untimed: str = ""
+    moment: float | None = None
+    estimate: bool = False
+    note: str = ""
 
     @property
     def floor(self) -> float:
@@ -211,7 +217,20 @@ def sweep(
             points[i].times.append(claimed)
             points[i].walls.append(wall)
             done += 1
-    return Sweep(name, known, points, seed, repeats, environment(renderer))
+    return Sweep(name, known, points, seed, repeats, environment(renderer), **facts_of(scene, time))
+
+
+def facts_of(scene: Scene, time: float) -> dict[str, Any]:
+    """The fields of a `Sweep` that say what was measured: `moment`, `estimate`, `note`."""
+    camera = scene.camera
+    blurred = " and ".join(
+        w for w, has in (("the centre of the lens", camera.lens), ("the frame's time", scene.motion_blur)) if has
+    )
+    return {
+        "moment": time if find(scene.expressions(), "time") else None,
+        "estimate": scene.node.exactness == "estimate",
+        "note": f"Distances and normals are those at {blurred}; FLIP compares the blurred pictures." if blurred else "",
+    }
 
 
 def turns(number: int, repeats: int, seed: int) -> Iterator[int]:

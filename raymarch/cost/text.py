@@ -219,6 +219,8 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
             f"the reference picture has a noise of FLIP {picture_doubt(made.known):.2g} (99 % of the pixels) at "
             f"{made.known.samples} rays per pixel"
         )
+    if made.note:
+        lines.append(made.note[0].lower() + made.note[1:-1])
     if made.known.edge_width < 1.0:
         lines.append(
             f"nearly every pixel has an edge: excluded silhouettes are those within {made.known.edge_width:g} "
@@ -227,7 +229,7 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
     if made.floor > 0:
         lines.append(
             f"N* = {made.floor:.2f} evaluations per pixel: the least by which any tracer can decide each ray without "
-            "knowledge of other rays; cones can need fewer"
+            "knowledge of other rays; cones and closed forms can need fewer"
         )
     if front:
         better = "has fewer evaluations and is" if made.untimed else "is both faster and"

@@ -271,11 +271,6 @@ class Camera(Part):
         """True if the shutter is open for some time."""
         return not _is_number(self.shutter, 0.0)
 
-    @property
-    def pinhole(self) -> bool:
-        """True if all rays start at the position and have no end."""
-        return not (self.orthographic or self.clips or self.lens or self.opens)
-
     def _tan_half_fov(self, values: Values) -> float:
         fov = float(values.of(self.fov))
         if not 0.0 < fov < 180.0:

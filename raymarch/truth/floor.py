@@ -9,6 +9,7 @@ worse. A real tracer does not know this c. Here bisection finds it, and its eval
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,8 @@ def floor_evaluations(
 
     Returns
     -------
-    shape (height, width). 0 for a ray that misses the scene's bounding box. Rays that share work may need fewer.
+    shape (height, width). 0 for a ray that misses the scene's bounding box between the clip planes. Rays that share
+    work may need fewer.
     Raises SceneError for a field that is only an estimate.
     """
     if scene.node.exactness == "estimate":
@@ -47,12 +49,18 @@ def floor_evaluations(
     pose = scene.pose(values, width / height)
     field = Field(scene, values)
     rays = camera_rays(pose, width, height)
-    lines = rays.lines(scene.node.facts, scene.far(pose))
-    side = -1.0 if is_inside(field, pose.position) else 1.0
-    cone = scene.quality.near(certified=True) * pose.pixel(height)
+    rate = rays.directions @ pose.view
+    lines = rays.lines(scene.node.facts, np.minimum(scene.far(pose), pose.far / rate))
+    lines = replace(lines, start=np.maximum(lines.start, pose.near / rate))
+    side = np.ones(width * height)
+    if len(rays.origins) == 1 and pose.near == 0.0:
+        side[:] = -1.0 if is_inside(field, pose.position) else 1.0
+    else:
+        side[field.distance(rays.at(np.arange(len(side)), pose.near / rate)) < 0.0] = -1.0
+    near = scene.quality.near(certified=True)
 
     def evaluate(rows: NDArray[Any], t: NDArray[Any]) -> NDArray[np.float64]:
-        return side * field.distance(rays.at(rows, t))
+        return side[rows] * field.distance(rays.at(rows, t))
 
     counts = np.zeros(width * height, np.int64)
     rows = np.flatnonzero(lines.end > lines.start)
@@ -71,6 +79,6 @@ def floor_evaluations(
         value = evaluate(rows, best)
         counts[rows] += 1
         front = np.maximum(front, best + value)
-        going = (value >= cone * best) & (front < end)
+        going = (value >= near * pose.footprint(best, height)) & (front < end)
         rows, front = rows[going], front[going]
     return counts.reshape(height, width)

@@ -63,11 +63,13 @@ def camera_rays(pose: Pose, width: int, height: int, rows: range | None = None) 
     return Rays(pose.position[None, :], unit(inside @ pose.frame.T))
 
 
-def lens_rays(pose: Pose, width: int, height: int, point: NDArray[np.float64]) -> Rays:
-    """The rays of `camera_rays` from another point of the lens, (2,) in radii of the lens: right and up."""
-    centre = camera_rays(pose, width, height)
-    in_focus = centre.at(np.arange(width * height), pose.focus / (centre.directions @ pose.view))
-    beside = pose.frame[:, :2] @ (pose.aperture * point)
+def lens_rays(pose: Pose, centre: Rays, points: NDArray[np.float64]) -> Rays:
+    """Rays of the camera from other points of the lens.
+
+    centre : N rays from the centre of the lens. points : (2,), or one of each ray, (N, 2): radii to the right and up.
+    """
+    in_focus = centre.at(np.arange(len(centre.directions)), pose.focus / (centre.directions @ pose.view))
+    beside = (pose.aperture * points) @ pose.frame[:, :2].T
     origins = centre.origins + beside
     return Rays(origins, unit(in_focus - origins))
 

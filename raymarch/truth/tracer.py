@@ -171,8 +171,12 @@ GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def _lens_points(scene: Scene) -> NDArray[np.float64]:
-    """Points of the lens on a spiral (Vogel 1979), each of which stands for the same area, (N, 2) in radii."""
-    count = max(scene.quality.samples, LENS_POINTS)
+    """The points of the lens that a reference picture is averaged over, (N, 2) in radii."""
+    return lens_points(max(scene.quality.samples, LENS_POINTS))
+
+
+def lens_points(count: int) -> NDArray[np.float64]:
+    """Points of a lens on a spiral (Vogel 1979), each of which stands for the same area, (count, 2) in radii."""
     numbers = np.arange(count)
     radius, angle = np.sqrt((numbers + 0.5) / count), numbers * GOLDEN
     return np.asarray(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), np.float64)
@@ -199,7 +203,7 @@ def _mean_over_lens(
     count = len(points)
     total = np.zeros((height, width, 3))
     for some in np.array_split(points, min(count, 1 + count * width * height // RAYS_AT_ONCE)):
-        parts = [lens_rays(pose, width, height, point) for point in some]
+        parts = [lens_rays(pose, camera_rays(pose, width, height), point) for point in some]
         origins = [np.broadcast_to(part.origins, part.directions.shape) for part in parts]
         rays = Rays(np.concatenate(origins), np.concatenate([part.directions for part in parts]))
         traced = trace(scene, values, pose, rays, (len(some) * height, width), pose.pixel(height))

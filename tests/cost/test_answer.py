@@ -85,6 +85,14 @@ def test_a_difference_of_times_within_their_intervals_is_not_certain(fake):
     assert as_html(fake).count("10× the time, within the noise<") == 1
 
 
+def test_a_face_that_is_wrong_is_not_hidden_by_a_floor_that_is_right(fake):
+    first = next(p for p in fake.points if p.name == "epsilon 0.4")
+    first.errors = replace(first.errors, pixels_p999=6.0)
+    assert answers(fake)[0].point.name == "epsilon 0.1"
+    first.errors = replace(first.errors, pixels_p999=4.9)
+    assert answers(fake)[0].point is first
+
+
 def test_cheaper_pictures_of_another_kind_are_no_answer(fake):
     assert {p.name for p in fake.points} - {p.name for p in candidates(fake)} == {"blind", "samples 4, epsilon 0.3"}
 
@@ -98,6 +106,19 @@ def test_bounds_that_nothing_meets_are_left_out(fake):
     fake.points = fake.points[1:]
     assert "no setting finds every hit" in sentence(fake)
     assert as_html(fake)
+
+
+def test_the_answer_without_marching_of_an_estimate_and_of_an_animation(fake):
+    fake.moment, fake.estimate = 1.5, True
+    fake.points = [p for p in fake.points if p.name in ("epsilon 2", "blind")]
+    assert "(ours), 1.5 s into the animation, no setting draws" in sentence(fake)
+    assert sentence(fake).endswith(
+        "Its field is an estimate, which proves neither these hits nor those of the reference."
+    )
+    fake.points[0].evaluations = 0.0
+    fake.points[0].errors = replace(fake.points[0].errors, pixels_p99=0.004)
+    assert "every ray is solved in closed form, within 0.004 px" in sentence(fake)
+    assert as_html(fake).count('class="card"') == 1
 
 
 def test_one_setting_may_meet_several_bounds(fake):
@@ -149,7 +170,12 @@ def test_the_dearest_effect_is_named():
     assert dearest([effect("fog", [1.0] * 7), effect("shadow", [2.0] * 7)]).endswith(
         "shadow costs most: 2 ms, 25% of a frame."
     )
-    assert dearest([effect("fog", [-1.0, 1.0, 2.0])]) == (
+    unsure = [effect(name, [-1.0, 1.0, 2.0]) for name in ("fog", "shadow")]
+    assert dearest(unsure) == (
         "No effect has a certain cost in time here; by evaluations, fog costs most: 1 per camera ray."
     )
+    assert dearest(unsure[:1]) == (
+        "Its one effect, fog, has no certain cost in time here; evaluations: 1 per camera ray."
+    )
+    assert dearest([effect("fog", [1.0] * 7)]) == "Its one effect, fog, costs 1 ms, 12% of a frame."
     assert dearest([]) == ""

@@ -12,8 +12,12 @@ import pytest
 
 import raymarch as rm
 from raymarch.cost import reference as reference_module
+from raymarch.cost.checks import check
 from raymarch.cost.content import content_key
+from raymarch.cost.flip import flip
 from raymarch.cost.reference import CACHE_VARIABLE, reference
+from raymarch.cost.settings import Setting
+from raymarch.cost.sweep import sweep
 from tests.cost.cost_samples import SIZE, make_scene
 
 
@@ -169,3 +173,33 @@ def test_geometry_is_that_of_every_quality(scene, known, monkeypatch):
     other = make_scene()
     other = other.replace(quality=rm.Quality.preset("exact"))
     assert np.array_equal(reference(other, SIZE, samples=0).depth, known.depth)
+
+
+CAMERAS = {
+    "orthographic": {"projection": "orthographic", "height": 3.0},
+    "clip planes": {"near": 4.2, "far": 5.6},
+    "lens": {"aperture": 0.8},
+    "shutter": {"shutter": 0.6},
+}
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_cameras_of_every_kind_are_measured(kind):
+    blurs = kind in ("lens", "shutter")
+    ball = rm.sphere(0.7).translate((0.5 + 0.2 * rm.sin(8 * rm.time), 0.5, 0))
+    solid = rm.union(rm.box(1.2), ball, k=0.2)  # marched
+    camera = rm.Camera((2, 2, 4), target=(0, 0, 0), **CAMERAS[kind])
+    scene = rm.Scene(solid, camera, quality=rm.Quality(samples=16 if blurs else 1))
+    known = reference(scene, (48, 27), samples=16 if blurs else 1)
+    with rm.Renderer(known.size) as renderer:
+        found = sweep(scene, [Setting("base", scene.quality)], known, renderer, repeats=1)
+        checks = check(found, scene, renderer)
+    base = found.base
+    assert base.errors.sound
+    assert base.errors.pixels > 50
+    assert base.errors.pixels_p99 < 0.05
+    assert base.evaluations >= found.floor
+    assert all(c.holds for c in checks if c.name.startswith("hits"))
+    if blurs:
+        sharp = scene.replace(camera=camera.replace(**dict.fromkeys(CAMERAS[kind], 0.0)))
+        assert base.errors.flip_mean < 0.5 * flip(reference(sharp, known.size, samples=16).picture, base.color).mean()

@@ -12,7 +12,7 @@ from raymarch.errors import PlanError
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
 from raymarch.scene.parameter import Values
-from raymarch.truth.rays import lens_rays
+from raymarch.truth.rays import camera_rays, lens_rays
 from raymarch.truth.tracer import trace
 
 SIZE = (64, 48)
@@ -104,7 +104,7 @@ def test_cones_hold_the_lens(small: Renderer) -> None:
     pose = made.pose(values, SIZE[0] / SIZE[1])
     known = np.full(SIZE[::-1], np.inf)
     for point in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (0.7, 0.7)):
-        rays = lens_rays(pose, *SIZE, np.array(point))
+        rays = lens_rays(pose, camera_rays(pose, *SIZE), np.array(point))
         known = np.minimum(known, trace(made, values, pose, rays, SIZE[::-1], pose.pixel(SIZE[1])).depth)
     for i, level in enumerate(plan(made, size=SIZE).marching.schedule.levels):
         ended = small.resources.target(f"cone {i}", level.size(SIZE)).read()[..., 0]

@@ -10,7 +10,7 @@ from raymarch.scene import Camera, Scene
 from raymarch.scene.parameter import Values
 from raymarch.sdf import box, sphere
 from raymarch.truth import silhouettes, truth
-from raymarch.truth.rays import lens_rays
+from raymarch.truth.rays import camera_rays, lens_rays
 
 POSITION, TARGET, UP, FOV = (2.0, 1.5, 4.5), (0.3, 0.4, -0.2), (0.25, 1.0, 0.1), 38.0
 SIZE = (96, 54)
@@ -122,5 +122,5 @@ def test_rays_through_the_lens_are_those_of_mitsuba(mitsuba: Any) -> None:
         start = origin - direction * (near / (direction @ pose.view))
         point = (start - pose.position) @ pose.frame / aperture
         assert np.hypot(*point[:2]) < 1.0 and abs(point[2]) < 1e-5
-        ours = lens_rays(pose, *SIZE, point[:2])
+        ours = lens_rays(pose, camera_rays(pose, *SIZE), point[:2])
         np.testing.assert_allclose(ours.directions.reshape(SIZE[1], SIZE[0], 3)[y, x], direction, atol=2e-6)

@@ -121,16 +121,28 @@
           `<text class="letter halo" x="-5" y="-13">${letter >= 0 ? "AB"[letter] : ""}</text></g>`);
         if (p.preset || p.base || (lit && p.bound)) labels.push({ s, name: p.preset || (p.base ? "the scene's own" : p.name) });
       }
-      // Direct labels, each beside its point where no other label is.
-      const taken = [];
+      // Direct labels: beside the point, over no mark and no other label, else farther away with a line to the point.
+      // Points that lie together share a label.
       labels.sort((a, b) => !!b.s.p.preset - !!a.s.p.preset);
+      const groups = [];
       for (const { s, name } of labels) {
-        const wide = name.length * 6.9 + 4;
-        for (const [dx, dy, anchor] of [[10, -7, "start"], [10, 15, "start"], [-10, -7, "end"], [-10, 15, "end"], [10, -21, "start"]]) {
+        const near = groups.find((g) => (g.s.x - s.x) ** 2 + (g.s.y - s.y) ** 2 < 12 * 12);
+        if (!near) groups.push({ s, names: [name] });
+        else if (!near.names.includes(name)) near.names.push(name);
+      }
+      const taken = places.filter((s) => onFront.has(s.p) || labels.some((l) => l.s === s))
+        .map((s) => [s.x - 6, s.y - (state.chosen.includes(points.indexOf(s.p)) ? 24 : 6), s.x + 6, s.y + 6]);
+      const spots = [];
+      for (const far of [0, 16, 34, 54, 76])
+        for (const [x, y] of [[1, -1], [1, 1], [-1, -1], [-1, 1]]) spots.push([x * (9 + far / 2), y < 0 ? -7 - far : 15 + far, x > 0 ? "start" : "end", far]);
+      for (const { s, names } of groups) {
+        const name = names.slice(0, 3).join(", ") + (names.length > 3 ? " ..." : ""), wide = name.length * 6.9 + 4;
+        for (const [dx, dy, anchor, far] of spots) {
           const x0 = anchor === "start" ? s.x + dx : s.x + dx - wide, box = [x0, s.y + dy - 11, x0 + wide, s.y + dy + 3];
           if (box[0] < left || box[2] > right + 8 || box[1] < top - 14 || box[3] > bottom) continue;
-          if (taken.some((t) => t[0] < box[2] && t[2] > box[0] && t[1] < box[3] && t[3] > box[1])) continue;
+          if (taken.some((t) => t[0] < box[2] + 5 && t[2] > box[0] - 5 && t[1] < box[3] && t[3] > box[1])) continue;
           taken.push(box);
+          if (far) parts.push(`<line class="leader" x1="${s.x}" y1="${s.y}" x2="${s.x + dx}" y2="${dy < 0 ? box[3] : box[1]}"/>`);
           parts.push(`<text class="name halo" aria-hidden="true" text-anchor="${anchor}" x="${s.x + dx}" y="${s.y + dy}">${escape(name)}</text>`);
           break;
         }
