@@ -9,12 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr import hashing
+from raymarch.expr.atlas import Place
 from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr, const, make, var
 from raymarch.expr.raw import RawFunction, slope_text
@@ -23,7 +25,7 @@ from raymarch.expr.samples import glsl_helper as samples_helper
 from raymarch.expr.tables import Table
 from raymarch.expr.tables import glsl_helper as table_helper
 from raymarch.expr.texels import Texels
-from raymarch.expr.textures import glsl_helper, helper_of
+from raymarch.expr.textures import atlas_helper, glsl_helper, helper_of
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import depends_on, find, substitute, topological
 
@@ -384,10 +386,15 @@ def _sample(component: str) -> Template:
 
 def _texture(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     """Mean of a texture over an ellipse."""
-    name = helper_of(node.data)
-    printer.helpers[name, ""] = glsl_helper(node.data)
-    printer.text.samples[node.data.name] = node.data
-    call = call_text(name, [Piece(node.data.name, ATOM, 0), *pieces], [node, *node.args])
+    place = printer.text.places.get(node.data.name)
+    if place is None:
+        name, given, data = helper_of(node.data), node.data.name, node.data
+        printer.helpers[name, ""] = glsl_helper(node.data)
+    else:
+        name, given, data = "filtered_in_atlas", place.arguments, place.atlas
+        printer.helpers[name, ""] = atlas_helper()
+    printer.text.samples[data.name] = data
+    call = call_text(name, [Piece(given, ATOM, 0), *pieces], [node, *node.args])
     return Piece(f"{call.text}.{'xyz'[: node.data.channels]}", POSTFIX, call.depth)
 
 
@@ -513,7 +520,7 @@ static extern external interface long short half fixed unsigned superp input out
 packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
 atan sinh cosh tanh interpolated cell_hash pcg is_finite constant_number constant_numbers
-filtered filtered_mirrored texel1 texel2 texel4
+filtered filtered_mirrored filtered_in_atlas atlas_level atlas_texel texel1 texel2 texel4
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
 not lessThan greaterThan equal dFdx dFdy fwidth uint field asinh acosh atanh roundEven faceforward outerProduct
@@ -595,6 +602,8 @@ class Text:
     dialect: Dialect = field(default_factory=Dialect)
     constants: frozenset[str] = frozenset()
     """Names of the data that are in the constant array `constant_numbers`, in place of textures."""
+    places: Mapping[str, Place] = field(default_factory=dict)
+    """Pictures that are parts of an atlas, by name."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -612,8 +621,9 @@ def print_functions(
     for_web: bool = False,
     constants: frozenset[str] = frozenset(),
     dialect: Dialect | None = None,
+    places: Mapping[str, Place] = MappingProxyType({}),
 ) -> Text:
-    """GLSL of some functions and of all their callees, each once. for_web, constants, dialect : see `Text`."""
+    """GLSL of some functions and of all their callees, each once. for_web, constants, dialect, places : see `Text`."""
     order = _callees_first(roots)
     names: dict[Function, str] = {}
     expressions = [e for f in roots for e in f.inner]
@@ -626,7 +636,7 @@ def print_functions(
             names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
             occupied.add(names[definition])
     text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web, constants=constants)
-    text.dialect = dialect or text.dialect
+    text.dialect, text.places = dialect or text.dialect, places
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.atlas import HELPER
 from raymarch.expr.node import Expr, Operand, expr, make
 from raymarch.expr.texels import Texels
 from raymarch.expr.types import FLOAT, VEC2
@@ -138,10 +139,20 @@ def helper_of(data: Texels) -> str:
 
 def glsl_helper(data: Texels) -> str:
     """Text of the GLSL function. Coordinates are mirrored: at the edge of a mirrored texture clamping is equivalent."""
-    point = "at + ((float(i) + 0.5) / float(taps) - 0.5) * axis"
-    read = f"1.0 - abs(mod({point}, 2.0) - 1.0)" if data.wrap == "mirror" else point
+    read = f"1.0 - abs(mod({POINT}, 2.0) - 1.0)" if data.wrap == "mirror" else POINT
     return _HELPER.replace("NAME", helper_of(data)).replace("POINT", read)
 
+
+def atlas_helper() -> str:
+    """Text of the GLSL function that reads a picture in an atlas."""
+    text = _HELPER.replace("NAME(sampler2D image, ", "filtered_in_atlas(sampler2D image, ivec4 place, ivec2 kind, ")
+    text = text.replace("vec2(textureSize(image, 0))", "vec2(place.zw)")
+    text = text.replace("textureLod(image, POINT, level)", f"atlas_texel(image, place, kind, {POINT}, level)")
+    return f"{HELPER}\n\n{text}"
+
+
+POINT = "at + ((float(i) + 0.5) / float(taps) - 0.5) * axis"
+"""The centre of a sample of an ellipse."""
 
 _HELPER = f"""vec4 NAME(sampler2D image, vec2 at, vec2 duvdx, vec2 duvdy, float weight) {{
     // the mean over an ellipse, by samples along its longer axis

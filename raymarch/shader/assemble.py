@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 from raymarch import glsl
 from raymarch.errors import Location, PlanError, is_users
+from raymarch.expr.atlas import EDGE, Place, packed
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
@@ -120,12 +121,16 @@ class Shader:
 
 
 def assemble(
-    plan: Plan, inputs: Mapping[str, str] = MappingProxyType({}), constants: frozenset[str] = frozenset()
+    plan: Plan,
+    inputs: Mapping[str, str] = MappingProxyType({}),
+    constants: frozenset[str] = frozenset(),
+    places: Mapping[str, Place] = MappingProxyType({}),
 ) -> Shader:
     """The shader of a plan.
 
     inputs : for a standalone plan, GLSL expressions that replace uniforms, by the name of the uniform.
     constants : names of sampled data, tables and `u_lights` that the caller declares as constants, not as textures.
+    places : pictures that are parts of an atlas. {} makes atlases if there are more textures than texture units.
     """
     passes = [p for p in plan.passes if p.effect is None]
     mains = [module(p.module, plan.variants) for p in passes]
@@ -157,14 +162,19 @@ def assemble(
         if setup is not None:  # `set_frame` calls functions of the camera and of the values of the frame
             called |= {function.name for function in values.functions}
         roots = [root for root in roots if root.name in called]
-    fields, parameters, text = _fields(plan, roots, taken, constants)
+    fields, parameters, text = _fields(plan, roots, taken, constants, places)
     declared = Chunk.of("constants", [line for name, line in fixed.items() if name in taken])
     generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}
     if setup is not None:
         generated |= setup.chunks(parameters, text.uses_time, promised.names)
     linked = link(mains, plan.choices, generated, plan.variants)
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
-    _check_texture_units(plan, body, mains)
+    too_many = _samplers(body) + max(_samplers(chunk.lines) for chunk in mains) - TEXTURE_UNITS
+    if too_many > 0:
+        found = {} if places else packed((d for d in text.samples.values() if isinstance(d, Texels)), too_many)
+        if not found:
+            raise _too_many_textures(plan, too_many + TEXTURE_UNITS)
+        return assemble(plan, inputs, constants, found)
     body += _main(mains)
     names, heads = tuple(p.name for p in passes), tuple(p.head for p in passes)
     modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
@@ -192,19 +202,17 @@ TEXTURE_UNITS = 16
 """Texture units that every OpenGL 3.3 and WebGL 2 driver has in a fragment shader."""
 
 
-def _check_texture_units(plan: Plan, shared: Sequence[Mapped], mains: Sequence[Chunk]) -> None:
-    """Raise PlanError if a pass reads more textures than every driver supports.
-
-    shared : the lines of all passes. mains : the further lines of each pass.
-    """
-    read = _samplers(shared) + max(_samplers(chunk.lines) for chunk in mains)
-    if read > TEXTURE_UNITS:
-        names = ", ".join(data.label for data in plan.textures)
-        raise PlanError(
-            f"the shader reads {read} textures, {len(plan.textures)} of them from the scene: {names}",
-            legal=f"up to {TEXTURE_UNITS} in all; equal pictures share one texture, as do the channels of a picture",
-            where=next((m.where for m in plan.scene.materials if m.textured), plan.scene.where),
-        )
+def _too_many_textures(plan: Plan, read: int) -> PlanError:
+    """The error for a pass that reads more textures than every driver supports, also with pictures in atlases."""
+    others = [data.label for data in plan.textures if not isinstance(data, Texels)]
+    pictures = len(plan.textures) - len(others)
+    return PlanError(
+        f"the shader reads {read} textures, {len(plan.textures)} of them from the scene: {pictures} pictures"
+        + (f", and {', '.join(others)}" if others else ""),
+        legal=f"up to {TEXTURE_UNITS} in all, where pictures share atlases of {EDGE} x {EDGE} texels; sampled data and "
+        "tables have a texture each",
+        where=next((m.where for m in plan.scene.materials if m.textured), plan.scene.where),
+    )
 
 
 def _samplers(lines: Sequence[Mapped]) -> int:
@@ -306,10 +314,14 @@ def _promised(roots: Sequence[Function], variables: frozenset[str]) -> Chunk:
 
 
 def _fields(
-    plan: Plan, roots: Sequence[Function], taken: frozenset[str], constants: frozenset[str]
+    plan: Plan,
+    roots: Sequence[Function],
+    taken: frozenset[str],
+    constants: frozenset[str],
+    places: Mapping[str, Place],
 ) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
-    text = print_functions(roots, taken, plan.standalone, constants)
+    text = print_functions(roots, taken, plan.standalone, constants, places=places)
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}

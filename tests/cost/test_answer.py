@@ -88,7 +88,7 @@ def test_a_difference_of_times_within_their_intervals_is_not_certain(fake):
 def test_a_face_that_is_wrong_is_not_hidden_by_a_floor_that_is_right(fake):
     first = next(p for p in fake.points if p.name == "epsilon 0.4")
     first.errors = replace(first.errors, pixels_p999=6.0)
-    assert answers(fake)[0].point.name == "epsilon 0.1"
+    assert answers(fake)[0].error == pytest.approx(0.1)
     first.errors = replace(first.errors, pixels_p999=4.9)
     assert answers(fake)[0].point is first
 

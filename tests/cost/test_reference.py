@@ -190,16 +190,16 @@ def test_cameras_of_every_kind_are_measured(kind):
     solid = rm.union(rm.box(1.2), ball, k=0.2)  # marched
     camera = rm.Camera((2, 2, 4), target=(0, 0, 0), **CAMERAS[kind])
     scene = rm.Scene(solid, camera, quality=rm.Quality(samples=16 if blurs else 1))
-    known = reference(scene, (48, 27), samples=16 if blurs else 1)
+    known = reference(scene, (32, 18), samples=16 if blurs else 1)
     with rm.Renderer(known.size) as renderer:
         found = sweep(scene, [Setting("base", scene.quality)], known, renderer, repeats=1)
         checks = check(found, scene, renderer)
     base = found.base
     assert base.errors.sound
-    assert base.errors.pixels > 50
+    assert base.errors.pixels > 30
     assert base.errors.pixels_p99 < 0.05
     assert base.evaluations >= found.floor
     assert all(c.holds for c in checks if c.name.startswith("hits"))
     if blurs:
         sharp = scene.replace(camera=camera.replace(**dict.fromkeys(CAMERAS[kind], 0.0)))
-        assert base.errors.flip_mean < 0.5 * flip(reference(sharp, known.size, samples=16).picture, base.color).mean()
+        assert base.errors.flip_mean < 0.75 * flip(reference(sharp, known.size, samples=16).picture, base.color).mean()

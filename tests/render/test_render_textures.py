@@ -9,7 +9,9 @@ import pytest
 
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.atlas import Atlas, packed
 from raymarch.expr.function import Function
+from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import const, var
 from raymarch.expr.texels import Texels, Wrap
 from raymarch.expr.textures import texture
@@ -17,8 +19,10 @@ from raymarch.expr.types import FLOAT, VEC2
 from raymarch.expr.vocabulary import vec3
 from raymarch.gpu import Renderer
 from raymarch.gpu.context import Context
+from raymarch.plan import plan
+from raymarch.shader import Shader, assemble
 from raymarch.truth import silhouettes, truth
-from tests.support.glsl_harness import evaluate
+from tests.support.glsl_harness import evaluate, run, text_of
 from tests.support.shader_samples import scenes, tiles
 
 WEIGHTS = 3 * 2.0**-9
@@ -45,6 +49,43 @@ def test_the_device_filters_as_the_truth_does(wrap: Wrap, height: int, width: in
     # Where the number of samples is about to change, rounding may take another one.
     assert np.mean(off > WEIGHTS) < 0.01 and off.max() < 0.5
     assert np.all(found.reshape(400, -1)[weight == 0.0] == 0.0)
+
+
+def test_pictures_in_an_atlas_are_filtered_as_the_truth_does(egl: Context) -> None:
+    """Each picture as if it were alone, also at its borders: the neighbours are 100 times as bright."""
+    rng = np.random.default_rng(3)
+    shapes = [(16, 16), (5, 12), (1, 7), (1, 1), (32, 9), (9, 64)]
+    wraps: list[Wrap] = ["repeat", "mirror", "clamp"]
+    pictures = [Texels(100.0 ** (k % 2) * rng.uniform(0.5, 1, (*s, 3)), wraps[k % 3]) for k, s in enumerate(shapes)]
+    places = packed(pictures, len(pictures) - 1)
+    assert len({place.atlas.name for place in places.values()}) == 1
+    at = rng.uniform(-2, 3, (200, 2))
+    across, along = (10.0 ** rng.uniform(-3, 0.5, (200, 1)) * rng.uniform(-1, 1, (200, 2)) for _ in range(2))
+    names = ("at", "across", "along")
+    inputs = (*(var(name, VEC2) for name in names), var("weight", FLOAT))
+    points = [v.astype(np.float32).astype(np.float64) for v in (at, across, along, np.ones(200))]
+    for data in pictures:
+        function = Function("pictured", inputs, texture(data, *inputs))
+        text = print_functions([function], places=places)
+        given = list(zip([i.type for i in inputs], points, strict=True))
+        found = run(egl, text_of(text), "pictured({0}, {1}, {2}, {3})", given, 3, samples=text.samples)
+        wanted = evaluator([function.body], inputs)(*points)[0]
+        off = np.abs(found - wanted).max(axis=1) / data.levels[0].max()
+        assert np.mean(off > 1e-4) < 0.01, "where the number of samples changes, rounding may take another one"
+        assert np.median(off) < 1e-6
+
+
+def test_more_pictures_than_texture_units_share_an_atlas() -> None:
+    def drawn(count: int) -> Shader:
+        maps = [rm.planar(np.full((3 + k, 4, 3), 0.5), 1.0, wrap=("repeat", "clamp")[k % 2]) for k in range(count)]
+        balls = [rm.sphere(0.4).translate((k, 0, 0)).material(rm.Material(m)) for k, m in enumerate(maps)]
+        return assemble(plan(rm.Scene(rm.union(*balls, k=1e-3)), ("color",)))
+
+    assert "atlas" not in drawn(16).text()
+    shared = drawn(19)
+    assert len(shared.samples) == 16 == shared.text().count("uniform sampler2D")
+    (atlas,) = (data for data in shared.samples.values() if isinstance(data, Atlas))
+    assert len(atlas.places) == 4, "as few as suffice, the smallest first"
 
 
 def test_a_checkered_floor_is_that_of_the_truth_up_to_its_horizon(renderer: Renderer) -> None:
