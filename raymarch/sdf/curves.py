@@ -17,6 +17,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function, loop
 from raymarch.expr.node import Expr, const
+from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import (
     abs,
@@ -42,6 +43,7 @@ from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain, Points3, Positive, Vec3, shown
 from raymarch.sdf.facts import Exactness
+from raymarch.sdf.flat import AS_TEXT, FARTHEST
 
 __all__ = ["bezier_tube", "helix", "polyline_tube"]
 
@@ -89,13 +91,23 @@ def polyline_tube(
     """Round tube along straight pieces, with round joints and ends.
 
     points : two or more points, each three numbers. If the last equals the first, the tube is closed. They are
-        constants of the shader and cannot be a `Param`. Each piece costs one distance to a segment.
+        numbers and cannot be a `Param`; more than 100 become a table. Each piece costs one distance to a segment.
     radius : radius of the tube, > 0.
 
     Exact outside. A bound inside, because on the inner side of a bend a point is deeper than the field says.
     """
     corners = _distinct(points)
-    return sqrt(balanced([segment_squared(p, a, b) for a, b in pairwise(corners)], min)) - radius
+    if len(corners) <= AS_TEXT:
+        return sqrt(balanced([segment_squared(p, a, b) for a, b in pairwise(corners)], min)) - radius
+    rows = np.concatenate([corners, np.zeros((len(corners), 1))], axis=1)
+    table = Table(rows, f"a tube through {len(corners)} points")
+
+    def step(i: Expr, nearest: Expr, a: Expr) -> tuple[Expr, Expr]:
+        b = fetch(table, i + 1.0)
+        return min(nearest, segment_squared(p, a.xyz, b.xyz)), b
+
+    nearest, _ = loop(len(corners) - 1, [FARTHEST, fetch(table, 0.0)], step)
+    return sqrt(nearest) - radius
 
 
 def _bezier_bounds(a: Any, b: Any, c: Any, radius: Any) -> tuple[Expr, Expr]:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.function import function
+from raymarch.expr.function import function, loop
 from raymarch.expr.node import Expr, expr
+from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import VEC2
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, where
 from raymarch.sdf.definition import cube, shape
@@ -128,6 +129,8 @@ def outward(a: Any, b: Any) -> Expr:
 
 def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
     """Signed distance to the region inside a closed, counter-clockwise polyline: that of the nearest edge."""
+    if len(corners) > AS_TEXT:
+        return _enclosed_by_rows(p, np.array(corners))
     ends = [*corners[1:], corners[0]]
     normals = [outward(a, b) for a, b in zip(corners, ends, strict=True)]
     at_corners = [before + after for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True)]
@@ -138,6 +141,31 @@ def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
     for other in others:
         nearest = nearer(nearest, other)
     return nearest
+
+
+AS_TEXT = 100
+"""Largest number of corners that are constants of the shader. More are rows of a table, and one loop: text would take
+minutes to compile."""
+
+
+def _enclosed_by_rows(p: Expr, corners: NDArray[np.float64]) -> Expr:
+    """As `enclosed`; a row of the table is a corner and the mean of the normals of its edges."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    rows = np.concatenate([corners, normals + np.roll(normals, 1, axis=0)], axis=1)
+    table = Table(np.concatenate([rows, rows[:1]]), f"a polygon of {len(corners)} corners")
+
+    def step(i: Expr, nearest: Expr, row: Expr) -> tuple[Expr, Expr]:
+        following = fetch(table, i + 1.0)
+        found = edge(p, vec2(row.x, row.y), vec2(following.x, following.y), *(vec2(r.z, r.w) for r in (row, following)))
+        return nearer(nearest, found), following
+
+    nearest, _ = loop(len(corners), [FARTHEST, fetch(table, 0.0)], step)
+    return nearest
+
+
+FARTHEST = 1e30
+"""Beyond every distance."""
 
 
 def mirrors(corners: NDArray[np.float64]) -> str:
@@ -223,7 +251,7 @@ def polygon(p: Expr, points: Points2 = ((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (
     """The region inside a closed polyline.
 
     points : three or more corners (x, y) in order, clockwise or counter-clockwise; the last is joined to the first.
-        They are numbers, which become part of the shader. Edges may meet only at corners.
+        They are numbers; more than 100 become a table, which a loop reads. Edges may meet only at corners.
 
     Exact: the distance to the nearest edge, which also gives the sign. If a corner is nearest, the mean of the normals
     there gives the sign. The cost grows with the number of corners.
@@ -435,11 +463,20 @@ def polyline(
 ) -> Expr:
     """A line through some points with round ends and joints.
 
-    points : two or more, each (x, y); numbers, which become part of the shader. thickness : full width, > 0.
+    points : two or more, each (x, y); numbers, more than 100 of them a table. thickness : full width, > 0.
 
     Exact outside, a bound inside: on the inner side of a bend the field is less than the distance to the corner.
     """
-    nearest, *others = [segment_squared(p, a, b) for a, b in pairwise(points)]
-    for squared in others:
-        nearest = min(nearest, squared)
+    if len(points) <= AS_TEXT:
+        nearest, *others = [segment_squared(p, a, b) for a, b in pairwise(points)]
+        for squared in others:
+            nearest = min(nearest, squared)
+        return sqrt(nearest) - 0.5 * thickness
+    table = Table(np.array(points), f"a line through {len(points)} points")
+
+    def step(i: Expr, nearest: Expr, a: Expr) -> tuple[Expr, Expr]:
+        b = fetch(table, i + 1.0)
+        return min(nearest, segment_squared(p, a, b)), b
+
+    nearest, _ = loop(len(points) - 1, [FARTHEST, fetch(table, 0.0)], step)
     return sqrt(nearest) - 0.5 * thickness

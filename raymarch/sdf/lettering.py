@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import functools
 import os
+import shutil
+import subprocess
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -232,12 +235,13 @@ def text(
     Parameters
     ----------
     string : the text. "\\n" starts a new line; lines are centred.
-    font : a TrueType or OpenType file, or the name of a system font. None is the font of Pillow.
+    font : a TrueType or OpenType file, or the family of an installed font, such as "DejaVu Serif". None is the font of
+        Pillow, or for a text with letters that it lacks, an installed DejaVu Sans, Noto Sans or Arial that has all.
     height : full height of the letters as drawn, from the lowest point to the highest, a length > 0.
     resolution : samples along that height, 8 to 512; fewer if the text would be wider than 2048 samples.
 
-    A bound: sampled and interpolated linearly. Details below a sample are rounded off. Pillow's own font has those
-    of ASCII and few more letters. Raises SceneError for letters that the font lacks.
+    A bound: sampled and interpolated linearly. Details below a sample are rounded off. Raises SceneError for letters
+    that the font lacks.
     """
     if not isinstance(string, str):
         raise SceneError(f"text: string = {short(string)} ({type(string).__name__})", legal="a string")
@@ -254,18 +258,39 @@ Font = ImageFont.FreeTypeFont
 
 
 def _font(file: str | None, size: float) -> Font:
+    legal = "a TrueType or OpenType file, or the family of an installed font, such as 'DejaVu Sans'"
     try:
-        found = ImageFont.load_default(size) if file is None else ImageFont.truetype(file, size)
+        found = ImageFont.load_default(size) if file is None else ImageFont.truetype(_file_of(file), size)
     except OSError as fault:
-        raise SceneError(f"text: cannot read the font '{file}': {fault}", legal="a TrueType or OpenType file") from None
+        raise SceneError(f"text: no font '{file}': {fault}", legal=legal) from None
     assert isinstance(found, ImageFont.FreeTypeFont)  # of a size
     return found
+
+
+@functools.lru_cache(maxsize=64)
+def _file_of(font: str) -> str:
+    """The file of an installed font family, by fontconfig or matplotlib; else the name itself."""
+    if Path(font).suffix or Path(font).exists():
+        return font
+    if fontconfig := shutil.which("fc-match"):
+        found = subprocess.run([fontconfig, "-f", "%{family}\n%{file}", font], capture_output=True, text=True)
+        families, _, file = found.stdout.partition("\n")
+        if font.casefold() in (family.strip().casefold() for family in families.split(",")):  # else it is another font
+            return file
+    try:
+        from matplotlib.font_manager import findfont
+    except ImportError:
+        return font
+    try:
+        return str(findfont(font, fallback_to_default=False))
+    except ValueError:
+        return font
 
 
 ABSENT = "\uffff"
 """No character, by Unicode: every font shows its sign for a missing letter."""
 
-WIDE = ("DejaVuSans.ttf", "arial.ttf", "Arial.ttf", "NotoSans-Regular.ttf")
+WIDE = ("DejaVuSans.ttf", "DejaVu Sans", "NotoSans-Regular.ttf", "Noto Sans", "Arial.ttf", "arial.ttf")
 """Names of fonts with many letters, one of which most systems have."""
 
 
@@ -289,11 +314,18 @@ def _lacking(string: str, font: Font) -> list[str]:
     return found
 
 
-def _refuse_lacking(string: str, file: str | None) -> None:
+def _able(string: str, file: str | None) -> str | None:
+    """The font that has all letters of a string: the given one, or in place of Pillow's own an installed one."""
     font = _font(file, 32.0)
     lacking = _lacking(string, font)
     if not lacking:
-        return
+        return file
+    others = [other for other in WIDE if _has(other, "")] if file is None else []
+    for other in others:
+        if not (missing := _lacking(string, _font(other, 32.0))):
+            return other
+        if len(missing) < len(lacking):  # of the two fonts, this one is worth naming
+            file, lacking = other, missing
     name = f"the font '{file}'" if file is not None else f"Pillow's own font, {font.getname()[0]},"
     known = next((other for other in WIDE if other != file and _has(other, lacking)), None)
     legal = "letters that the font has, or font= of one that has them" + (f", such as '{known}'" if known else "")
@@ -301,17 +333,17 @@ def _refuse_lacking(string: str, file: str | None) -> None:
     raise SceneError(f"text: {name} lacks {shown} of {_shown(string)}", legal=legal)
 
 
-def _has(file: str, letters: list[str]) -> bool:
+def _has(file: str, letters: Iterable[str]) -> bool:
     """True if there is such a font, and it has all of some letters."""
     try:
-        return not _lacking("".join(letters), ImageFont.truetype(file, 32.0))
+        return not _lacking("".join(letters), ImageFont.truetype(_file_of(file), 32.0))
     except OSError:
         return False
 
 
 @functools.lru_cache(maxsize=64)
 def _written(string: str, file: str | None, resolution: int) -> Samples:
-    _refuse_lacking(string, file)
+    file = _able(string, file)
     draw = ImageDraw.Draw(Image.new("L", (1, 1)))
     trial = 100.0
     left, top, right, bottom = draw.multiline_textbbox((0, 0), string, font=_font(file, trial), align="center")

@@ -26,6 +26,7 @@ from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
 from raymarch.sdf.definition import Child, ChildFacts, operator, shape
 from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, Vector
+from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 
@@ -149,7 +150,7 @@ def mesh(
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{extent} {resolution} 3".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} 4".encode()).hexdigest()[:24]
     kept = disk.folder() if folder is None else Path(folder)
     kept = kept and kept / f"mesh-{key}.npz"
     found = None if kept is None else _from_cache(kept)
@@ -159,7 +160,8 @@ def mesh(
         values, size, centre = (unit * part for part in sampled)
         if kept is not None:
             arrays = {"values": values, "size": size, "centre": centre, "repairs": np.array(repairs, np.str_)}
-            disk.save(kept, arrays, compressed=True)
+            if fault := disk.save(kept, arrays, compressed=True):
+                warn(f"mesh: the cache {fault}: nothing is kept")
         found = sampled_grid(Samples(values), size, centre), repairs
     for repair in found[1]:
         warn(repair)
@@ -167,15 +169,17 @@ def mesh(
 
 
 def _from_cache(kept: Path) -> tuple[Node, list[str]] | None:
-    """Samples of an earlier run and its repairs; None if there are none, or they are damaged."""
-    found = disk.load(kept)
-    try:
-        if found is None:
-            return None
-        repairs = [str(repair) for repair in found["repairs"]]
-        return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), repairs
-    except (*disk.UNREADABLE, SceneError):
+    """Samples of an earlier run and its repairs; None if there are none, or with a warning if they are damaged."""
+    if not kept.exists():
         return None
+    try:
+        if (found := disk.load(kept)) is not None:
+            repairs = [str(repair) for repair in found["repairs"]]
+            return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), repairs
+    except (*disk.UNREADABLE, SceneError):
+        pass
+    warn(f"mesh: the cache file '{kept}' cannot be read: it is made anew")
+    return None
 
 
 def _extent(what: str, value: Any) -> float:
@@ -289,17 +293,16 @@ def _holds(other: Any, one: Any) -> bool:
 
 def _sample_mesh(solid: Any, resolution: int, progress: Progress | None, what: str) -> tuple[Any, Any, Any]:
     """Distances on a grid that leaves two cells of room on each side, slab by slab."""
-    from trimesh.proximity import signed_distance
-
     cell = float(solid.extents.max()) / (resolution - 5)
     counts = np.ceil(solid.extents / cell).astype(int) + 5
     size = cell * (counts - 1)
     centre = solid.bounds.mean(axis=0)
     x, y, z = (c + np.linspace(-s / 2, s / 2, n) for c, s, n in zip(centre, size, counts, strict=True))
+    surface = Surface(solid, cell)
     values = np.empty(counts[::-1], np.float32)
     for k, height in enumerate(z):
         points = np.stack(np.broadcast_arrays(x[None, :], y[:, None], height), axis=-1).reshape(-1, 3)
-        values[k] = -signed_distance(solid, points).reshape(len(y), len(x))
+        values[k] = surface.distances(points).reshape(len(y), len(x))
         if progress is not None:
             progress((k + 1) / len(z))
     jumps = np.max([np.abs(np.diff(values, axis=axis)).max() for axis in range(3)])

@@ -12,6 +12,7 @@ from PIL import ImageFont
 
 import raymarch as rm
 from raymarch.errors import SceneError
+from raymarch.sdf import lettering
 from raymarch.sdf.lettering import _lacking
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
@@ -31,7 +32,14 @@ def test_what_a_font_lacks_is_what_its_table_of_characters_lacks(name: str) -> N
     assert {letter for letter in letters if letter not in lacking} == {c for c in letters if ord(c) in known}
 
 
+@pytest.fixture
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No other font is installed."""
+    monkeypatch.setattr(lettering, "WIDE", ())
+
+
 @pytest.mark.parametrize("letter", ["ä", "ß", "é", "ñ", "\u2013", "€", CHINESE, "\u200b", "\t"])
+@pytest.mark.usefixtures("alone")
 def test_a_letter_that_the_font_lacks_is_refused_by_name(letter: str) -> None:
     with pytest.raises(SceneError) as caught:
         rm.text(f"ab{letter}c{letter}")
@@ -40,6 +48,7 @@ def test_a_letter_that_the_font_lacks_is_refused_by_name(letter: str) -> None:
     assert "Aileron" in message and "font=" in message and "test_lettering.py:" in message
 
 
+@pytest.mark.usefixtures("alone")
 def test_all_that_lack_are_named_and_none_that_does_not() -> None:
     with pytest.raises(SceneError) as caught:
         rm.text("Größe: aäöo")
@@ -52,6 +61,22 @@ def test_ascii_is_there() -> None:
     rm.text("".join(map(chr, range(33, 80))), resolution=16)
     rm.text("".join(map(chr, range(80, 127))), resolution=16)
     rm.text("two words\nand two lines", resolution=16)
+
+
+def test_an_installed_font_stands_in_for_pillows_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lettering, "WIDE", (str(DEJAVU),))
+    string = "Ünï Ωμέγα Привет"
+    found, known = (rm.text(string, font, resolution=16) for font in (None, DEJAVU))
+    np.testing.assert_array_equal(found.distance(PLANE), known.distance(PLANE))
+    with pytest.raises(SceneError, match=rf"DejaVuSans\.ttf' lacks '{CHINESE}' of"):
+        rm.text(string + CHINESE)
+
+
+def test_a_font_is_found_by_its_family() -> None:
+    by_family, by_file = (rm.text("Rg", font, resolution=16) for font in ("DejaVu Sans", DEJAVU))
+    assert np.abs(by_family.distance(PLANE) - by_file.distance(PLANE)).max() < 0.05, "of some version"
+    with pytest.raises(SceneError, match=r"no font 'Nowhere Sans'.*family"):
+        rm.text("Rg", "Nowhere Sans")
 
 
 def test_a_font_that_has_them_draws_them() -> None:

@@ -11,9 +11,10 @@ import trimesh
 from PIL import Image
 
 import raymarch as rm
-from raymarch.errors import SceneError
+from raymarch.errors import SceneError, SceneWarning
 from raymarch.expr.samples import Samples
 from raymarch.gpu.renderer import Renderer
+from raymarch.sdf.nearest import Surface
 from raymarch.sdf.sampled import displace_by_image, displace_by_samples, grid, heightmap, mesh, terrain
 from raymarch.truth import compare, truth
 
@@ -96,6 +97,60 @@ def test_the_order_of_a_grids_axes():
     at = np.array([-2 + 3, -2.5 + 2, -3 + 1.0])
     assert node.distance(at) < 0
     assert np.all(node.distance(at + 1.9 * np.vstack([np.eye(3), -np.eye(3)])) > 0)
+
+
+def test_a_damaged_cache_is_named_and_made_anew(tmp_path):
+    file = tmp_path / "box.stl"
+    trimesh.creation.box((1, 2, 1)).export(file)
+    node = mesh(file, resolution=12, cache=tmp_path / "kept")
+    (kept,) = (tmp_path / "kept").iterdir()
+    whole = kept.read_bytes()
+    for content in (b"", b"hello", whole[: len(whole) // 2]):
+        kept.write_bytes(content)
+        with pytest.warns(SceneWarning, match=f"'{kept}' cannot be read: it is made anew"):
+            again = mesh(file, resolution=12, cache=tmp_path / "kept")
+        assert kept.read_bytes() == whole
+    points = points_in(1.5, 100)
+    np.testing.assert_array_equal(node.distance(points), again.distance(points))
+    with pytest.warns(SceneWarning, match=r"the cache cannot write '/dev/null/kept': .*: nothing is kept"):
+        mesh(file, resolution=12, cache="/dev/null/kept")
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0])
+def test_distances_of_a_mesh_are_exact_near_its_surface(size):
+    """Also where triangles are far larger than the cell. Far away, the nearest triangle may be another of a cell."""
+    points = points_in(1.5, 3000)
+    solid = trimesh.creation.box((1.0, 2.0, 0.5))
+    found = Surface(solid, 0.05 * size).distances(points)
+    q = np.abs(points) - (0.5, 1.0, 0.25)
+    known = np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+    assert np.max(np.abs(found - known)) < 1e-12
+    ball = trimesh.creation.icosphere(3)
+    off = Surface(ball, 0.1).distances(points) - trimesh.proximity.signed_distance(ball, points) * -1.0
+    assert np.max(np.abs(off)) < 2e-3
+    assert np.max(np.abs(off[np.abs(np.linalg.norm(points, axis=1) - 1) < 0.15])) < 1e-9
+
+
+def test_many_points_are_rows_of_a_table():
+    """The same shapes as text, with points on straight pieces between their corners."""
+    angle = 2 * np.pi * np.arange(30) / 30
+    corners = np.stack([np.cos(angle), np.sin(angle), 0.3 * np.cos(3 * angle)], axis=1) * (
+        1 + 0.3 * np.sin(7 * angle[:, None])
+    )
+    steps = (np.arange(8) / 8)[None, :, None]
+    many = (corners[:, None] * (1 - steps) + np.roll(corners, -1, axis=0)[:, None] * steps).reshape(-1, 3)
+    points = points_in(1.5, 500)
+    for make, width in ((rm.polygon, 2), (rm.polyline, 2), (lambda c: rm.polyline_tube(c, 0.1), 3)):
+        few, rows = (
+            make(np.vstack([corners, corners[:1]])[: 30 if make is rm.polygon else 31, :width]),
+            make((many if make is rm.polygon else np.vstack([many, corners[:1]]))[:, :width]),
+        )
+        assert "u_table" in rows.glsl()
+        assert "u_table" not in few.glsl()
+        at = points[:, :width]
+        assert np.max(np.abs(few.distance(at) - rows.distance(at))) < 1e-6
+        same = np.linalg.norm(few.gradient(at) - rows.gradient(at), axis=1) < 1e-4
+        assert np.mean(same) > 0.99
 
 
 def test_a_mesh_is_sampled_once_and_kept(tmp_path):
