@@ -77,6 +77,9 @@ FUNCTIONS = _keys(
         "save write": 'rm.render(scene).save("picture.png")',
         "trace raymarch raytrace": "rm.render(scene)",
         "elapsed t seconds": "rm.time",
+        "x y z p position": "a function of the point, such as lambda p: rm.sin(p.x), in .displace_by(...) or a Material",
+        "colormap palette gradient": "rm.mix(first, second, t) of two colours",
+        "mengersponge sierpinski kaleidoscope": "rm.menger(...), or rm.fold_fractal(...)",
     }
 )
 """Names looked for in the package."""
@@ -98,6 +101,7 @@ METHODS = _keys(
         "subtract cut minus sub": "difference(other), or a - b",
         "intersect common clip": "intersection(other), or a & b",
         "array tile repeatinfinite repeatlimited": "repeat(spacing, count)",
+        "repeatpolar polarrepeat modpolar radial circulararray": "polar(count)",
         "onion hollow thicken": "shell(thickness)",
         "resize size stretch scaled": "scale(factor)",
         "flip reflect mirrorx mirrory mirrorz symmetry": 'mirror("x")',

@@ -6,6 +6,7 @@ import importlib
 import inspect
 import linecache
 import os
+import re
 import sys
 import traceback
 import types
@@ -56,7 +57,17 @@ def load(path: str | os.PathLike[str]) -> Scene:
             f"the scene file exited Python (SystemExit: {fault.code})", where=_line_in(fault, name)
         ) from None
     except Exception as fault:
-        raise SceneError(f"{type(fault).__name__}: {fault}", where=_line_in(fault, name)) from fault
+        legal = _parameters(fault) if isinstance(fault, TypeError) else ""
+        raise SceneError(f"{type(fault).__name__}: {fault}", legal=legal, where=_line_in(fault, name)) from fault
+
+
+def _parameters(fault: TypeError) -> str:
+    """The parameters of the public function that was called with wrong arguments; "" for other faults."""
+    called = re.match(r"(\w+)\(\) .*argument", str(fault))
+    function = getattr(sys.modules.get("raymarch"), called[1], None) if called else None
+    if not inspect.isfunction(function):
+        return ""
+    return ", ".join(inspect.signature(function).parameters)
 
 
 def _compiled(source: bytes, name: str) -> types.CodeType:
