@@ -77,7 +77,7 @@ FUNCTIONS = _keys(
         "save write": 'rm.render(scene).save("picture.png")',
         "trace raymarch raytrace": "rm.render(scene)",
         "elapsed t seconds": "rm.time",
-        "x y z p position": "a function of the point, such as lambda p: rm.sin(p.x), in .displace_by(...) or a Material",
+        "x y z p position": "a function of the point, such as lambda p: rm.sin(p.x), for .displace_by or a Material",
         "colormap palette gradient": "rm.mix(first, second, t) of two colours",
         "mengersponge sierpinski kaleidoscope": "rm.menger(...), or rm.fold_fractal(...)",
     }
