@@ -33,6 +33,7 @@ MARCHING = {
         "samples",
         "temporal",
         "steps_per_pass",
+        "lights_per_pass",
         "rays",
         "shadow_steps",
         "light_samples",

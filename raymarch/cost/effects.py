@@ -223,7 +223,7 @@ def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mappi
     """
     plain = with_quality(
         scene.replace(post=[]),
-        replace(scene.quality, samples=1, temporal="off", schedule="single", steps_per_pass=None),
+        replace(scene.quality, samples=1, temporal="off", schedule="single", steps_per_pass=None, lights_per_pass=None),
     )
     ready = prepare(plain, ("color",), renderer.size)
     counting = replace(ready, texts={name: counting_text(text) for name, text in ready.texts.items()})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Any
 
@@ -58,6 +58,7 @@ class History:
     values : all uniforms of the last picture except data textures. shader : its text.
     frames : number of pictures since the history was reset.
     marched : number of march passes of the picture so far. arrived : whether all rays have terminated.
+    lit : number of lights that were added to the current sample. lighted : whether all were, or a pass adds all.
     """
 
     view: Any = None
@@ -70,6 +71,8 @@ class History:
     frames: int = 0
     marched: int = 0
     arrived: bool = False
+    lit: int = 0
+    lighted: bool = True
 
     def begin(self, view: Any, text: str | None, keep: bool) -> bool:
         """Begin a frame. Returns True if the cones of the last one can be reused.
@@ -81,6 +84,8 @@ class History:
             if not kept or text != self.text:
                 self.samples = 0
             self.marched = self.marched if kept else 0
+            self.lit = self.lit if kept and text == self.text else 0
+            self.lighted = True
             self.text, self.cones = text, not kept
         self.view = view
         return kept
@@ -109,8 +114,8 @@ class Drawing:
     Parameters
     ----------
     uniforms : of all passes. size : of the picture, or of the part.
-    enough : called after each pass of a march that is split into several; True postpones the rest to the next frame.
-        Each call must then be drawn before the next is requested. None makes the maximum number of passes.
+    enough : called after each pass of a march, or of lights, that is split into several; True postpones the rest to the
+        next frame. Each call must then be drawn before the next is requested. None makes the maximum number of passes.
     at : the uniforms at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
         has its own. None if the scene does not move while the shutter is open.
     part : the part of a picture that is drawn; `ready` is then that of `prepared_part`.
@@ -140,7 +145,33 @@ class Drawing:
             passes = tuple(group)
             for turn in TURNS[passes[0].often](self, passes, kept):
                 for chosen in passes:
-                    yield from self._drawn(chosen, turn)
+                    for part in self._parts(chosen, turn):
+                        yield from self._drawn(chosen, part)
+
+    def _parts(self, chosen: Pass, turn: Turn) -> Iterator[Turn]:
+        """The draws of a pass in a turn. A pass that adds a few lights is drawn until all are added, or until enough is
+        drawn. A sample that lacks lights does not replace the mean of earlier ones."""
+        history, plan = self.history, self.ready.plan
+        count, most = len(plan.scene.lights), plan.scene.quality.lights_per_pass or 1
+        if chosen.lights == "before":
+            yield replace(turn, kept=history.lit > 0)
+        elif chosen.lights == "after":
+            yield replace(turn, kept=not history.lighted and history.samples > 0)
+        elif chosen.lights == "":
+            yield turn
+        elif plan.marching.resumed and not history.arrived:  # rays on their way are shown with the first lights
+            history.lit, history.lighted = 0, False
+            yield _lit(turn, 0, min(most, count))
+        elif history.lit >= count:
+            yield replace(turn, kept=True)
+        else:
+            while history.lit < count:
+                end = min(history.lit + most, count)
+                yield _lit(turn, history.lit, end)
+                history.lit = end
+                if self.enough is not None and end < count and self.enough():
+                    break
+            history.lighted = history.lit >= count
 
     def _read_by(self, chosen: Pass) -> dict[str, Any]:
         """What earlier passes left to one. The scene's shader gives names that it does not use itself to parameters."""
@@ -175,6 +206,11 @@ def _once(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Tu
     yield Turn({})
 
 
+def _lit(turn: Turn, first: int, end: int) -> Turn:
+    """The same turn for some of the lights."""
+    return replace(turn, uniforms={**turn.uniforms, "u_first_light": first, "u_end_light": end})
+
+
 def _steps(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
     """The passes of a split march, each with some steps of all rays, until all have terminated."""
     history, plan = drawing.history, drawing.ready.plan
@@ -206,8 +242,9 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
     and the picture has the uniforms of that frame.
     """
     history, ready, uniforms = drawing.history, drawing.ready, drawing.uniforms
-    reprojected = len(passes) > 1
+    reprojected = len(passes) > 1 and not ready.plan.lights_split
     first, end = (drawing.part and drawing.part.samples) or (0, ready.plan.scene.quality.samples)
+    single = ready.plan.marching.resumed  # one ray per pixel, whatever the number of frames
     camera = {name: uniforms[uniform] for name, uniform in CAMERA.items()}
     earlier = camera if history.before is None else history.before
     known = reprojected and history.before is not None and not _is_cut(earlier, camera, uniforms["u_far"])
@@ -227,7 +264,11 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
         if before is not None:
             before |= _earlier(drawing.resources, ready, history)
         yield Turn({**own, "u_changed": changed}, before=before)
-        history.samples += 1
+        if not history.lighted:
+            break
+        if not single:
+            history.samples += 1
+            history.lit = 0
     if reprojected:
         history.before, history.shader = camera, history.text
         history.frames += 1
@@ -416,7 +457,9 @@ def count_draws(drawing: Drawing) -> int:
     }
     effects = [p for p in ready.plan.passes if p.effect is not None]
     stages = sum(len(stages_of(p, drawing.uniforms, drawing.size)) for p in effects)
-    return stages + sum(several.get(p.often, 1) for p in ready.plan.passes if p.effect is None)
+    lights = -(-len(ready.plan.scene.lights) // (ready.plan.scene.quality.lights_per_pass or 1))
+    turns = (several.get(p.often, 1) * (lights if p.lights == "each" else 1) for p in ready.plan.passes if not p.effect)
+    return stages + sum(turns)
 
 
 # The position of each sample's ray in its pixel: low-discrepancy sequences.

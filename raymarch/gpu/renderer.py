@@ -168,9 +168,10 @@ class Renderer:
             is the axis-aligned plane through the centre that faces the camera most.
         progress : called after each tile with the fraction done, 0 to 1. The picture is the same bit for bit.
         pose : camera pose to use instead of the scene's camera.
-        within : time budget in milliseconds of a march that is split into passes by Quality(steps_per_pass=...). Rays
-            that have not terminated by then continue in the next frame, which needs temporal="accumulate" and an
-            unchanged picture; `frame.complete` tells whether all rays have terminated. None sets no budget.
+        within : time budget in milliseconds of a frame that is split into passes by Quality(steps_per_pass=...,
+            lights_per_pass=...). Rays that have not terminated by then, and lights that were not added, continue in the
+            next frame, which needs temporal="accumulate" and an unchanged picture; `frame.complete` tells whether
+            nothing is left. None sets no budget.
         part : the part of a larger picture to render; the renderer's size is that of the part. Not with `temporal` or
             rays="interpolated".
 
@@ -220,7 +221,7 @@ class Renderer:
                 return self._passes(replace(picture, scene=scene, outputs=outputs))
 
         arrays, timings = self._passes(picture, progress, within)
-        complete = scene.quality.steps_per_pass is None or self.history.arrived
+        complete = (scene.quality.steps_per_pass is None or self.history.arrived) and self.history.lighted
         broken = violations(self.prepared(scene, picture.outputs, picture.part).plan.conditions, values)
 
         def doubts_of(frame: Frame, steps: bool) -> list[str]:
@@ -304,8 +305,9 @@ class Renderer:
     ) -> Iterator[DrawCall]:
         """As `draw_calls`, one at a time: draw each one before requesting the next.
 
-        enough : called after each pass of a march that is split by Quality(steps_per_pass=...); True postpones the
-            remaining passes to the next frame. `history.arrived` then tells whether all rays have terminated.
+        enough : called after each pass of a frame that is split by Quality(steps_per_pass=..., lights_per_pass=...);
+            True postpones the remaining passes to the next frame. `history.arrived` then tells whether all rays have
+            terminated, and `history.lighted` whether all lights are added.
         """
         yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), enough))
 
@@ -487,7 +489,7 @@ def _silhouette(scene: Scene, surface: float = 1.0, sky: Sky = BLACK, post: tupl
 
     surface : level of grey of the surfaces. sky, post : in place of the black sky and of no post effect.
     """
-    quality = replace(scene.quality, temporal="off", steps_per_pass=None)
+    quality = replace(scene.quality, temporal="off", steps_per_pass=None, lights_per_pass=None)
     fog = Fog((surface,) * 3, 1e30)  # it covers surfaces, not the sky
     return scene.replace(lights=[], sky=sky, fog=fog, bounces=0, occlusion=None, quality=quality, post=post)
 

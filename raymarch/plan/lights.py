@@ -82,6 +82,12 @@ def as_data(scene: Scene) -> bool:
     return len(scene.lights) > AS_TEXT
 
 
+def split(scene: Scene) -> bool:
+    """True if passes add a few lights each to the surfaces that camera rays hit."""
+    limited = scene.quality.lights_per_pass is not None
+    return limited and as_data(scene) and not (scene.path_traced or scene.whitted)
+
+
 def shadows(scene: Scene) -> list[str]:
     """The kinds of shadow that the lights cast. Their numbers in the texture are their positions here, from 1."""
     cast = {shadow_of(light) for light in scene.lights}

@@ -64,6 +64,8 @@ class Pass:
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
     extension : the OpenGL extension that it requires; "" for none.
     effect : the post effect that it draws. Its shader is separate from that of the scene.
+    lights : "before", "each" or "after", for passes that add the lights of a sample a few at a time: "each" is drawn
+        until all are added, those before it once for each sample. They read only their own pixel of each other.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Pass:
     shades: bool = False
     extension: str = ""
     effect: PostEffect | None = None
+    lights: str = ""
 
     @property
     def textures(self) -> int:
@@ -103,6 +106,26 @@ CONE: Final = Pass(
 _MARCHED = ("u_march", "u_found", "u_more")
 MARCH: Final = Pass(
     "march", "view/march", _MARCHED, "rays take a part of their steps in each pass", often="steps", history=_MARCHED
+)
+
+HIT: Final = Pass(
+    "hit",
+    "view/hit",
+    ("u_march", "u_found"),
+    "rays are marched once for all lights",
+    often="sample",
+    lights="before",
+)
+
+LIGHT: Final = Pass(
+    "light",
+    "view/light",
+    ("u_lit",),
+    "lights are added a few at a time",
+    often="sample",
+    history=("u_lit",),
+    shades=True,
+    lights="each",
 )
 
 SAMPLE: Final = Pass(
@@ -210,12 +233,13 @@ def passes_of(
     changes: bool = False,
     mixed: bool = False,
     post: Sequence[PostEffect] = (),
+    split_lights: bool = False,
 ) -> list[Pass]:
     """The requested passes and those that they need, in drawing order.
 
     names : of `DRAWN`. cones : True if cones are marched first. changes : True if the scene reads time or parameters.
     mixed : True if a lens or an open shutter lets a pixel show many surfaces, so that no history can follow them.
-    post : the effects of the scene.
+    post : the effects of the scene. split_lights : True if passes add a few lights each.
     """
     found = [CONE] if cones else []
     found += [MARCH] if quality.steps_per_pass is not None else []
@@ -223,6 +247,9 @@ def passes_of(
     for name in names:
         if name == "color" and quality.temporal == "reproject" and not mixed:
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
+        elif name == "color" and split_lights:
+            found += [LIGHT] if quality.steps_per_pass is not None else [HIT, LIGHT]
+            found.append(replace(COLOR if quality.steps_per_pass is not None else AVERAGED, often="sample", lights="after"))
         else:
             found.append(AVERAGED if name == "color" and sampled else DRAWN[name])
         if name == "color" and post:

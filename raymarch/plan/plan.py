@@ -127,6 +127,11 @@ class Plan:
         return self.material is not None and lights.as_data(self.scene)
 
     @property
+    def lights_split(self) -> bool:
+        """True if several passes add a few lights each."""
+        return any(p.lights for p in self.passes)
+
+    @property
     def compile_seconds(self) -> float:
         """Estimated seconds that a software renderer takes to compile the field and draw its first frame.
 
@@ -196,7 +201,8 @@ def plan(
     chosen = marching.choose(scene, marched, size, standalone, cells=bool(gathered.rows))
     mixed = _refuse_mixed(scene, standalone)
     post = () if standalone else scene.post
-    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed, post)
+    several = lights.split(scene) and not standalone and list(passes) == ["color"]
+    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed, post, several)
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
         given=given,
@@ -297,7 +303,7 @@ def _choices_of(made: Plan, joint: bool) -> dict[str, str]:
     """The modules chosen where several define the same names, each with its reason."""
     scene, normals, closed = made.scene, made.scene.quality.normals, made.analytic.used
     return {
-        **marching.choices(scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed),
+        **marching.choices(scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed, made.lights_split),
         f"normal/{normals}": f"Quality(normals={normals!r})",
         **shading.choices(scene, made.model, joint),
         **joining(made.passes),

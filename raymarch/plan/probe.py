@@ -33,7 +33,9 @@ class Probing:
 def single_sample(scene: Scene) -> Scene:
     """The scene with one sample per pixel, marched in one pass without cones."""
     return scene.replace(
-        quality=scene.quality.replace(samples=1, temporal="off", schedule="single", steps_per_pass=None, analytic=False)
+        quality=scene.quality.replace(
+            samples=1, temporal="off", schedule="single", steps_per_pass=None, lights_per_pass=None, analytic=False
+        )
     )
 
 

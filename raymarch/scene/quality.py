@@ -42,6 +42,7 @@ NOT_MARCHING = (
     "samples",
     "temporal",
     "steps_per_pass",
+    "lights_per_pass",
     "rays",
     "masking",
     "energy_compensation",
@@ -128,6 +129,10 @@ class Quality(Value):
     steps_per_pass : maximum number of steps of a ray in one pass, 4 to 60,000. The next pass resumes the march, until
         the ray ends or has taken `max_steps`. With temporal="accumulate" the march also resumes in the next frame,
         while the picture stays the same. None: one pass. Only with samples=1.
+    lights_per_pass : maximum number of lights that one pass adds to the colour of surfaces, 1 to 60,000. The next pass
+        adds the next ones to a texture; rays are marched once. With temporal="accumulate" the next frame continues,
+        while the picture stays the same. None: all lights in one pass. It applies to scenes with more lights than are
+        written as code (8) and without `bounces`. Not with temporal="reproject".
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
     masking : Smith masking-shadowing: "correlated" in height (Heitz 2014), or "separable", the product of masking and
         shadowing (Walter et al. 2007), which some renderers use.
@@ -168,6 +173,7 @@ class Quality(Value):
     samples: int = 1
     temporal: str = "off"
     steps_per_pass: int | None = None
+    lights_per_pass: int | None = None
     rays: str = "computed"
     masking: str = "correlated"
     energy_compensation: bool = True
@@ -195,6 +201,11 @@ class Quality(Value):
             raise SceneError(
                 f"Quality: steps_per_pass = {self.steps_per_pass} with {others}",
                 legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'",
+            )
+        if self.lights_per_pass is not None and self.temporal == "reproject":
+            raise SceneError(
+                f"Quality: lights_per_pass = {self.lights_per_pass} with temporal = 'reproject'",
+                legal="temporal 'off' or 'accumulate'",
             )
         if self.shortened and self.tracer not in ("auto", "plain"):
             name = "step_scale" if self.step_scale < 1 else "step_variation"
@@ -292,6 +303,7 @@ _WHOLE = {
     "light_samples": (1, 64),
     "shadow_steps": (1, 60000),
     "steps_per_pass": (4, 60000),
+    "lights_per_pass": (1, 60000),
 }
 _WITHIN = {"epsilon": (1e-3, 10.0), "beta": (1e-3, 1.0), "step_scale": (1e-3, 1.0), "step_variation": (0.0, 0.9)}
 _NEEDED = ("max_steps", "samples", "light_samples", "beta", "step_scale", "step_variation")

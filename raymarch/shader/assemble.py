@@ -143,7 +143,7 @@ def assemble(
     generated: dict[str, Callable[[], Chunk]] = {
         **{name: partial(Chunk.of, name, [line]) for name, line in fixed.items()},
         **{root.name: partial(_promised, roots, frozenset(values.variables)) for root in roots},
-        **({"shade": lambda: shade} if shade is not None else {}),
+        **({name: lambda: shade for name in shade.gives} if shade is not None else {}),
         "scene_box": partial(scene_box, plan),
         "scene_cone": partial(scene_cone, plan),
         "marched_range": partial(marched_range, plan),

@@ -115,7 +115,12 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     def add(line: str) -> None:
         text.add(f"        {line}", where=scene.where)
 
-    text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
+    if plan.lights_split:
+        text.add(f"    for (int n = 0; n < {min(scene.quality.lights_per_pass or 1, len(scene.lights))}; n++) {{")
+        add("int i = first + n;")
+        add("if (i >= end) break;")
+    else:
+        text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
     head = lights.headed(scene)
     if head:
         add(f"vec4 head = {_texel(plan, 0)};  // form, kind of shadow, softness, shadow radius")

@@ -34,6 +34,9 @@ def shading(plan: Plan, values: Values) -> Chunk:
         else:
             tree(text, plan, values, reflection)
         return _chunk(text, plan, values)
+    if plan.lights_split:
+        _split(text, plan, values)
+        return _chunk(text, plan, values)
     begin_shade(text, scene)
     needs_surface = plan.material is not None
     if needs_surface:
@@ -51,6 +54,35 @@ def shading(plan: Plan, values: Values) -> Chunk:
             all_lights(text, plan, values, reflection)
     end_shade(text, scene, "hit.t", "ray.origin", "ray.direction")
     return _chunk(text, plan, values)
+
+
+def _split(text: Lines, plan: Plan, values: Values) -> None:
+    """The function `add_lights`, which adds some lights to what earlier passes added, and `shade`, which reads the sum.
+
+    In GLSL, `first` and `end` are the first light and the one after the last. `before` is the sum so far, and in alpha
+    the ambient visibility.
+    """
+    scene, reflection = plan.scene, Reflection(plan, values)
+    text.add("vec4 add_lights(Ray ray, Hit hit, vec4 before, int first, int end) {")
+    text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};")
+    for line in reflection.prepare():
+        text.add(f"    {line}", by="a metal")
+    text.add("    vec3 color = before.rgb;")
+    text.add("    float ambient_visibility = before.a;")
+    text.add("    if (first == 0) {")
+    emitted = f"emission_at({material_arguments(plan)})" if plan.emission is not None else "vec3(0.0)"
+    text.add(f"        color = {emitted};")
+    if not _visibility(text, plan, values, "        "):
+        text.add("        ambient_visibility = 1.0;")
+    _sky(text, plan, reflection, "        ")
+    text.add("    }")
+    _dim(text, plan)
+    all_lights(text, plan, values, reflection)
+    for line in ("    return vec4(color, ambient_visibility);", "}", ""):
+        text.add(line)
+    begin_shade(text, scene)
+    text.add("    vec3 color = lit().rgb;")
+    end_shade(text, scene, "hit.t", "ray.origin", "ray.direction")
 
 
 def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
@@ -98,8 +130,14 @@ def _ambient(text: Lines, plan: Plan, values: Values, reflection: Reflection) ->
     if ambient_sky(scene) or scene.lights:
         for line in reflection.prepare():
             text.add(f"    {line}", by="a metal")
-    shares = _occluded_by_map(plan)
-    dimmed = shares or occluded(scene, plan.model)
+    _visibility(text, plan, values, "    float ")
+    _dim(text, plan)
+    _sky(text, plan, reflection, "    ")
+
+
+def _visibility(text: Lines, plan: Plan, values: Values, declared: str) -> bool:
+    """The line that sets `ambient_visibility`, if it is not 1. declared : the line's beginning."""
+    scene, shares, indent = plan.scene, _occluded_by_map(plan), declared.removesuffix("float ")
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
     if occluded(scene, plan.model):
         assert scene.occlusion is not None
@@ -109,20 +147,33 @@ def _ambient(text: Lines, plan: Plan, values: Values, reflection: Reflection) ->
         share = "surface.ambient_visibility * " if shares else ""
         call = "ambient_occlusion(surface.p, surface.normal)"
         for line in (
-            *(["    float kind = ray_kind;"] if plan.hidden else []),
-            *set_kind(plan, "shadow", "    "),
-            f"    float ambient_visibility = {share}{call};",
-            *(["    ray_kind = kind;"] if plan.hidden else []),
+            *([f"{indent}float kind = ray_kind;"] if plan.hidden else []),
+            *set_kind(plan, "shadow", indent),
+            f"{declared}ambient_visibility = {share}{call};",
+            *([f"{indent}ray_kind = kind;"] if plan.hidden else []),
         ):
             text.add(line, by=by, where=scene.where)
     elif shares:
-        text.add("    float ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)
-    if dimmed and scene.lights and plan.model != "physical":
+        text.add(f"{declared}ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)
+    return shares or occluded(scene, plan.model)
+
+
+def _dim(text: Lines, plan: Plan) -> None:
+    """The line that dims the ambient term of Phong materials."""
+    scene, shares = plan.scene, _occluded_by_map(plan)
+    if (shares or occluded(scene, plan.model)) and scene.lights and plan.model != "physical":
+        by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
         text.add("    surface.material.ambient *= ambient_visibility;", by=by, where=scene.where)
+
+
+def _sky(text: Lines, plan: Plan, reflection: Reflection, indent: str) -> None:
+    """The line that adds the sky's light."""
+    scene = plan.scene
     if ambient_sky(scene):
+        dimmed = _occluded_by_map(plan) or occluded(scene, plan.model)
         factor = "ambient_visibility * " if dimmed else ""
         light = reflection.sky("traced" if scene.whitted else "")
-        text.add(f"    color += {factor}{light};", by="the sky's light", where=scene.where)
+        text.add(f"{indent}color += {factor}{light};", by="the sky's light", where=scene.where)
 
 
 def _occluded_by_map(plan: Plan) -> bool:
