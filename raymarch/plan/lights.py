@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,10 +51,73 @@ class Form:
         return tuple(p.type for p in self.function.params[len(self.reads) :])
 
 
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The rows of some lights, of which only values that change are evaluated in each frame.
+
+    forms : by their keys; see `key`. kinds : the kinds of shadow; see `shadows`. headed : see `headed`.
+    fixed : the values that are constant, shape (lights, texels, 4). varied : the row, the first number and the
+    expression of each other value.
+    """
+
+    forms: dict[tuple[type, tuple[str, ...]], Form]
+    kinds: list[str]
+    headed: bool
+    fixed: NDArray[np.float64]
+    varied: list[tuple[int, int, Expr]]
+
+
+class _Lights:
+    """The lights of a scene, as a key of a cache that compares them by identity."""
+
+    def __init__(self, lights: Sequence[Light]) -> None:
+        self.lights = lights
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Lights) and self.lights is other.lights
+
+    def __hash__(self) -> int:
+        return id(self.lights)
+
+
+def table(scene: Scene) -> Table:
+    """The table of the lights of a scene."""
+    return _table(_Lights(scene.lights))
+
+
+@lru_cache(16)
+def _table(of: _Lights) -> Table:
+    found, kinds = _forms(of.lights), {shadow_of(light) for light in of.lights}
+    ordered = [kind for kind in ("hard", "two-sided", "cone", "triangulated", "sampled") if kind in kinds]
+    head = len(found) > 1 or bool(ordered)
+    places = {of: layout(form.types) for of, form in found.items()}
+    numbers = {of: i for i, of in enumerate(found)}
+    width = head + max((1 + k for place in places.values() for k, _ in place), default=0)
+    fixed = np.zeros((len(of.lights), 4 * width))
+    varied = []
+    for i, light in enumerate(of.lights):
+        form, shadow, values = key(light), shadow_of(light), light.emitter_values()
+        given = [(4 * (head + k) + "xyzw".index(c[0]), e) for (k, c), e in zip(places[form], values.values(), strict=True)]
+        if head:
+            fixed[i, :2] = numbers[form], ordered.index(shadow) + 1 if shadow else 0
+            radius = getattr(light, "shadow_radius", None)
+            given += [(2, light.softness), *([] if radius is None else [(3, radius)])]
+        for first, value in given:
+            if value.is_constant:
+                fixed[i, first : first + value.type.size] = value.data
+            else:
+                varied.append((i, first, value))
+    return Table(found, ordered, head, fixed, varied)
+
+
 def forms(scene: Scene) -> dict[tuple[type, tuple[str, ...]], Form]:
     """The forms of the lights of a scene, by their keys; see `key`."""
+    return table(scene).forms
+
+
+def _forms(lights: Sequence[Light]) -> dict[tuple[type, tuple[str, ...]], Form]:
     found: dict[tuple[type, tuple[str, ...]], Form] = {}
-    for light in scene.lights:
+    for light in lights:
         of = key(light)
         if of not in found:
             kind, names = of
@@ -90,8 +154,7 @@ def split(scene: Scene) -> bool:
 
 def shadows(scene: Scene) -> list[str]:
     """The kinds of shadow that the lights cast. Their numbers in the texture are their positions here, from 1."""
-    cast = {shadow_of(light) for light in scene.lights}
-    return [kind for kind in ("hard", "two-sided", "cone", "triangulated", "sampled") if kind in cast]
+    return table(scene).kinds
 
 
 def shadow_of(light: Light) -> str | None:
@@ -119,12 +182,12 @@ def layout(types: Sequence[Type]) -> list[tuple[int, str]]:
 
 def headed(scene: Scene) -> bool:
     """True if rows begin with a head: if the lights have several forms, or some cast shadows."""
-    return len(forms(scene)) > 1 or bool(shadows(scene))
+    return table(scene).headed
 
 
 def texels(scene: Scene) -> int:
     """The number of texels of a row: the head, and the values of the form that has most."""
-    return headed(scene) + max(1 + k for form in forms(scene).values() for k, _ in layout(form.types))
+    return table(scene).fixed.shape[1] // 4
 
 
 def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
@@ -133,16 +196,8 @@ def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
     The head holds the number of the form, that of the kind of shadow or 0, the softness, and the shadow radius or 0 for
     none. The other texels hold the values of the form; see `layout`.
     """
-    known, head = forms(scene), headed(scene)
-    numbers, kinds = list(known), shadows(scene)
-    made = np.zeros((len(scene.lights), texels(scene), 4))
-    for row, light in zip(made, scene.lights, strict=True):
-        shadow, radius = shadow_of(light), getattr(light, "shadow_radius", None)
-        if head:
-            row[0, :2] = numbers.index(key(light)), kinds.index(shadow) + 1 if shadow else 0
-            row[0, 2:] = values.of(light.softness), 0.0 if radius is None else values.of(radius)
-        places = layout(known[key(light)].types)
-        for value, (texel, parts) in zip(light.emitter_values().values(), places, strict=True):
-            first = "xyzw".index(parts[0])
-            row[head + texel, first : first + len(parts)] = values.of(value)
-    return made.astype(np.float32)
+    found = table(scene)
+    made = found.fixed.copy()
+    for row, first, value in found.varied:
+        made[row, first : first + value.type.size] = values.of(value)
+    return made.astype(np.float32).reshape(len(made), -1, 4)
