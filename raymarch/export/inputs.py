@@ -46,7 +46,13 @@ class Text:
 
 def alone(scene: Scene) -> Scene:
     """The scene with a quality that draws one picture in one pass, without earlier frames."""
-    single = {"schedule": "single", "steps_per_pass": None, "lights_per_pass": None, "temporal": "off", "rays": "computed"}
+    single = {
+        "schedule": "single",
+        "steps_per_pass": None,
+        "lights_per_pass": None,
+        "temporal": "off",
+        "rays": "computed",
+    }
     return scene.replace(quality=scene.quality.replace(**single))
 
 

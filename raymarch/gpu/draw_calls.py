@@ -136,6 +136,8 @@ class Drawing:
         self.history, self.enough, self.at, self.part = history, enough, at, part
         self.carried: dict[str, Any] = {} if part is None else {"u_corner": part.box(size)[:2]}
         """Uniforms that passes leave to later ones, and the textures that were written last, by name."""
+        self.kept: dict[str, tuple[Pass, Target]] = {}
+        """Passes whose arrays are those of an earlier frame, with their targets, by name."""
 
     def __iter__(self) -> Iterator[DrawCall]:
         keep = self.ready.plan.scene.quality.temporal != "off"
@@ -150,9 +152,10 @@ class Drawing:
 
     def _parts(self, chosen: Pass, turn: Turn) -> Iterator[Turn]:
         """The draws of a pass in a turn. A pass that adds a few lights is drawn until all are added, or until enough is
-        drawn. A sample that lacks lights does not replace the mean of earlier ones."""
+        drawn; without a budget, once. A sample that lacks lights does not replace the mean of earlier ones."""
         history, plan = self.history, self.ready.plan
-        count, most = len(plan.scene.lights), plan.scene.quality.lights_per_pass or 1
+        count = len(plan.scene.lights)
+        most = count if self.enough is None else plan.scene.quality.lights_per_pass or count
         if chosen.lights == "before":
             yield replace(turn, kept=history.lit > 0)
         elif chosen.lights == "after":
@@ -169,7 +172,7 @@ class Drawing:
                 end = min(history.lit + most, count)
                 yield _lit(turn, history.lit, end)
                 history.lit = end
-                if self.enough is not None and end < count and self.enough():
+                if end < count and self.enough is not None and self.enough():
                     break
             history.lighted = history.lit >= count
 
@@ -198,6 +201,8 @@ class Drawing:
             if pair:
                 pair.swap()
         written = pair.front if pair else target
+        if turn.kept and chosen.outputs:
+            self.kept[chosen.name] = (chosen, written)
         self.carried |= {name: (written, i) for i, name in enumerate(chosen.writes)}
 
 
@@ -243,14 +248,17 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
     """
     history, ready, uniforms = drawing.history, drawing.ready, drawing.uniforms
     reprojected = len(passes) > 1 and not ready.plan.lights_split
-    first, end = (drawing.part and drawing.part.samples) or (0, ready.plan.scene.quality.samples)
+    begin, end = (drawing.part and drawing.part.samples) or (0, ready.plan.scene.quality.samples)
+    rest = end - begin
     single = ready.plan.marching.resumed  # one ray per pixel, whatever the number of frames
+    if ready.plan.lights_split:  # the rest of a frame that ended early
+        rest -= history.samples % rest
     camera = {name: uniforms[uniform] for name, uniform in CAMERA.items()}
     earlier = camera if history.before is None else history.before
     known = reprojected and history.before is not None and not _is_cut(earlier, camera, uniforms["u_far"])
     cameras = {f"u_before_{name}": value for name, value in earlier.items()} if reprojected else {}
-    for _ in range(first, end):
-        still, number = history.samples > 0, first + history.samples
+    for _ in range(rest):
+        still, number = history.samples > 0, begin + history.samples
         own = {
             **(drawing.at(moment(number)) if drawing.at is not None else {}),
             **cameras,
@@ -457,7 +465,9 @@ def count_draws(drawing: Drawing) -> int:
     }
     effects = [p for p in ready.plan.passes if p.effect is not None]
     stages = sum(len(stages_of(p, drawing.uniforms, drawing.size)) for p in effects)
-    lights = -(-len(ready.plan.scene.lights) // (ready.plan.scene.quality.lights_per_pass or 1))
+    lights = (
+        -(-len(ready.plan.scene.lights) // (ready.plan.scene.quality.lights_per_pass or 1)) if drawing.enough else 1
+    )
     turns = (several.get(p.often, 1) * (lights if p.lights == "each" else 1) for p in ready.plan.passes if not p.effect)
     return stages + sum(turns)
 

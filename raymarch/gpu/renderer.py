@@ -24,8 +24,9 @@ from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of, passes_for, prepare
 from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
+from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
-from raymarch.plan import lights
+from raymarch.plan import Pass, lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.fog import Fog
 from raymarch.scene.legal import violations
@@ -277,7 +278,7 @@ class Renderer:
         for call in draw_calls:
             with in_pass(call.chosen.name):
                 call.draw()
-        return _arrays(draw_calls[-1])
+        return _arrays(draw_calls[-1].chosen, draw_calls[-1].target)
 
     def draw_calls(
         self,
@@ -418,7 +419,9 @@ class Renderer:
     ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
         timings: list[Timing] = []
         last: dict[str, DrawCall] = {}
-        drawing = self._drawing(picture, lambda: sum(t.draw for t in timings) > within)
+        limited = within < np.inf or picture.scene.quality.steps_per_pass is not None
+        enough = (lambda: sum(t.draw for t in timings) > within) if limited else None
+        drawing = self._drawing(picture, enough)
         most = count_draws(drawing)
         for call in _named(drawing):
             first = self.resources.first_draw(call.program)
@@ -428,9 +431,10 @@ class Renderer:
             last[call.chosen.name] = call
         if progress is not None and len(timings) < most:
             progress(1.0)
+        shown = {name: (call.chosen, call.target) for name, call in last.items()}
         arrays: dict[str, NDArray[Any]] = {}
-        for call in last.values():
-            arrays |= _arrays(call)
+        for chosen, target in {**drawing.kept, **shown}.values():
+            arrays |= _arrays(chosen, target)
         return arrays, timings
 
     def _lent(self, progress: Progress | None) -> Progress | None:
@@ -499,12 +503,12 @@ def _key(scene: Scene, outputs: Sequence[Wanted]) -> tuple[Any, ...]:
     return scene.planned, tuple(passes_for(outputs))
 
 
-def _arrays(call: DrawCall) -> dict[str, NDArray[Any]]:
-    """The arrays of a draw call, read from the device."""
-    if not call.chosen.outputs:
+def _arrays(chosen: Pass, target: Target) -> dict[str, NDArray[Any]]:
+    """The arrays of a pass, read from the device."""
+    if not chosen.outputs:
         return {}
-    with in_pass(call.chosen.name):
-        return call.chosen.unpack([call.target.read(k) for k in range(call.target.attachments)])
+    with in_pass(chosen.name):
+        return chosen.unpack([target.read(k) for k in range(target.attachments)])
 
 
 def _named(drawing: Drawing) -> Iterator[DrawCall]:

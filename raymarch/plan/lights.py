@@ -97,7 +97,9 @@ def _table(of: _Lights) -> Table:
     varied = []
     for i, light in enumerate(of.lights):
         form, shadow, values = key(light), shadow_of(light), light.emitter_values()
-        given = [(4 * (head + k) + "xyzw".index(c[0]), e) for (k, c), e in zip(places[form], values.values(), strict=True)]
+        given = [
+            (4 * (head + k) + "xyzw".index(c[0]), e) for (k, c), e in zip(places[form], values.values(), strict=True)
+        ]
         if head:
             fixed[i, :2] = numbers[form], ordered.index(shadow) + 1 if shadow else 0
             radius = getattr(light, "shadow_radius", None)
@@ -148,8 +150,12 @@ def as_data(scene: Scene) -> bool:
 
 def split(scene: Scene) -> bool:
     """True if passes add a few lights each to the surfaces that camera rays hit."""
-    limited = scene.quality.lights_per_pass is not None
-    return limited and as_data(scene) and not (scene.path_traced or scene.whitted)
+    return scene.quality.lights_per_pass is not None and splittable(scene)
+
+
+def splittable(scene: Scene) -> bool:
+    """True if `Quality(lights_per_pass=...)` applies: if the lights are data, and light only what camera rays hit."""
+    return as_data(scene) and not (scene.path_traced or scene.whitted)
 
 
 def shadows(scene: Scene) -> list[str]:

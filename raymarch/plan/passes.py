@@ -249,7 +249,9 @@ def passes_of(
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
         elif name == "color" and split_lights:
             found += [LIGHT] if quality.steps_per_pass is not None else [HIT, LIGHT]
-            found.append(replace(COLOR if quality.steps_per_pass is not None else AVERAGED, often="sample", lights="after"))
+            found.append(
+                replace(COLOR if quality.steps_per_pass is not None else AVERAGED, often="sample", lights="after")
+            )
         else:
             found.append(AVERAGED if name == "color" and sampled else DRAWN[name])
         if name == "color" and post:

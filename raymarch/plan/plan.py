@@ -303,7 +303,9 @@ def _choices_of(made: Plan, joint: bool) -> dict[str, str]:
     """The modules chosen where several define the same names, each with its reason."""
     scene, normals, closed = made.scene, made.scene.quality.normals, made.analytic.used
     return {
-        **marching.choices(scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed, made.lights_split),
+        **marching.choices(
+            scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed, made.lights_split
+        ),
         f"normal/{normals}": f"Quality(normals={normals!r})",
         **shading.choices(scene, made.model, joint),
         **joining(made.passes),

@@ -129,10 +129,11 @@ class Quality(Value):
     steps_per_pass : maximum number of steps of a ray in one pass, 4 to 60,000. The next pass resumes the march, until
         the ray ends or has taken `max_steps`. With temporal="accumulate" the march also resumes in the next frame,
         while the picture stays the same. None: one pass. Only with samples=1.
-    lights_per_pass : maximum number of lights that one pass adds to the colour of surfaces, 1 to 60,000. The next pass
-        adds the next ones to a texture; rays are marched once. With temporal="accumulate" the next frame continues,
-        while the picture stays the same. None: all lights in one pass. It applies to scenes with more lights than are
-        written as code (8) and without `bounces`. Not with temporal="reproject".
+    lights_per_pass : number of lights that one pass adds to the colour of surfaces in a frame with a time budget, 1 to
+        60,000. Further passes add the next ones, until the budget is spent; rays are marched once. With
+        temporal="accumulate" the next frame continues, while the picture stays the same. None: one pass adds all lights.
+        It applies to scenes with more lights than are written as code (8) and without `bounces`. Not with
+        temporal="reproject".
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
     masking : Smith masking-shadowing: "correlated" in height (Heitz 2014), or "separable", the product of masking and
         shadowing (Walter et al. 2007), which some renderers use.

@@ -116,7 +116,7 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
         text.add(f"        {line}", where=scene.where)
 
     if plan.lights_split:
-        text.add(f"    for (int n = 0; n < {min(scene.quality.lights_per_pass or 1, len(scene.lights))}; n++) {{")
+        text.add(f"    for (int n = 0; n < {len(scene.lights)}; n++) {{")
         add("int i = first + n;")
         add("if (i >= end) break;")
     else:

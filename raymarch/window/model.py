@@ -126,8 +126,8 @@ class Compare:
 @dataclass(slots=True)
 class Drawn:
     """The last step of the picture: milliseconds, drawn size, whether the picture is complete, whether it moves,
-    milliseconds of compiling, complete samples per pixel at full size of `wanted`, and the drawn fraction of all of
-    them."""
+    milliseconds of compiling, complete samples per pixel at full size of `wanted`, the drawn fraction of all of them,
+    and the number of lights of a picture that lacks some, and of all lights."""
 
     milliseconds: float = 0.0
     size: tuple[int, int] = (0, 0)
@@ -137,6 +137,7 @@ class Drawn:
     samples: int = 0
     wanted: int = 1
     share: float = 0.0
+    lights: tuple[int, int] | None = None
 
 
 @dataclass(slots=True)

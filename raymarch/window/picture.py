@@ -8,6 +8,7 @@ from __future__ import annotations
 import time as clock_time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,9 @@ from raymarch.window.shot import Shot
 
 @dataclass(slots=True)
 class _Part:
-    """A pass in progress, with its remaining tiles."""
+    """Passes in progress, with the remaining tiles. All passes draw a tile before the next one."""
 
-    call: DrawCall
+    calls: list[DrawCall]
     tiles: list[Tile]
 
 
@@ -57,6 +58,7 @@ class Picture:
         self._drawing: list[DrawCall] = []
         self._done = self._pixels = 0
         self._spent = 0.0
+        self._lights: tuple[int, int] | None = None
         self.scale: Scale | None = None
         """The colour scale of the view; None for views without one."""
         self.frame: float | None = None
@@ -108,7 +110,8 @@ class Picture:
         self._say(spent, small, compiled, moving=True)
 
     def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
-        """Draw a complete picture. A march that is split into passes stops once the budget is spent.
+        """Draw a complete picture. A march or lights that are split into passes stop once the budget is spent. Lights go on
+        if the rest of them takes no longer than that again, because a picture that lacks lights is darker.
 
         Returns milliseconds of drawing and of compiling, the draw calls, and the fraction of the picture that was
         drawn.
@@ -120,17 +123,26 @@ class Picture:
             renderer.forget()  # if only the text of the file changed, samples would continue to accumulate
         spent, compiled = [0.0], 0.0
         drawn: list[DrawCall] = []
-        passes = renderer.prepared(shot.scene, VIEWS[shot.view]).plan.marching.passes
+        plan = renderer.prepared(shot.scene, VIEWS[shot.view]).plan
+        passes, several = plan.marching.passes, plan.marching.passes > 1 or plan.lights_split
+        every = len(shot.scene.lights)
+
+        def enough() -> bool:
+            now, lit = sum(spent), renderer.history.lit
+            return now > available and (not lit or now * (every - lit) / lit > available)
+
         for call in renderer.iterate_draw_calls(
-            shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, lambda: sum(spent) > available
+            shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, enough
         ):
             compiled += call.compile
-            spent.append(self._clocked(call.draw, wait=passes > 1))
+            spent.append(self._clocked(call.draw, wait=several))
             drawn.append(call)
         spent.append(self._clocked(lambda: None, wait=True))
         marched = sum(call.chosen.name == "march" for call in drawn)
-        whole = renderer.history.arrived or marched == 0
-        return sum(spent), compiled, drawn, 1.0 if whole else marched / passes
+        history = renderer.history
+        share = 1.0 if history.arrived or marched == 0 else marched / passes
+        self._lights = None if history.lighted else (history.lit, every)
+        return sum(spent), compiled, drawn, share if history.lighted else share * max(history.lit, 1) / every
 
     def _clocked(self, draw: Callable[[], None], *, wait: bool) -> float:
         """Time of a draw in milliseconds; with `wait`, until the device has finished."""
@@ -147,17 +159,18 @@ class Picture:
             draw_calls = self._draw_calls(shot, size)
             compiled = sum(call.compile for call in draw_calls)
             self._spent = 0.0
-            self._rest, self._drawing = [_Part(call, self._tiles(call.target.size)) for call in draw_calls], draw_calls
+            self._rest, self._drawing = self._parts(draw_calls), draw_calls
             self._pixels = 0
         rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
         part = rest[0]
         done: list[Tile] = []
         while part.tiles and spent + spent / max(len(done), 1) <= self.pace.budget:  # the next one will fit
             tile = part.tiles.pop(0)
-            part.call.draw(tile)
+            for call in part.calls:
+                call.draw(tile)
             self._renderer.context.finish()
             done.append(tile)
-            self._pixels += tile[2] * tile[3]
+            self._pixels += tile[2] * tile[3] * len(part.calls)
             spent = 1e3 * (clock_time.perf_counter() - start)
         last = len(rest) == 1
         if last and shot.view == "final" and self._done == 0:
@@ -169,7 +182,7 @@ class Picture:
             if last and (shot.view != "final" or self._done > 0):
                 self._put(shot, self._drawing, None)
             if last:
-                self._rest, self._done, self.frame = None, self._done + 1, self._spent
+                self._rest, self._done, self.frame, self._lights = None, self._done + 1, self._spent, None
                 self.pace.guess(self._spent, size[0] * size[1])
         self._say(spent, size, compiled, moving=False)
 
@@ -181,13 +194,20 @@ class Picture:
         sizes = [] if self._rest is None else [call.target.size for call in self._drawing]
         sample = self._pixels / max(sum(width * height for width, height in sizes), 1) if sizes else 0.0
         share = 1.0 if whole else (self._done + sample) / wanted
-        self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, wanted, share)
+        self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, wanted, share, self._lights)
 
     def _tiles(self, size: tuple[int, int]) -> list[Tile]:
         """Tiles that take about half of the budget each, from the centre outwards."""
         edge = int(np.clip(np.sqrt(self.pace.pixels(self.pace.budget / 2)), 16, 512))
         middle = np.array(size) / 2
         return sorted(tiles_of(size, edge), key=lambda t: float(np.hypot(*(np.array(t[:2]) + edge / 2 - middle))))
+
+    def _parts(self, draw_calls: list[DrawCall]) -> list[_Part]:
+        """The tiles of passes. Those that add lights are drawn together, so that finished tiles are shown at once."""
+        groups = [
+            list(group) for _, group in groupby(draw_calls, key=lambda call: bool(call.chosen.lights) or id(call))
+        ]
+        return [_Part(calls, self._tiles(calls[0].target.size)) for calls in groups]
 
     def _draw_calls(self, shot: Shot, size: tuple[int, int]) -> list[DrawCall]:
         self._fit(size)

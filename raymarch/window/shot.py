@@ -6,20 +6,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from raymarch.plan import lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.scene import Scene
 
+LIGHTS_PER_PASS = 16
+"""Lights that a pass of the window adds. With fewer, finding the surface again in each pass costs as much as its lights."""
+
 
 def progressive(scene: Scene) -> Scene:
-    """The scene as the window draws it: one sample a frame, accumulated while nothing moves.
+    """The scene as the window draws it: one sample a frame, accumulated while nothing moves, and many lights over several
+    passes.
 
     The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
     """
     quality = scene.quality
     temporal = "accumulate" if quality.temporal == "off" else quality.temporal
-    if quality.samples == 1 and temporal == quality.temporal:
-        return scene
-    return scene.replace(quality=quality.replace(samples=1, temporal=temporal))
+    several = quality.lights_per_pass
+    if several is None and temporal == "accumulate" and lights.splittable(scene):
+        several = LIGHTS_PER_PASS
+    made = quality.replace(samples=1, temporal=temporal, lights_per_pass=several)
+    return scene if made == quality else scene.replace(quality=made)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,6 +13,7 @@ from raymarch.errors import SceneError
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context
 from raymarch.gpu.renderer import Renderer
+from raymarch.plan import plan
 from raymarch.scene.quality import TRACERS
 
 SIZE = (96, 54)
@@ -86,6 +87,53 @@ def test_a_still_picture_goes_on_and_a_moved_one_begins_anew(
     assert not moved.complete and sum(t.name == "march" for t in moved.timings) == 3
     again = renderer.render(scene(**given), within=25.0)
     assert not again.complete and np.array_equal(again.color, frames[0].color)
+
+
+def street(**quality: Any) -> rm.Scene:
+    """A solid under ten lights, with all that is added before lights: emission, the sky's light and its occlusion."""
+    glow = rm.Material(emission=(0.1, 0.0, 0.0), color=(0.4, 0.6, 0.8))
+    place = rm.torus(0.7, 0.2).material(glow)
+    lamps = [rm.PointLight((np.sin(k), 1, np.cos(k)), intensity=0.1, shadow=k % 2 == 0) for k in range(9)]
+    return rm.Scene(
+        rm.union(place, rm.plane(offset=-0.4), k=0.1),
+        rm.Camera((0, 1.5, 3), (0, 0, 0)),
+        lights=[*lamps, rm.RectLight((0, 2, 0), shadow=True)],
+        sky=rm.Sky((0.2, 0.3, 0.4), light=True),
+        occlusion=rm.AmbientOcclusion(),
+        fog=rm.Fog((0.5, 0.5, 0.5), 0.05),
+        quality=rm.Quality(**quality),
+    )
+
+
+@pytest.mark.parametrize("more", [{}, {"samples": 2, "schedule": "cones"}, {"steps_per_pass": 8}])
+def test_lights_of_several_frames_make_the_picture_of_one(renderer: Renderer, more: dict[str, Any]) -> None:
+    """Bit for bit: the sum goes through float textures in the order of the lights. Rays are marched once a sample."""
+    more = {**more, "temporal": "accumulate"}
+    whole = renderer.render(street(**more))
+    scene = street(**more, lights_per_pass=4)
+    frames = []
+    for _ in range(40):
+        frames.append(renderer.render(scene, within=0.0))
+        if frames[-1].complete:
+            break
+    samples = more.get("samples", 1)
+    drawn = [timing.name for frame in frames for timing in frame.timings]
+    assert 2 * samples < len(frames) < 40 and drawn.count("hit") == (0 if "steps_per_pass" in more else samples)
+    assert all([t.name for t in frame.timings].count("light") == 1 for frame in frames[-2:])
+    np.testing.assert_array_equal(frames[-1].color, whole.color)
+    means = [frame.color.mean() for frame in frames]
+    assert samples > 1 or (means[-3:] == sorted(means[-3:]) and means[-3] < 0.95 * means[-1])
+
+
+def test_lights_without_a_budget_are_one_pass(renderer: Renderer) -> None:
+    made = renderer.render(street(lights_per_pass=4))
+    assert [t.name for t in made.timings] == ["hit", "light", "color"] and made.complete
+    np.testing.assert_array_equal(made.color, renderer.render(street()).color)
+    few = street(lights_per_pass=4)
+    for other in (few.replace(lights=few.lights[:8]), few.replace(bounces=1)):
+        assert not plan(other).lights_split
+    with pytest.raises(SceneError, match="lights_per_pass = 4 with temporal = 'reproject'"):
+        rm.Quality(lights_per_pass=4, temporal="reproject")
 
 
 def test_progress_is_told_to_the_end(renderer: Renderer) -> None:

@@ -72,6 +72,27 @@ def test_a_moving_picture_marches_no_longer_than_its_budget(renderer: rm.Rendere
         screen.release()
 
 
+def test_a_moving_picture_leaves_lights_out_at_the_end_of_its_budget(renderer: rm.Renderer) -> None:
+    """It says how many it has. The still picture has all."""
+    lamps = [rm.PointLight((np.sin(k), 2, np.cos(k)), intensity=0.2, shadow=True) for k in range(40)]
+    scene = progressive(rm.Scene(rm.sphere(1) | rm.plane(offset=-1), CAMERA, lights=lamps))
+    assert scene.quality.lights_per_pass == 16
+    screen = Screen(renderer.context, SIZE)
+    picture = Picture(renderer, screen, Pace(budget=1e-3))
+    try:
+        picture.step(shot_of(scene), SIZE, still=False)
+        assert picture.drawn.lights == (16, 40)
+        while picture.step(shot_of(scene), SIZE, still=True):
+            pass
+        assert picture.whole and picture.drawn.lights is None and picture.canvas is not None
+        with rm.Renderer(SIZE) as other:
+            whole = other.render(scene, pose=shot_of(scene).pose).color
+        np.testing.assert_array_equal(picture.canvas.read()[..., :3], whole)
+    finally:
+        picture.release()
+        screen.release()
+
+
 @pytest.mark.parametrize("view", ["depth", "normal", "iterations", "slice", "boxes"])
 def test_a_view_is_the_one_of_the_renderer(renderer: rm.Renderer, view: str) -> None:
     scene = rm.Scene(rm.sphere(1) | rm.box((4, 0.2, 4)), CAMERA)
