@@ -25,6 +25,10 @@ GIVEN = (POINT, SAMPLE, FAR)
 """What a sample of a light may depend on, besides the light's values."""
 
 
+SHADOWS: tuple[str, ...] = ("hard", "two-sided", "cone", "triangulated", "sampled")
+"""The kinds of shadow."""
+
+
 @dataclass(frozen=True, slots=True)
 class Form:
     """Lights that share one function: those of a class with the same values given.
@@ -88,7 +92,7 @@ def table(scene: Scene) -> Table:
 @lru_cache(16)
 def _table(of: _Lights) -> Table:
     found, kinds = _forms(of.lights), {shadow_of(light) for light in of.lights}
-    ordered = [kind for kind in ("hard", "two-sided", "cone", "triangulated", "sampled") if kind in kinds]
+    ordered = [kind for kind in SHADOWS if kind in kinds]
     head = len(found) > 1 or bool(ordered)
     places = {of: layout(form.types) for of, form in found.items()}
     numbers = {of: i for i, of in enumerate(found)}

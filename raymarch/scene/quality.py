@@ -131,9 +131,8 @@ class Quality(Value):
         while the picture stays the same. None: one pass. Only with samples=1.
     lights_per_pass : number of lights that one pass adds to the colour of surfaces in a frame with a time budget, 1 to
         60,000. Further passes add the next ones, until the budget is spent; rays are marched once. With
-        temporal="accumulate" the next frame continues, while the picture stays the same. None: one pass adds all lights.
-        It applies to scenes with more lights than are written as code (8) and without `bounces`. Not with
-        temporal="reproject".
+        temporal="accumulate" the next frame continues, while the picture stays the same. None: one pass adds all. It
+        applies to scenes of more than 8 lights without `bounces`. Not with temporal="reproject".
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
     masking : Smith masking-shadowing: "correlated" in height (Heitz 2014), or "separable", the product of masking and
         shadowing (Walter et al. 2007), which some renderers use.

@@ -110,8 +110,8 @@ class Picture:
         self._say(spent, small, compiled, moving=True)
 
     def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
-        """Draw a complete picture. A march or lights that are split into passes stop once the budget is spent. Lights go on
-        if the rest of them takes no longer than that again, because a picture that lacks lights is darker.
+        """Draw a complete picture. A march or lights that are split into passes stop once the budget is spent. Lights
+        go on if the rest of them takes no longer than that again, because a picture that lacks lights is darker.
 
         Returns milliseconds of drawing and of compiling, the draw calls, and the fraction of the picture that was
         drawn.

@@ -11,12 +11,12 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.scene import Scene
 
 LIGHTS_PER_PASS = 16
-"""Lights that a pass of the window adds. With fewer, finding the surface again in each pass costs as much as its lights."""
+"""Lights that a pass of the window adds. With fewer, each pass would spend as much on finding the surface again."""
 
 
 def progressive(scene: Scene) -> Scene:
-    """The scene as the window draws it: one sample a frame, accumulated while nothing moves, and many lights over several
-    passes.
+    """The scene as the window draws it: one sample a frame, accumulated while nothing moves, and lights over several
+    passes if there are many.
 
     The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
     """
