@@ -58,7 +58,8 @@ class History:
     values : all uniforms of the last picture except data textures. shader : its text.
     frames : number of pictures since the history was reset.
     marched : number of march passes of the picture so far. arrived : whether all rays have terminated.
-    lit : number of lights that were added to the current sample. lighted : whether all were, or a pass adds all.
+    lit : number of lights that were added to the current sample, of `lights`, or of the longest list of lights if cells
+        list them. lighted : whether all were, or a pass adds all.
     """
 
     view: Any = None
@@ -72,6 +73,7 @@ class History:
     marched: int = 0
     arrived: bool = False
     lit: int = 0
+    lights: int = 1
     lighted: bool = True
 
     def begin(self, view: Any, text: str | None, keep: bool) -> bool:
@@ -154,7 +156,7 @@ class Drawing:
         """The draws of a pass in a turn. A pass that adds a few lights is drawn until all are added, or until enough is
         drawn; without a budget, once. A sample that lacks lights does not replace the mean of earlier ones."""
         history, plan = self.history, self.ready.plan
-        count = len(plan.scene.lights)
+        count = turn.uniforms.get("light_turns", self.uniforms.get("light_turns", 1))
         most = count if self.enough is None else plan.scene.quality.lights_per_pass or count
         if chosen.lights == "before":
             yield replace(turn, kept=history.lit > 0)
@@ -168,6 +170,7 @@ class Drawing:
         elif history.lit >= count:
             yield replace(turn, kept=True)
         else:
+            history.lights = count
             while history.lit < count:
                 end = min(history.lit + most, count)
                 yield _lit(turn, history.lit, end)
@@ -315,7 +318,7 @@ def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> 
 def _earlier(resources: ResourceCache, ready: Prepared, history: History) -> dict[str, Any]:
     """The uniforms of the last picture, to replace those of this one."""
     twins = {ready.shader.parameters[name] for name in ready.plan.twins}
-    lost = {"u_lights"} if not resources.has_lights(history.values.get("u_lights")) else set()
+    lost = {"u_lights", "u_light_cells"} if not resources.has_lights(history.values.get("u_lights")) else set()
     return {name: value for name, value in history.values.items() if name not in twins | lost}
 
 
@@ -465,9 +468,8 @@ def count_draws(drawing: Drawing) -> int:
     }
     effects = [p for p in ready.plan.passes if p.effect is not None]
     stages = sum(len(stages_of(p, drawing.uniforms, drawing.size)) for p in effects)
-    lights = (
-        -(-len(ready.plan.scene.lights) // (ready.plan.scene.quality.lights_per_pass or 1)) if drawing.enough else 1
-    )
+    each = ready.plan.scene.quality.lights_per_pass or 1
+    lights = 1 if drawing.enough is None else -(-drawing.uniforms.get("light_turns", 1) // each)
     turns = (several.get(p.often, 1) * (lights if p.lights == "each" else 1) for p in ready.plan.passes if not p.effect)
     return stages + sum(turns)
 

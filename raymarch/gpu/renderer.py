@@ -360,7 +360,9 @@ class Renderer:
         with in_pass(*(chosen.name for chosen in ready.plan.passes)), bound(values.params, values.time):
             uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
             if ready.plan.lights_as_data:
-                uniforms["u_lights"] = self.resources.lights(lights.rows(ready.plan.scene, values))
+                scene, facts = ready.plan.scene, ready.plan.scene.node.facts
+                balls = lights.balls(scene, values) if ready.plan.lights_in_cells else None
+                uniforms |= self.resources.lights(lights.rows(scene, values), balls, facts.lower, facts.upper)
         return uniforms
 
     def _shutter(self, ready: Prepared, picture: _Picture) -> Callable[[float], Mapping[str, Any]] | None:

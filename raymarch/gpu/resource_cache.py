@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import time as clock_time
 from collections import OrderedDict
+from collections.abc import Mapping
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -18,7 +20,7 @@ from raymarch.gpu.context import Context
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import FULL_SCREEN, Program, in_pass
 from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
-from raymarch.plan import Plan
+from raymarch.plan import Plan, light_cells
 
 KEPT = 32
 """Maximum number of data textures, and initially of programs; the least recently used one is freed first."""
@@ -88,7 +90,7 @@ class ResourceCache:
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._bytes: dict[str, int] = {}
         self._counter: Program | None = None
-        self._lights: list[tuple[bytes, moderngl.Texture]] = []
+        self._lights: list[tuple[Any, Mapping[str, Any]]] = []
 
     def program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
         """The program of a pass, and the time that the driver took to compile it in milliseconds; 0 if cached."""
@@ -176,23 +178,41 @@ class ResourceCache:
         self._textures.move_to_end(data.key)
         return self._textures[data.key]
 
-    def lights(self, rows: NDArray[np.float32]) -> moderngl.Texture:
-        """The texture of light rows for this frame. The texture of the frame before stays valid."""
-        size, content = rows.shape[1::-1], rows.tobytes()
-        found = next((t for known, t in self._lights if known == content and t.size == size), None)
+    def lights(
+        self, rows: NDArray[np.float32], balls: NDArray[np.float64] | None, lower: Any, upper: Any
+    ) -> Mapping[str, Any]:
+        """The textures of the lights of this frame, and the largest number of lights that a surface has. The textures
+        of the frame before stay valid.
+
+        balls : for a grid of cells, see `light_cells.build`; None for no grid. lower, upper : the box of all surfaces.
+        """
+        content = (rows.shape, rows.tobytes(), b"" if balls is None else balls.tobytes())
+        found = next((uniforms for known, uniforms in self._lights if known == content), None)
         if found is not None:
             return found
         with self.context.bound():
             if len(self._lights) == 2:
-                self._lights.pop(0)[1].release()
-            made = self.context.gl.texture(size, 4, content, dtype="f4")
-            made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+                self._free_lights(self._lights.pop(0)[1])
+            made: dict[str, Any] = {"u_lights": self._texels(rows), "light_turns": len(rows)}
+            if balls is not None:
+                cells = light_cells.build(balls, np.asarray(lower), np.asarray(upper))
+                made |= {"u_light_cells": self._texels(cells.texels), "light_turns": cells.most}
         self._lights.append((content, made))
         return made
 
+    def _texels(self, rows: NDArray[np.float32]) -> moderngl.Texture:
+        made = self.context.gl.texture(rows.shape[1::-1], 4, rows.tobytes(), dtype="f4")
+        made.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return made
+
+    def _free_lights(self, uniforms: Mapping[str, Any]) -> None:
+        for texture in uniforms.values():
+            if not isinstance(texture, int):
+                texture.release()
+
     def has_lights(self, texture: object) -> bool:
         """True if a texture of lights is still cached."""
-        return any(kept is texture for _, kept in self._lights)
+        return any(kept["u_lights"] is texture for _, kept in self._lights)
 
     def free_targets(self, *keep: str) -> None:
         """Free all targets except those named in `keep`; they are recreated on demand."""
@@ -208,7 +228,7 @@ class ResourceCache:
         return {
             "programs": len(self._programs),
             "targets": sum(target.attachments for target in self._targets.values()) + pairs,
-            "data": len(self._textures) + len(self._lights),
+            "data": len(self._textures) + sum(len(made) - 1 for _, made in self._lights),
         }
 
     def release(self) -> None:
@@ -221,7 +241,7 @@ class ResourceCache:
                 for texture in self._textures.values():
                     texture.release()
                 for _, made in self._lights:
-                    made.release()
+                    self._free_lights(made)
         self._lights.clear()
         self._textures.clear()
         self._bytes.clear()

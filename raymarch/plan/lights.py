@@ -61,7 +61,7 @@ class Table:
 
     forms : by their keys; see `key`. kinds : the kinds of shadow; see `shadows`. headed : see `headed`.
     fixed : the values that are constant, shape (lights, texels, 4). varied : the row, the first number and the
-    expression of each other value.
+    expression of each other value. balls, moving : the same of what each light reaches, (lights, 4).
     """
 
     forms: dict[tuple[type, tuple[str, ...]], Form]
@@ -69,6 +69,8 @@ class Table:
     headed: bool
     fixed: NDArray[np.float64]
     varied: list[tuple[int, int, Expr]]
+    balls: NDArray[np.float64]
+    moving: list[tuple[int, int, Expr]]
 
 
 class _Lights:
@@ -97,8 +99,8 @@ def _table(of: _Lights) -> Table:
     places = {of: layout(form.types) for of, form in found.items()}
     numbers = {of: i for i, of in enumerate(found)}
     width = head + max((1 + k for place in places.values() for k, _ in place), default=0)
-    fixed = np.zeros((len(of.lights), 4 * width))
-    varied = []
+    fixed, balls = np.zeros((len(of.lights), 4 * width)), np.full((len(of.lights), 4), [0.0, 0.0, 0.0, np.inf])
+    varied, moving = [], []
     for i, light in enumerate(of.lights):
         form, shadow, values = key(light), shadow_of(light), light.emitter_values()
         given = [
@@ -108,12 +110,14 @@ def _table(of: _Lights) -> Table:
             fixed[i, :2] = numbers[form], ordered.index(shadow) + 1 if shadow else 0
             radius = getattr(light, "shadow_radius", None)
             given += [(2, light.softness), *([] if radius is None else [(3, radius)])]
-        for first, value in given:
-            if value.is_constant:
-                fixed[i, first : first + value.type.size] = value.data
-            else:
-                varied.append((i, first, value))
-    return Table(found, ordered, head, fixed, varied)
+        reached = () if light.reach is None else zip((0, 3), light.reach, strict=True)
+        for numbers_of, changing, pairs in ((fixed, varied, given), (balls, moving, reached)):
+            for first, value in pairs:
+                if value.is_constant:
+                    numbers_of[i, first : first + value.type.size] = value.data
+                else:
+                    changing.append((i, first, value))
+    return Table(found, ordered, head, fixed, varied, balls, moving)
 
 
 def forms(scene: Scene) -> dict[tuple[type, tuple[str, ...]], Form]:
@@ -207,7 +211,25 @@ def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
     none. The other texels hold the values of the form; see `layout`.
     """
     found = table(scene)
-    made = found.fixed.copy()
-    for row, first, value in found.varied:
-        made[row, first : first + value.type.size] = values.of(value)
+    made = _evaluated(found.fixed, found.varied, values)
     return made.astype(np.float32).reshape(len(made), -1, 4)
+
+
+def in_cells(scene: Scene) -> bool:
+    """True if a grid of cells finds the lights that reach a point: if many are limited to a range."""
+    return as_data(scene) and sum(light.reach is not None for light in scene.lights) > AS_TEXT
+
+
+def balls(scene: Scene, values: Values) -> NDArray[np.float64]:
+    """What the lights of one frame reach: centres and radii, shape (lights, 4); infinite for a light without a range."""
+    found = table(scene)
+    return _evaluated(found.balls, found.moving, values)
+
+
+def _evaluated(
+    fixed: NDArray[np.float64], varied: Sequence[tuple[int, int, Expr]], values: Values
+) -> NDArray[np.float64]:
+    made = fixed.copy()
+    for row, first, value in varied:
+        made[row, first : first + value.type.size] = values.of(value)
+    return made

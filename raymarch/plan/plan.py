@@ -127,6 +127,11 @@ class Plan:
         return self.material is not None and lights.as_data(self.scene)
 
     @property
+    def lights_in_cells(self) -> bool:
+        """True if a grid of cells finds the lights that reach a surface."""
+        return self.lights_as_data and not self.standalone and lights.in_cells(self.scene)
+
+    @property
     def lights_split(self) -> bool:
         """True if several passes add a few lights each."""
         return any(p.lights for p in self.passes)

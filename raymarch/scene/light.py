@@ -167,6 +167,14 @@ class Light(Value):
         raise SceneError("a Light without a kind", legal="a light such as Sun(...), or a class with sample_direction")
 
     @property
+    def reach(self) -> tuple[Expr, Expr] | None:
+        """Centre and radius of a ball beyond which the radiance is 0; None for a light without such a limit.
+
+        Of many lights, only those that reach a surface are evaluated there.
+        """
+        return None
+
+    @property
     def has_position(self) -> bool:
         """True if the light has a `position`: its softness is a radius, else the tangent of an angular radius."""
         return any(field.name == "position" for field in fields(self))
@@ -275,6 +283,10 @@ class PointLight(Light):
             limit = Limit(f"{name}: attenuation", "3 numbers >= 0, not all zero", nonzero=True)
             self._set(attenuation=limited(self.attenuation, limit))
 
+    @property
+    def reach(self) -> tuple[Expr, Expr] | None:
+        return None if self.range is None else (self.position, self.range)
+
     def emitter_values(self) -> dict[str, Expr]:
         given = {"range": self.range, "attenuation": self.attenuation}
         found = {name: value for name, value in given.items() if value is not None}
@@ -294,9 +306,7 @@ class PointLight(Light):
             distance = sqrt(squared)
             falloff = 1.0 / squared
             if "range" in values:
-                ratio = distance / values["range"]
-                window = max(1.0 - ratio * ratio * ratio * ratio, 0.0)
-                falloff = falloff * (window * window)
+                falloff = falloff * _window(distance, values["range"])
         return DirectionSample(to_light / distance, distance, falloff * values["radiance"])
 
 
@@ -427,6 +437,7 @@ class RectLight(Light):
     direction : direction in which it shines, any length but 0.
     up : direction of its height, any length but 0, not parallel to `direction`. None for y, or z if it shines along y.
     color, intensity, shadow : see `Light`. `intensity` is the brightness at distance 1 from a small rectangle.
+    range : distance from a point of the rectangle beyond which it lights nothing; see `PointLight`.
 
     Notes
     -----
@@ -440,6 +451,7 @@ class RectLight(Light):
     height: Expr
     direction: Expr
     up: Expr
+    range: Expr | None
 
     LABEL = "rectangular lights"
     EDITED: ClassVar[Mapping[str, Range]] = {
@@ -460,9 +472,11 @@ class RectLight(Light):
         color: ColorLike = (1.0, 1.0, 1.0),
         intensity: Scalar = 1.0,
         shadow: bool = False,
+        range: Scalar | None = None,
     ) -> None:
         Light.__init__(self, color, intensity, shadow, 0.0, "sampled")
         self._set(
+            range=_length("RectLight: range", range),
             position=as_vec3("RectLight: position", position),
             width=as_number("RectLight: width", width, low=1e-6),
             height=as_number("RectLight: height", height, low=1e-6),
@@ -474,6 +488,12 @@ class RectLight(Light):
         if right.is_constant and float(np.linalg.norm(right.data)) < 1e-6:
             raise SceneError(f"RectLight: up = {short(up)}", legal="a direction that is not parallel to `direction`")
 
+    @property
+    def reach(self) -> tuple[Expr, Expr] | None:
+        if self.range is None:
+            return None
+        return self.position, self.range + 0.5 * sqrt(self.width * self.width + self.height * self.height)
+
     def emitter_values(self) -> dict[str, Expr]:
         right = normalize(cross(self.direction, self.up))
         across, along = self.width * right, self.height * cross(right, self.direction)
@@ -483,6 +503,7 @@ class RectLight(Light):
             "normal": self.direction,
             "across": across,
             "along": along,
+            **({} if self.range is None else {"range": self.range}),
         }
 
     @staticmethod
@@ -492,8 +513,10 @@ class RectLight(Light):
         squared = max(dot(to_light, to_light), SMALLEST)
         distance = sqrt(squared)
         direction = to_light / distance
-        cosine = max(-dot(direction, values["normal"]), 0.0)
-        return DirectionSample(direction, distance, cosine / squared * values["radiance"])
+        falloff = max(-dot(direction, values["normal"]), 0.0) / squared
+        if "range" in values:
+            falloff = falloff * _window(distance, values["range"])
+        return DirectionSample(direction, distance, falloff * values["radiance"])
 
 
 KINDS = (Sun, PointLight, SpotLight, SphereLight, RectLight)
@@ -524,6 +547,13 @@ def hard(light: Light) -> Light:
     if isinstance(light, SphereLight):
         return PointLight(**{name: value for name, value in light.arguments().items() if name != "radius"})
     return light.replace(softness=0.0)
+
+
+def _window(distance: Expr, range: Expr) -> Expr:
+    """The factor (1 - (d/range)^4)^2 that makes an inverse square 0 at a range (Karis 2013)."""
+    ratio = distance / range
+    window = max(1.0 - ratio * ratio * ratio * ratio, 0.0)
+    return window * window
 
 
 def _is_zero(value: Expr) -> bool:

@@ -115,10 +115,16 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     def add(line: str) -> None:
         text.add(f"        {line}", where=scene.where)
 
-    if plan.lights_split:
+    if plan.lights_split or plan.lights_in_cells:
+        ends = ["end"] if plan.lights_split else []
+        if plan.lights_in_cells:
+            text.add("    ivec2 reached = lights_at(surface.p);  // start and length of a list", where=scene.where)
+            ends.append("reached.y")
+        begin = "first + n" if plan.lights_split else "n"
         text.add(f"    for (int n = 0; n < {len(scene.lights)}; n++) {{")
-        add("int i = first + n;")
-        add("if (i >= end) break;")
+        end = f"min({', '.join(ends)})" if len(ends) > 1 else ends[0]
+        add(f"if ({begin} >= {end}) break;")
+        add(f"int i = light_of(reached.x + {begin});" if plan.lights_in_cells else f"int i = {begin};")
     else:
         text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
     head = lights.headed(scene)

@@ -125,10 +125,9 @@ class Picture:
         drawn: list[DrawCall] = []
         plan = renderer.prepared(shot.scene, VIEWS[shot.view]).plan
         passes, several = plan.marching.passes, plan.marching.passes > 1 or plan.lights_split
-        every = len(shot.scene.lights)
 
         def enough() -> bool:
-            now, lit = sum(spent), renderer.history.lit
+            now, lit, every = sum(spent), renderer.history.lit, renderer.history.lights
             return now > available and (not lit or now * (every - lit) / lit > available)
 
         for call in renderer.iterate_draw_calls(
@@ -141,8 +140,8 @@ class Picture:
         marched = sum(call.chosen.name == "march" for call in drawn)
         history = renderer.history
         share = 1.0 if history.arrived or marched == 0 else marched / passes
-        self._lights = None if history.lighted else (history.lit, every)
-        return sum(spent), compiled, drawn, share if history.lighted else share * max(history.lit, 1) / every
+        self._lights = None if history.lighted else (history.lit, history.lights)
+        return sum(spent), compiled, drawn, share if history.lighted else share * max(history.lit, 1) / history.lights
 
     def _clocked(self, draw: Callable[[], None], *, wait: bool) -> float:
         """Time of a draw in milliseconds; with `wait`, until the device has finished."""
