@@ -100,7 +100,8 @@ def _table(of: _Lights) -> Table:
     numbers = {of: i for i, of in enumerate(found)}
     width = head + max((1 + k for place in places.values() for k, _ in place), default=0)
     fixed, balls = np.zeros((len(of.lights), 4 * width)), np.full((len(of.lights), 4), [0.0, 0.0, 0.0, np.inf])
-    varied, moving = [], []
+    varied: list[tuple[int, int, Expr]] = []
+    moving: list[tuple[int, int, Expr]] = []
     for i, light in enumerate(of.lights):
         form, shadow, values = key(light), shadow_of(light), light.emitter_values()
         given = [
@@ -221,7 +222,8 @@ def in_cells(scene: Scene) -> bool:
 
 
 def balls(scene: Scene, values: Values) -> NDArray[np.float64]:
-    """What the lights of one frame reach: centres and radii, shape (lights, 4); infinite for a light without a range."""
+    """What the lights of one frame reach: centres and radii, shape (lights, 4). A light without a range has an infinite
+    radius."""
     found = table(scene)
     return _evaluated(found.balls, found.moving, values)
 

@@ -120,7 +120,8 @@ class Scene(Value):
         given: tuple[Light, ...] = _several("lights", [Sun()] if lights is None else lights, Light, kinds, "[Sun()]")
         effects: tuple[PostEffect, ...] = _several("post", post, PostEffect, "Bloom(...)", "[Bloom()]")
         for light in given:
-            sample_of(light)
+            if type(light) not in KINDS:
+                sample_of(light)
         for part in all_nodes(solid):
             rows = rows_of(part)
             for label in (part.label,) if rows is None else rows.labels:
