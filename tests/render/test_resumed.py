@@ -13,7 +13,7 @@ from raymarch.errors import SceneError
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context
 from raymarch.gpu.renderer import Renderer
-from raymarch.plan import plan
+from raymarch.plan import lights, plan
 from raymarch.scene.quality import TRACERS
 
 SIZE = (96, 54)
@@ -123,6 +123,30 @@ def test_lights_of_several_frames_make_the_picture_of_one(renderer: Renderer, mo
     np.testing.assert_array_equal(frames[-1].color, whole.color)
     means = [frame.color.mean() for frame in frames]
     assert samples > 1 or (means[-3:] == sorted(means[-3:]) and means[-3] < 0.95 * means[-1])
+
+
+def test_cells_find_the_lights_that_the_loop_over_all_adds(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bit for bit, whole and in pieces, with lights that move and some without a range."""
+    lamps = [rm.PointLight((0.4 * k - 4 + rm.time, 0.5, np.sin(k)), intensity=0.3, range=1.5) for k in range(20)]
+    more = [rm.Sun(intensity=0.1), rm.RectLight((0, 1, 0), range=2.0, shadow=True)]
+    given = {"lights": [*lamps[:9], *more, *lamps[9:]]}
+    scene = street(lights_per_pass=3, temporal="accumulate").replace(**given)
+    found = []
+    for time in (0.0, 0.7):
+        renderer.forget()
+        found.append(renderer.render(scene, time).color)
+        renderer.forget()
+        frames = [renderer.render(scene, time, within=0.0)]
+        while not frames[-1].complete:
+            frames.append(renderer.render(scene, time, within=0.0))
+        assert 1 < len(frames) < 22 / 3  # passes follow the longest list
+        np.testing.assert_array_equal(frames[-1].color, found[-1])
+    monkeypatch.setattr(lights, "in_cells", lambda scene: False)
+    with Renderer(SIZE, "egl") as other:
+        for time, color in zip((0.0, 0.7), found, strict=True):
+            other.forget()
+            np.testing.assert_array_equal(other.render(scene, time).color, color)
+    assert np.abs(found[0] - found[1]).max() > 0.01
 
 
 def test_lights_without_a_budget_are_one_pass(renderer: Renderer) -> None:
