@@ -1,4 +1,4 @@
-"""A town at night under 1,024 street lamps, each with a range and a shadow. A grid of cells finds the lamps of a point."""
+"""A town at night under 1,024 street lamps, each with a range and a shadow."""
 
 import colorsys
 

@@ -100,6 +100,7 @@ class Renderer:
         self.history = History()
         self.planned_for: tuple[int, int] | None = None
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
+        self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
         self._is_drawing = False
         try:
             self._size = self._target_size(size)
@@ -322,19 +323,23 @@ class Renderer:
         self._cache((*_key(scene, outputs), self.planned_for or self._size), prepared)
 
     def _cache(self, key: tuple[Any, ...], prepared: Prepared) -> None:
-        self._prepared[key] = prepared
+        self._prepared[key], self._last = prepared, None
         while len(self._prepared) > max(PLANNED, self.kept // 4):
             self._prepared.popitem(last=False)
 
     def prepared(self, scene: Scene, outputs: Sequence[Wanted] = ("color",), part: Part | None = None) -> Prepared:
         """The plan and shader of a scene, or of parts of its picture, from the cache if possible."""
         size = self.planned_for or self._size if part is None else part.whole
+        asked = (tuple(passes_for(outputs)), size, part is None)
+        if self._last is not None and self._last[0] is scene and self._last[1] == asked:
+            return self._last[2]
         key = (*_key(scene, outputs), size, *(() if part is None else ("part",)))
         found = self._prepared.get(key)
         if found is None:
             found = prepare(scene, outputs, size)
             found = found if part is None else prepared_part(found)
             self._cache(key, found)
+        self._last = (scene, asked, found)  # large scenes take long to hash
         return found
 
     def _ready(self, picture: _Picture) -> tuple[Prepared, dict[str, Any]]:
@@ -468,6 +473,7 @@ class Renderer:
                 self._refuse_while_drawing("close")
                 self.resources.release()
         self._prepared.clear()
+        self._last = None
         if self._owns_context:
             self.context.release()
 

@@ -61,7 +61,8 @@ class Table:
 
     forms : by their keys; see `key`. kinds : the kinds of shadow; see `shadows`. headed : see `headed`.
     fixed : the values that are constant, shape (lights, texels, 4). varied : the row, the first number and the
-    expression of each other value. balls, moving : the same of what each light reaches, (lights, 4).
+    expression of each other value. balls, moving : the same of what each light reaches, (lights, 4). limited : number
+    of lights that have such a ball.
     """
 
     forms: dict[tuple[type, tuple[str, ...]], Form]
@@ -71,6 +72,7 @@ class Table:
     varied: list[tuple[int, int, Expr]]
     balls: NDArray[np.float64]
     moving: list[tuple[int, int, Expr]]
+    limited: int
 
 
 class _Lights:
@@ -118,7 +120,8 @@ def _table(of: _Lights) -> Table:
                     numbers_of[i, first : first + value.type.size] = value.data
                 else:
                     changing.append((i, first, value))
-    return Table(found, ordered, head, fixed, varied, balls, moving)
+    limited = sum(light.reach is not None for light in of.lights)
+    return Table(found, ordered, head, fixed, varied, balls, moving, limited)
 
 
 def forms(scene: Scene) -> dict[tuple[type, tuple[str, ...]], Form]:
@@ -218,7 +221,7 @@ def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
 
 def in_cells(scene: Scene) -> bool:
     """True if a grid of cells finds the lights that reach a point: if many are limited to a range."""
-    return as_data(scene) and sum(light.reach is not None for light in scene.lights) > AS_TEXT
+    return as_data(scene) and table(scene).limited > AS_TEXT
 
 
 def balls(scene: Scene, values: Values) -> NDArray[np.float64]:

@@ -114,7 +114,8 @@ def features(scene: Scene) -> list[Feature]:
     for kind in dict.fromkeys(kinds):
         of_lights(kind.LABEL, [light for light in every if type(light) is kind], f"no {kind.__name__} in the scene")
     few = f"up to {lights.AS_TEXT} lights are written as code"
-    feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop", few)
+    found_by = ", by cells that list those in range" if lights.as_data(scene) and lights.in_cells(scene) else ""
+    feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop{found_by}", few)
     of_lights("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
     of_lights("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)
     others = scene.materials[1:]
