@@ -124,7 +124,7 @@ def frame_uniforms(
         "u_half_height": pose.half_height or 0.0,
         "u_resolution": size,
         "u_pixel": pose.pixel(size[1]),
-        "u_far": scene.far(pose),
+        "u_far": scene.far(pose, values),
         "u_near": pose.near,
         "u_clip_far": min(pose.far, 1e30),
         "u_lens": (pose.aperture, pose.focus),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, fields
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -13,8 +13,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from raymarch.errors import Location, SceneError
+from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.convert import integer, optional, short
-from raymarch.expr.node import Expr
+from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose
@@ -230,8 +231,11 @@ class Scene(Value):
         """The camera of one frame; `aspect` is width over height of the picture."""
         return self.camera.pose(values, self.subject, aspect)
 
-    def far(self, pose: Pose) -> float:
-        """Maximum distance of rays: beyond the scene's box, or `HORIZON` times the scale of an unbounded scene."""
+    def far(self, pose: Pose, values: Values | None = None) -> float:
+        """Maximum distance of rays: beyond the scene's box, or `HORIZON` times the scale of an unbounded scene.
+
+        values : of a frame. Rays then reach bounded solids that time, or a Param without a range, translates.
+        """
         facts = self.node.facts
         if facts.empty:
             return 0.0
@@ -241,11 +245,20 @@ class Scene(Value):
         subject = self.subject
         scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
         middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2
-        return HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
+        far = HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
+        if values is None:
+            return far
+        for box, offset in _moved_parts(self.node):
+            with bound(values.params, values.time):
+                (moved,) = evaluator([offset], ())()
+            away = np.linalg.norm(0.5 * (box.lower + box.upper) + np.ravel(moved) - pose.position)
+            far = max(far, float(away + np.linalg.norm(box.size)))
+        return far
 
 
 _expressions: WeakKeyDictionary[Node, tuple[Expr, ...]] = WeakKeyDictionary()
 _seen: WeakKeyDictionary[Node, tuple[Any, ...]] = WeakKeyDictionary()
+_moved: WeakKeyDictionary[Node, list[tuple[Facts, Expr]]] = WeakKeyDictionary()
 """Of solids that were asked before: a plan asks often, and a solid may have thousands of nodes."""
 
 
@@ -305,20 +318,38 @@ def _several(name: str, values: Any, kind: Any, legal: str, example: str) -> tup
     return tuple(_instance(name, value, kind, legal) for value in values)
 
 
-def _bounded_part(root: Node) -> Facts | None:
-    """The box around the largest bounded parts; None if there are none."""
-    boxes: list[Facts] = []
+def _operands(root: Node) -> Iterator[Node]:
+    """The largest parts of a solid that are bounded or no union, each once."""
     pending, seen = [root], {id(root)}
     while pending:
         node = pending.pop()
-        if node.facts.bounded and not node.facts.empty:
-            boxes.append(node.facts)
-            continue
         together = node.definition.associative or node.definition.name == "smooth_union" or node.label is not None
-        for child in node.children if together else ():
+        if node.facts.bounded or not together or not node.children:
+            yield node
+            continue
+        for child in node.children:
             if id(child) not in seen:
                 seen.add(id(child))
                 pending.append(child)
+
+
+def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
+    """Bounded solids whose translation has no bounds, so that they have none: their box and their offset."""
+    if root in _moved:
+        return _moved[root]
+    found = _moved.setdefault(root, [])
+    for node in _operands(root):
+        inner, offset = node, const(np.zeros(3))
+        while inner.definition.name == "translate" and not inner.facts.bounded:
+            inner, offset = inner.children[0], offset + inner.params["offset"]
+        if inner is not node and inner.facts.bounded and not inner.facts.empty:
+            found.append((inner.facts, offset))
+    return found
+
+
+def _bounded_part(root: Node) -> Facts | None:
+    """The box around the largest bounded parts; None if there are none."""
+    boxes = [node.facts for node in _operands(root) if node.facts.bounded and not node.facts.empty]
     if not boxes:
         return None
     lower = np.minimum.reduce([b.lower for b in boxes])

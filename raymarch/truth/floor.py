@@ -50,7 +50,7 @@ def floor_evaluations(
     field = Field(scene, values)
     rays = camera_rays(pose, width, height)
     rate = rays.directions @ pose.view
-    lines = rays.lines(scene.node.facts, np.minimum(scene.far(pose), pose.far / rate))
+    lines = rays.lines(scene.node.facts, np.minimum(scene.far(pose, values), pose.far / rate))
     lines = replace(lines, start=np.maximum(lines.start, pose.near / rate))
     side = np.ones(width * height)
     if len(rays.origins) == 1 and pose.near == 0.0:

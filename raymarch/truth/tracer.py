@@ -216,7 +216,7 @@ def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int
 
     pixel : width of the footprint of each ray at distance 1, or of an orthographic camera at all distances.
     """
-    far = scene.far(pose)
+    far = scene.far(pose, values)
     scene_field = Field(scene, values)
     roots, sides = _first_hits_of_camera(scene, scene_field, pose, rays, far)
     surfaces = []

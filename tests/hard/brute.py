@@ -235,7 +235,7 @@ def _values(material: dict[str, Any], p: Array) -> Array:
 @dataclass
 class Made:
     """A field, what its surface is made of, (N, 7), or None if nothing says it, and the size of its derivative by the
-    fields of all its leaves."""
+    fields of its parts. What nothing says is one part."""
 
     distance: Array
     values: Array | None
@@ -281,10 +281,10 @@ def _mixed(kind: str, first: Made, second: Made, k: float, family: str) -> Made:
         wa, wb = wins.astype(float), 1.0 - wins
     wa, wb = wa * first.weight, wb * second.weight
     joined = _joined(kind, a, b, k, family)
+    if first.values is None and second.values is None:  # one part of one material
+        return Made(joined, None, np.ones(len(a)))
     if kind == "difference" and second.values is None:
         return Made(joined, first.values, wa)
-    if first.values is None and second.values is None:
-        return Made(joined, None, wa + wb)
     grey = _values(GREY, np.zeros((len(a), 3)))
     va, vb = (grey if made.values is None else made.values for made in (first, second))
     share = (wb / np.maximum(wa + wb, 1e-300))[:, None]  # both are 0 where neither operand changes the field
