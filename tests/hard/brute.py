@@ -284,7 +284,7 @@ def _mixed(kind: str, first: Made, second: Made, k: float, family: str) -> Made:
     if first.values is None and second.values is None:  # one part of one material
         return Made(joined, None, np.ones(len(a)))
     if kind == "difference" and second.values is None:
-        return Made(joined, first.values, wa)
+        return Made(joined, first.values, first.weight)  # the first operand decides
     grey = _values(GREY, np.zeros((len(a), 3)))
     va, vb = (grey if made.values is None else made.values for made in (first, second))
     share = (wb / np.maximum(wa + wb, 1e-300))[:, None]  # both are 0 where neither operand changes the field
