@@ -34,7 +34,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         bool empty = z <= at.r + abs(r);
         if (empty && t <= range.y && r < contact(p, travelled + t)) {
             hit.found = true;
-            hit.t = t + r;
+            hit.t = max(t + r, begin);  // a ray may start deep in a solid that was hidden before
             hit.residual = max(r, 0.0);  // an upper bound
             return hit;
         }
