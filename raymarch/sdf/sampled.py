@@ -160,8 +160,8 @@ def mesh(
         values, size, centre = (unit * part for part in sampled)
         if kept is not None:
             arrays = {"values": values, "size": size, "centre": centre, "repairs": np.array(repairs, np.str_)}
-            if fault := disk.save(kept, arrays, compressed=True):
-                warn(f"mesh: the cache {fault}: nothing is kept")
+            if lost := disk.save(kept, arrays, compressed=True):
+                warn(f"mesh: the cache {lost}: nothing is kept")
         found = sampled_grid(Samples(values), size, centre), repairs
     for repair in found[1]:
         warn(repair)
