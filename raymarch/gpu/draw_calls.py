@@ -288,7 +288,8 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
 
 def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
     """All inputs of the cones, for comparison: the field, the quality, the camera and all values."""
-    read = {name: value for name, value in uniforms.items() if name != "u_time" or ready.shader.uses_time}
+    left_out = {"u_lights", "u_light_cells"} | (set() if ready.shader.uses_time else {"u_time"})  # light_rows are read
+    read = {name: value for name, value in uniforms.items() if name not in left_out}
     numbers = tuple((name, _content(value)) for name, value in sorted(read.items()))
     constants = tuple((name, *sorted(values.items())) for name, values in sorted(ready.constants.items()))
     return ready.plan.field.body, ready.plan.scene.quality, numbers, constants, size

@@ -70,6 +70,10 @@ def _check_compile_time(plan: Plan, renderer: str) -> None:
     warn(f"{what} on {renderer}; {cure}", where)
 
 
+def _textures(uniforms: Mapping[str, Any]) -> list[moderngl.Texture]:
+    return [value for value in uniforms.values() if isinstance(value, moderngl.Texture)]
+
+
 class ResourceCache:
     """Programs by their text, targets by their name, data textures by their content.
 
@@ -181,8 +185,8 @@ class ResourceCache:
     def lights(
         self, rows: NDArray[np.float32], balls: NDArray[np.float64] | None, lower: Any, upper: Any
     ) -> Mapping[str, Any]:
-        """The textures of the lights of this frame, and the largest number of lights that a surface has. The textures
-        of the frame before stay valid.
+        """The textures of the lights of this frame, the rows, by which frames are compared, and the largest number of
+        lights that a surface has. The textures of the frame before stay valid.
 
         balls : for a grid of cells, see `light_cells.build`; None for no grid. lower, upper : the box of all surfaces.
         """
@@ -193,7 +197,7 @@ class ResourceCache:
         with self.context.bound():
             if len(self._lights) == 2:
                 self._free_lights(self._lights.pop(0)[1])
-            made: dict[str, Any] = {"u_lights": self._texels(rows), "light_turns": len(rows)}
+            made: dict[str, Any] = {"u_lights": self._texels(rows), "light_rows": rows, "light_turns": len(rows)}
             if balls is not None:
                 cells = light_cells.build(balls, np.asarray(lower), np.asarray(upper))
                 made |= {"u_light_cells": self._texels(cells.texels), "light_turns": cells.most}
@@ -206,9 +210,8 @@ class ResourceCache:
         return made
 
     def _free_lights(self, uniforms: Mapping[str, Any]) -> None:
-        for texture in uniforms.values():
-            if not isinstance(texture, int):
-                texture.release()
+        for texture in _textures(uniforms):
+            texture.release()
 
     def has_lights(self, texture: object) -> bool:
         """True if a texture of lights is still cached."""
@@ -228,7 +231,7 @@ class ResourceCache:
         return {
             "programs": len(self._programs),
             "targets": sum(target.attachments for target in self._targets.values()) + pairs,
-            "data": len(self._textures) + sum(len(made) - 1 for _, made in self._lights),
+            "data": len(self._textures) + sum(len(_textures(made)) for _, made in self._lights),
         }
 
     def release(self) -> None:

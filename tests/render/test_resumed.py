@@ -141,6 +141,8 @@ def test_cells_find_the_lights_that_the_loop_over_all_adds(renderer: Renderer, m
             frames.append(renderer.render(scene, time, within=0.0))
         assert 1 < len(frames) < 22 / 3  # passes follow the longest list
         np.testing.assert_array_equal(frames[-1].color, found[-1])
+    blurred = scene.replace(camera=scene.camera.replace(shutter=0.5), quality=scene.quality.replace(samples=3))
+    assert any(renderer.render(blurred, 0.7, within=0.0).complete for _ in range(40))  # rows differ between its samples
     monkeypatch.setattr(lights, "in_cells", lambda scene: False)
     with Renderer(SIZE, "egl") as other:
         for time, color in zip((0.0, 0.7), found, strict=True):
