@@ -192,6 +192,7 @@ struct Ray { vec3 origin; vec3 direction; };
 const float epsilon_pixels = 1.0;
 const float contact_share = 0.5;
 const int secondary_steps = 64;
+const float smoothing = 0.3;
 const float u_far = 50.0;
 uniform vec2 u_ends;
 vec2 scene_box(Ray ray, vec2 range) { return vec2(max(range.x, u_ends.x), min(range.y, u_ends.y)); }
@@ -214,6 +215,8 @@ def met(egl: Context, body: str, start: float, ends: tuple[float, float], side: 
         "march/contact",
         "march/hit",
         "march/safe_step",
+        "march/auto_relaxed",
+        "march/advance",
         "march/extrapolate",
         "path/secondary",
         before=SECOND + declared,
