@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 import raymarch as rm
 from raymarch.gpu import Renderer
@@ -43,3 +44,17 @@ def test_a_ray_that_rises_out_of_steps_is_no_hit(renderer: Renderer) -> None:
     for tracer in ("bracketing", "relaxed"):
         depth, _ = drawn(renderer, scene, max_steps=64, tracer=tracer)
         assert not np.sum(np.isfinite(depth) & ~np.isfinite(known)), tracer
+
+
+@pytest.mark.parametrize(
+    ("camera", "quality"),
+    [({}, {"analytic": True}), ({}, {"analytic": True, "steps_per_pass": 4}), ({"near": 0.1, "far": 300.0}, {})],
+)
+def test_walls_around_the_camera_have_no_holes(
+    renderer: Renderer, camera: dict[str, float], quality: dict[str, Any]
+) -> None:
+    """The walls are the faces of the scene's box, where rays end: rounding puts some hits behind that end."""
+    node = rm.box((30.1, 11.3, 20.7)) | rm.sphere(0.5).translate((-2, 0, 0))
+    scene = rm.Scene(node, rm.Camera((3.3, 0.15, 0.1), (0, 0, 0), fov=60, **camera), quality=rm.Quality(**quality))
+    renderer.resize((96, 72))
+    assert np.isfinite(renderer.render(scene, outputs=("depth",)).depth).all()

@@ -68,11 +68,11 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     hit.iterations += steps;
     hit.evaluations += steps;
 #ifdef CLIP_PLANES
-    escaped = escaped || (found && at.t > far);  // a long step may end behind the far plane
+    escaped = escaped || (found && at.t > between_planes(ray, u_far).y);  // a long step may end behind the far plane
     found = found && !escaped;
 #endif
 #ifdef ANALYTIC
-    escaped = escaped || (found && at.t > far);  // a long step may end behind a hit in closed form
+    escaped = escaped || (found && at.t > solved_t);  // a long step may end behind a hit in closed form
     found = found && !escaped;
 #endif
     hit.found = found;
