@@ -7,43 +7,40 @@ uniform sampler2D u_coarse;
 uniform bool u_down;
 uniform float u_share;  // of the coarser level
 
-// Beyond its borders a picture is mirrored, so that no light is lost there. Texels that are not finite are black.
+// Beyond its borders a picture is mirrored, so that no light is lost there.
 vec4 texel_of(sampler2D level, ivec2 at) {
     ivec2 size = textureSize(level, 0);
     at = max(at, -1 - at);
-    at = clamp(min(at, 2 * size - 1 - at), ivec2(0), size - 1);
-    vec4 found = texelFetch(level, at, 0);
-    return finite(found) ? found : vec4(0.0);
+    return texelFetch(level, clamp(min(at, 2 * size - 1 - at), ivec2(0), size - 1), 0);
 }
 
-// The 13 bilinear taps of Jimenez (2014), each the mean of 2 x 2 texels: half of a box of 4 x 4 texels about the centre,
-// and an eighth of each of four such boxes that are moved by a texel. These are sums of products of columns and rows.
+// Texels of the picture that are not finite are black. All coarser levels are finite.
+vec3 finite_texel(ivec2 at) {
+    vec4 found = texel_of(u_fine, at);
+    return finite(found) ? found.rgb : vec3(0.0);
+}
+
+// The mask 1 3 3 1 on both axes: that of quadratic B-splines (Chaikin 1974).
 vec3 down(ivec2 at) {
-    const float inner[6] = float[6](0.0, 0.25, 0.25, 0.25, 0.25, 0.0);
-    const float outer[6] = float[6](0.125, 0.125, 0.25, 0.25, 0.125, 0.125);
+    const vec4 mask = vec4(0.125, 0.375, 0.375, 0.125);
     vec3 sum = vec3(0.0);
-    for (int y = 0; y < 6; y++) {
-        for (int x = 0; x < 6; x++) {
-            float weight = 0.5 * (inner[x] * inner[y] + outer[x] * outer[y]);
-            sum += weight * texel_of(u_fine, 2 * at + ivec2(x, y) - 2).rgb;
+    int rows = u_down ? 4 : 0;  // software renderers run both sides of a branch, but leave a loop
+    for (int y = 0; y < rows; y++) {
+        for (int x = 0; x < 4; x++) {
+            sum += mask[x] * mask[y] * finite_texel(2 * at + ivec2(x, y) - 1);
         }
     }
     return sum;
 }
 
-// A tent of 3 x 3 coarse texels, interpolated between texels: its weights to the left and right of a texel's centre.
+// The same mask upwards: linear interpolation between the coarse texels.
 vec3 up(ivec2 at) {
-    const vec4 before = vec4(0.0625, 0.3125, 0.4375, 0.1875);
     ivec2 odd = at & 1;
-    vec4 across = odd.x == 0 ? before : before.wzyx;
-    vec4 along = odd.y == 0 ? before : before.wzyx;
-    vec3 sum = vec3(0.0);
-    for (int y = 0; y < 4; y++) {
-        for (int x = 0; x < 4; x++) {
-            sum += across[x] * along[y] * texel_of(u_coarse, at / 2 + odd + ivec2(x, y) - 2).rgb;
-        }
-    }
-    return sum;
+    ivec2 first = at / 2 + odd - 1;
+    vec2 w = vec2(0.75) - 0.5 * vec2(odd);  // of the texels to the right and above
+    vec3 low = mix(texel_of(u_coarse, first).rgb, texel_of(u_coarse, first + ivec2(1, 0)).rgb, w.x);
+    vec3 high = mix(texel_of(u_coarse, first + ivec2(0, 1)).rgb, texel_of(u_coarse, first + 1).rgb, w.x);
+    return mix(low, high, w.y);
 }
 
 void main() {
