@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 import raymarch as rm
-from raymarch.sdf.sampled import BALL, _from_cache, _to_cache
+from raymarch import cache as disk
+from raymarch.sdf.sampled import BALL, _from_cache
 from tests.hard.world import Figure, World, case, refusals
 from tests.support import odd_arguments as odd
 
@@ -88,13 +90,15 @@ def faults_from_outside(world: World) -> Iterator[Figure]:
         yield Figure("wrong exit codes and words of a closed pipe and Ctrl+C", wrong, 0, "0 and 130, without output")
 
         kept = folder / "cache" / "mesh-0.npz"
-        _to_cache(kept, BALL.values, np.ones(3), np.zeros(3))
+        arrays = {"values": BALL.values, "size": np.ones(3), "centre": np.zeros(3), "repairs": np.array([], np.str_)}
+        disk.save(kept, arrays)
         whole, unread = kept.read_bytes(), 0
         for content in (b"", b"broken", whole[: len(whole) // 2], whole[:-1]):
             kept.write_bytes(content)
-            with suppress(Exception):
+            with suppress(Exception), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
                 unread += _from_cache(kept) is None
         yield Figure("broken caches that are not passed over, of 4", 4 - unread, 0, "they are made again")
-        _to_cache(folder / "hello.py" / "mesh-0.npz", BALL.values, np.ones(3), np.zeros(3))
+        disk.save(folder / "hello.py" / "mesh-0.npz", arrays)
         left = {file.name for file in folder.iterdir()} - {"hello.py", "first", "cache"}
         yield Figure("files left by a cache that cannot be written", len(left), 0, "the cache is then not used")
