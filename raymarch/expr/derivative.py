@@ -705,6 +705,7 @@ def _loop_tangents(item: Expr, moved: Sequence[Mapping[Expr, Expr]]) -> list[Exp
         until,
         (*first, *(starts[d][k] for d, k in moving)),
         around,
+        body.kept,
     )
     if results[0].args[0] is not loop_expr:
         _lifted_from[results[0].args[0]] = loop_expr

@@ -206,10 +206,17 @@ class Loop:
     captured: tuple[Expr, ...]
     step: tuple[Expr, ...]
     until: Expr | None
+    kept: bool = False
+    """True for a loop that compilers must not unroll: software renderers skip all turns of such a loop but the first."""
 
     @property
     def inner(self) -> tuple[Expr, ...]:
         return (*self.step, *((self.until,) if self.until is not None else ()))
+
+    @property
+    def is_branch(self) -> bool:
+        """True for a single turn that may be left out: GLSL prints it as an `if`."""
+        return self.count == 1 and self.until is not None
 
 
 def loop(
@@ -267,6 +274,7 @@ def close_loop(
     until: Expr | None,
     first: tuple[Expr, ...],
     around: Mapping[Expr, Expr] = MappingProxyType({}),
+    kept: bool = False,
 ) -> tuple[Expr, ...]:
     """The results of a loop, one expression each.
 
@@ -279,7 +287,7 @@ def close_loop(
         "loop",
         STATE,
         first + tuple(around.get(v, v) for v in captured),
-        Loop(count, index, state, captured, step, until),
+        Loop(count, index, state, captured, step, until, kept),
     )
     return tuple(make("item", value.type, (loop_expr,), k) for k, value in enumerate(first))
 

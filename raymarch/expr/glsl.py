@@ -18,7 +18,7 @@ from raymarch.errors import SceneError
 from raymarch.expr import hashing
 from raymarch.expr.atlas import Place
 from raymarch.expr.function import Function, Loop
-from raymarch.expr.node import Expr, const, make, var
+from raymarch.expr.node import Expr, const, make, simplify, var
 from raymarch.expr.raw import RawFunction, slope_text
 from raymarch.expr.samples import Samples
 from raymarch.expr.samples import glsl_helper as samples_helper
@@ -31,6 +31,10 @@ from raymarch.expr.walk import depends_on, find, substitute, topological
 
 WIDTH = 118
 DEPTH = 16
+
+TURNS = 256
+"""Printed bound of loops that compilers must not unroll. They end by a comparison of floats, which compilers do not
+count."""
 
 UNIFORM_PREFIX = "u_"
 TIME = "u_time"
@@ -824,6 +828,8 @@ class FunctionPrinter:
         inner = substitute(body.inner, replacements)
         changing = depends_on(inner, (index, *state))
         hoisted: dict[Expr, None] = {}
+        if body.is_branch:  # what only it reads is computed inside
+            changing = set(topological(inner))
         for expression in topological(inner):
             if expression in changing:
                 outer = [a for a in expression.args if a not in changing]
@@ -840,10 +846,19 @@ class FunctionPrinter:
             declared = self.text.dialect.declare(state.type, self.names[state], changes=True)
             self._statement(declared, pieces[node.args[k]], ";", node)
             self.names[_item(node, k, state.type)] = self.names[state]
+        if node.data.is_branch:
+            self._print_branch(node, opened)
+            return
         counter = self._name("i")
         self.names[opened.index] = self.text.dialect.number(counter)
-        self.lines.append(Line("    " * self.indent + self.text.dialect.loop(counter, node.data.count), node))
+        count = node.data.count
+        kept = node.data.kept and count < TURNS
+        self.lines.append(Line("    " * self.indent + self.text.dialect.loop(counter, TURNS if kept else count), node))
         self.indent += 1
+        if kept:
+            before, after = self.text.dialect.leave
+            over = f"{self.text.dialect.number(counter)} >= {literal(count)}"
+            self.lines.append(Line("    " * self.indent + before + over + after, node))
         outside = dict(self.names)
         roots = ([opened.until] if opened.until is not None else []) + list(opened.step)
         news: list[Piece] = []
@@ -856,6 +871,21 @@ class FunctionPrinter:
                 news.append(piece)
 
         self.emit(roots, finish)
+        self._assign(opened, news)
+        self.names = outside
+        self.indent -= 1
+        self.lines.append(Line("    " * self.indent + "}", None))
+
+    def _print_branch(self, node: Expr, opened: _OpenLoop) -> None:
+        """A loop of one turn that may end before it, as an `if`."""
+        assert opened.until is not None
+        self.names[opened.index] = "0.0"
+        taken = simplify("not", BOOL, (opened.until,))
+        self.emit([taken], lambda _i, piece: self._statement("if (", piece, ") {", node))
+        self.indent += 1
+        outside = dict(self.names)
+        news: list[Piece] = []
+        self.emit(opened.step, lambda _i, piece: news.append(piece))
         self._assign(opened, news)
         self.names = outside
         self.indent -= 1

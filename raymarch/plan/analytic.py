@@ -15,6 +15,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import max, min, where
+from raymarch.plan.bounding import Bounding
 from raymarch.plan.hoisting import hoist
 from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.facts import Facts
@@ -119,6 +120,8 @@ def complete(
         functions.append(_union_field("solved_field", made.solved, root, lowering))
     else:
         functions.append(Function("solved_field", field.params, field(*field.params)))
+    if isinstance(lowering.bounding, Bounding):
+        hoisted = lowering.bounding.hoisted
     complete = []
     for function in functions:
         function, hoisted = hoist(function, origins, hoisted)

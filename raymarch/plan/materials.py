@@ -17,6 +17,7 @@ from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3, Type, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
 from raymarch.expr.walk import find, rebuild, rewrite, substitute
+from raymarch.plan.bounding import Bounded
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
@@ -24,7 +25,7 @@ from raymarch.scene.bsdf import BSDF, Phong, bsdf_of
 from raymarch.scene.material import FIELDS, GLASS, RELIEF, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import seen_labels
-from raymarch.sdf.lower import SCENE_INTERACTION, Group, Lowering, material_expressions
+from raymarch.sdf.lower import SCENE_INTERACTION, BoundedParts, Group, Lowering, material_expressions
 from raymarch.sdf.node import Node
 from raymarch.sdf.rows import Packing, Slot
 from raymarch.sdf.weights import weights_of
@@ -92,8 +93,11 @@ Wanted: TypeAlias = Callable[[dict[str, Expr]], Expr]
 OfGroup: TypeAlias = Callable[[Group, Expr], Expr]
 """What is wanted of a group at a point."""
 
-OfMany: TypeAlias = Callable[[Many, Expr, Expr], Expr]
-"""What is wanted of many objects at a point; their materials are evaluated at the second point."""
+Union: TypeAlias = Many | BoundedParts
+"""The label of a union that is evaluated by a function of its own."""
+
+OfMany: TypeAlias = Callable[[Union, Expr, Expr], Expr]
+"""What is wanted of such a union at a point; their materials are evaluated at the second point."""
 
 Term: TypeAlias = tuple[Expr, Expr]
 """The weight of a part and its value."""
@@ -137,6 +141,9 @@ class _Parts:
             for mark in find([pending.pop().body], "mark"):
                 if isinstance(mark.data, Many):
                     found.update((mark.data.inherited if m is None else m, None) for m in mark.data.rows.labels)
+                elif isinstance(mark.data, BoundedParts):
+                    pending += [each for each in mark.data.marked if each not in seen]
+                    seen.update(mark.data.marked)
                 elif not isinstance(mark.data, Group):
                     found[mark.data] = None
                 elif mark.data.marked not in seen:
@@ -154,11 +161,12 @@ class _Parts:
                 made[group] = Function(f"{group.name}_{name.removesuffix('_at')}", group.marked.params, body)
             return made[group](at)
 
-        many: dict[Many, Function] = {}
+        many: dict[Union, Function] = {}
 
-        def of_many(label: Many, point: Expr, at: Expr) -> Expr:
+        def of_many(label: Union, point: Expr, at: Expr) -> Expr:
             if label not in many:
-                many[label] = self._of_many(label, f"objects_{name.removesuffix('_at')}", wanted)
+                found = self._evaluated(label, wanted, of_group, of_many)
+                many[label] = found.value_at(name.removesuffix("_at"))
             return many[label](point, at)
 
         def shared(roots: Sequence[Expr]) -> list[Expr]:
@@ -191,17 +199,17 @@ class _Parts:
                 made[group.field] = part(f"{group.name}_part", group.field, group.marked, None)
             return get(made[group.field](at), "material")
 
-        many: dict[Many, Function] = {}
-        joint: dict[Many, Function] = {}
+        many: dict[Union, Function] = {}
+        joint: dict[Union, Function] = {}
 
-        def of_many(label: Many, point: Expr, at: Expr) -> Expr:
-            distance = self.lowering.objects.distance(label.rows)  # type: ignore[union-attr]
-            if point is at and label not in joint and distance not in made:
-                joint[label] = made[distance] = self._part_of_many(label, wanted)
+        def of_many(label: Union, point: Expr, at: Expr) -> Expr:
+            found = self._evaluated(label, wanted, of_group, of_many)
+            if point is at and label not in joint and found.distance not in made:
+                joint[label] = made[found.distance] = found.part()
             if point is at and label in joint:
                 return get(joint[label](point), "material")
             if label not in many:
-                many[label] = self._of_many(label, "objects_material", wanted)
+                many[label] = found.value_at("material")
             return many[label](point, at)
 
         def with_stand_in(node: Expr, args: tuple[Expr, ...]) -> Expr:
@@ -248,7 +256,7 @@ class _Parts:
         for mark, weight in zip(marks, weights, strict=True):
             if isinstance(mark.data, Group):
                 value = of_group(mark.data, mark.args[1])
-            elif isinstance(mark.data, Many):
+            elif isinstance(mark.data, Union):
                 at = mark.args[1]
                 value = of_many(mark.data, at, at if inner is None else substitute([at], {marked.params[0]: inner})[0])
             else:
@@ -261,19 +269,10 @@ class _Parts:
             return terms[0][1] if terms else default
         return _chosen(terms, _largest if wanted is None else _mean, default)
 
-    def _of_many(self, label: Many, name: str, wanted: Wanted | None) -> Function:
-        """A function of a point and of the point where materials are evaluated, for many objects."""
-        found = _ManyMaterials(self, label, wanted)
-        p, at = found.located.point, var("at", VEC3)
-        return Function(name, (p, at), found.evaluated(p, at)[1])
-
-    def _part_of_many(self, label: Many, wanted: Wanted) -> Function:
-        """A function of a point that returns the struct Part, for many objects."""
-        found = _ManyMaterials(self, label, wanted)
-        p = found.located.point
-        slope, material = found.evaluated(p, p)
-        type = struct("Part", (("gradient", VEC3), ("material", material.type)))
-        return Function("objects_part", (p,), record(type, slope, material))
+    def _evaluated(self, label: Union, wanted: Wanted | None, of_group: OfGroup, of_many: OfMany) -> _Evaluated:
+        if isinstance(label, Many):
+            return _ManyMaterials(self, label, wanted)
+        return _BoundedMaterials(self, label, wanted, of_group, of_many)
 
     def _wanted(self, material: Any, values: Sequence[Expr], wanted: Wanted | None) -> Expr:
         if wanted is None and isinstance(material, RowMaterial):
@@ -283,11 +282,67 @@ class _Parts:
         return wanted(dict(zip(FIELDS, values, strict=True)))
 
 
-class _ManyMaterials:
+class _Evaluated:
+    """What is wanted of a union that is evaluated by a function of its own.
+
+    name : prefix of its functions. point : the point of its distance. distance : that function.
+    """
+
+    name: str
+    point: Expr
+    distance: Function
+
+    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
+        """The gradient at p, and what is wanted, with materials evaluated at another point."""
+        raise NotImplementedError
+
+    def value_at(self, name: str) -> Function:
+        """A function of a point and of the point where materials are evaluated."""
+        at = var("at", VEC3)
+        return Function(f"{self.name}_{name}", (self.point, at), self.evaluated(self.point, at)[1])
+
+    def part(self) -> Function:
+        """A function of a point that returns the struct Part."""
+        slope, material = self.evaluated(self.point, self.point)
+        type = struct("Part", (("gradient", VEC3), ("material", material.type)))
+        return Function(f"{self.name}_part", (self.point,), record(type, slope, material))
+
+
+class _BoundedMaterials(_Evaluated):
+    """The materials of a hard union with boxes: the nearest operand is found first."""
+
+    name = "nearest"
+
+    def __init__(
+        self, parts: _Parts, label: BoundedParts, wanted: Wanted | None, of_group: OfGroup, of_many: OfMany
+    ) -> None:
+        self.union, self.marked = label.union, label.marked
+        self.distance = self.union.field
+        (self.point,) = self.distance.params
+        self.parts, self.wanted, self.below = parts, wanted, (of_group, of_many)
+
+    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
+        assert isinstance(self.union, Bounded)
+        _, slope, nearest = self.union.walk(p, lambda i, pair: (pair[1], const(float(i))))
+        values = [self._value(marked, at) for marked in self.marked]
+        found = values[-1]
+        for i, value in reversed(list(enumerate(values[:-1]))):
+            found = where(nearest < i + 0.5, value, found)
+        return slope, found
+
+    def _value(self, marked: Function, at: Expr) -> Expr:
+        marked, hoisted = hoist(marked, self.parts.lowering.origins, self.parts.hoisted)
+        self.parts.hoisted.update(hoisted)
+        return self.parts._body(marked, self.wanted, *self.below, at)
+
+
+class _ManyMaterials(_Evaluated):
     """The materials of many objects.
 
     located : the objects and their cells. single : what is wanted, if it is the same for all; else None.
     """
+
+    name = "objects"
 
     def __init__(self, parts: _Parts, label: Many, wanted: Wanted | None) -> None:
         objects = parts.lowering.objects
@@ -295,6 +350,7 @@ class _ManyMaterials:
         self.parts, self.label, self.wanted = parts, label, wanted
         self.rows = label.rows
         self.located = objects.located(self.rows)
+        self.point, self.distance = self.located.point, self.located.field
         self.single: Expr | None = None
         default = label.inherited
         labels = list(dict.fromkeys(default if m is None else m for m in self.rows.labels))

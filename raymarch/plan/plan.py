@@ -24,6 +24,7 @@ from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
+from raymarch.plan.bounding import Bounding
 from raymarch.plan.gather import Gathered, gather
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.marching import Marching
@@ -76,6 +77,7 @@ class Plan:
     parameters: dict[str, Spec]
     marching: Marching
     analytic: Analytic
+    bounding: Bounding
     shapes: int
     gathered: Gathered
     located: list[Located]
@@ -183,7 +185,11 @@ def plan(
     solid = gathered.node
     hidden = hiding_nodes(solid)
     lowering.rays = None if hidden else "camera"
-    definition, hoisted = hoist(lowering.field(solid), lowering.origins)
+    bounding = Bounding(scene.quality.bounding_volumes, lowering.origins)
+    if not hidden and not gathered.rows and lowering.sites is None:
+        lowering.bounding = bounding
+    definition, hoisted = hoist(lowering.field(solid), lowering.origins, bounding.hoisted)
+    bounding.hoisted = hoisted
     at_camera = definition
     if hidden:
         _refuse_hidden_glass(scene, solid)
@@ -230,6 +236,7 @@ def plan(
         parameters=scene.parameters,
         marching=chosen,
         analytic=closed,
+        bounding=bounding,
         shapes=shapes,
         gathered=gathered,
         located=[objects.located(rows) for rows in gathered.rows],

@@ -51,6 +51,7 @@ NOT_MARCHING = (
     "light_samples",
     "objects",
     "analytic",
+    "bounding_volumes",
 )
 """A preset does not change these fields. A preset is defined by the error of hits, which they do not affect."""
 
@@ -153,6 +154,9 @@ class Quality(Value):
     analytic : hit solids in closed form. True: planes, spheres, boxes, cylinders, capsules, cones and ellipsoids that
         are operands of the outermost hard union, rotated, moved and scaled by one factor only, are intersected with
         each ray once; only the others are marched. False: all are marched. None: the plan chooses.
+    bounding_volumes : evaluate operands of a hard union only where the distance to their bounding box is less than the
+        distance to the operands evaluated before. This changes no value of the field. True: all operands with a box
+        and a certified lower bound. False: none. None: those that are costly.
 
     Notes
     -----
@@ -182,6 +186,7 @@ class Quality(Value):
     light_samples: int = 1
     objects: str = "auto"
     analytic: bool | None = None
+    bounding_volumes: bool | None = None
 
     def __post_init__(self) -> None:
         self._begin()
@@ -191,7 +196,7 @@ class Quality(Value):
             **{n: optional(_within, n, getattr(self, n), *ends) for n, ends in _WITHIN.items()},
             assume_certified=switch("Quality: assume_certified", self.assume_certified),
             energy_compensation=switch("Quality: energy_compensation", self.energy_compensation),
-            analytic=None if self.analytic is None else switch("Quality: analytic", self.analytic),
+            **{n: optional(_switch, n, getattr(self, n)) for n in ("analytic", "bounding_volumes")},
         )
         for name in _NEEDED:
             if getattr(self, name) is None:
@@ -307,6 +312,10 @@ _WHOLE = {
 }
 _WITHIN = {"epsilon": (1e-3, 10.0), "beta": (1e-3, 1.0), "step_scale": (1e-3, 1.0), "step_variation": (0.0, 0.9)}
 _NEEDED = ("max_steps", "samples", "light_samples", "beta", "step_scale", "step_variation")
+
+
+def _switch(name: str, value: Any) -> bool:
+    return switch(f"Quality: {name}", value)
 
 
 def _whole(name: str, value: Any, least: int, most: int) -> int:

@@ -22,8 +22,9 @@ from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, construct, make, var
 from raymarch.expr.types import FLOAT, VEC3, vector
-from raymarch.expr.vocabulary import cross, dot, normalize, stop_gradient, where
+from raymarch.expr.vocabulary import cross, dot, min, normalize, stop_gradient, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
+from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node
@@ -131,6 +132,37 @@ class Objects(Protocol):
         """The label of a mark that stands for all rows; `inherited` is that of rows without a material."""
 
 
+class Bounded(Protocol):
+    """A hard union that evaluates some of its operands in their boxes only.
+
+    operands : some children together, the others alone; each with its field. field : of the union.
+    """
+
+    @property
+    def operands(self) -> list[tuple[list[Node], Function]]: ...
+    @property
+    def field(self) -> Function: ...
+
+
+class Bounding(Protocol):
+    """Chooses the operands of hard unions that are evaluated in their boxes only."""
+
+    def applies(self, node: Node) -> bool:
+        """True if a node is a union that may have such operands."""
+
+    def bounded(self, node: Node, children: Sequence[Node], functions: Sequence[Function]) -> Bounded | None:
+        """The union of some children with their fields; None if none is evaluated in its box only."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BoundedParts:
+    """The label of a mark that stands for a hard union with boxes. marked : its operands with their labels."""
+
+    union: Bounded
+    marked: tuple[Function, ...]
+    expressions: Sequence[Expr] = ()
+
+
 @dataclass(slots=True)
 class Lowering:
     """One pass over a tree of nodes.
@@ -152,6 +184,8 @@ class Lowering:
     """The kind of rays that the field is for; None for a field that reads `RAY_KIND`. See `raymarch.sdf.visibility`."""
     objects: Objects | None = None
     """How objects that are rows of a table are evaluated; None asks every row."""
+    bounding: Bounding | None = None
+    """Chooses the operands that are evaluated in their boxes only; None evaluates all operands everywhere."""
     _numbers: dict[int, int] = field(default_factory=dict)
     names: dict[Expr, str] = field(default_factory=dict)
     _sites: dict[Any, int] = field(default_factory=dict)
@@ -160,6 +194,8 @@ class Lowering:
     _functions: dict[Any, tuple[Function, list[Expr]]] = field(default_factory=dict)
     _grouping: bool = False
     _groups: dict[Any, Group | None] = field(default_factory=dict)
+    _operands: dict[int, Function] = field(default_factory=dict)
+    _bounded_unions: dict[int, Bounded | None] = field(default_factory=dict)
     _roots: list[Node] = field(default_factory=list)
     """Kept alive, because nodes are identified by their ids: two equal nodes of a tree are distinct."""
 
@@ -172,9 +208,12 @@ class Lowering:
             self.divisors,
             self.rays,
             self.objects,
+            self.bounding,
             self._numbers,
             self.names,
             _functions=self._functions,
+            _operands=self._operands,
+            _bounded_unions=self._bounded_unions,
             _roots=self._roots,
         )
 
@@ -278,6 +317,10 @@ class Lowering:
         if rows is not None and marking and label is not PARTS:
             return rows.spelled(label, point)
         children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
+        if self.bounding is not None and label is not PARTS and self.bounding.applies(node):
+            found = yield from self._bounded(node, children, point, label)
+            if found is not None:
+                return found
         if marking and label is not PARTS and node.definition.cuts and len(cutting(children)) < len(children):
             # The distance is that of the cut solid. The marks are those of the operands that decide the material.
             distance = yield from self._ask(node, point, UNMARKED)
@@ -332,6 +375,39 @@ class Lowering:
         if id(node) in self.divisors:
             return value / self.divisors[id(node)]
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value
+
+    def _bounded(
+        self, node: Node, children: Sequence[Node], point: Expr, label: Any
+    ) -> Generator[Request, Expr, Expr | None]:
+        """The field of a hard union with boxes; None for a union without. With a label it is one mark."""
+        assert self.bounding is not None
+        p = var("p", VEC3)
+        if id(node) not in self._bounded_unions:
+            functions = []
+            for child in children:
+                if id(child) not in self._operands:
+                    body = yield from self._ask(child, p, UNMARKED)
+                    called = body.op == "call" and body.args == (p,)
+                    name = self.variable_of(child) or f"{_unlabelled(child).name}_field"
+                    made = body.data if called else Function(name, (p,), body, self.names, child.where)
+                    self._operands[id(child)] = made
+                functions.append(self._operands[id(child)])
+            self._bounded_unions[id(node)] = self.bounding.bounded(node, children, functions)
+            self._roots.append(node)
+        union = self._bounded_unions[id(node)]
+        if union is None or label is UNMARKED:
+            return None if union is None else union.field(point)
+        material, at = label
+        placed = POSITION in free_variables(material.expressions) or depends_on_interaction(material.expressions)
+        if (placed and at is not point) or cells_of(material):
+            return None  # parts without a label have a material of the space around
+        marked = []
+        for nodes, _ in union.operands:
+            bodies = []
+            for each in nodes:
+                bodies.append((yield from self._ask(each, p, (material, p))))
+            marked.append(Function("marked", (p,), balanced(bodies, min), where=node.where))
+        return make("mark", FLOAT, (union.field(point), point), BoundedParts(union, tuple(marked)))
 
     def _ask(self, child: Node, point: Expr, label: Any) -> Work:
         """The child at a point: its expression, or a call if it is evaluated at several places."""

@@ -1,0 +1,217 @@
+"""Bounding volumes: costly operands of a hard union are evaluated only where their box is nearer than the best distance.
+
+A point at which an operand has the value m > 0 lies in its box grown by spread * m. So m is at least the distance to
+the box over the spread. Where that is not below the distance so far, the operand cannot be the smallest: leaving it out
+changes no value of the union. Nearer boxes come first, because the best distance is then small early.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import Location
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.derivative import companion
+from raymarch.expr.function import Function, Loop, loop
+from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.operations import operations
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import abs, length, max, min, where
+from raymarch.expr.walk import find, rebuild, rewrite, substitute
+from raymarch.plan.hoisting import hoist
+from raymarch.sdf.booleans import balanced, hard_union
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.node import Node
+
+LEAST = 700
+"""Least number of operations of an operand that is costly. A software renderer skips the turns of loops only."""
+
+ROLLED = 400
+"""Least number of operations of a loop that compilers must not unroll."""
+
+FARTHEST = 1e30
+
+SOME = 1e-30
+"""A distance above 0, so that the bound inside of a box, 0, is less."""
+
+GRID = 5
+"""Points a side of the grid on which an operand is evaluated, to know how far it is at most."""
+
+UNKNOWN = ("raw", "raw_slope")
+"""Operations whose values are not known when a scene is planned."""
+
+SOME = 1e-30
+"""A distance above 0, so that the bound inside of a box, 0, is less."""
+
+GRID = 5
+"""Points a side of the grid on which an operand is evaluated, to know how far it is at most."""
+
+UNKNOWN = ("raw", "raw_slope")
+"""Operations whose values are not known when a scene is planned."""
+
+TURNS = 256
+"""Least bound of loops inside: llvmpipe unrolls loops of few turns, and then executes all turns."""
+
+MARGIN = 1e-5
+"""Share by which boxes are grown and their distances reduced, so that rounding in float32 cannot skip an operand."""
+
+Carried: TypeAlias = Callable[[int, tuple[Expr, Expr]], Sequence[Expr]]
+"""Further values of an operand: a function of its position, and of its distance and gradient."""
+
+
+@dataclass(eq=False)
+class Bounded:
+    """A hard union with operands that are evaluated in their boxes only.
+
+    operands : the other operands together, if there are any, then those with boxes; each with its function.
+    boxes : the facts of the latter. inner : points near the middle of boxes, and the values of their operands there.
+    field : the distance, a function of the point; its companion is the gradient.
+    """
+
+    operands: list[tuple[list[Node], Function]]
+    boxes: list[Facts]
+    inner: list[tuple[NDArray[np.float64], float]]
+    where: Location | None
+    field: Function = field(init=False)
+
+    def __post_init__(self) -> None:
+        p = var("p", VEC3)
+        (value,) = self.walk(p, None)
+        self.field = Function("nearest", (p,), value, where=self.where)
+        value, slope = self.walk(p, lambda _i, pair: (pair[1],))
+        made = Function("nearest_gradient", (p,), construct(slope, value), where=self.where)
+        made.derived["gradient of"] = self.field
+        self.field.derived["companion", 0] = made
+
+    def walk(self, p: Expr, carried: Carried | None) -> tuple[Expr, ...]:
+        """The distance, and what is carried of the nearest operand; None carries nothing."""
+        beside = len(self.operands) - len(self.boxes)
+        bounds = {var(f"bound {i}", FLOAT): distance_to_box(facts, p) for i, facts in enumerate(self.boxes)}
+        limit = var("limit", FLOAT)
+        nearest = [(1.0 + MARGIN) * (length(p - tuple(at)) + value) for at, value in self.inner]
+
+        def values(i: int) -> list[Expr]:
+            function = self.operands[i][1]
+            if carried is None:
+                return [function(p)]
+            both = companion(function)(p)
+            pair = (swizzle(both, "w"), swizzle(both, "xyz"))
+            return [pair[0], *carried(i, pair)]
+
+        state: Sequence[Expr] = values(0)
+        if not beside:
+            state = [const(FARTHEST), *(const(np.zeros(value.type.shape)) for value in state[1:])]
+        for i, bound in enumerate(bounds):
+
+            def evaluated(_turn: Expr, *best: Expr, i: int = i) -> Sequence[Expr]:
+                found = values(i + beside)
+                nearer = found[0] < best[0]
+                return [where(nearer, one, other) for one, other in zip(found, best, strict=True)]
+
+            def skipped(_turn: Expr, best: Expr, *_: Expr, bound: Expr = bound) -> Expr:
+                reach = max(best, SOME)  # inside of its box, an operand may be less than any other
+                return ~(bound < (min(reach, limit) if nearest else reach))
+
+            state = loop(1, state, evaluated, skipped)
+        return tuple(substitute(state, bounds | {limit: max(balanced(nearest, min), SOME)} if nearest else bounds))
+
+
+def distance_to_box(facts: Facts, p: Expr) -> Expr:
+    """A lower bound of a field by its box; 0 inside."""
+    middle, half = 0.5 * (facts.lower + facts.upper), 0.5 * (facts.upper - facts.lower)
+    half = half + MARGIN * np.maximum(np.abs(facts.lower), np.abs(facts.upper)).max()
+    q = abs(p - tuple(middle)) - tuple(half)
+    if facts.exactness == "exact":
+        return (1.0 - MARGIN) * length(max(q, 0.0))
+    return ((1.0 - MARGIN) / facts.spread) * max(max(q.x, q.y), max(q.z, 0.0))
+
+
+def inner_point(function: Function, facts: Facts) -> tuple[NDArray[np.float64], float] | None:
+    """A point c of the box and the value v of an operand there; None if the operand depends on parameters or time.
+
+    No point p has a larger value than v + |p - c|, because the field is 1-Lipschitz. Of a grid of points, that one is
+    chosen for which this is least far away.
+    """
+    if facts.exactness == "estimate" or find([function.body], "param", "time", *UNKNOWN):
+        return None
+    grid = np.stack(np.meshgrid(*np.linspace(facts.lower, facts.upper, GRID).T, indexing="ij"), -1).reshape(-1, 3)
+    (values,) = evaluator([function.body], function.params)(grid)
+    best = int(np.argmin(values + np.linalg.norm(grid - 0.5 * (facts.lower + facts.upper), axis=1)))
+    return grid[best], float(values[best])
+
+
+@dataclass(eq=False)
+class Bounding:
+    """Chooses the operands that are evaluated in their boxes only; see `raymarch.sdf.lower.Bounding`.
+
+    asked : see `Quality.bounding_volumes`. origins : the user's line of each expression. hoisted : time-only
+    expressions of the functions made so far. reasons : why unions have no operands with boxes.
+    """
+
+    asked: bool | None
+    origins: dict[Expr, Location]
+    hoisted: dict[str, Expr] = field(default_factory=dict)
+    made: list[Bounded] = field(default_factory=list)
+    _hoisted: dict[Function, Function] = field(default_factory=dict)
+    _kept: dict[Function, Function] = field(default_factory=dict)
+
+    def applies(self, node: Node) -> bool:
+        return self.asked is not False and node.definition is hard_union.definition  # type: ignore[attr-defined]
+
+    def bounded(self, node: Node, children: Sequence[Node], functions: Sequence[Function]) -> Bounded | None:
+        """The union with some operands in boxes, None if none is worth it."""
+        if any(find([function.body], "cell") for function in functions):
+            return None
+        costly = [self._worth(child, function) for child, function in zip(children, functions, strict=True)]
+        if not any(costly) or len(children) < 2:
+            return None
+        beside = [(child, f) for child, f, guarded in zip(children, functions, costly, strict=True) if not guarded]
+        inside = [(child, f) for child, f, guarded in zip(children, functions, costly, strict=True) if guarded]
+        operands = []
+        if beside:
+            p = var("p", VEC3)
+            body = balanced([f.inline(p) for _, f in beside], min)
+            operands.append(([child for child, _ in beside], Function("beside", (p,), body, where=node.where)))
+        operands += [([child], self._skippable(function)) for child, function in inside]
+        hoisted = []
+        for nodes, function in operands:
+            if function not in self._hoisted:
+                self._hoisted[function], self.hoisted = hoist(function, self.origins, self.hoisted)
+            hoisted.append((nodes, self._hoisted[function]))
+        boxes = [child.facts for child, _ in inside]
+        points = [inner_point(f, facts) for (_, f), facts in zip(hoisted[len(hoisted) - len(boxes) :], boxes, strict=True)]
+        made = Bounded(hoisted, boxes, [point for point in points if point is not None], node.where)
+        self.made.append(made)
+        return made
+
+    def _skippable(self, function: Function) -> Function:
+        """The function with loops that are not unrolled, also in the functions that it calls."""
+        made: Function | None = self._kept.get(function)
+        if made is None:
+            body = rewrite([function.body], self._rolled)[function.body]
+            same = body is function.body
+            made = function if same else Function(function.name, function.params, body, function.names, function.where)
+            self._kept[function] = made
+        return made
+
+    def _rolled(self, node: Expr, args: tuple[Expr, ...]) -> Expr:
+        if node.op == "call":
+            return make("call", node.type, args, self._skippable(node.data))
+        if node.op != "loop" or node.data.is_branch or operations([node]) < ROLLED:
+            return rebuild(node, args)
+        old: Loop = node.data
+        inner = [rewrite([e], self._rolled)[e] for e in old.inner]
+        until = inner.pop() if old.until is not None else None
+        return make("loop", node.type, args, replace(old, step=tuple(inner), until=until, kept=True))
+
+    def _worth(self, child: Node, function: Function) -> bool:
+        facts = child.facts
+        known = facts.bounded and not facts.empty and np.isfinite(facts.spread)
+        return bool(known) and (self.asked is True or operations([function.body]) >= LEAST)
+
