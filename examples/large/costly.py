@@ -1,4 +1,4 @@
-"""Twenty costly solids: each is evaluated only where its bounding box is near. After figure 8 of the CUDA engine paper."""
+"""Twenty costly solids, each evaluated only where its bounding box is near."""
 
 import raymarch as rm
 

@@ -36,6 +36,7 @@ AXES = (
     Axis("max_steps", (16, 32, 64, 128, 512), crossed=True),
     Axis("epsilon", (2.0, 0.5, 0.1, 0.02, 0.004)),
     Axis("analytic", (True, False)),
+    Axis("bounding_volumes", (True, False)),
     Axis("schedule", ("single", "two", "four", "six", "cone", "cones")),
     Axis("refinement", ("proven", "slope", "none")),
     Axis("normals", ("analytic", "tetrahedron", "central", "forward")),
@@ -167,7 +168,7 @@ def _meant(scene: Scene, made: Setting, size: tuple[int, int] | None) -> Any:
 
 @lru_cache(maxsize=128)  # a search and a grid ask for the same settings again and again, and each needs a plan
 def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None) -> Quality:
-    """A quality with the plan's choices for this scene: tracer, schedule, closed forms and effective epsilon.
+    """A quality with the plan's choices for this scene: tracer, schedule, closed forms, boxes and effective epsilon.
 
     size : of the picture; the plan chooses the schedule by it.
     """
@@ -190,6 +191,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         shadow_steps=quality.shadow_steps if shadowed and quality.shadow_steps != quality.secondary_steps else None,
         light_samples=quality.light_samples if discs else 1,
         analytic=planned.analytic.used,
+        bounding_volumes=quality.bounding_volumes if planned.bounding.used else False,
         masking=quality.masking if any(m.physical for m in scene.materials) else "correlated",
     )
 

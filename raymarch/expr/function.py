@@ -207,7 +207,7 @@ class Loop:
     step: tuple[Expr, ...]
     until: Expr | None
     kept: bool = False
-    """True for a loop that compilers must not unroll: software renderers skip all turns of such a loop but the first."""
+    """True for a loop that compilers must not unroll: software renderers can skip all turns of it but the first."""
 
     @property
     def inner(self) -> tuple[Expr, ...]:

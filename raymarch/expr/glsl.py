@@ -828,8 +828,10 @@ class FunctionPrinter:
         inner = substitute(body.inner, replacements)
         changing = depends_on(inner, (index, *state))
         hoisted: dict[Expr, None] = {}
-        if body.is_branch:  # what only it reads is computed inside
+        if body.is_branch:  # only captured values are computed outside
             changing = set(topological(inner))
+            hoisted.update((a, None) for a in node.args[n:] if not self._is_cheap(a))
+            changing -= hoisted.keys()
         for expression in topological(inner):
             if expression in changing:
                 outer = [a for a in expression.args if a not in changing]

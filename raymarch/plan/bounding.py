@@ -1,4 +1,4 @@
-"""Bounding volumes: costly operands of a hard union are evaluated only where their box is nearer than the best distance.
+"""Bounding volumes: costly operands of a hard union are evaluated only where their box is nearer than the best so far.
 
 A point at which an operand has the value m > 0 lies in its box grown by spread * m. So m is at least the distance to
 the box over the spread. Where that is not below the distance so far, the operand cannot be the smallest: leaving it out
@@ -7,10 +7,10 @@ changes no value of the union. Nearer boxes come first, because the best distanc
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from raymarch.sdf.node import Node
 
 LEAST = 700
 """Least number of operations of an operand that is costly. A software renderer skips the turns of loops only."""
+
+FEWEST = 4
+"""Least number of costly operands of a union: fewer make no frame faster."""
 
 ROLLED = 400
 """Least number of operations of a loop that compilers must not unroll."""
@@ -82,15 +85,19 @@ class Bounded:
 
     def __post_init__(self) -> None:
         p = var("p", VEC3)
-        (value,) = self.walk(p, None)
-        self.field = Function("nearest", (p,), value, where=self.where)
-        value, slope = self.walk(p, lambda _i, pair: (pair[1],))
-        made = Function("nearest_gradient", (p,), construct(slope, value), where=self.where)
+        names: dict[Expr, str] = {}
+        (value,) = self.walk(p, None, names)
+        self.field = Function("nearest", (p,), value, names, self.where)
+        value, slope = self.walk(p, lambda _i, pair: (pair[1],), names)
+        made = Function("nearest_gradient", (p,), construct(slope, value), names, self.where)
         made.derived["gradient of"] = self.field
         self.field.derived["companion", 0] = made
 
-    def walk(self, p: Expr, carried: Carried | None) -> tuple[Expr, ...]:
-        """The distance, and what is carried of the nearest operand; None carries nothing."""
+    def walk(self, p: Expr, carried: Carried | None, names: dict[Expr, str] | None = None) -> tuple[Expr, ...]:
+        """The distance, and what is carried of the nearest operand; None carries nothing.
+
+        names : filled with the names of values in the shader.
+        """
         beside = len(self.operands) - len(self.boxes)
         bounds = {var(f"bound {i}", FLOAT): distance_to_box(facts, p) for i, facts in enumerate(self.boxes)}
         limit = var("limit", FLOAT)
@@ -119,7 +126,10 @@ class Bounded:
                 return ~(bound < (min(reach, limit) if nearest else reach))
 
             state = loop(1, state, evaluated, skipped)
-        return tuple(substitute(state, bounds | {limit: max(balanced(nearest, min), SOME)} if nearest else bounds))
+        known = bounds | ({limit: max(balanced(nearest, min), SOME)} if nearest else {})
+        if names is not None:
+            names |= {value: str(name.data).partition(" ")[0] for name, value in known.items()}
+        return tuple(substitute(state, known))
 
 
 def distance_to_box(facts: Facts, p: Expr) -> Expr:
@@ -151,15 +161,46 @@ class Bounding:
     """Chooses the operands that are evaluated in their boxes only; see `raymarch.sdf.lower.Bounding`.
 
     asked : see `Quality.bounding_volumes`. origins : the user's line of each expression. hoisted : time-only
-    expressions of the functions made so far. reasons : why unions have no operands with boxes.
+    expressions of the functions made so far. made : the unions with operands in boxes. refused : why there are none.
     """
 
     asked: bool | None
     origins: dict[Expr, Location]
     hoisted: dict[str, Expr] = field(default_factory=dict)
     made: list[Bounded] = field(default_factory=list)
+    refused: str = ""
     _hoisted: dict[Function, Function] = field(default_factory=dict)
     _kept: dict[Function, Function] = field(default_factory=dict)
+
+    def allowed(self, hidden: bool, rows: bool) -> bool:
+        """Whether unions may have operands in boxes. hidden : some solid is hidden from some kind of ray.
+        rows : objects are rows of a table."""
+        if self.asked is False:
+            self.refused = "Quality(bounding_volumes=False)"
+        elif hidden:
+            self.refused = "a solid is hidden from some kind of ray"
+        elif rows:
+            self.refused = "objects are found through cells"
+        return not self.refused
+
+    @property
+    def used(self) -> bool:
+        """True if some operand is evaluated in its box only."""
+        return bool(self.made)
+
+    @property
+    def reason(self) -> str:
+        """Why operands have boxes, or why none has."""
+        if self.refused:
+            return self.refused
+        if not self.made:
+            if self.asked:
+                return "no operand of a hard union has a box and a certified lower bound"
+            return f"no hard union has {FEWEST} operands with boxes that take {LEAST} operations or more"
+        largest = builtins.max(self.made, key=lambda union: len(union.boxes))
+        n, wanted = len(largest.boxes), "Quality(bounding_volumes=True)"
+        why = wanted if self.asked else f"each takes {LEAST} operations or more"
+        return f"{n} operand{'s' * (n != 1)} of a hard union: {why}"
 
     def applies(self, node: Node) -> bool:
         return self.asked is not False and node.definition is hard_union.definition  # type: ignore[attr-defined]
@@ -168,11 +209,11 @@ class Bounding:
         """The union with some operands in boxes, None if none is worth it."""
         if any(find([function.body], "cell") for function in functions):
             return None
-        costly = [self._worth(child, function) for child, function in zip(children, functions, strict=True)]
-        if not any(costly) or len(children) < 2:
+        pairs = list(zip(children, functions, strict=True))
+        inside = [pair for pair in pairs if self._worth(*pair)]
+        if len(inside) < (1 if self.asked else FEWEST) or len(children) < 2:
             return None
-        beside = [(child, f) for child, f, guarded in zip(children, functions, costly, strict=True) if not guarded]
-        inside = [(child, f) for child, f, guarded in zip(children, functions, costly, strict=True) if guarded]
+        beside = [pair for pair in pairs if pair not in inside]
         operands = []
         if beside:
             p = var("p", VEC3)
@@ -185,7 +226,8 @@ class Bounding:
                 self._hoisted[function], self.hoisted = hoist(function, self.origins, self.hoisted)
             hoisted.append((nodes, self._hoisted[function]))
         boxes = [child.facts for child, _ in inside]
-        points = [inner_point(f, facts) for (_, f), facts in zip(hoisted[len(hoisted) - len(boxes) :], boxes, strict=True)]
+        costly = [function for _, function in hoisted[-len(boxes) :]]
+        points = [inner_point(function, facts) for function, facts in zip(costly, boxes, strict=True)]
         made = Bounded(hoisted, boxes, [point for point in points if point is not None], node.where)
         self.made.append(made)
         return made
@@ -214,4 +256,3 @@ class Bounding:
         facts = child.facts
         known = facts.bounded and not facts.empty and np.isfinite(facts.spread)
         return bool(known) and (self.asked is True or operations([function.body]) >= LEAST)
-

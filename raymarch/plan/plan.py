@@ -186,7 +186,7 @@ def plan(
     hidden = hiding_nodes(solid)
     lowering.rays = None if hidden else "camera"
     bounding = Bounding(scene.quality.bounding_volumes, lowering.origins)
-    if not hidden and not gathered.rows and lowering.sites is None:
+    if bounding.allowed(hidden=bool(hidden), rows=bool(gathered.rows)) and lowering.sites is None:
         lowering.bounding = bounding
     definition, hoisted = hoist(lowering.field(solid), lowering.origins, bounding.hoisted)
     bounding.hoisted = hoisted
@@ -354,6 +354,7 @@ def _describe_effects(made: Plan) -> None:
     beside = f", {gathered.text} beside them as text" if gathered.text else ""
     feature("objects as data", bool(gathered.rows), f"{counted}{beside}: {gathered.reason}", gathered.reason)
     feature("closed-form hits", made.analytic.used, made.analytic.reason, made.analytic.reason)
+    feature("bounding volumes", made.bounding.used, made.bounding.reason, made.bounding.reason)
     for found in made.located:
         cells = found.cells
         listed = cells.texels[cells.texels[:, 1] > 0, 1]

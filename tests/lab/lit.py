@@ -339,6 +339,8 @@ class Draw:
             made |= {self.one("step_scale", "step_variation"): 0.7, "max_steps": 8192}
         if self.chance(0.15):
             made["objects"] = "data"
+        if self.chance(0.2):
+            made["bounding_volumes"] = True
         return made
 
     def occluder(self, light: dict[str, Any]) -> Tree | None:
