@@ -29,7 +29,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.expr.node import const
-from raymarch.plan import bounding
+from raymarch.plan import bounding, plan
 from raymarch.plan.bounding import Bounded
 from raymarch.shader.assemble import Shader
 
@@ -115,7 +115,7 @@ def compare(scene: rm.Scene, size: tuple[int, int], frames: int) -> dict[str, li
             image = np.asarray(frame.image()).astype(int)
             pictures[name] = image
             differing = np.abs(image - pictures["off"]).max(axis=-1)
-            asked = choices[name] if name != "off" else None
+            asked = choices[name] if name != "off" else None if plan(scenes["auto"]).bounding.used else True
             count = evaluations(scene, size, asked, name == "off").mean()
             found[name] = [first, 0.0, 0.0, float(count), int((differing > 0).sum()), int(differing.max())]
         times: dict[str, list[float]] = {name: [] for name in scenes}
