@@ -202,18 +202,23 @@ class Bounding:
         why = wanted if self.asked else f"each takes {LEAST} operations or more"
         return f"{n} operand{'s' * (n != 1)} of a hard union: {why}"
 
-    def applies(self, node: Node) -> bool:
-        return self.asked is not False and node.definition is hard_union.definition  # type: ignore[attr-defined]
+    def applies(self, node: Node, children: Sequence[Node]) -> bool:
+        union = node.definition is hard_union.definition and len(children) > 1  # type: ignore[attr-defined]
+        return union and sum(_has_bound(child.facts) for child in children) >= (1 if self.asked else FEWEST)
+
+    def chosen(self, children: Sequence[Node], bodies: Sequence[Expr]) -> Sequence[int]:
+        pairs = enumerate(zip(children, bodies, strict=True))
+        found = [i for i, (child, body) in pairs if _has_bound(child.facts) and self._is_costly(body)]
+        return found if len(found) >= (1 if self.asked else FEWEST) and not find(bodies, "cell") else []
 
     def bounded(self, node: Node, children: Sequence[Node], functions: Sequence[Function]) -> Bounded | None:
         """The union with some operands in boxes, None if none is worth it."""
-        if any(find([function.body], "cell") for function in functions):
+        chosen = self.chosen(children, [function.body for function in functions])
+        if not chosen:
             return None
         pairs = list(zip(children, functions, strict=True))
-        inside = [pair for pair in pairs if self._worth(*pair)]
-        if len(inside) < (1 if self.asked else FEWEST) or len(children) < 2:
-            return None
-        beside = [pair for pair in pairs if pair not in inside]
+        inside = [pairs[i] for i in chosen]
+        beside = [pair for i, pair in enumerate(pairs) if i not in chosen]
         operands = []
         if beside:
             p = var("p", VEC3)
@@ -252,7 +257,10 @@ class Bounding:
         until = inner.pop() if old.until is not None else None
         return make("loop", node.type, args, replace(old, step=tuple(inner), until=until, kept=True))
 
-    def _worth(self, child: Node, function: Function) -> bool:
-        facts = child.facts
-        known = facts.bounded and not facts.empty and np.isfinite(facts.spread)
-        return bool(known) and (self.asked is True or operations([function.body]) >= LEAST)
+    def _is_costly(self, body: Expr) -> bool:
+        return self.asked is True or operations([body]) >= LEAST
+
+
+def _has_bound(facts: Facts) -> bool:
+    """True if the box of a solid gives a certified lower bound of its field."""
+    return facts.bounded and not facts.empty and bool(np.isfinite(facts.spread))

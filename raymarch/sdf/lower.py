@@ -147,8 +147,11 @@ class Bounded(Protocol):
 class Bounding(Protocol):
     """Chooses the operands of hard unions that are evaluated in their boxes only."""
 
-    def applies(self, node: Node) -> bool:
-        """True if a node is a union that may have such operands."""
+    def applies(self, node: Node, children: Sequence[Node]) -> bool:
+        """True if a node is a union that may have such operands, by the facts of its children."""
+
+    def chosen(self, children: Sequence[Node], bodies: Sequence[Expr]) -> Sequence[int]:
+        """The positions of such operands among some children with their fields; empty for none."""
 
     def bounded(self, node: Node, children: Sequence[Node], functions: Sequence[Function]) -> Bounded | None:
         """The union of some children with their fields; None if none is evaluated in its box only."""
@@ -317,7 +320,7 @@ class Lowering:
         if rows is not None and marking and label is not PARTS:
             return rows.spelled(label, point)
         children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
-        if self.bounding is not None and label is not PARTS and self.bounding.applies(node):
+        if self.bounding is not None and label is not PARTS and self.bounding.applies(node, children):
             found = yield from self._bounded(node, children, point, label)
             if found is not None:
                 return found
@@ -383,6 +386,15 @@ class Lowering:
         assert self.bounding is not None
         p = var("p", VEC3)
         if id(node) not in self._bounded_unions:
+            counted = set(self.shapes)
+            bodies = []
+            for child in children:
+                bodies.append((yield from self._ask(child, point, UNMARKED)))
+            self._roots.append(node)
+            if not self.bounding.chosen(children, bodies):
+                self._bounded_unions[id(node)] = None
+                return None
+            self.shapes &= counted  # those of the functions are counted instead
             functions = []
             for child in children:
                 if id(child) not in self._operands:
@@ -393,7 +405,6 @@ class Lowering:
                     self._operands[id(child)] = made
                 functions.append(self._operands[id(child)])
             self._bounded_unions[id(node)] = self.bounding.bounded(node, children, functions)
-            self._roots.append(node)
         union = self._bounded_unions[id(node)]
         if union is None or label is UNMARKED:
             return None if union is None else union.field(point)
