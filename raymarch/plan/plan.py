@@ -351,6 +351,8 @@ def _describe_effects(made: Plan) -> None:
     feature("geometry pass", geometry, "arrays besides colour were requested", "only the picture was requested")
     gathered = made.gathered
     counted = f"{gathered.data:,} object{'s' * (gathered.data != 1)}"
+    if moving := sum(len(rows) for rows in gathered.rows if rows.live):
+        counted += f", of which {moving:,} move,"
     beside = f", {gathered.text} beside them as text" if gathered.text else ""
     feature("objects as data", bool(gathered.rows), f"{counted}{beside}: {gathered.reason}", gathered.reason)
     feature("closed-form hits", made.analytic.used, made.analytic.reason, made.analytic.reason)
