@@ -292,3 +292,14 @@ def test_data_lies_beside_the_scene_or_in_the_working_directory(
         Image.new("L", (2, 2), grey).save(folder / "grey.png")
         texture = load(beside / "scene.py").materials[1]._given["albedo"]
         assert round(float(texture.pixels.max()) * 255) == grey
+
+
+@pytest.mark.parametrize("call", ["rm.text('A', size=2)", "rm.marble(scale=3)", "rm.instances(rm.box(), positions=[])"])
+def test_a_call_with_wrong_arguments_is_answered_with_the_parameters(tmp_path: Path, call: str) -> None:
+    file = tmp_path / "wrong.py"
+    file.write_text(f"import raymarch as rm\nscene = {call}\n")
+    with pytest.raises(SceneError) as caught:
+        load(file)
+    legal = {"text": "string, font, height", "marble": "a, b, scale", "instances": "node, transforms, materials"}
+    assert legal[call[3:].partition("(")[0]] in str(caught.value.legal)
+    assert caught.value.where == Location(str(file), 2)
