@@ -23,6 +23,7 @@ TESTS = {
         "render/test_cones.py",
         "render/test_resumed.py",
         "gpu/test_slices.py",
+        "render/test_projection.py",
     ),
     "light": (
         "render/test_render_shading.py",
