@@ -150,3 +150,17 @@ def test_a_tree_is_no_deeper_than_four() -> None:
         rm.Scene(rm.sphere().material(CLEAR), bounces=5, quality=TREE)
     with pytest.raises(SceneError, match="integrator = 'bush'"):
         rm.Quality(integrator="bush")
+
+
+@pytest.mark.parametrize("analytic", [True, False])
+def test_corners_of_a_room_of_mirrors_reflect_its_walls(renderer: Renderer, analytic: bool) -> None:
+    """Near a corner a reflected ray starts behind the next wall, which is a face of the scene's box."""
+    room = (rm.box((30, 11, 20)) | rm.sphere(0.05)).material(
+        rm.Material(albedo=(0.8, 0.7, 0.6), metalness=0.5, roughness=0)
+    )
+    light = rm.PointLight(position=(0, 1, 0.3), shadow=True, intensity=80)
+    quality = rm.Quality(integrator="whitted", analytic=analytic)
+    camera = rm.Camera((1.3, 0.15, 0.1), (0.2, 0.1, 0), fov=80)
+    scene = rm.Scene(room, camera, lights=[light], sky=rm.Sky((0, 50, 0)), bounces=1, quality=quality)
+    renderer.resize((64, 36))
+    assert renderer.render(scene).color[..., 1].max() < 20

@@ -30,7 +30,7 @@ float hard_shadow(Surface surface, Light light) {
         float r = u_side * field(ray.origin + t * ray.direction);
 #endif
         if (i == 0) near = min(near, 0.5 * r);
-        if (r <= near + GROWTH * t && t < range.y) return 0.0;
+        if (r <= near + GROWTH * t && t < light.distance) return 0.0;
         slope = z > 0.0 ? (r - at.r) / z : 0.0;
         move(at, z <= at.r + abs(r), t, r, z > 0.0 ? slope : at.derivative);
     }

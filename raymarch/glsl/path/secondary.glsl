@@ -1,10 +1,11 @@
-// The hit of a secondary ray, by the steps of the tracer from `start`; inside the solid if `side` is -1. `travelled` is the length
-// of the path before it, which sets the precision.
+// The hit of a secondary ray, by the steps of the tracer from `start`; inside the solid if `side` is -1. `travelled` is
+// the length of the path before it, which sets the precision. A step may end behind the scene's box, on a wall that is
+// a face of the box.
 Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     Hit hit = no_hit(0.0);
     vec2 range = scene_box(ray, vec2(start, 2.0 * u_far));
-#ifdef ANALYTIC
     bool inside = side * u_side < 0.0;
+#ifdef ANALYTIC
     float solved = inside ? 1.0e30 : solved_hit(ray.origin, ray.direction, start);
     bool blocked = solved <= range.y;
     if (blocked) hit = Hit(true, true, solved, 0.0, 0.0, 0.0, 0.0);
@@ -13,11 +14,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         range.y = min(range.y, solved);
     }
 #endif
-#ifdef ANALYTIC
-    float begin = inside ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
-#else
-    float begin = side < 0.0 ? min(range.x, range.y) : range.x;  // thin glass may end before `start`
-#endif
+    float begin = inside ? min(range.x, range.y) : range.x;  // thin glass and corners may end before `start`
     March at = March(begin, 0.0, 0.0, 0.0, -0.7, 0.0, false, false);
     float slope = 0.0;
     for (int i = 0; i < secondary_steps; i++) {
@@ -32,7 +29,12 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #endif
         hit.evaluations += 1.0;
         bool empty = z <= at.r + abs(r);
-        if (empty && t <= range.y && r < contact(p, travelled + t)) {
+#ifdef ANALYTIC
+        bool met = empty && r < contact(p, travelled + t) && t + r <= solved;
+#else
+        bool met = empty && r < contact(p, travelled + t);
+#endif
+        if (met) {
             hit.found = true;
             hit.t = max(t + r, begin);  // a ray may start deep in a solid that was hidden before
             hit.residual = max(r, 0.0);  // an upper bound
