@@ -18,6 +18,7 @@ import pytest
 from PIL import Image
 
 import raymarch as rm
+from raymarch.errors import SceneWarning
 from raymarch.export.stills import FORMATS
 from raymarch.gpu.doctor import Report
 from raymarch.plan import plan
@@ -432,7 +433,8 @@ def test_a_broken_mesh_cache_is_made_anew(folder: Path, content: Any) -> None:
         np.savez_compressed(kept, values=np.full((8, 8, 8), np.nan), size=np.ones(3), centre=np.zeros(3))
     else:
         kept.write_bytes(before[: len(before) // 2] if content == "half" else content)
-    assert load("mesh.py").node == whole
+    with pytest.warns(SceneWarning, match="cannot be read: it is made anew"):
+        assert load("mesh.py").node == whole
     with np.load(kept) as mended:
         assert np.isfinite(mended["values"]).all() and mended["values"].ndim == 3
 
@@ -440,7 +442,8 @@ def test_a_broken_mesh_cache_is_made_anew(folder: Path, content: Any) -> None:
 @pytest.mark.parametrize("cache", ["hello.py/cache", "/proc/none"])
 def test_a_mesh_cache_that_cannot_be_written_is_not_used(folder: Path, cache: str) -> None:
     (folder / "mesh.py").write_text(MESH.replace('"cache"', repr(cache)))
-    assert load("mesh.py").node.facts.bounded
+    with pytest.warns(SceneWarning, match="cannot write .*: nothing is kept"):
+        assert load("mesh.py").node.facts.bounded
     assert names(folder) == {"hello.py", "mesh.py", "box.stl"}
 
 
