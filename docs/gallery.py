@@ -29,8 +29,8 @@ EXAMPLES, STEPS = HERE.parent / "examples", HERE / "tutorial"
 PICTURES = HERE / "pictures" / "gallery"
 COUNTS = HERE / "figures" / "gallery.json"
 SIZE = (480, 270)
-SAMPLES, NOISY = 16, 256
-"""Rays per pixel: without and with path tracing."""
+SAMPLES, NOISY, FEW = 16, 256, 4
+"""Rays per pixel: without path tracing, with it, and of large scenes."""
 
 COLUMNS = 6
 TILE = (160, 90)
@@ -40,6 +40,11 @@ def files() -> list[Path]:
     """The scenes, in the order of the page."""
     folders = (EXAMPLES / "showcase", EXAMPLES, EXAMPLES / "papers")
     return [file for folder in folders for file in sorted(folder.glob("*.py"))]
+
+
+def large() -> list[Path]:
+    """The scenes of thousands of objects, which have pictures only."""
+    return sorted((EXAMPLES / "large").glob("*.py"))
 
 
 def steps() -> list[Path]:
@@ -80,7 +85,8 @@ def samples_of(scene: rm.Scene) -> int:
 def draw(file: Path, renderer: rm.Renderer) -> None:
     """Render a scene's picture."""
     scene = load(file)
-    drawn = scene.replace(quality=scene.quality.replace(samples=samples_of(scene)))
+    samples = FEW if file in large() else samples_of(scene)
+    drawn = scene.replace(quality=scene.quality.replace(samples=samples))
     write(renderer.render(drawn).image(), PICTURES / f"{name_of(file)}.png")
 
 
@@ -143,8 +149,7 @@ def page(counts: dict[str, dict[str, Any]]) -> str:
         "# Gallery",
         "",
         "After this page you can choose an example to start from, and know what it costs. It shows the scenes of",
-        "`examples/`, drawn by `python docs/gallery.py`. `examples/large/forest.py`, with 12,000 trees and rocks, is",
-        "described in [large scenes](scale.md#instances).",
+        "`examples/`, drawn by `python docs/gallery.py`. [Scenes of thousands of objects](#large-scenes) are at its end.",
         "",
         "- **Plan** is what `raymarch explain` chooses and prints with reasons: the exactness of the field, the",
         "  [tracer](marching.md#tracers), the [cones](marching.md#cones), the passes, the effects in the shader.",
@@ -180,6 +185,23 @@ def page(counts: dict[str, dict[str, Any]]) -> str:
             "```",
             "",
             "</details>",
+        ]
+    text += [
+        "",
+        "## Large scenes",
+        "",
+        "Their objects are rows of a texture, found through a grid of cells, or many lights: see [scale](scale.md).",
+    ]
+    for file in large():
+        text += [
+            "",
+            f"### {name_of(file)}",
+            "",
+            f"![{name_of(file)}](pictures/gallery/{name_of(file)}.png)",
+            "",
+            caption(file),
+            "",
+            f"- **Draw it**: `raymarch render {command(file)} --size {SIZE[0]}x{SIZE[1]} --samples {FEW}`",
         ]
     return "\n".join(text) + "\n"
 
@@ -253,6 +275,9 @@ def main(arguments: list[str]) -> None:
     names = [argument for argument in arguments if not argument.startswith("--")]
     if "--text" not in arguments:
         with rm.Renderer(SIZE) as renderer:
+            for file in large():
+                if name_of(file) in names or not arguments:
+                    draw(file, renderer)
             for file in scenes:
                 if not names or name_of(file) in names:
                     if "--counts" not in arguments:
