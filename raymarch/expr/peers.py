@@ -79,7 +79,7 @@ FUNCTIONS = _keys(
         "elapsed t seconds": "rm.time",
         "x y z p position": "a function of the point, such as lambda p: rm.sin(p.x), for .displace_by or a Material",
         "colormap palette gradient": "rm.mix(first, second, t) of two colours",
-        "mengersponge sierpinski kaleidoscope": "rm.menger(...), or rm.fold_fractal(...)",
+        "mengersponge kaleidoscope": "rm.menger(...), or rm.fold_fractal(...)",
     }
 )
 """Names looked for in the package."""
