@@ -70,6 +70,7 @@ UNKNOWN = 3.0
 CONSTANTS = """
 const float epsilon_pixels = 0.1;
 const float contact_share = 0.0625;
+const float leap_pixels = 1.0;
 const float smoothing = 0.3;
 const float step_scale = {scale};
 const float relaxation = {relaxation};

@@ -4,9 +4,10 @@
 // the same points.
 // A refining step is accepted only if the residual becomes smaller. Along a surface the derivative is nearly 0, and a
 // secant step may pass through an object that stands on the surface. No value certifies such a step as empty, so the
-// first is at most `leap_pixels` pixels longer than a plain step, and passes no thicker solid. The next is no longer than
-// the distance over which the derivative has held. A ray that only passes the surface is not a hit, or edges and silhouettes would be an epsilon too wide and
-// show normals of back faces. It searches on from its last certified sample.
+// first is at most `leap_pixels` pixels longer than a plain step, and passes no thicker solid. The next is no longer
+// than the distance over which the derivative has held. A ray that only passes the surface is not a hit, or edges and
+// silhouettes would be an epsilon too wide and show normals of back faces. It searches on from its last certified
+// sample.
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
     bool found = false;
