@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import matplotlib
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -201,8 +202,9 @@ def _indirect() -> Iterator[tuple[str, rm.Scene, Array, Array]]:
 def letters(world: World) -> Iterator[Figure]:
     """A font shows a placeholder, a box, for a missing letter. Such a text is refused, and the message names the
     letter."""
-    missing = ["ä", "ß", "é", "ñ", "\u2013", "€", "\u6f22", "\u200b", "\t", "\ud800"]
-    calls = [(partial(rm.text, f"a{letter}b"), ("lacks", repr(letter), "Aileron", "font=")) for letter in missing]
+    font = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    missing = "\u0905 \u0bae \u0e01 \u3042 \u6f22 \ua000 \uac00 \U00020000 \t \ud800".split(" ")
+    calls = [(partial(rm.text, f"a{c}b", font=font), ("lacks", repr(c), "DejaVuSans", "font=")) for c in missing]
     yield refusals(*calls)
     known = [chr(i) for i in range(33, 127)]
     refused = 0
