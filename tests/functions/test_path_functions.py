@@ -246,6 +246,14 @@ def test_glass_thinner_than_where_a_ray_starts_has_an_end(egl: Context) -> None:
     assert found and abs(t - 1) < 2e-4
 
 
+@pytest.mark.parametrize("plate", [0.3, 0.7, 1.1, 1.6, 2.0])
+def test_a_long_step_into_a_wall_does_not_pass_a_thin_plate(egl: Context, plate: float) -> None:
+    """A ray that rises from its surface takes long steps, and ends some inside of the wall behind the plate."""
+    body = f"min(0.9 * p.z + 0.001, min(abs(p.z - {plate}) - 0.01, 2.5 - p.z))"
+    found, t, _ = met(egl, body, 0.01, (0.0, 10.0), 1.0)
+    assert found and abs(t - (plate - 0.01)) < 1e-3
+
+
 @pytest.mark.parametrize(("metalness", "color"), [(1.0, 1.0), (1.0, 0.4), (0.5, 0.8)])
 @pytest.mark.parametrize(("roughness", "cosine"), [(0.1, 0.02), (0.3, 0.15), (0.6, 0.9), (1.0, 0.5)])
 def test_ways_from_metal_bring_what_it_reflects(

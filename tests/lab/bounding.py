@@ -32,6 +32,7 @@ from raymarch.expr.node import const
 from raymarch.plan import bounding, plan
 from raymarch.plan.bounding import Bounded
 from raymarch.shader.assemble import Shader
+from tests.support.timing import frame_times
 
 SUN = rm.Sun(direction=(0.6, 1, 0.5), shadow=True)
 
@@ -118,12 +119,7 @@ def compare(scene: rm.Scene, size: tuple[int, int], frames: int) -> dict[str, li
             asked = choices[name] if name != "off" else None if plan(scenes["auto"]).bounding.used else True
             count = evaluations(scene, size, asked, name == "off").mean()
             found[name] = [first, 0.0, 0.0, float(count), int((differing > 0).sum()), int(differing.max())]
-        times: dict[str, list[float]] = {name: [] for name in scenes}
-        for _ in range(frames):
-            for name, made in scenes.items():
-                begin = time.process_time()
-                _ = renderer.render(made).color
-                times[name].append(1e3 * (time.process_time() - begin))
+        times = frame_times(renderer, scenes, frames)
     for name, row in found.items():
         row[1], row[2] = statistics.median(times[name]), min(times[name])
     return found

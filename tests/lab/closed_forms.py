@@ -21,6 +21,7 @@ import time
 import numpy as np
 
 import raymarch as rm
+from tests.support.timing import frame_times
 
 SUN = rm.Sun(direction=(1, 2, 1.5), shadow=True)
 
@@ -101,12 +102,7 @@ def compare(scene: rm.Scene, size: tuple[int, int], frames: int) -> dict[str, li
             error = np.abs(depth[hit] - truth.depth[hit]) / truth.depth[hit]
             missed = int((np.isfinite(truth.depth) & ~np.isfinite(depth)).sum())
             found[name] = [first, 0.0, 0.0, evaluations, float(np.quantile(error, 0.99)), missed]
-        times: dict[str, list[float]] = {name: [] for name in scenes}
-        for _ in range(frames):
-            for name, made in scenes.items():
-                begin = time.process_time()
-                _ = renderer.render(made).color
-                times[name].append(1e3 * (time.process_time() - begin))
+        times = frame_times(renderer, scenes, frames)
     for name, row in found.items():
         row[1], row[2] = statistics.median(times[name]), min(times[name])
     return found
