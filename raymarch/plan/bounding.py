@@ -49,18 +49,6 @@ GRID = 5
 UNKNOWN = ("raw", "raw_slope")
 """Operations whose values are not known when a scene is planned."""
 
-SOME = 1e-30
-"""A distance above 0, so that the bound inside of a box, 0, is less."""
-
-GRID = 5
-"""Points a side of the grid on which an operand is evaluated, to know how far it is at most."""
-
-UNKNOWN = ("raw", "raw_slope")
-"""Operations whose values are not known when a scene is planned."""
-
-TURNS = 256
-"""Least bound of loops inside: llvmpipe unrolls loops of few turns, and then executes all turns."""
-
 MARGIN = 1e-5
 """Share by which boxes are grown and their distances reduced, so that rounding in float32 cannot skip an operand."""
 
