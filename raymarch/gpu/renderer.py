@@ -543,13 +543,18 @@ def render(
     backend: str = "auto",
     strict: bool = False,
     alpha: bool = False,
+    samples: int | None = None,
 ) -> Image.Image:
     """Render a picture of a scene as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
 
-    For many frames use one `Renderer`, which compiles once; parameters and errors are those of `Renderer` and
-    `Renderer.render`. Each of `Frame.doubts` is emitted as a RenderWarning. With `strict` doubts raise RenderError, and
-    too many rays that run out of steps are a doubt, too.
+    `samples` is the number of rays per pixel, against aliasing and noise, in place of that of the scene's quality; 16
+    smooth the edges. For many frames use one `Renderer`, which compiles once; parameters and errors are those of
+    `Renderer` and `Renderer.render`. Each of `Frame.doubts` is emitted as a RenderWarning. With `strict` doubts raise
+    RenderError, and too many rays that run out of steps are a doubt, too.
     """
+    check_scene("render", scene)
+    if samples is not None:
+        scene = scene.replace(quality=scene.quality.replace(samples=samples))
     with Renderer(size, backend, strict=strict) as renderer:
         frame = renderer.render(scene, time, params)
         if not strict:

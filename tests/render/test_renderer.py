@@ -299,6 +299,12 @@ def test_render_gives_an_image_in_one_go(egl: Context) -> None:
     assert image.mode == "RGB" and image.size == (20, 10)
 
 
+def test_render_takes_samples_in_place_of_those_of_the_scene():
+    smooth = rm.render(scene(), (20, 10), samples=4)
+    assert smooth.tobytes() == rm.render(scene(quality=rm.Quality(samples=4)), (20, 10)).tobytes()
+    assert smooth.tobytes() != rm.render(scene(), (20, 10)).tobytes()
+
+
 def test_a_picture_is_the_same_each_time_and_in_each_renderer(renderer: Renderer) -> None:
     made = scene(node=rm.union(rm.sphere(), rm.box((3, 0.5, 0.5)), k=0.2), lights=[rm.Sun(shadow=True)])
     pictures = [renderer.render(made, outputs=("color", "depth")) for _ in range(2)]
