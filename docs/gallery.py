@@ -32,8 +32,8 @@ SIZE = (480, 270)
 SAMPLES, NOISY, FEW = 16, 256, 4
 """Rays per pixel: without path tracing, with it, and of large scenes."""
 
-COLUMNS = 6
-TILE = (160, 90)
+COLUMNS = 5
+TILE = (192, 108)
 
 
 def files() -> list[Path]:
@@ -253,7 +253,7 @@ def tutorial(counts: dict[str, dict[str, Any]]) -> str:
 
 def sheet() -> Image.Image:
     """The contact sheet of all pictures of the examples."""
-    names = [name_of(file) for file in files()]
+    names = [name_of(file) for file in (*files(), *large())]
     rows = -(-len(names) // COLUMNS)
     made = Image.new("RGB", (COLUMNS * TILE[0], rows * TILE[1]), "white")
     for i, name in enumerate(names):
@@ -288,7 +288,7 @@ def main(arguments: list[str]) -> None:
             write(first(renderer), HERE / "pictures" / "start.png")
         counts = {name_of(file): counts[name_of(file)] for file in scenes}
         COUNTS.write_text(json.dumps(counts, indent=1) + "\n")
-        write(sheet(), HERE / "pictures" / "gallery.png", limit=300_000)
+        write(sheet(), HERE / "pictures" / "gallery.png", limit=600_000)
     (HERE / "gallery.md").write_text(page(counts), encoding="utf-8")
     (HERE / "tutorial.md").write_text(tutorial(counts), encoding="utf-8")
 
