@@ -69,3 +69,15 @@ def test_the_scene_that_shows_bloom_is_short() -> None:
     assert len(file.read_text().splitlines()) < 40
     (effect,) = load(file).post
     assert effect.LABEL == "bloom"
+
+
+def test_the_lake_mirrors_its_mountains(renderer: Renderer) -> None:
+    """Where the mountains stand against the sky, the water below is darker than where it mirrors the sky only."""
+    scene = load(FOLDER.parent / "showcase" / "lake.py")
+    assert scene.node.exactness != "estimate"
+    renderer.resize((64, 36))
+    color = renderer.render(scene).color
+    assert np.isfinite(color).all()
+    open_water, mirrored = color[24:28, :4].mean(), color[24:28, 20:40].mean()
+    assert mirrored < 0.75 * open_water
+    assert color[6:8].mean() > color[30:32].mean()  # water reflects a part of the light only
