@@ -9,8 +9,6 @@ import numpy as np
 from raymarch.cost.plots import COLORS, blank, draw_front
 from tests.lab.suite import SCHEDULES, TRACERS, Suite
 
-STYLES = {"time": ":", "error": "--", "product": "-"}
-WORDS = {"time": "time", "error": "error", "product": "error x time"}
 SCHEDULE_COLORS = {"two": "#1f6fc4", "four": "#2a9d3a", "six": "#e07b00", "cone": "#b0207a"}
 
 
@@ -28,17 +26,16 @@ def figure_3(made: Suite) -> Any:
             pair = ((tracer, schedule), (tracer, "single"))
             _draw_curves(panel, made, made.scale.schedule_steps, *pair, schedule, SCHEDULE_COLORS[schedule])
         _finish(panel, made.scale.schedule_steps, f"schedules of {tracer}, relative to one resolution")
-    drawn.suptitle("below 1 is better; geometric means over the three scenes, bands are 95 % intervals", fontsize=9)
+    drawn.suptitle(
+        "error x time; below 1 is better; geometric means over the three scenes, bands are 95 % intervals", fontsize=9
+    )
     return drawn
 
 
 def _draw_curves(axes: Any, made: Suite, steps: Any, one: Any, other: Any, name: str, color: str) -> None:
-    for what, line in STYLES.items():
-        ratios = [made.ratio(one, other, n, what) for n in steps]
-        values = [r.value for r in ratios]
-        axes.plot(steps, values, line, color=color, lw=1.5, label=f"{name}, {WORDS[what]}")
-        if what != "error":
-            axes.fill_between(steps, [r.low for r in ratios], [r.high for r in ratios], color=color, alpha=0.12, lw=0)
+    ratios = [made.ratio(one, other, n, "product") for n in steps]
+    axes.plot(steps, [r.value for r in ratios], color=color, lw=1.5, label=name)
+    axes.fill_between(steps, [r.low for r in ratios], [r.high for r in ratios], color=color, alpha=0.12, lw=0)
 
 
 def _finish(axes: Any, steps: Any, title: str) -> None:
@@ -51,7 +48,7 @@ def _finish(axes: Any, steps: Any, title: str) -> None:
     axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.set_title(title, fontsize=9)
     axes.grid(alpha=0.25, lw=0.4)
-    axes.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
 
 
 def figure_5(made: Suite) -> Any:
