@@ -16,8 +16,7 @@ from raymarch.cost.reference import Reference, reference
 from raymarch.cost.sweep import sweep
 from raymarch.errors import CostError
 from tests.cost.cost_samples import SIZE, FakeRenderer
-from tests.lab import accuracy, suite_plots
-from tests.lab import suite as room
+from tests.lab import accuracy, suite, suite_plots
 from tests.lab.accuracy import claims, page
 from tests.lab.suite import (
     SCENES,
@@ -126,7 +125,7 @@ def test_the_figures(made):
     for draw in (figure_3, figure_5, fronts):
         assert save(draw(made)).startswith(b"\x89PNG")
     left = figure_3(made).axes[0]
-    curve = next(line for line in left.lines if line.get_label() == "enhanced, error x time")
+    curve = next(line for line in left.lines if line.get_label() == "enhanced")
     assert list(curve.get_ydata()) == pytest.approx([0.5, 0.5, 0.5])
 
 
@@ -138,10 +137,10 @@ def test_in_earnest(tmp_path, monkeypatch, capsys):
     small = Scale((24, 14), 1, (8, 16), ("enhanced",), (16,))
     monkeypatch.setattr(accuracy, "QUICK", small)
     few = ("plain", "relaxed_again", "enhanced")
-    for place in (room, accuracy, suite_plots):
+    for place in (suite, accuracy, suite_plots):
         monkeypatch.setattr(place, "TRACERS", few)
     for name, values in (("EPSILONS", (0.1,)), ("PAIRED", ("plain",)), ("PRESETS", {"normal": {}})):
-        monkeypatch.setattr(room, name, values)
+        monkeypatch.setattr(suite, name, values)
     accuracy.main(["--quick", "--scenes", "examples", "-o", "page.md"])
     assert "claim" in capsys.readouterr().out
     text = (tmp_path / "page.md").read_text()
