@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3, Type, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
-from raymarch.expr.walk import find, rebuild, rewrite, substitute
+from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute
 from raymarch.plan.bounding import Bounded
 from raymarch.plan.hoisting import hoist
 from raymarch.plan.objects import Many, ObjectsInCells
@@ -25,7 +25,17 @@ from raymarch.scene.bsdf import BSDF, Phong, bsdf_of
 from raymarch.scene.material import FIELDS, GLASS, RELIEF, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import seen_labels
-from raymarch.sdf.lower import SCENE_INTERACTION, BoundedParts, Group, Lowering, material_expressions
+from raymarch.sdf.lower import (
+    DPDX,
+    DPDY,
+    NORMAL,
+    SCENE_INTERACTION,
+    BoundedParts,
+    Group,
+    Lowering,
+    interaction_at,
+    material_expressions,
+)
 from raymarch.sdf.node import Node
 from raymarch.sdf.rows import Packing, Slot
 from raymarch.sdf.weights import weights_of
@@ -96,7 +106,10 @@ OfGroup: TypeAlias = Callable[[Group, Expr], Expr]
 Union: TypeAlias = Many | BoundedParts
 """The label of a union that is evaluated by a function of its own."""
 
-OfMany: TypeAlias = Callable[[Union, Expr, Expr], Expr]
+Interaction: TypeAlias = Callable[[], Mapping[Expr, Expr]]
+"""Makes the values of `SCENE_INTERACTION` in the space of a union."""
+
+OfMany: TypeAlias = Callable[[Union, Expr, Expr, Interaction], Expr]
 """What is wanted of such a union at a point; their materials are evaluated at the second point."""
 
 Term: TypeAlias = tuple[Expr, Expr]
@@ -163,11 +176,11 @@ class _Parts:
 
         many: dict[Union, Function] = {}
 
-        def of_many(label: Union, point: Expr, at: Expr) -> Expr:
+        def of_many(label: Union, point: Expr, at: Expr, interaction: Interaction) -> Expr:
             if label not in many:
                 found = self._evaluated(label, wanted, of_group, of_many)
                 many[label] = found.value_at(name.removesuffix("_at"))
-            return many[label](point, at)
+            return _value_of(many[label], point, at, interaction)
 
         def shared(roots: Sequence[Expr]) -> list[Expr]:
             return share_values(merge_calls(roots, lambda f: operations_of(f) if f in made.values() else 0))
@@ -202,7 +215,7 @@ class _Parts:
         many: dict[Union, Function] = {}
         joint: dict[Union, Function] = {}
 
-        def of_many(label: Union, point: Expr, at: Expr) -> Expr:
+        def of_many(label: Union, point: Expr, at: Expr, interaction: Interaction) -> Expr:
             found = self._evaluated(label, wanted, of_group, of_many)
             if point is at and label not in joint and found.distance not in made:
                 joint[label] = made[found.distance] = found.part()
@@ -210,7 +223,7 @@ class _Parts:
                 return get(joint[label](point), "material")
             if label not in many:
                 many[label] = found.value_at("material")
-            return many[label](point, at)
+            return _value_of(many[label], point, at, interaction)
 
         def with_stand_in(node: Expr, args: tuple[Expr, ...]) -> Expr:
             known = node.op == "call" and node.data in made
@@ -257,8 +270,7 @@ class _Parts:
             if isinstance(mark.data, Group):
                 value = of_group(mark.data, mark.args[1])
             elif isinstance(mark.data, Union):
-                at = mark.args[1]
-                value = of_many(mark.data, at, at if inner is None else substitute([at], {marked.params[0]: inner})[0])
+                value = self._of_union(mark, None if inner is None else {marked.params[0]: inner}, of_many)
             else:
                 value = self._wanted(mark.data, _read_where(material_expressions(mark), weight), wanted)
                 if inner is not None:
@@ -268,6 +280,17 @@ class _Parts:
         if all(value is terms[0][1] for _, value in terms):
             return terms[0][1] if terms else default
         return _chosen(terms, _largest if wanted is None else _mean, default)
+
+    def _of_union(self, mark: Expr, moved: Mapping[Expr, Expr] | None, of_many: OfMany) -> Expr:
+        """What is wanted of a union. moved : the point where materials are evaluated, by the point of the distance."""
+        point = mark.args[1]
+
+        def interaction() -> Mapping[Expr, Expr]:
+            found = interaction_at(point, flat=False)
+            values = [found[each] for each in (NORMAL, DPDX, DPDY)]
+            return dict(zip(SCENE_INTERACTION, values if moved is None else substitute(values, moved), strict=True))
+
+        return of_many(mark.data, point, point if moved is None else substitute([point], moved)[0], interaction)
 
     def _evaluated(self, label: Union, wanted: Wanted | None, of_group: OfGroup, of_many: OfMany) -> _Evaluated:
         if isinstance(label, Many):
@@ -297,9 +320,11 @@ class _Evaluated:
         raise NotImplementedError
 
     def value_at(self, name: str) -> Function:
-        """A function of a point and of the point where materials are evaluated."""
+        """A function of a point, of the point where materials are evaluated, and of what they read of the surface
+        interaction there."""
         at = var("at", VEC3)
-        return Function(f"{self.name}_{name}", (self.point, at), self.evaluated(self.point, at)[1])
+        (value,) = self.evaluated(self.point, at)[1:]
+        return Function(f"{self.name}_{name}", (self.point, at, *_read_of([value])), value)
 
     def part(self) -> Function:
         """A function of a point that returns the struct Part."""
@@ -391,7 +416,7 @@ class _ManyMaterials(_Evaluated):
 
         inner = Function("marked", marked.params, body)
         value = self.parts._body(inner, self.wanted, refuse, refuse, at)
-        return Function("object_material", (inner.params[0], at, *inner.params[1:], *slots), value)
+        return Function("object_material", (inner.params[0], at, *inner.params[1:], *slots, *_read_of([value])), value)
 
     def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
         """The gradient at p, and what is wanted, with materials evaluated at another point.
@@ -417,14 +442,14 @@ class _ManyMaterials(_Evaluated):
             return slope, self.parts._wanted(material, material.expressions, self.wanted)
         _, slope, entry = located.walk(place, p, lambda i, entry, pair, read: (pair[1], entry))
         stored = self.rows.stored
-        found = [f(p, at, *stored.read(i, entry)) for i, f in enumerate(self.functions)]
+        found = [f(p, at, *stored.read(i, entry), *_read_of(f.params)) for i, f in enumerate(self.functions)]
         return slope, stored.choose(entry, found)
 
     def _blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
         """The same for a blend: the mean of what is wanted."""
 
         def carried(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
-            value = self.functions[i](p, at, *read)
+            value = self.functions[i](p, at, *read, *_read_of(self.functions[i].params))
             return (pair[1], *([value, const(1.0)] if self.wanted is None else parts_of(value)))
 
         def larger(wa: Expr, wb: Expr, left: Sequence[Expr], right: Sequence[Expr]) -> Sequence[Expr]:
@@ -439,6 +464,19 @@ class _ManyMaterials(_Evaluated):
         if self.wanted is None:
             return slope, values[0]
         return slope, _record_of(self.functions[0].type, values)
+
+
+def _read_of(expressions: Sequence[Expr]) -> list[Expr]:
+    """What some expressions read of the surface interaction."""
+    free = free_variables(expressions)
+    return [each for each in SCENE_INTERACTION if each in free]
+
+
+def _value_of(function: Function, point: Expr, at: Expr, interaction: Interaction) -> Expr:
+    """A call of a function that `_Evaluated.value_at` has made."""
+    read = function.params[2:]
+    values = interaction() if read else {}
+    return function(point, at, *(values[each] for each in read))
 
 
 def _record_of(type: Type, values: Sequence[Expr]) -> Expr:

@@ -73,6 +73,11 @@ def depends_on_interaction(expressions: Iterable[Expr]) -> bool:
     return not {NORMAL, DPDX, DPDY, DPDN, *SCENE_INTERACTION}.isdisjoint(free_variables(expressions))
 
 
+def _is_placed(label: Any) -> bool:
+    """True if some expressions of a label depend on where or how a surface lies."""
+    return POSITION in free_variables(label.expressions) or depends_on_interaction(label.expressions)
+
+
 def cells_of(label: Any) -> list[Expr]:
     """The cells on whose index a label depends: those in its list `expressions`."""
     return find(getattr(label, "expressions", ()), "cell")
@@ -84,11 +89,11 @@ def material_expressions(mark: Expr) -> list[Expr]:
     here = at if at.type is VEC3 else construct(at, 0.0)
     known = {POSITION: here, **dict(zip(cells_of(mark.data), cells, strict=True))}
     if depends_on_interaction(mark.data.expressions):
-        known |= _interaction_at(here, at.type is not VEC3)
+        known |= interaction_at(here, at.type is not VEC3)
     return substitute(mark.data.expressions, known)
 
 
-def _interaction_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
+def interaction_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
     """Normal and footprint in the label's space, in which a point of the scene is `here`.
 
     Tangents are transformed by the Jacobian J of `here`, normals by the inverse transpose of J. The cross product of
@@ -409,8 +414,7 @@ class Lowering:
         if union is None or label is UNMARKED:
             return None if union is None else union.field(point)
         material, at = label
-        placed = POSITION in free_variables(material.expressions) or depends_on_interaction(material.expressions)
-        if (placed and at is not point) or cells_of(material):
+        if (_is_placed(material) and at is not point) or cells_of(material):
             return None  # parts without a label have a material of the space around
         marked = []
         for nodes, _ in union.operands:
@@ -455,7 +459,7 @@ class Lowering:
             return None
         body = yield (child, p, (UNLABELLED, p))
         labels = [mark.data for mark in find([body], "mark")]
-        varying = any(POSITION in free_variables(label.expressions) for label in labels if not isinstance(label, Group))
+        varying = any(_is_placed(label) for label in labels if not isinstance(label, Group))
         if UNLABELLED in labels or varying or any(cells_of(label) for label in labels):
             return None
         name = self.variable_of(child) or self.variable_of(_unlabelled(child)) or _unlabelled(child).name

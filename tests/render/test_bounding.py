@@ -19,6 +19,7 @@ from raymarch.shader.assemble import assemble
 
 SUN = rm.Sun(direction=(0.5, 1, 0.4), shadow=True)
 RED = rm.Material(color=(0.8, 0.2, 0.1))
+PATTERNS = ((0.05, "x"), (0.2, "y"))
 
 
 def solid(seed: int, moved: Any = 0.0) -> rm.Node:
@@ -75,6 +76,23 @@ def test_the_picture_stays_with_shadow_occlusion_mirror_and_patterns(renderer: r
     np.testing.assert_array_equal(on.material, off.material)
     np.testing.assert_allclose(on.normal, off.normal, atol=2e-4)
     np.testing.assert_allclose(on.color, off.color, atol=2e-4)
+
+
+def test_patterns_that_read_the_footprint_stay_inside_of_a_transform(renderer: rm.Renderer) -> None:
+    """Checkers are filtered over the pixel's footprint, which has other axes in the space of the union."""
+    checkers = [
+        rm.Material(albedo=rm.checker((0.9, 0.2, 0.1), (0.1, 0.1, 0.1), size, axis=axis))
+        for size, axis in ((0.05, "x"), (0.2, "y"))
+    ]
+    balls = (rm.torus(0.6, 0.2).material(checkers[0]) | rm.box((0.6, 0.4, 0.8)).material(checkers[1])).rotate(0.7, "z")
+    node = balls.scale((1.4, 0.7, 1.0)).translate((0.1, 0.2, 0)) | rm.plane(offset=-0.4).material(checkers[1])
+    frames = []
+    for choice in ({"bounding_volumes": True}, {"objects": "data"}, {"objects": "text"}):
+        quality = rm.Quality(analytic=False, **choice)
+        frames.append(renderer.render(rm.Scene(node, rm.Camera((1.8, 1.2, 2.6)), [SUN], quality=quality)))
+    for frame in frames[:2]:
+        difference = np.abs(frame.color - frames[2].color)
+        assert np.mean(difference > 2e-4) < 1e-3 and difference.max() < 0.01
 
 
 @pytest.mark.parametrize("x", [-1.5, 1.4])
