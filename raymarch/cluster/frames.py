@@ -24,7 +24,7 @@ from raymarch.export import stills
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
-from raymarch.expr.convert import integer, optional, real, short, switch
+from raymarch.expr.convert import described, integer, optional, real, short, switch
 from raymarch.files import written
 from raymarch.gpu.part import Part
 from raymarch.gpu.renderer import Renderer
@@ -277,7 +277,7 @@ def _several(name: str, values: Any) -> list[Any]:
 
 def _check(name: str, value: Any, kind: Any, legal: str) -> None:
     if not isinstance(value, kind):
-        raise SceneError(f"render_frames: {name} = {short(value)} ({type(value).__name__})", legal=legal)
+        raise SceneError(f"render_frames: {name} = {described(value)}", legal=legal)
 
 
 def failures(failed: Sequence[tuple[Item, Refused | Failed]]) -> list[str]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.export.surface import Surface
-from raymarch.scene.srgb import linear_to_srgb
+from raymarch.expr.srgb import linear_to_srgb
 
 Array = NDArray[Any]
 

@@ -40,6 +40,22 @@ def short(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
+def belongs(value: Any) -> str:
+    """The argument that takes a part of a scene which was given elsewhere, for a message; empty for other values.
+
+    Classes name it in `BELONGS`. Of a list, the first element decides.
+    """
+    first = value[0] if isinstance(value, list | tuple) and value else value
+    place = getattr(type(first), "BELONGS", "")
+    name = type(first).__name__
+    return f": {'an' if name[0] in 'AEIO' else 'a'} {name} belongs to {place}" if place else ""
+
+
+def described(value: Any) -> str:
+    """A value of a wrong type for a message: the value, its type, and where a part of a scene belongs."""
+    return f"{short(value)} ({type(value).__name__}){belongs(value)}"
+
+
 def plain(value: Any) -> Any:
     """Convert NumPy scalars and 0-d arrays to Python's own types; return other values unchanged."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
@@ -91,7 +107,7 @@ def choice(what: str, value: Any, among: Sequence[str], legal: str = "") -> str:
 def instance(what: str, value: Any, kind: Any, legal: str) -> Any:
     """Check that a value is an instance of a class."""
     if not isinstance(value, kind):
-        raise SceneError(f"{what} = {short(value)} ({type(value).__name__})", legal=legal)
+        raise SceneError(f"{what} = {described(value)}", legal=legal)
     return value
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr import vocabulary as v
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import numbers, short
 from raymarch.expr.node import Expr, Operand, construct, expr, var
 from raymarch.expr.types import FLOAT, vector
@@ -98,7 +99,7 @@ def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bo
         given = _arguments(signature, called, args, kwargs)
         if builtins.any(map(_holds_expression, given)):
             return function(*args, **kwargs)
-        arrays = [numbers(f"{called}: argument", a, legal) for a in given]
+        arrays = [numbers(f"{called}: argument", linear_color(f"{called}: argument", a, legal), legal) for a in given]
         shapes = " and ".join(str(a.shape) for a in arrays)
         sizes = [a.shape[-1] if vectors and a.shape else 1 for a in arrays]
         if vectors and not builtins.all(1 <= n <= 4 and a.size for n, a in zip(sizes, arrays, strict=True)):
@@ -205,7 +206,9 @@ def where(condition: Any, a: Operand, b: Operand) -> Any:
         if isinstance(condition, np.ndarray):
             raise SceneError("where of an array and an expression", legal="a condition that is an expression")
         return expr(a if condition else b)
-    chosen = [numbers("where: argument", given, "numbers, arrays or expressions") for given in (a, b)]
+    legal = "numbers, arrays or expressions"
+    values = [linear_color("where: argument", given, legal) for given in (a, b)]
+    chosen = [numbers("where: argument", given, legal) for given in values]
     try:
         return _number(np.where(condition, *chosen))
     except ValueError:

@@ -155,8 +155,8 @@ class Expr:
         return self.op == "const"
 
 
-Operand: TypeAlias = Expr | float | Sequence[Any] | NDArray[Any]
-"""An operand: an expression, a number, or a sequence of 2 to 4 of them."""
+Operand: TypeAlias = Expr | float | Sequence[Any] | NDArray[Any] | str
+"""An operand: an expression, a number, a sequence of 2 to 4 of them, or a colour such as "orange"."""
 
 _interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
 _interning = threading.Lock()
@@ -255,20 +255,27 @@ def _type_of_shape(array: NDArray[Any]) -> Type:
 
 
 def expr(value: Operand) -> Expr:
-    """Any operand as an expression: numbers become constants, sequences that hold expressions become vectors."""
+    """Any operand as an expression: numbers become constants, sequences that hold expressions become vectors.
+
+    A string is a colour, encoded in sRGB; it becomes linear RGB, a vec3.
+    """
     if isinstance(value, Expr):
         return value
     if isinstance(value, bool | float):
         return const(value)
     if isinstance(value, tuple | list) and any(isinstance(item, Expr) for item in value):
         return construct(*value)
+    if isinstance(value, str):
+        from raymarch.expr.colors import linear_color
+
+        return const(linear_color("the colour", value))
     if isinstance(value, int | tuple | list | np.ndarray | np.generic):
         array = _numeric(value)
         if array is not None:
             return const(array)
     raise SceneError(
         f"{short(value)} ({type(value).__name__}) is not a number, vector or expression",
-        legal="a number, a sequence of 2 to 4 numbers, or an expression",
+        legal="a number, a sequence of 2 to 4 numbers, a colour such as 'orange', or an expression",
     )
 
 

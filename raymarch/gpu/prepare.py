@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.convert import short
+from raymarch.expr.convert import described, short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
@@ -88,7 +88,7 @@ def name_of(output: Wanted) -> str:
 def passes_for(outputs: Sequence[Wanted]) -> list[str]:
     """The names of the passes that render `outputs`."""
     if not isinstance(outputs, Iterable) or isinstance(outputs, np.ndarray | np.generic | Expr):
-        raise SceneError(f"outputs = {short(outputs)} ({type(outputs).__name__})", legal=", ".join(OUTPUTS))
+        raise SceneError(f"outputs = {described(outputs)}", legal=", ".join(OUTPUTS))
     names = [outputs] if isinstance(outputs, str) else [name_of(output) for output in outputs]
     for name in names:
         if not isinstance(name, str) or name not in OUTPUTS:

@@ -6,11 +6,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.expr.srgb import srgb_glsl
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Surface, Target, confine
 from raymarch.gpu.tiles import Tile
-from raymarch.scene.srgb import srgb_glsl
 from raymarch.scene.tone import ToneMapping
 
 _SAMPLE = """#version 330 core

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from raymarch.expr.convert import integer
 from raymarch.expr.function import loop, sum_of
@@ -38,6 +39,7 @@ class AmbientOcclusion(Part):
     Raises SceneError for a value outside its range.
     """
 
+    BELONGS: ClassVar[str] = "Scene(occlusion=...)"
     steps: int
     reach: Expr
     strength: Expr

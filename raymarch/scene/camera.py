@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import Any, Final, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 import pyrr
@@ -140,6 +140,7 @@ class Camera(Part):
     Raises SceneError for a degenerate camera: position equal to target, up parallel to the view, fov out of range.
     """
 
+    BELONGS: ClassVar[str] = "Scene(camera=...)"
     position: Expr | None
     target: Expr | None
     up: Expr

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from raymarch.errors import Location, RaymarchError, SceneError, is_users
-from raymarch.expr.convert import short
+from raymarch.expr.convert import described
 from raymarch.scene.scene import Scene, scene_of
 from raymarch.sdf.node import Node
 
@@ -115,7 +115,7 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
         found = scene_of(found)
     if not isinstance(found, Scene):
         raise SceneError(
-            f"'scene' is {short(found)} ({type(found).__name__})",
+            f"'scene' is {described(found)}",
             legal="a Scene, a node, or a function giving one",
             where=where,
         )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, exp, max, min, mix, where
-from raymarch.scene.color import as_color
-from raymarch.scene.parameter import as_number
+from raymarch.scene.parameter import as_color, as_number
 from raymarch.scene.sky import DIRECTION
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar
@@ -39,6 +40,7 @@ class Fog(Part):
     Raises SceneError for a negative value.
     """
 
+    BELONGS: ClassVar[str] = "Scene(fog=...)"
     color: Expr | None
     density: Expr
     falloff: Expr

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from raymarch.errors import SceneError, user_location
+from raymarch.expr.srgb import srgb_to_linear
 from raymarch.files import reads
-from raymarch.scene.srgb import srgb_to_linear
 
 Array = NDArray[np.float32]
 

@@ -37,8 +37,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.scene.color import as_color
-from raymarch.scene.parameter import as_direction, as_number, as_vec3
+from raymarch.scene.parameter import as_color, as_direction, as_number, as_vec3
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
 
@@ -125,6 +124,7 @@ class Light(Value):
           highlights. It is noisy: it needs `Quality(samples=...)` or several frames.
     """
 
+    BELONGS: ClassVar[str] = "Scene(lights=[...])"
     color: Expr
     intensity: Expr
     shadow: bool

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -102,6 +102,7 @@ class Material(Value):
     Raises SceneError for a value outside its range, and for values of both models in one material.
     """
 
+    BELONGS: ClassVar[str] = "node.material(...)"
     color: Expr
     albedo: Expr | None
     shininess: Expr

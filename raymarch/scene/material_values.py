@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import called
 from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
-from raymarch.scene.color import as_color
-from raymarch.scene.parameter import as_number
+from raymarch.scene.parameter import as_color, as_number
 from raymarch.scene.texture import Texture, share_projection
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 from raymarch.sdf.lower import POSITION, depends_on_interaction
@@ -83,7 +83,8 @@ def _picture(what: str, value: Texture, size: int, low: float, high: float) -> E
 def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:
     ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
     legal = f"a function of a point that gives {'a number' if size == 1 else '3 numbers'} {ends}"
-    made = as_operand(f"{what}: the function gives", called(what, function, POSITION, legal=legal), legal)
+    given = called(what, function, POSITION, legal=legal)
+    made = as_operand(f"{what}: the function gives", linear_color(what, given) if size == 3 else given, legal)
     if size == 3 and made.type is vector(1):
         made = vec3(made)
     if made.type is not vector(size):

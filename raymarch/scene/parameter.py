@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, PlanError, SceneError, user_location
 from raymarch.expr.arrays import bound, value_of
-from raymarch.expr.convert import holdable, numbers, real, short
+from raymarch.expr.colors import linear_color
+from raymarch.expr.convert import described, holdable, numbers, real, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, expr, make
@@ -181,9 +182,7 @@ def set_values(
     params = {name: spec.value for name, spec in specs.items()}
     given = {} if given is None else given
     if not isinstance(given, Mapping):
-        raise SceneError(
-            f"params = {short(given)} ({type(given).__name__})", legal="a dict of values by name", where=where
-        )
+        raise SceneError(f"params = {described(given)}", legal="a dict of values by name", where=where)
     for name, value in given.items():
         if name not in specs:
             known = ", ".join(sorted(specs)) or "none; this scene has no Param"
@@ -206,6 +205,11 @@ def as_vec3(what: str, value: Any, low: float = -np.inf, high: float = np.inf, c
     cells : whether it may depend on the index of a cell; see `raymarch.repeat_varied`.
     """
     return _checked(what, value, 3, low, high, cells)
+
+
+def as_color(what: str, value: Any, low: float = 0.0, high: float = np.inf, cells: bool = False) -> Expr:
+    """A colour, checked: three numbers, an expression of a vec3 or a string. cells : see `as_vec3`."""
+    return as_vec3(what, linear_color(what, value), low, high, cells)
 
 
 def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from raymarch.errors import SceneError
+from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import choice, integer, short
 from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, clamp, dot, floor, length, max, mix, mod, sin, vec2, where
-from raymarch.scene.color import linear_color
 from raymarch.scene.parameter import as_number
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 from raymarch.sdf.lower import DPDX, DPDY, POSITION

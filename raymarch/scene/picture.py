@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import input_file, numbers, short
+from raymarch.expr.srgb import srgb_to_linear
 from raymarch.expr.texels import LARGEST, Wrap
 from raymarch.scene.images import read_stored
-from raymarch.scene.srgb import srgb_to_linear
 
 Array = NDArray[Any]
 Picture: TypeAlias = str | PathLike[str] | Array

@@ -45,6 +45,8 @@ class PostEffect(Part):
     LABEL : its name in `raymarch explain` and `raymarch cost`.
     """
 
+    BELONGS: ClassVar[str] = "Scene(post=[...])"
+
     __slots__ = ()
     MODULE: ClassVar[str] = ""
     LABEL: ClassVar[str] = ""

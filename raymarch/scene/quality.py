@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, integer, optional, real, switch
@@ -163,6 +163,7 @@ class Quality(Value):
     Raises SceneError for a value outside its range, and for settings that exclude each other.
     """
 
+    BELONGS: ClassVar[str] = "Scene(quality=...)"
     tracer: str = "auto"
     max_steps: int = 512
     epsilon: float | None = None

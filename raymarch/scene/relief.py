@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import called, short
+from raymarch.expr.convert import called, described
 from raymarch.expr.derivative import gradient
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr, expr
@@ -57,7 +57,7 @@ def bump_gradient(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
     total = FLAT
     if normal is not None:
         if not isinstance(normal, Texture):
-            what = f"Material: normal = {short(normal)} ({type(normal).__name__})"
+            what = f"Material: normal = {described(normal)}"
             raise SceneError(what, legal="planar(...) or triplanar(...) of a normal map")
         total = total + normal_factor * normal.normal_map_gradient(POSITION)
     if height is not None:
@@ -74,7 +74,7 @@ def height_field(height: Callable[[Expr], Any] | Any) -> Texture | Expr | None:
     if isinstance(height, Expr) and POSITION in free_variables([height]):  # from another material, by `replace`
         made = height
     elif not callable(height) or isinstance(height, Expr):
-        raise SceneError(f"Material: height = {short(height)} ({type(height).__name__})", legal=legal)
+        raise SceneError(f"Material: height = {described(height)}", legal=legal)
     else:
         made = as_operand(
             "Material: height: the function gives", called("Material: height", height, POSITION, legal=legal), legal

@@ -7,14 +7,14 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, fields
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.convert import integer, optional, short
+from raymarch.expr.convert import belongs, described, integer, optional, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
@@ -87,6 +87,7 @@ class Scene(Value):
     Raises SceneError for an argument of another type or outside its range.
     """
 
+    BELONGS: ClassVar[str] = "rm.render(...)"
     node: Node
     camera: Camera
     lights: tuple[Light, ...]
@@ -128,7 +129,9 @@ class Scene(Value):
             for label in (part.label,) if rows is None else rows.labels:
                 if label is not None:
                     _instance("material", label, Material, "Material(...)", part.where)
-        chosen = Quality() if quality is None else _instance("quality", quality, Quality, "Quality(...)")
+        chosen = (
+            Quality() if quality is None else _instance("quality", quality, Quality, _named("Quality.preset", quality))
+        )
         count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["path"], "an integer from 0 to 16, or None")
         deepest = DEEPEST[chosen.integrator]
         if count is not None and count > deepest:
@@ -148,7 +151,7 @@ class Scene(Value):
             occlusion=None
             if occlusion is None
             else _instance("occlusion", occlusion, AmbientOcclusion, "AmbientOcclusion(...) or None"),
-            tone=ToneMapping() if tone is None else _instance("tone", tone, ToneMapping, "ToneMapping(...)"),
+            tone=ToneMapping() if tone is None else _instance("tone", tone, ToneMapping, _named("ToneMapping", tone)),
             bounces=count,
             post=effects,
         )
@@ -301,19 +304,25 @@ def scene_of(node: Node) -> Scene:
 def check_scene(what: str, given: object) -> None:
     """SceneError unless `given` is a Scene. `what` names the operation, such as "truth"."""
     if not isinstance(given, Scene):
-        raise SceneError(f"{what} of {short(given)} ({type(given).__name__})", legal="a Scene")
+        raise SceneError(f"{what} of {described(given)}", legal="a Scene")
 
 
 def _instance(name: str, value: Any, kind: Any, legal: str, where: Location | None = None) -> Any:
     if not isinstance(value, kind):
-        raise SceneError(f"Scene: {name} = {short(value)} ({type(value).__name__})", legal=legal, where=where)
+        shown = f"{described(value)}"
+        raise SceneError(f"Scene: {name} = {shown}", legal=legal, where=where)
     return value
+
+
+def _named(make: str, value: Any) -> str:
+    """What to write in place of a name, such as "aces"."""
+    return f"{make}({value!r})" if isinstance(value, str) else f"{make.partition('.')[0]}(...)"
 
 
 def _several(name: str, values: Any, kind: Any, legal: str, example: str) -> tuple[Any, ...]:
     """The elements of an argument, checked."""
     if not isinstance(values, Iterable) or isinstance(values, Expr | np.generic | np.ndarray):
-        one = f"{type(values).__name__}(...)" if isinstance(values, kind) else short(values)
+        one = f"{type(values).__name__}(...)" if isinstance(values, kind) else f"{short(values)}{belongs(values)}"
         raise SceneError(f"Scene: {name} = {one}", legal=f"a list of them, such as {example}")
     return tuple(_instance(name, value, kind, legal) for value in values)
 

@@ -11,10 +11,9 @@ from raymarch.expr.convert import input_file
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
-from raymarch.scene.color import as_color
 from raymarch.scene.images import read_image
 from raymarch.scene.light import Sun
-from raymarch.scene.parameter import as_direction, as_number
+from raymarch.scene.parameter import as_color, as_direction, as_number
 from raymarch.scene.sky import Sky
 from raymarch.scene.value import value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like

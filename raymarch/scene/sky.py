@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import called, switch
 from raymarch.expr.function import Function, sum_of, unique_function
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import max
 from raymarch.expr.walk import free_variables
-from raymarch.scene.color import as_color
-from raymarch.scene.parameter import Values
+from raymarch.scene.parameter import Values, as_color
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, as_operand
 
@@ -45,6 +45,7 @@ class Sky(Value):
     Raises SceneError for a negative colour, or a function that does not give three numbers.
     """
 
+    BELONGS: ClassVar[str] = "Scene(sky=...)"
     color: Expr
     light: bool
 
@@ -133,7 +134,8 @@ def _radiance(color: Any) -> Expr:
     elif not callable(color) or isinstance(color, Expr):
         return as_color("Sky: color", color)
     else:
-        made = as_operand("Sky: the function gives", called("Sky", color, DIRECTION, legal=legal), legal)
+        given = linear_color("Sky: color", called("Sky", color, DIRECTION, legal=legal))
+        made = as_operand("Sky: the function gives", given, legal)
     if made.type is not VEC3:
         raise SceneError(f"Sky: the function gives a {made.type}", legal=legal)
     return made if made.op == "max" and made.args[1] is ZERO else max(made, 0.0)

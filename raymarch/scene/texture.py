@@ -6,18 +6,18 @@ A texture is filtered at a point of the space in which the material is given, ov
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import choice, instance, optional, short
 from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.texels import WRAPS, Texels, Wrap
 from raymarch.expr.textures import texture
 from raymarch.expr.vocabulary import abs, cos, max, pow, sin, vec2, vec3, where
-from raymarch.scene.color import linear_color
 from raymarch.scene.parameter import as_number
 from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
 from raymarch.scene.value import Value, value
@@ -89,6 +89,7 @@ class Texture(Value):
     wrap, channel, green : see `planar`.
     """
 
+    BELONGS: ClassVar[str] = "a value of a Material"
     what: str
     picture: Stored
     layout: Layout

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,9 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.hashing import pcg
 from raymarch.expr.node import Expr, expr, var
+from raymarch.expr.srgb import linear_to_srgb
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, dot, log2, max, pow, vec3
-from raymarch.scene.srgb import linear_to_srgb
 from raymarch.scene.value import Value, value
 
 COLOR = var("color", VEC3)
@@ -88,6 +88,7 @@ class ToneMapping(Value):
     Raises SceneError for a value outside its range.
     """
 
+    BELONGS: ClassVar[str] = "Scene(tone=...)"
     curve: str
     exposure: float
     dither: bool

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -26,6 +26,8 @@ class Value:
     """Base of the parts of a scene."""
 
     __slots__ = ("where",)
+    BELONGS: ClassVar[str] = ""
+    """The argument that takes such a part, for the message where it is given to another one."""
     where: Location | None
     """The user's line that made the value, or the value that it was replaced from. It does not count for equality."""
 

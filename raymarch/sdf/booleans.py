@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import choice, short
+from raymarch.expr.convert import choice, described, short
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
@@ -187,7 +187,7 @@ def _choose(
         raise SceneError(f"{name}: k = {short(k)}", legal="a number >= 0; 0 gives the hard operation")
     for node in nodes:
         if not isinstance(node, Node):
-            raise SceneError(f"{name} of {short(node)} ({type(node).__name__})", legal="nodes such as sphere()")
+            raise SceneError(f"{name} of {described(node)}", legal="nodes such as sphere()")
     if len(nodes) == 1:
         return nodes[0]
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0

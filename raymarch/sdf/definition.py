@@ -17,7 +17,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
 import numpy as np
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.convert import short
+from raymarch.expr.convert import described, short
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
@@ -97,9 +97,7 @@ class Definition:
             return self.flat.make(children, args, kwargs)
         for child in children:
             if not isinstance(child, Node):
-                raise SceneError(
-                    f"{self.called} of {short(child)} ({type(child).__name__})", legal="a node such as sphere()"
-                )
+                raise SceneError(f"{self.called} of {described(child)}", legal="a node such as sphere()")
             if child.dimension != self.child_dimension:
                 what = f"{self.called} of a {child.dimension}D field ({child.name})"
                 other = next((c for c in children if isinstance(c, Node) and c.dimension != child.dimension), None)

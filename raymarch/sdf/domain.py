@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, value_of
-from raymarch.expr.convert import holdable, instance, integer, numbers, plain, short, switch
+from raymarch.expr.convert import belongs, holdable, instance, integer, numbers, plain, short, switch
 from raymarch.expr.intervals import Interval, interval_of
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.samples import Samples
@@ -82,9 +82,9 @@ class Domain:
         if self.type is None:
             return self._accept_static(node, name, value)
         try:
-            given = expr(value)
+            given = _expression(value)
         except SceneError:
-            raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal) from None
+            raise SceneError(f"{node}: {name} = {short(value)}{belongs(value)}", legal=self.legal) from None
         stray = free_variables([given])
         if stray:
             what = f"{node}: {name} depends on {short(stray[0].data)}"
@@ -180,11 +180,18 @@ Whole = Annotated[int, Domain(None, unit="integer")]
 
 
 def as_operand(what: str, value: Any, legal: str) -> Expr:
-    """Any operand as an expression."""
+    """Any argument as an expression. A string is none: arguments that are colours convert theirs before."""
     try:
-        return expr(value)
+        return _expression(value)
     except SceneError:
-        raise SceneError(f"{what} = {short(value)}", legal=legal) from None
+        raise SceneError(f"{what} = {short(value)}{belongs(value)}", legal=legal) from None
+
+
+def _expression(value: Any) -> Expr:
+    """The expression of a number, a vector or an expression. SceneError for a string, which `expr` takes as colour."""
+    if isinstance(value, str):
+        raise SceneError(f"{short(value)} is a string", legal="a number, a vector or an expression")
+    return expr(value)
 
 
 def as_length(what: str, value: Any, legal: str = "a number > 0, or None") -> Expr:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, short, switch
+from raymarch.expr.convert import described, file_path, input_file, integer, numbers, optional, switch
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT
@@ -244,7 +244,7 @@ def text(
     that the font lacks.
     """
     if not isinstance(string, str):
-        raise SceneError(f"text: string = {short(string)} ({type(string).__name__})", legal="a string")
+        raise SceneError(f"text: string = {described(string)}", legal="a string")
     full, resolution = _checked("text", height, resolution)
     file = optional(file_path, "text: font", font, "a TrueType or OpenType file, or a name that the system knows")
     return _standing(_written(unicodedata.normalize("NFC", str(string)), file, resolution), full)

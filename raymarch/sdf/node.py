@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import Location, SceneError, user_location
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import numbers, short
+from raymarch.expr.convert import described, numbers, short
 from raymarch.expr.peers import OPERATORS, refused_operator, unknown_attribute
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.pickling import Same, pickled, remake, same
@@ -176,7 +176,7 @@ class Node:
 
     def _combine(self, name: str, other: Node) -> Node:
         if not isinstance(other, Node):
-            raise SceneError(f"{name} of {self.name} and {short(other)} ({type(other).__name__})", legal="two nodes")
+            raise SceneError(f"{name} of {self.name} and {described(other)}", legal="two nodes")
         return self._call(name, other)
 
     def _call(self, name: str, *args: Any, **kwargs: Any) -> Node:
@@ -334,7 +334,8 @@ class Node:
 def solid(what: str, node: Any) -> Node:
     """The node. SceneError if it is none, or a flat shape. what : the operation on it, for the message."""
     if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"{what} of {short(node)} ({type(node).__name__})", legal="a solid such as sphere()")
+        shown = f"{described(node)}"
+        raise SceneError(f"{what} of {shown}", legal="a solid such as sphere()")
     return node
 
 

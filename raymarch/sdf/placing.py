@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raymarch.errors import Location, SceneError, user_location, warn
-from raymarch.expr.convert import holdable, numbers, plain, short
+from raymarch.expr.convert import described, holdable, numbers, plain, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, columns, cos, dot, max, min, sin, transpose, vec2, vec3
@@ -316,9 +316,10 @@ _NO_LABEL = (str, int, float, tuple, list, dict, set, frozenset, np.ndarray, np.
 
 def refuse_label(what: str, label: Any) -> None:
     """SceneError for a value that is no material."""
-    if label is None or isinstance(label, _NO_LABEL):
-        given = "a node" if isinstance(label, Node) else short(label)
-        raise SceneError(f"{what} = {given} ({type(label).__name__})", legal="rm.Material(color=...)")
+    elsewhere = getattr(type(label), "BELONGS", "") not in ("", "node.material(...)")
+    if label is None or isinstance(label, _NO_LABEL) or elsewhere:
+        given = "a node (Node)" if isinstance(label, Node) else described(label)
+        raise SceneError(f"{what} = {given}", legal="rm.Material(color=...)")
 
 
 def with_label(node: Node, label: Any) -> Node:

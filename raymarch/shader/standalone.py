@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import TIME, constant, literal
 from raymarch.expr.node import Expr, Operand, const, expr, var
+from raymarch.expr.srgb import ENCODE
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import cross, dot, max, normalize, tan
 from raymarch.plan import Plan
 from raymarch.scene.camera import MARGIN, VIEW, framed_box
 from raymarch.scene.scene import HORIZON
-from raymarch.scene.srgb import ENCODE
 from raymarch.sdf.booleans import balanced
 from raymarch.shader.chunk import Chunk, Lines, Values
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.expr.srgb import srgb_to_linear
 from raymarch.gpu.draw_calls import DrawCall
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.renderer import Renderer
@@ -23,7 +24,6 @@ from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import Tile, tiles_of
 from raymarch.gpu.views import VIEWS, scale_of
 from raymarch.gpu.views import picture as picture_of
-from raymarch.scene.srgb import srgb_to_linear
 from raymarch.window.model import Drawn
 from raymarch.window.pace import Pace, scaled
 from raymarch.window.shot import Shot

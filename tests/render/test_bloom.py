@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.cost.effects import ablations
 from raymarch.errors import SceneError, SceneWarning
+from raymarch.expr.srgb import srgb_to_linear
 from raymarch.gpu.part import Part
 from raymarch.gpu.prepare import prepare
 from raymarch.plan import plan
 from raymarch.scene.parameter import Values
-from raymarch.scene.srgb import srgb_to_linear
 
 SIZE = (48, 36)
 LAMP = rm.Material(emission=(20, 12, 4))

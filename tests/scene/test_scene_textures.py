@@ -12,8 +12,8 @@ from PIL import Image
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr
+from raymarch.expr.srgb import srgb_to_linear
 from raymarch.expr.walk import find
-from raymarch.scene.srgb import srgb_to_linear
 from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
 from tests.support.refusals import refused
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.expr.srgb import linear_to_srgb
 from raymarch.gpu.screen import Screen
 from raymarch.gpu.views import VIEWS, scale_of
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.camera import look_at
-from raymarch.scene.srgb import linear_to_srgb
 from raymarch.window.pace import Pace
 from raymarch.window.picture import Picture
 from raymarch.window.shot import Shot, progressive

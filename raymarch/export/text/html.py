@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from raymarch.export.inputs import Text, alone, is_own, light_rows, sky_light
 from raymarch.expr.glsl import TIME
 from raymarch.expr.samples import Samples
+from raymarch.expr.srgb import srgb_glsl
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.gpu.colormaps import MAPS
@@ -25,7 +26,6 @@ from raymarch.plan import Plan, plan
 from raymarch.scene.camera import framed_box
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
-from raymarch.scene.srgb import srgb_glsl
 from raymarch.shader import Shader, assemble
 
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 from raymarch.export.inputs import Text, declarations, inputs, planned, refuse_textures, shader_of
 from raymarch.expr.glsl import TIME
+from raymarch.expr.srgb import srgb_glsl
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
-from raymarch.scene.srgb import srgb_glsl
 
 HOST: Mapping[str, str] = {
     "u_resolution": "iResolution.xy",
