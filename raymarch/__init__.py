@@ -68,7 +68,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
         searched = (module for module in _SEARCHED if name in import_module(module).__all__)
         module = _SOURCES.get(name) or next(searched, None)
         if module is None:
-            methods = [known for known in vars(import_module("raymarch.sdf").Node) if not known.startswith("_")]
+            node = vars(import_module("raymarch.sdf").Node)
+            methods = [known for known, what in node.items() if callable(what) and not known.startswith("_")]
             raise import_module("raymarch.expr.peers").unknown_function(name, __dir__(), methods)
         value = globals()[name] = getattr(import_module(module), name)
         return value

@@ -72,14 +72,33 @@ FUNCTIONS = _keys(
         "checkerboard chessboard": 'rm.checker(first, second, size, axis="y")',
         "gridtexture lines": 'rm.grid_lines(first, second, size, width, axis="y")',
         "display view": "rm.show(scene), or the command `raymarch view SCENE.py`",
-        "rgb color colour hex": 'a tuple (r, g, b) of linear RGB, or a string: "#ff8800", "orange"',
-        "hsv hsl hsvtorgb": "colorsys.hsv_to_rgb(h, s, v), of Python",
+        "rgb color colour hex srgb": 'a tuple (r, g, b) of linear RGB, or "#ff8800", "orange", rm.vec3("orange") * 2',
+        "hsv hsl hsvtorgb hsv2rgb": "colorsys.hsv_to_rgb(h, s, v), of Python",
         "save write": 'rm.render(scene).save("picture.png")',
         "trace raymarch raytrace": "rm.render(scene)",
         "elapsed t seconds": "rm.time",
         "x y z p position": "a function of the point, such as lambda p: rm.sin(p.x), for .displace_by or a Material",
-        "colormap palette gradient": "rm.mix(first, second, t) of two colours",
-        "mengersponge kaleidoscope": "rm.menger(...), or rm.fold_fractal(...)",
+        "colormap cmap palette cosinepalette gradient viridis": 'rm.mix("navy", "orange", t), with t from 0 to 1',
+        "mengersponge kaleidoscope fractal kifs ifs": "rm.mandelbulb(), rm.menger(), or rm.fold_fractal(...)",
+        "bars bar barchart histogram": "rm.union(*[rm.box((w, h, d)).translate((x, h / 2, z)) for ...])",
+        "scatter scatterplot scatterpoints points pointcloud dots": "rm.instances(rm.sphere(0.1), positions, colors)",
+        "clone copy copies instanced duplicate": "rm.instances(node, positions)",
+        "heightfield terrain landscape surfaceplot": "rm.heightmap(heights)",
+        "spline curve path": "rm.polyline_tube(points, radius), or rm.bezier_tube(a, b, c, radius)",
+        "stairs staircase": "rm.union(*[rm.box(...).translate(...) for ...])",
+        "column pillar": "rm.cylinder(radius=1, height=2)",
+        "prism hexagon": "rm.regular_polygon(6).extrude(1)",
+        "chain": "rm.link(...), repeated",
+        "letters font label text3d": 'rm.text("abc").extrude(0.2)',
+        "gold metal chrome steel": "rm.Material(albedo=..., metalness=1, roughness=0.2)",
+        "glass water crystal": "rm.Material(transmission=1, ior=1.5)",
+        "emissive": "rm.Material(emission=...)",
+        "volume volumetric smoke fire godrays": "rm.Fog(...), which is the only volume",
+        "rotation rot rot2d": "node.rotate(angle, axis)",
+        "degrees radians deg2rad deg rad": "math.radians(angle)",
+        "linspace arange array range": "numpy's function of that name",
+        "savepng savefig imsave": 'rm.render(scene).save("picture.png")',
+        "imshow": "rm.show(scene)",
     }
 )
 """Names looked for in the package."""
@@ -195,6 +214,11 @@ OPERATORS = {
 """Operators of Python that nodes do not have."""
 
 
+NEAR = 0.81
+"""How similar names are (`difflib`) of which one is suggested for the other: a letter in six differs. A suggestion that
+is not meant is worse than none."""
+
+
 def key(name: str) -> str:
     """A name as the tables have it."""
     return name.lower().replace("_", "")
@@ -202,12 +226,14 @@ def key(name: str) -> str:
 
 def _nearest(name: str, names: Collection[str]) -> str | None:
     """The known name that is equal but for case and underscores, or else close."""
-    same = [known for known in names if key(known) == key(name)]
-    if same:
-        return same[0]
-    close = get_close_matches(name, list(names), 1)
-    if not close:  # a capital more, as in "Spher"
-        close = get_close_matches(name.lower(), list(names), 1, 0.75)
+    found = key(name)
+    same = [known for known in names if key(known) == found]
+    # A part of a name, such as "cyl", or a name with a suffix of its own, such as "text3d" and "export_mesh".
+    parts = [known for known in names if len(found) > 2 and key(known).startswith(found)]
+    parts += [known for known in names if len(known) > 3 and name.startswith(known) and not name[len(known)].isalpha()]
+    if same or parts:
+        return (same or sorted(parts, key=len))[0]
+    close = get_close_matches(name.lower(), list(names), 1, NEAR)
     return close[0] if close else None
 
 

@@ -27,6 +27,7 @@ from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.plan import Pass, lights
+from raymarch.plan.unused import unused
 from raymarch.scene.camera import Pose
 from raymarch.scene.fog import Fog
 from raymarch.scene.legal import violations
@@ -254,7 +255,7 @@ class Renderer:
         pose = frame.pose
         assert pose is not None
         found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(frame.color)]
-        found.append(vouch.noisy(scene))
+        found += [vouch.noisy(scene), *unused(scene)]
         white = vouch.overexposed(frame.color, scene)
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))

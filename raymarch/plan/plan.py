@@ -33,6 +33,7 @@ from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.objects import Located, ObjectsInCells, exact_distance
 from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
 from raymarch.plan.shading import Feature
+from raymarch.plan.unused import unused
 from raymarch.scene.bsdf import BSDF, Phong
 from raymarch.scene.extent import InReach, refuse_extent
 from raymarch.scene.legal import Condition, conditions_of
@@ -268,7 +269,7 @@ def plan(
         made.conditions.append(InReach(given))
     for effect in scene.post if standalone else ():
         warn(f"{effect.LABEL} is left out: an exported shader draws each pixel alone", effect.where)
-    made.warnings += [*_warnings(given), *range_warning(given, origin, at_camera)]
+    made.warnings += [*_warnings(given), *unused(given), *range_warning(given, origin, at_camera)]
     return made
 
 

@@ -72,6 +72,11 @@ def occluded(scene: Scene, model: str) -> bool:
     return scene.occlusion is not None and ambient(scene, model)
 
 
+def dims_ambient_light(scene: Scene) -> bool:
+    """True if an AmbientOcclusion would dim light: of the sky, or the ambient term of Phong materials."""
+    return ambient_sky(scene) or (bool(scene.lights) and not all(m.physical for m in scene.materials))
+
+
 def ambient(scene: Scene, model: str) -> bool:
     """True if the scene has ambient light: from the sky, or from lights on Phong materials."""
     return ambient_sky(scene) or (bool(scene.lights) and model != "physical")
@@ -153,8 +158,7 @@ def features(scene: Scene) -> list[Feature]:
     why = "Quality(integrator='whitted') finds no mirror and no glass" if scene.bounces else "Scene has no bounces"
     feature("bounces of light", scene.path_traced or scene.whitted, several, why)
     feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky does not light surfaces")
-    ambient_lights = bool(every) and not all(m.physical for m in scene.materials)
-    dimmed = scene.occlusion is not None and (ambient_sky(scene) or ambient_lights)
+    dimmed = scene.occlusion is not None and dims_ambient_light(scene)
     steps = scene.occlusion.steps if scene.occlusion is not None else 0
     why = "Scene has no occlusion" if scene.occlusion is None else "the scene has no ambient light"
     feature("ambient occlusion", dimmed, f"{steps} evaluations per hit", why)

@@ -78,8 +78,8 @@ class Scene(Value):
         - With `Quality(integrator="whitted")`, 0 to 4. All rays reflected and refracted by mirrors and glass are
           traced, without random choices.
 
-        None is 0, or 6 if a material transmits (4 for "whitted"). The reference `rm.truth` has the Whitted
-        integrator, but no path tracing.
+        None is 6 if a material transmits, else 0. With "whitted" it is 4 if a material transmits or mirrors. The
+        reference `rm.truth` has the Whitted integrator, but no path tracing.
     post : post effects in order. They change the finished picture in linear light, before tone mapping.
 
     Notes
@@ -129,9 +129,9 @@ class Scene(Value):
             for label in (part.label,) if rows is None else rows.labels:
                 if label is not None:
                     _instance("material", label, Material, "Material(...)", part.where)
-        chosen = (
-            Quality() if quality is None else _instance("quality", quality, Quality, _named("Quality.preset", quality))
-        )
+        curves = "ToneMapping(...), such as ToneMapping('aces')"
+        presets = "Quality(...), such as Quality.preset('fine')"
+        chosen = Quality() if quality is None else _instance("quality", quality, Quality, presets)
         count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["path"], "an integer from 0 to 16, or None")
         deepest = DEEPEST[chosen.integrator]
         if count is not None and count > deepest:
@@ -140,7 +140,9 @@ class Scene(Value):
                 legal=f"up to {deepest}, or Quality(integrator='path')",
             )
         if count is None:
-            count = min(6, deepest) if any(material.transmits for material in _labels(solid)) else 0
+            mirrors = chosen.integrator == "whitted"
+            called_for = any(m.transmits or (mirrors and m.mirrors) for m in _labels(solid))
+            count = min(6, deepest) if called_for else 0
         self._set(
             node=solid,
             camera=Camera() if camera is None else _instance("camera", camera, Camera, "Camera(...)"),
@@ -151,7 +153,7 @@ class Scene(Value):
             occlusion=None
             if occlusion is None
             else _instance("occlusion", occlusion, AmbientOcclusion, "AmbientOcclusion(...) or None"),
-            tone=ToneMapping() if tone is None else _instance("tone", tone, ToneMapping, _named("ToneMapping", tone)),
+            tone=ToneMapping() if tone is None else _instance("tone", tone, ToneMapping, curves),
             bounces=count,
             post=effects,
         )
@@ -312,11 +314,6 @@ def _instance(name: str, value: Any, kind: Any, legal: str, where: Location | No
         shown = f"{described(value)}"
         raise SceneError(f"Scene: {name} = {shown}", legal=legal, where=where)
     return value
-
-
-def _named(make: str, value: Any) -> str:
-    """What to write in place of a name, such as "aces"."""
-    return f"{make}({value!r})" if isinstance(value, str) else f"{make.partition('.')[0]}(...)"
 
 
 def _several(name: str, values: Any, kind: Any, legal: str, example: str) -> tuple[Any, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -88,12 +89,39 @@ def test_a_bad_part_is_refused_where_it_is_made(make: Any, what: str, legal: str
     refused(make, what, legal)
 
 
-def test_a_material_that_is_none_is_refused_at_the_node_that_got_it() -> None:
-    painted = rm.sphere().material(rm.Sun())
+def test_a_label_that_is_no_material_is_refused_at_the_node_that_got_it() -> None:
+    painted = rm.sphere().material(Fraction(1, 2))
     scene = rm.box() | painted
-    with pytest.raises(SceneError, match=r"material = Sun\(\) \(Sun\)") as caught:
+    with pytest.raises(SceneError, match=r"material = Fraction\(1, 2\) \(Fraction\)") as caught:
         rm.Scene(scene)
     assert caught.value.where == painted.where != scene.where
+
+
+SOLID = rm.sphere()
+MISPLACED: dict[str, Any] = {
+    "Scene: lights = AmbientOcclusion() (AmbientOcclusion): an AmbientOcclusion belongs to Scene(occlusion=...)": (
+        lambda: rm.Scene(SOLID, lights=[rm.AmbientOcclusion()])  # type: ignore[list-item]
+    ),
+    "a Sun belongs to Scene(lights=[...])": lambda: rm.Scene(SOLID, [rm.Sun()]),  # type: ignore[arg-type]
+    "a Camera belongs to Scene(camera=...)": lambda: rm.sphere(rm.Camera()),  # type: ignore[arg-type]
+    "a Quality belongs to Scene(quality=...)": lambda: rm.Scene(SOLID, sky=rm.Quality()),  # type: ignore[arg-type]
+    "a Fog belongs to Scene(fog=...)": lambda: SOLID | rm.Fog(),  # type: ignore[operator]
+    "a GradientSky belongs to Scene(sky=...)": lambda: rm.union(SOLID, rm.GradientSky()),  # type: ignore[arg-type]
+    "a SpotLight belongs to Scene(lights=[...])": lambda: SOLID.material(rm.SpotLight((0, 1, 0))),
+    "a Material belongs to node.material(...)": lambda: rm.Sun(color=rm.Material()),  # type: ignore[arg-type]
+    "a Bloom belongs to Scene(post=[...])": lambda: rm.Scene(SOLID, tone=rm.Bloom()),  # type: ignore[arg-type]
+    "a Scene belongs to rm.render(...)": lambda: rm.Scene(rm.Scene(SOLID)),  # type: ignore[arg-type]
+}
+
+
+@pytest.mark.parametrize("words", MISPLACED)
+def test_a_part_in_another_place_is_told_where_it_belongs(words: str) -> None:
+    refused(MISPLACED[words], words, "")
+
+
+def test_every_part_of_a_scene_says_where_it_belongs() -> None:
+    parts = [kind for name in rm.scene.__all__ if isinstance(kind := getattr(rm.scene, name), type)]
+    assert {kind.__name__ for kind in parts if not getattr(kind, "BELONGS", "")} == {"DirectionSample"}
 
 
 # What is filled in.

@@ -1,0 +1,109 @@
+"""What a scene asks for and its picture lacks: options that have no effect in the scene where they are given.
+
+A request that the picture meets is none of them: `energy_compensation=False` without metal, or a tracer where no ray is
+marched. Each rule yields the option with the reason and the cure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from raymarch.expr.node import Expr
+from raymarch.plan.shading import dims_ambient_light
+from raymarch.scene.light import Light, RectLight
+from raymarch.scene.material import SMOOTH, Material
+from raymarch.scene.scene import Scene
+
+
+def unused(scene: Scene) -> list[str]:
+    """A sentence for each option that has no effect, with the user's line where it is known."""
+    return list(dict.fromkeys(sentence for rule in RULES for sentence in rule(scene)))
+
+
+def _bounces(scene: Scene) -> Iterator[str]:
+    smooth = any(m.transmits or m.mirrors for m in scene.materials)
+    if scene.quality.integrator == "whitted":
+        if not smooth:
+            cure = "Material(metalness=1, roughness=0), or transmission=1"
+            yield f"Quality(integrator='whitted') has no effect: no material is smooth ({cure})"
+        elif not scene.bounces:
+            yield "Quality(integrator='whitted') has no effect with bounces = 0 (Scene(bounces=1) to 4, or None)"
+    elif not scene.bounces and not scene.sky.light:
+        for m in scene.materials:
+            if m.metallic and _constant(m.metalness) == 1.0 and (_constant(m.roughness) or 0.0) < SMOOTH and m.mirrors:
+                yield _at(m, "a mirror shows nothing but lights (Scene(bounces=2), or a sky with light=True)")
+    if scene.whitted:
+        for m in scene.materials:
+            if m.frosted:
+                yield _at(m, "Quality(integrator='whitted') draws rough glass clear (integrator='path')")
+
+
+def _ambient(scene: Scene) -> Iterator[str]:
+    paths = "path-traced light finds it by itself" if scene.path_traced else "no ambient light (Sky(..., light=True))"
+    if scene.occlusion is not None and not dims_ambient_light(scene):
+        yield _at(scene.occlusion, f"Scene(occlusion=...) has no effect: {paths}")
+
+
+def _shadows(scene: Scene) -> Iterator[str]:
+    casting = [light for light in scene.lights if light.shadow]
+    for light in scene.lights:
+        name = type(light).__name__
+        given = {"softness": _may_differ(light.softness, 0.0) and not hasattr(light, "radius")}
+        given |= {"penumbra": light.penumbra != "two-sided" and not isinstance(light, RectLight)}
+        given |= {"shadow_radius": getattr(light, "shadow_radius", None) is not None}
+        for option in (option for option, is_given in given.items() if is_given):
+            if not light.shadow:
+                yield _at(light, f"{name}({option}=...) has no effect without shadow=True")
+            elif option == "penumbra" and not light.soft:
+                yield _at(light, f"{name}(penumbra=...) has no effect without softness")
+    if scene.quality.shadow_steps is not None and not casting:
+        yield "Quality(shadow_steps=...) has no effect: no light has shadow=True"
+    if scene.quality.light_samples > 1 and not any(_sampled(light) for light in scene.lights):
+        yield "Quality(light_samples=...) has no effect: no RectLight, and no soft shadow with penumbra='sampled'"
+
+
+def _camera(scene: Scene) -> Iterator[str]:
+    camera = scene.camera
+    if camera.opens and not scene.motion_blur:
+        yield _at(camera, "Camera(shutter=...) has no effect: nothing in the scene reads rm.time")
+    if camera.focus is not None and not camera.lens:
+        yield _at(camera, "Camera(focus=...) has no effect without an aperture")
+
+
+def _fog(scene: Scene) -> Iterator[str]:
+    if scene.fog is not None and _may_differ(scene.fog.height, 0.0) and not scene.fog.layered:
+        yield _at(scene.fog, "Fog(height=...) has no effect without a falloff")
+
+
+def _materials(scene: Scene) -> Iterator[str]:
+    for material in scene.materials:
+        given = material.arguments()
+        needed: dict[str, tuple[bool, str]] = {
+            "ior": (material.transmits, "transmission"),
+            "absorption": (material.transmits, "transmission"),
+            "clearcoat_roughness": (material.coated, "clearcoat"),
+        }
+        for option, (used, other) in needed.items():
+            if given[option] is not None and not used:
+                yield _at(material, f"Material({option}=...) has no effect without {other}")
+
+
+RULES: tuple[Callable[[Scene], Iterator[str]], ...] = (_bounces, _ambient, _shadows, _camera, _fog, _materials)
+"""The rules, by the parts of a scene."""
+
+
+def _at(part: Material | Light | object, sentence: str) -> str:
+    where = getattr(part, "where", None)
+    return f"{where}: {sentence}" if where else sentence
+
+
+def _sampled(light: Light) -> bool:
+    return isinstance(light, RectLight) or (light.soft and light.penumbra == "sampled")
+
+
+def _constant(value: Expr) -> float | None:
+    return float(value.data) if value.is_constant else None
+
+
+def _may_differ(value: Expr, usual: float) -> bool:
+    return _constant(value) != usual
