@@ -24,6 +24,7 @@ from raymarch.export import stills
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import described, integer, optional, real, short, switch
 from raymarch.files import written
 from raymarch.gpu.part import Part
@@ -178,6 +179,7 @@ def _shared(content: str | None, split: int) -> str | None:
     return content if content is None or split == 1 else f"{content} in {split} shares"
 
 
+@checked
 def render_frames(
     scene: Scene | str | os.PathLike[str],
     frames: Iterable[int],

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, integer, numbers, short, switch
 from raymarch.files import written
 from raymarch.scene.parameter import ParamValue, set_values
@@ -43,6 +44,7 @@ CELLS = 128
 """Default number of cells of a mesh along the longest edge of its box."""
 
 
+@checked
 def export(
     scene: Scene | Node,
     path: str | PathLike[str],

@@ -11,6 +11,7 @@ from typing import Any
 from PIL import Image
 
 from raymarch.errors import PlanError, SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import integer, short
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Values, set_values
@@ -74,6 +75,7 @@ class Live:
         return f"<raymarch scene, {self.size[0]}x{self.size[1]}>"
 
 
+@checked
 def show(scene: Scene | Node, size: tuple[int, int] = (640, 400), time: float = 0.0, params: Any = None) -> Any:
     """A scene or node as the last value of a notebook cell: a page that can be turned, with a slider for each Param.
 

@@ -13,11 +13,12 @@ from raymarch.expr.peers import meant
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def checked(function: F, what: str) -> F:
-    """A method whose calls with wrong arguments raise SceneError with the user's line. Other calls cost nothing.
+def checked(function: F, what: str = "") -> F:
+    """A function or method whose calls with wrong arguments raise SceneError with the user's line. Others cost nothing.
 
-    what : the name for messages: that of the method, or of the class for a constructor.
+    what : the name for messages: the class for a constructor. By default that of the function.
     """
+    what = what or function.__name__
     signature = inspect.signature(function)
 
     @functools.wraps(function)
@@ -43,18 +44,23 @@ def _fault(
         pass
     else:
         return None
-    own = list(signature.parameters.values())[1:]
+    own = list(signature.parameters.values())
+    if own and own[0].name in ("self", "cls"):
+        own, args = own[1:], args[1:]
+    several = any(q.kind is q.VAR_POSITIONAL for q in own)
+    own = [q for q in own if q.kind not in (q.VAR_POSITIONAL, q.VAR_KEYWORD)]
     names = [q.name for q in own]
     legal = ", ".join(names) or "no arguments"
     for name in kwargs:
         if name not in names:
             return SceneError(f"{what} has no parameter '{name}'", legal=f"{meant(name, names, what)}legal: {legal}")
-    given = args[1:]
-    if len(given) > len(own):
+    given = () if several else args
+    most_given = len([q for q in own if q.kind is not q.KEYWORD_ONLY])
+    if len(given) > most_given:
         if _takes_vector(own) and len(given) in (2, 3) and all(isinstance(v, int | float) for v in given):
             shown = ", ".join(map(repr, given))
             return SceneError(f"{what} takes one vector (x, y, z)", legal=f"{what}(({shown}))")
-        most = f"{len(own)} argument{'s' * (len(own) != 1)}"
+        most = f"{most_given} argument{'s' * (most_given != 1)}"
         return SceneError(f"{what} takes up to {most}, {len(given)} were given", legal=legal)
     for name in names[: len(given)]:
         if name in kwargs:

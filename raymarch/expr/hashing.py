@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.node import Expr, Operand, expr, simplify
 from raymarch.expr.types import FLOAT, VEC3
 
@@ -22,6 +23,7 @@ FARTHEST = 1.0e9
 """Cell indices are clamped to this; float32 and 32-bit integers both hold it."""
 
 
+@checked
 def hash(cell: Operand) -> Expr:
     """A pseudorandom number in [0, 1) for each cell of the integer lattice.
 

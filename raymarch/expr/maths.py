@@ -18,6 +18,7 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr import vocabulary as v
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import numbers, short
 from raymarch.expr.node import Expr, Operand, construct, expr, var
@@ -186,11 +187,10 @@ distance = _of_vectors(v.distance)
 dot = _of_vectors(v.dot)
 cross_product = _of_vectors(v.cross, "cross_product")
 normalize = _of_vectors(v.normalize)
-vec2 = v.vec2
-vec3 = v.vec3
-vec4 = v.vec4
+vec2, vec3, vec4 = checked(v.vec2), checked(v.vec3), checked(v.vec4)
 
 
+@checked
 def where(condition: Any, a: Operand, b: Operand) -> Any:
     """a where the condition holds, else b. Of an expression both are computed.
 

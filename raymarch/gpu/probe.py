@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.arrays import bound
+from raymarch.expr.calls import checked
 from raymarch.expr.faults import KINDS, decoded
 from raymarch.gpu.prepare import Prepared, assembled
 from raymarch.gpu.program import Elements, Program
@@ -98,6 +99,7 @@ class Probe:
         return "\n".join(table(self.reports))
 
 
+@checked
 def probe(
     scene: Scene,
     size: tuple[int, int] = (160, 90),

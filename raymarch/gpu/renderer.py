@@ -14,6 +14,7 @@ from PIL import Image
 
 from raymarch.errors import DeviceError, RenderError
 from raymarch.expr.arrays import bound
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.clock import Clock
@@ -149,6 +150,7 @@ class Renderer:
         """Discard the history: the next frame reuses nothing of earlier frames."""
         self.history = History()
 
+    @checked
     def render(
         self,
         scene: Scene,
@@ -532,10 +534,14 @@ def _named(drawing: Drawing) -> Iterator[DrawCall]:
         yield call
 
 
+Renderer.__init__ = checked(Renderer.__init__, "Renderer")  # type: ignore[method-assign]
+
+
 def _part(progress: Progress, i: int, n: int) -> Progress:
     return lambda share: progress((i + share) / n)
 
 
+@checked
 def render(
     scene: Scene,
     size: tuple[int, int] = (640, 360),

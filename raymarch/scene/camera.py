@@ -11,6 +11,7 @@ import pyrr
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, instance, real, short
 from raymarch.expr.node import Expr
 from raymarch.scene.parameter import Values, as_number, as_vec3
@@ -202,6 +203,7 @@ class Camera(Part):
             self.pose(values, None)
 
     @classmethod
+    @checked
     def framing(
         cls,
         node: Node,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, PlanError, SceneError, user_location
 from raymarch.expr.arrays import bound, value_of
+from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import described, holdable, numbers, real, short
 from raymarch.expr.intervals import interval_of
@@ -92,6 +93,7 @@ def _plain(value: Any, what: str, where: Location | None = None) -> Value:
     return float(array) if array.shape == () else tuple(float(v) for v in array)
 
 
+@checked
 def Param(
     name: str,
     value: ParamValue,

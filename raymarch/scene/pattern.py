@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import choice, integer, short
 from raymarch.expr.derivative import directional_derivatives
@@ -24,6 +25,7 @@ Pattern: TypeAlias = Callable[[Expr], Expr]
 AXES = ("x", "y", "z")
 
 
+@checked
 def checker(a: Scalar | ColorLike, b: Scalar | ColorLike, size: Scalar = 1.0, axis: str | None = None) -> Pattern:
     """A checkerboard of two values: of cubes, or with an axis of squares for floors and walls.
 
@@ -63,6 +65,7 @@ def checker(a: Scalar | ColorLike, b: Scalar | ColorLike, size: Scalar = 1.0, ax
     return pattern
 
 
+@checked
 def grid_lines(
     a: Scalar | ColorLike,
     b: Scalar | ColorLike,
@@ -94,6 +97,7 @@ def grid_lines(
     return lambda p: mix(second, first, _over_footprint(p, across, spacing, gaps))
 
 
+@checked
 def stripes(a: Scalar | ColorLike, b: Scalar | ColorLike, width: Scalar = 0.5, axis: str = "x") -> Pattern:
     """Alternating layers of two values at right angles to an axis.
 
@@ -109,6 +113,7 @@ def stripes(a: Scalar | ColorLike, b: Scalar | ColorLike, width: Scalar = 0.5, a
     return lambda p: where(mod(floor(p["xyz".index(axis)] / thick), 2.0) < 0.5, first, second)
 
 
+@checked
 def noise(a: Scalar | ColorLike, b: Scalar | ColorLike, scale: Scalar = 1.0, octaves: int = 3) -> Pattern:
     """Fractal value noise between two values. About 95 % of the points are between them, the others have one of them.
 
@@ -124,6 +129,7 @@ def noise(a: Scalar | ColorLike, b: Scalar | ColorLike, scale: Scalar = 1.0, oct
     return lambda p: mix(first, second, clamp(0.5 + 0.25 * _fractal(p / size, octaves), 0.0, 1.0))
 
 
+@checked
 def marble(
     a: Scalar | ColorLike,
     b: Scalar | ColorLike,

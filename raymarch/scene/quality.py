@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any, ClassVar, Self
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, integer, optional, real, switch
 from raymarch.scene.value import Value, value
 
@@ -236,6 +237,7 @@ class Quality(Value):
         return self.step_scale < 1 or self.step_variation > 0
 
     @classmethod
+    @checked
     def preset(cls, name: str) -> Self:
         """A quality by its error: "draft", "normal" (the default), "fine" or "exact"; see `PROMISED`."""
         return cls(**PRESETS[choice("Quality: preset", name, tuple(PRESETS))])

@@ -7,6 +7,7 @@ from os import PathLike
 
 import numpy as np
 
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import input_file
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
@@ -91,6 +92,7 @@ class SunSky(Sky):
         Sky.__init__(self, color, light)
         self._set(direction=towards, turbidity=haze, intensity=factor, ground=low)
 
+    @checked
     def sun(
         self,
         intensity: Scalar = 3.0,

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import choice, instance, optional, short
 from raymarch.expr.derivative import directional_derivatives
@@ -277,6 +278,7 @@ def _projected(
     return Texture(what, stored, Layout(axis, size, offset, rotation, hardness, what), **parts)
 
 
+@checked
 def planar(
     picture: Picture,
     size: Scalar | Sequence[Scalar] = 1.0,
@@ -312,6 +314,7 @@ def planar(
     return _projected("planar", picture, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
 
 
+@checked
 def triplanar(
     picture: Picture,
     size: Scalar | Sequence[Scalar] = 1.0,

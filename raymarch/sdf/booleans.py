@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, described, short
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr
@@ -204,6 +205,7 @@ def _choose(
     return made
 
 
+@checked
 @method
 def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Union: `a | b`, or with a fillet for k > 0.
@@ -223,12 +225,14 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
     return _choose("union", nodes, k, blend, steps, hard_union, smooth_union, blended_union)
 
 
+@checked
 @method
 def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Intersection: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
     return _choose("intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection, blended_intersection)
 
 
+@checked
 @method
 def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Difference: `a - b`, the first solid without the others, or with rounded new edges for k > 0.

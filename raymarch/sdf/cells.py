@@ -20,6 +20,7 @@ from uuid import uuid4
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import called, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr, make
@@ -126,6 +127,7 @@ def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr
     return at_least(distance, balanced(gaps, max)) if gaps else distance
 
 
+@checked
 def repeat_varied(
     build: Callable[[Expr], Node], spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None
 ) -> Node:

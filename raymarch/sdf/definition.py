@@ -17,6 +17,7 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
 import numpy as np
 
 from raymarch.errors import Location, SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import described, short
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
@@ -430,6 +431,7 @@ def _decorator(arity: str, dimension: Dimension, child_dimension: Dimension | No
     return decorate
 
 
+@checked
 def shape(
     *,
     exactness: Exactness | Rule | None = None,
@@ -480,6 +482,7 @@ def shape(
     )
 
 
+@checked
 def operator(
     *,
     bounds: Rule | None = None,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import LARGEST, called, numbers, short
 from raymarch.expr.function import loop
 from raymarch.expr.node import Expr, Operand, const, expr
@@ -29,6 +30,7 @@ Corners: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
 TINY = 1e-20
 
 
+@checked
 def plane_fold(z: Operand, normal: Operand) -> Expr:
     """Reflect points behind a plane through the origin to its front.
 
@@ -39,12 +41,14 @@ def plane_fold(z: Operand, normal: Operand) -> Expr:
     return z - 2.0 * min(dot(z, n), 0.0) * n
 
 
+@checked
 def box_fold(z: Operand, limit: Operand = 1.0) -> Expr:
     """Reflect points beyond a face of the cube from -limit to limit in that face. Keeps distances."""
     at, end = as_operand("box_fold: z", z, "a vec3"), as_operand("box_fold: limit", limit, "a number > 0")
     return 2.0 * clamp(at, -end, end) - at
 
 
+@checked
 def ball_fold(z: Operand, growth: Operand, inner: Operand = 0.5, outer: Operand = 1.0) -> tuple[Expr, Expr]:
     """Invert the points of a ball about the origin in its sphere; scale those of an inner ball.
 
@@ -120,6 +124,7 @@ def folded_solid(
     return _to_box(child(z) / growth, p, bounds)
 
 
+@checked
 def fold_fractal(
     fold: Fold,
     solid: Node | None = None,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import holdable, numbers, short
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, MAT3, VEC3
@@ -202,6 +203,7 @@ def remade(*arguments: Any) -> Rows:
     return _rows(*arguments)
 
 
+@checked
 def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     """One solid at many places, from arrays: a union of N copies, which takes no longer to write than one.
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from raymarch.expr.calls import checked
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import length, max, min, mix, vec2
 from raymarch.sdf.booleans import balanced, hull, spread_of_first, widest
@@ -82,32 +83,38 @@ def complement(p: Expr, child: Child) -> Expr:
     return -child(p)
 
 
+@checked
 def pipe(a: Node, b: Node, radius: Scalar = 0.1) -> Node:
     """A tube of a radius > 0 along the line where the surfaces of two solids meet. A bound."""
     return pipe_along([a, b], radius)
 
 
+@checked
 def engrave(a: Node, b: Node, depth: Scalar = 0.1) -> Node:
     """The first solid with a V-shaped line of a depth > 0 where the second's surface meets it. A bound."""
     return engraved([a, b], depth)
 
 
+@checked
 def groove(a: Node, b: Node, depth: Scalar = 0.1, width: Scalar = 0.1) -> Node:
     """The first solid with a channel of a depth and full width > 0 along the second's surface. A bound."""
     return grooved([a, b], depth, width)
 
 
+@checked
 def tongue(a: Node, b: Node, height: Scalar = 0.1, width: Scalar = 0.1) -> Node:
     """The first solid with a rib of a height and full width > 0 along the second's surface. A bound."""
     return tongued([a, b], height, width)
 
 
+@checked
 @method
 def xor(a: Node, b: Node) -> Node:
     """Exclusive or: the points of one of two solids but not of both. A bound."""
     return exclusive([a, b])
 
 
+@checked
 def morph(a: Node, b: Node, amount: Scalar = 0.5) -> Node:
     """A solid between two others: the first for amount 0, the second for 1. A bound."""
     return between([a, b], amount)

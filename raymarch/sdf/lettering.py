@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import described, file_path, input_file, integer, numbers, optional, switch
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
@@ -227,6 +228,7 @@ def _checked(name: str, height: Scalar, resolution: int) -> tuple[Expr, int]:
 # Text
 
 
+@checked
 def text(
     string: str, font: str | os.PathLike[str] | None = None, height: Scalar = 1.0, *, resolution: int = 96
 ) -> Node:
@@ -364,6 +366,7 @@ def _written(string: str, file: str | None, resolution: int) -> Samples:
 # Masks
 
 
+@checked
 def image(
     source: str | os.PathLike[str] | ArrayLike, height: Scalar = 1.0, *, invert: bool = False, resolution: int = 192
 ) -> Node:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import SceneError, user_location
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, numbers, real, short
 from raymarch.expr.glsl import identifier
 from raymarch.expr.node import Expr, const
@@ -70,6 +71,7 @@ def raw_field(p: Expr, field: Annotated[Any, Domain(None, holds=RawField)] = WAV
     return raw(field.function, p)
 
 
+@checked
 def glsl_node(
     code: str,
     name: str,

@@ -20,6 +20,7 @@ from PIL import Image
 
 from raymarch import cache as disk
 from raymarch.errors import SceneError, warn
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
@@ -87,6 +88,7 @@ def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), cent
     return length(vec2(length(q - inside), max(value, 0.0))) + min(value, 0.0)
 
 
+@checked
 def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vector = (0.0, 0.0, 0.0)) -> Node:
     """A solid from signed distances on a regular grid.
 
@@ -116,6 +118,7 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     return sampled_grid(data, size, centre)
 
 
+@checked
 def mesh(
     file: str | os.PathLike[str],
     extent: float | None = None,
@@ -427,6 +430,7 @@ def _terrain(data: Samples, size: Any, height: Any) -> Expr:
     return length(vec2(1.0, _carpet(data, size, height)))
 
 
+@checked
 def heightmap(
     source: str | os.PathLike[str] | ArrayLike,
     size: Vector | Scalar = (2.0, 2.0),

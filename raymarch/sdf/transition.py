@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min
@@ -53,6 +54,7 @@ def transition_between(
     return a + weight * clamp(b - a, -reach, reach)
 
 
+@checked
 @method
 def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
     """Transition from one solid to another along a line.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import ParamValue, Values, set_values
@@ -99,6 +100,7 @@ class Truth:
         return result.reshape(*self.hit.shape, *result.shape[1:])
 
 
+@checked
 def truth(
     scene: Scene,
     size: tuple[int, int] = (640, 360),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 from collections.abc import Callable
 
 import pytest
@@ -47,6 +48,27 @@ WRONG = {
         lambda: rm.PointLight(),  # type: ignore[call-arg]
         r"PointLight needs 'position' \(position, color,",
     ),
+    "a name of a function": (
+        lambda: rm.union(rm.sphere(), rm.box(), smooth=0.2),  # type: ignore[call-arg]
+        r"union has no parameter 'smooth' \(did you mean 'k'\? legal: k, blend, steps\)",
+    ),
+    "a name of a render": (
+        lambda: rm.render(rm.Scene(rm.sphere()), resolution=(64, 48)),  # type: ignore[call-arg]
+        r"render has no parameter 'resolution' \(use size=\(width, height\).*legal: scene, size, time",
+    ),
+    "a name of a renderer": (
+        lambda: rm.Renderer(width=64),  # type: ignore[call-arg]
+        r"Renderer has no parameter 'width' \(did you mean 'size'\?",
+    ),
+    "a name of a method of a class": (
+        lambda: rm.Camera.framing(rm.sphere(), angle=30),  # type: ignore[call-arg]
+        r"framing has no parameter 'angle' \(did you mean 'fov'\? legal: node, direction",
+    ),
+    "too many of a function": (
+        lambda: rm.Param("r", 1, 0, 2, 3),  # type: ignore[call-arg]
+        r"Param takes up to 4 arguments, 5 were given \(name, value, min, max\)",
+    ),
+    "too few of a function": (lambda: rm.checker(), r"checker needs 'a' \(a, b, size"),  # type: ignore[call-arg]
     "twice": (
         lambda: rm.Camera((0, 0, 1), position=(1, 2, 3)),  # type: ignore[misc]
         r"Camera was given 'position' twice",
@@ -71,6 +93,25 @@ def test_a_type_error_with_another_cause_stays() -> None:
     run: Callable[..., int] = checked(Own.run, "run")
     with pytest.raises(TypeError, match="unsupported operand"):
         run(Own(), 1)
+
+
+MADE_ELSEWHERE = {"DirectionSample", "Frame", "Node", "Probe", "Truth", "value_noise"}
+"""What users do not call, or call with expressions alone."""
+
+
+def test_every_public_callable_refuses_a_name_that_it_does_not_have() -> None:
+    """With the user's line, whether or not the other arguments are given."""
+    called = {name: getattr(rm, name) for name in rm.__all__ if name not in MADE_ELSEWHERE}
+    for name, function in called.items():
+        if callable(function) and not (isinstance(function, type) and issubclass(function, BaseException)):
+            for args in ((), (1,) * 12):
+                with pytest.raises(rm.RaymarchError) as fault:
+                    function(*args, no_such_name=1)
+                assert fault.value.where is not None and fault.value.where.file == __file__, name
+
+
+def test_a_checked_function_can_be_pickled() -> None:
+    assert pickle.loads(pickle.dumps(rm.union)) is rm.union and pickle.loads(pickle.dumps(rm.render)) is rm.render
 
 
 def test_signatures_stay() -> None:
