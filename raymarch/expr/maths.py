@@ -68,6 +68,8 @@ __all__ = [
 
 P = ParamSpec("P")
 
+BROADCAST = "shapes that broadcast; of N numbers t beside colours or vectors, t[:, None]"
+
 pi = math.pi
 tau = math.tau
 
@@ -123,7 +125,7 @@ def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bo
                 result if vectors else np.broadcast_to(result, np.broadcast_shapes(*(a.shape for a in arrays)))
             )
         except ValueError:
-            raise SceneError(f"{called} of shapes {shapes}", legal="shapes that broadcast") from None
+            raise SceneError(f"{called} of shapes {shapes}", legal=BROADCAST) from None
 
     return call
 
@@ -212,7 +214,7 @@ def where(condition: Any, a: Operand, b: Operand) -> Any:
     try:
         return _number(np.where(condition, *chosen))
     except ValueError:
-        raise SceneError("where of shapes that do not fit", legal="shapes that broadcast") from None
+        raise SceneError("where of shapes that do not fit", legal=BROADCAST) from None
 
 
 def power(x: Operand, y: Operand) -> Expr:

@@ -172,11 +172,13 @@ PARAMETERS = _keys(
         "dir": "direction",
         "cutoff radius": "range",
         "r rad diameter": "radius",
+        "fontsize": "height",
         "dimensions dims extents width": "size",
         "h length": "height",
         "smooth smoothing blendradius": "k",
         "offsets distance translation": "offset",
         "n num copies": "count",
+        "colors colours values": "materials",
         "period cell step": "spacing",
         "degrees theta radians": "angle",
     }
@@ -191,7 +193,7 @@ WITHOUT = _keys(
         "material materials": "node.material(rm.Material(...))",
         "exposure": "tone=rm.ToneMapping(exposure=...)",
         "shadow shadows": "lights=[rm.Sun(shadow=True)]",
-        "tracer maxsteps": "quality=rm.Quality(...)",
+        "tracer maxsteps integrator preset": "quality=rm.Quality(...)",
         "color diffuse": "node.material(rm.Material(color=...))",
         "position center centre origin pos": ".translate((x, y, z)) of the node",
         "rotation": ".rotate(angle, axis) of the node",
@@ -244,6 +246,8 @@ def meant(name: str, names: Iterable[str], owner: str = "") -> str:
     """
     known = list(names)
     other = PARAMETERS.get(key(name))
+    if other not in known and key(name) == "size":  # of a shape that has another measure
+        other = next((measure for measure in ("height", "radius") if measure in known), None)
     if other in known:
         return f"did you mean '{other}'? "
     close = _nearest(name, known)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import plain
@@ -176,7 +178,8 @@ class Material(Value):
         if is_physical:
             unset |= {"specular": 0.0, "ambient": 0.0}
         made = {
-            n: material_value(n, unset.get(n, given[n]), size, low, high) for n, (_, size, low, high) in _VALUES.items()
+            n: _unset(n, unset[n]) if n in unset else material_value(n, given[n], *limits)
+            for n, (_, *limits) in _VALUES.items()
         }
         made["color"] = material_value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
@@ -279,6 +282,46 @@ class Material(Value):
         return depends_on_interaction(self.expressions)
 
 
+def materials_by_value(what: str, given: Mapping[str, Any], n: int) -> tuple[list[Material], NDArray[np.int64]]:
+    """The distinct materials of n objects, and the index of each object's among them.
+
+    given : arguments of Material, by name. A sequence or an array of n rows has a value for each object; any other
+        value is that of all. what : the operation, for messages.
+    """
+    columns = {name: _rows_of(what, name, value, n) for name, value in given.items()}
+    rows: dict[tuple[Any, ...], int] = {}
+    each = [columns[name] if name in columns and columns[name] is not None else [given[name]] * n for name in given]
+    chosen = np.array([rows.setdefault(row, len(rows)) for row in zip(*each, strict=True)], np.int64)
+    made = []
+    for row, index in rows.items():
+        try:
+            made.append(Material(**dict(zip(given, row, strict=True))))
+        except SceneError as fault:
+            first = f"{what}: object {int(np.argmax(chosen == index))}: " if len(rows) > 1 else f"{what}: "
+            raise SceneError(first + fault.what, legal=fault.legal) from None
+    return made, chosen
+
+
+def _rows_of(what: str, name: str, value: Any, n: int) -> list[Any] | None:
+    """The values of n objects as numbers, strings and tuples; None for one value, which is that of all."""
+    if isinstance(value, list | tuple) and value and all(isinstance(item, str) for item in value):
+        found: list[Any] = list(value)
+    else:
+        array = np.asarray(value) if isinstance(value, np.ndarray | list | tuple) else np.zeros(())
+        if array.ndim == 0 or array.dtype.kind not in "biuf" or (array.shape == (3,) and n != 3):
+            return None
+        if array.shape not in ((n,), (n, 3)):
+            hint = "; of RGBA in sRGB, as matplotlib has it, [matplotlib.colors.to_hex(c) for c in colors]"
+            legal = f"shape ({n}, 3), linear RGB, or ({n},)"
+            raise SceneError(
+                f"{what}: {name} of shape {array.shape}", legal=legal + hint if array.shape[-1] == 4 else legal
+            )
+        found = [tuple(row) if array.ndim == 2 else row for row in array.astype(np.float64).tolist()]
+    if len(found) != n:
+        raise SceneError(f"{what}: {len(found)} values of {name} for {n} objects", legal=f"{n} values, or one for all")
+    return found
+
+
 def _kept(given: Any, made: Expr) -> Any:
     """The argument that `replace` and pickles pass to the constructor: for a function, the expression it returned."""
     if given is None or isinstance(given, Texture):
@@ -313,6 +356,12 @@ _VALUES: Mapping[str, tuple[Any, int, float, float]] = {
 _UNSET = {name: [expr(default)] for name, (default, _, _, _) in _VALUES.items()}
 for _name in ("specular", "ambient"):
     _UNSET[_name].append(expr(0.0))  # of physical materials
+
+
+@cache
+def _unset(name: str, value: Any) -> Expr:
+    """The expression of a value that is not given. A scene may have thousands of materials."""
+    return material_value(name, value, *_VALUES[name][1:])
 
 
 def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:

@@ -92,7 +92,8 @@ class Domain:
         if self.stretch and given.type is FLOAT:
             given = expr((given,) * self.type.size)
         if given.type is not self.type:
-            raise SceneError(f"{node}: {name} = {short(value)} is a {given.type}", legal=self.legal)
+            flat = "; a flat shape has two coordinates: extrude it first" * (self.type is VEC2 and given.type is VEC3)
+            raise SceneError(f"{node}: {name} = {short(value)} is a {given.type}", legal=f"{self.legal}{flat}")
         self._check(node, name, value, given)
         return unit(given) if self.direction else given
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Annotated, Any
 
 import numpy as np
@@ -203,6 +204,13 @@ def remade(*arguments: Any) -> Rows:
     return _rows(*arguments)
 
 
+def _are_colors(given: Any) -> bool:
+    """True for a list of colours: strings, or sequences of three numbers."""
+    if not isinstance(given, list | tuple) or len(given) == 0:
+        return False
+    return all(isinstance(c, str) or (isinstance(c, list | tuple) and len(c) == 3) for c in given)
+
+
 @checked
 def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     """One solid at many places, from arrays: a union of N copies, which takes no longer to write than one.
@@ -213,9 +221,13 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     transforms : shape (N, 3): positions, in units of length; or (N, 4, 4): matrices for row vectors, as `transform`
         takes them, the offset in the last row; or (N, 3, 4): matrices for column vectors, the offset in the last
         column. A matrix is a rotation times one factor > 0, and an offset. N is 1 or more.
-    materials : a Material for all; a sequence of N; or (materials, indices): a sequence of materials and the index of
-        each instance's, integers of shape (N,). Parts of the node that have their own material keep it. None leaves
-        the material to the node.
+    materials : of the instances; parts of the node that have their own material keep it. None leaves it to the node.
+
+        - a Material for all, or a sequence of N.
+        - colours: shape (N, 3), linear RGB, each in [0, 1]; or N strings such as "#ff8800", encoded in sRGB.
+        - a dict of arguments of Material: {"albedo": (N, 3), "roughness": (N,), "metalness": 1}. A value that is no
+          array of N is that of all.
+        - (materials, indices): a sequence of materials, and integers of shape (N,), the index of each instance's.
 
     Returns
     -------
@@ -226,6 +238,12 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     -----
     Raises SceneError for arrays of another shape, for numbers that are not finite, and for matrices that stretch.
     """
+    if isinstance(materials, np.ndarray) or _are_colors(materials):
+        materials = {"color": materials}
+    if isinstance(materials, Mapping):
+        n = len(_placements(transforms)[1])
+        of_values = import_module("raymarch.scene.material").materials_by_value  # of a layer above
+        materials = of_values("instances", materials, n)
     given = [] if materials is None else [materials]
     if isinstance(materials, list | tuple):
         indexed = len(materials) == 2 and isinstance(materials[1], np.ndarray)

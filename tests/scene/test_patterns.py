@@ -12,6 +12,7 @@ from PIL import Image
 
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.node import Expr
 from raymarch.gpu.context import Context
 from raymarch.sdf.lower import DPDX, DPDY, POSITION
 
@@ -50,6 +51,42 @@ def test_a_colour_may_be_a_string_everywhere(name: str) -> None:
     assert np.all(np.asarray(getattr(TAKES[name]("white"), "data", 1.0)) == 1.0)
     with pytest.raises(rm.SceneError, match=r"= 'ornage' \(did you mean 'orange'\? linear RGB such as .*#ff8800"):
         TAKES[name]("ornage")
+
+
+ORANGE_AND_BLACK: dict[str, Callable[[Any, Any], Any]] = {
+    "mix of numbers": lambda a, b: rm.mix(a, b, 0.0),
+    "mix of an array": lambda a, b: rm.mix(b, a, np.ones((4, 1)))[2],
+    "mix of an expression": lambda a, b: rm.mix(a, b, 0 * rm.time),
+    "where": lambda a, b: rm.where(rm.time > -1, a, b),
+    "where of a condition that is known": lambda a, b: rm.where(False, b, a),
+    "where of an array": lambda a, b: rm.where(np.ones((4, 1), bool), a, b)[3],
+    "vec3": lambda a, b: rm.vec3(a) + b,
+    "a function of the point": lambda a, b: rm.Material(color=lambda p: a).color,
+    "a pattern": lambda a, b: rm.Material(color=lambda p: rm.where(p.x < 1e9, a, b)).color,
+    "a sky": lambda a, b: rm.Sky(lambda d: a).color,
+}
+
+
+@pytest.mark.parametrize("name", ORANGE_AND_BLACK)
+def test_a_string_in_an_expression_is_the_colour_in_linear_rgb(name: str) -> None:
+    made = ORANGE_AND_BLACK[name]("#ff8800", "black")
+    if isinstance(made, Expr):
+        made = evaluator([made], [POSITION, rm.time])(np.zeros((1, 3)), 0.0)[0]
+    np.testing.assert_allclose(np.ravel(made), ORANGE, atol=1e-12)
+    with pytest.raises(rm.SceneError, match="did you mean 'orange'"):
+        ORANGE_AND_BLACK[name]("ornage", "black")
+
+
+def test_a_string_is_no_vector_and_no_number() -> None:
+    for make in (
+        lambda: rm.sphere("red"),
+        lambda: rm.sphere().translate("red"),
+        lambda: rm.Camera(position="red"),  # type: ignore[arg-type]
+        lambda: rm.Material(roughness=lambda p: "red"),
+        lambda: rm.sphere().displace_by(lambda p: "red"),
+    ):
+        with pytest.raises(rm.SceneError, match="= 'red' "):
+            make()
 
 
 def test_names_are_those_of_css() -> None:

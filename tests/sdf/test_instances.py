@@ -63,6 +63,30 @@ def test_materials():
     assert set(rm.Scene(kept).materials[1:]) == {RED, BLUE}
 
 
+COLORS = np.random.default_rng(3).integers(0, 3, (12, 3)) / 2.0
+AS_STRINGS = ["#%02x0000" % (i // 4 * 100) for i in range(12)]
+
+
+@pytest.mark.parametrize(
+    ("given", "of"),
+    [
+        (COLORS, lambda i: {"color": COLORS[i]}),
+        (COLORS.tolist(), lambda i: {"color": COLORS[i]}),
+        (AS_STRINGS, lambda i: {"color": AS_STRINGS[i]}),
+        (
+            {"albedo": COLORS, "roughness": COLORS[:, 0], "metalness": 1, "f0": (0.1, 0.2, 0.3)},
+            lambda i: {"albedo": COLORS[i], "roughness": COLORS[i, 0], "metalness": 1, "f0": (0.1, 0.2, 0.3)},
+        ),
+    ],
+    ids=["colours", "a list", "strings", "values"],
+)
+def test_values_of_each_instance_are_its_material(given, of):
+    expected = [rm.Material(**of(i)) for i in range(12)]
+    node = rm.instances(rm.sphere(0.2), PLACES, given)
+    assert node == rm.instances(rm.sphere(0.2), PLACES, expected)
+    assert pickle.loads(pickle.dumps(node)) == node
+
+
 def test_a_shift_is_exact_far_from_the_origin():
     far = PLACES + 1e7
     near = shifted(rm.instances(rm.box(0.3), far), np.full(3, 1e7))
@@ -84,6 +108,12 @@ def test_a_shift_is_exact_far_from_the_origin():
         (lambda: rm.instances(rm.box(), PLACES, [RED]), "1 materials for 12"),
         (lambda: rm.instances(rm.box(), PLACES, ([RED], np.ones(12, int))), "from 0 to 0"),
         (lambda: rm.Scene(rm.instances(rm.box(), PLACES, "red")), "Material"),
+        (lambda: rm.instances(rm.box(), PLACES, COLORS[:5]), r"color of shape \(5, 3\) \(shape \(12, 3\)"),
+        (lambda: rm.instances(rm.box(), PLACES, np.ones((12, 4))), "to_hex"),
+        (lambda: rm.instances(rm.box(), PLACES, COLORS * 255), r"object \d+: Material: color = \("),
+        (lambda: rm.instances(rm.box(), PLACES, ["red", "blue"]), "2 values of color for 12 objects"),
+        (lambda: rm.instances(rm.box(), PLACES, {"rough": COLORS[:, 0]}), "did you mean 'roughness'"),
+        (lambda: rm.instances(rm.box(), PLACES, colors=COLORS), "did you mean 'materials'"),
     ],
 )
 def test_wrong_arguments_are_refused(make, words):
