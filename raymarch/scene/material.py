@@ -71,7 +71,8 @@ class Material(Value):
         it is clear. Its shadows are those of an opaque solid.
     ior : physical. Index of refraction inside a material that transmits, in [1, 4]. Default 1.5.
     absorption : physical. Absorption coefficient per unit of length inside: exp(-absorption) of the light is left after
-        one unit. A number or linear RGB, >= 0. Default 0.
+        one unit. A number or linear RGB, >= 0. Default 0. For glass that leaves the colour c after one unit:
+        -numpy.log(c).
     clearcoat : physical. Weight of a clear coat over the surface, as varnish on wood, in [0, 1]. Default 0, which costs
         nothing. The coat has an index of refraction of 1.5. The emission is not under it.
     clearcoat_roughness : physical. Roughness of the coat, from 0 (a mirror) to 1. Default 0.
@@ -171,6 +172,9 @@ class Material(Value):
         base = color if albedo is None else albedo
         maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
         check_map_sizes({**maps, "occlusion": occlusion})
+        if isinstance(absorption, str):  # the colour that is removed would be its complement
+            legal = "a coefficient per unit of length; -numpy.log((0.9, 0.2, 0.2)) leaves red light after one unit"
+            raise SceneError(f"Material: absorption = {absorption!r}", legal=legal)
         raised = height_field(height)
         given = {**phong, **physical, "emission": emission, "occlusion": occlusion}
         given |= {"f0": _spread(physical["f0"]), "absorption": _spread(physical["absorption"])}

@@ -125,6 +125,16 @@ def lit_floor(intensity, color=(0.8, 0.8, 0.8), **parts):
     return rm.Scene(node, rm.Camera((0, 1, 5), (0, 0, 0)), [rm.Sun((0, 1, 0), intensity=intensity)], sky=(9, 9, 9))
 
 
+def test_highlights_may_be_white_but_no_twentieth_of_the_picture():
+    scene = lit_floor(1)
+    for share, few in ((0.04, True), (0.06, False)):
+        light = np.full((10, 100, 3), 0.3)
+        light[:, : int(100 * share)] = 2.0
+        assert (vouch.overexposed(light, scene) is None) == few
+        white = (light > 1).all(-1)
+        assert (vouch.clipped(white, light, np.zeros((10, 100), int), scene) == "") == few
+
+
 def test_a_floor_that_is_clipped_to_white(context):
     with rm.Renderer((32, 18), context=context) as renderer:
         found = renderer.render(lit_floor(4)).doubts()

@@ -31,7 +31,6 @@ TAKES: dict[str, Callable[[Any], Any]] = {
     "albedo": lambda color: rm.Material(albedo=color).albedo,
     "emission": lambda color: rm.Material(emission=color).emission,
     "f0": lambda color: rm.Material(f0=color).f0,
-    "absorption": lambda color: rm.Material(absorption=color)._fields["absorption"],
     "sun": lambda color: rm.Sun(color=color).color,
     "point light": lambda color: rm.PointLight((0, 1, 0), color=color).color,
     "sky": lambda color: rm.Sky(color).color,
@@ -79,6 +78,7 @@ def test_a_string_in_an_expression_is_the_colour_in_linear_rgb(name: str) -> Non
 
 def test_a_string_is_no_vector_and_no_number() -> None:
     for make in (
+        lambda: rm.Material(absorption="red"),
         lambda: rm.sphere("red"),
         lambda: rm.sphere().translate("red"),
         lambda: rm.Camera(position="red"),  # type: ignore[arg-type]
