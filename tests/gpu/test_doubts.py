@@ -121,7 +121,7 @@ def test_glass_of_one_path_a_pixel_is_noise(context):
 
 
 def lit_floor(intensity, color=(0.8, 0.8, 0.8), **parts):
-    node = rm.plane(offset=-1).material(rm.Material(color, specular=0, **parts)) | rm.sphere()
+    node = (rm.plane(offset=-1) | rm.sphere()).material(rm.Material(color, specular=0, **parts))
     return rm.Scene(node, rm.Camera((0, 1, 5), (0, 0, 0)), [rm.Sun((0, 1, 0), intensity=intensity)], sky=(9, 9, 9))
 
 
