@@ -182,8 +182,8 @@ class Material(Value):
         if is_physical:
             unset |= {"specular": 0.0, "ambient": 0.0}
         made = {
-            n: _unset(n, unset[n]) if n in unset else material_value(n, given[n], *limits)
-            for n, (_, *limits) in _VALUES.items()
+            n: _unset(n, unset[n]) if n in unset else material_value(n, given[n], size, low, high)
+            for n, (_, size, low, high) in _VALUES.items()
         }
         made["color"] = material_value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
