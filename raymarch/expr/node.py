@@ -275,7 +275,9 @@ def expr(value: Operand) -> Expr:
             return const(array)
     raise SceneError(
         f"{short(value)} ({type(value).__name__}) is not a number, vector or expression",
-        legal="a number, a sequence of 2 to 4 numbers, a colour such as 'orange', or an expression",
+        legal="the value of the function, such as pattern(p)"
+        if callable(value)
+        else "a number, a sequence of 2 to 4 numbers, a colour such as 'orange', or an expression",
     )
 
 

@@ -176,7 +176,7 @@ PARAMETERS = _keys(
         "dimensions dims extents width": "size",
         "h length": "height",
         "smooth smoothing blendradius": "k",
-        "offsets distance translation": "offset",
+        "offsets distance translation y level": "offset",
         "n num copies": "count",
         "colors colours values": "materials",
         "period cell step": "spacing",

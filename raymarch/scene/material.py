@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import plain
+from raymarch.expr.convert import plain, short
 from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import vec3
@@ -174,7 +174,7 @@ class Material(Value):
         check_map_sizes({**maps, "occlusion": occlusion})
         if isinstance(absorption, str):  # the colour that is removed would be its complement
             legal = "a coefficient per unit of length; -numpy.log((0.9, 0.2, 0.2)) leaves red light after one unit"
-            raise SceneError(f"Material: absorption = {absorption!r}", legal=legal)
+            raise SceneError(f"Material: absorption = {short(absorption)}", legal=legal)
         raised = height_field(height)
         given = {**phong, **physical, "emission": emission, "occlusion": occlusion}
         given |= {"f0": _spread(physical["f0"]), "absorption": _spread(physical["absorption"])}
@@ -292,14 +292,16 @@ def materials_by_value(what: str, given: Mapping[str, Any], n: int) -> tuple[lis
     given : arguments of Material, by name. A sequence or an array of n rows has a value for each object; any other
         value is that of all. what : the operation, for messages.
     """
-    columns = {name: _rows_of(what, name, value, n) for name, value in given.items()}
+    found = {name: _rows_of(what, name, value, n) for name, value in given.items()}
+    columns = {name: values for name, values in found.items() if values is not None}
+    of_all = {name: value for name, value in given.items() if name not in columns}
     rows: dict[tuple[Any, ...], int] = {}
-    each = [columns[name] if name in columns and columns[name] is not None else [given[name]] * n for name in given]
-    chosen = np.array([rows.setdefault(row, len(rows)) for row in zip(*each, strict=True)], np.int64)
+    each = zip(*columns.values(), strict=True) if columns else [()] * n
+    chosen = np.array([rows.setdefault(row, len(rows)) for row in each], np.int64)
     made = []
     for row, index in rows.items():
         try:
-            made.append(Material(**dict(zip(given, row, strict=True))))
+            made.append(Material(**of_all, **dict(zip(columns, row, strict=True))))
         except SceneError as fault:
             first = f"{what}: object {int(np.argmax(chosen == index))}: " if len(rows) > 1 else f"{what}: "
             raise SceneError(first + fault.what, legal=fault.legal) from None
@@ -312,7 +314,7 @@ def _rows_of(what: str, name: str, value: Any, n: int) -> list[Any] | None:
         found: list[Any] = list(value)
     else:
         array = np.asarray(value) if isinstance(value, np.ndarray | list | tuple) else np.zeros(())
-        if array.ndim == 0 or array.dtype.kind not in "biuf" or (array.shape == (3,) and n != 3):
+        if array.ndim == 0 or array.dtype.kind not in "iuf" or (array.shape == (3,) and n != 3):
             return None
         if array.shape not in ((n,), (n, 3)):
             hint = "; of RGBA in sRGB, as matplotlib has it, [matplotlib.colors.to_hex(c) for c in colors]"

@@ -52,7 +52,7 @@ def bump_gradient(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
     normal : a normal map or None, times `strength`.
     height : a height map, heights as an expression of POSITION, or None, times `scale`, in units of length.
     """
-    if normal is None and height is None and type(strength) is type(scale) is float and 0.0 < strength < 100.0 > scale:
+    if normal is None and height is None and type(strength) is type(scale) is float and strength == 1.0 > scale > 0.0:
         return FLAT  # the usual case: a scene may have thousands of materials
     normal_factor = as_number("Material: normal_strength", strength, 0.0, 100.0, cells=True)
     height_factor = as_number("Material: height_scale", scale, -1e3, 1e3, cells=True)

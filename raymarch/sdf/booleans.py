@@ -188,7 +188,8 @@ def _choose(
         raise SceneError(f"{name}: k = {short(k)}", legal="a number >= 0; 0 gives the hard operation")
     for node in nodes:
         if not isinstance(node, Node):
-            raise SceneError(f"{name} of {described(node)}", legal="nodes such as sphere()")
+            legal = f"{name}(*nodes)" if isinstance(node, list | tuple) else "nodes such as sphere()"
+            raise SceneError(f"{name} of {described(node)}", legal=legal)
     if len(nodes) == 1:
         return nodes[0]
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0
