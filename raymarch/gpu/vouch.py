@@ -91,7 +91,8 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
 
 
 def noisy(scene: Scene) -> str:
-    """The doubt of glass, a lens or an open shutter with one random path a pixel; empty if there are more, or none."""
+    """The doubt of path-traced light, a lens or an open shutter with one random path a pixel; empty if there are more,
+    or none."""
     quality = scene.quality
     if quality.samples > 1 or quality.temporal != "off":
         return ""
@@ -101,9 +102,8 @@ def noisy(scene: Scene) -> str:
         return "Camera(shutter=...) shows one moment with one ray a pixel (--samples 64 or Quality(samples=64))"
     if not scene.path_traced:
         return ""
-    glass = next((m for m in scene.materials if m.transmits), None)
-    if glass is None:
-        return ""
+    if not any(m.transmits for m in scene.materials):
+        return "path-traced light is noisy with one random path a pixel (--samples 64 or Quality(samples=64))"
     return "glass is noisy with one random path a pixel (--samples 64 or Quality(samples=64); or integrator='whitted')"
 
 

@@ -115,6 +115,8 @@ def test_glass_of_one_path_a_pixel_is_noise(context):
     with rm.Renderer((16, 9), context=context) as renderer:
         assert any("glass is noisy" in doubt for doubt in renderer.render(glass()).doubts())
         assert not renderer.render(glass(2)).doubts()
+        (doubt,) = renderer.render(rm.Scene(rm.sphere(), rm.Camera((0, 0, 4)), bounces=1)).doubts()
+        assert "path-traced light is noisy" in doubt
         assert not renderer.render(glass(bounces=0)).doubts()
         whitted = glass().replace(quality=rm.Quality(integrator="whitted"), bounces=4)
         assert not renderer.render(whitted).doubts()
