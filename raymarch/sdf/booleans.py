@@ -188,8 +188,7 @@ def _choose(
         raise SceneError(f"{name}: k = {short(k)}", legal="a number >= 0; 0 gives the hard operation")
     for node in nodes:
         if not isinstance(node, Node):
-            legal = f"{name}(*nodes)" if isinstance(node, list | tuple) else "nodes such as sphere()"
-            raise SceneError(f"{name} of {described(node)}", legal=legal)
+            raise SceneError(f"{name} of {described(node)}", legal=f"nodes such as sphere(); of a list, {name}(*nodes)")
     if len(nodes) == 1:
         return nodes[0]
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0

@@ -152,6 +152,18 @@ NAMES: dict[str, tuple[Callable[[], Any], str]] = {
     "times": (lambda: rm.sphere() * 2, r"sphere \* 2 \(use node.scale\(factor\)"),
     "a material": (lambda: rm.sphere().material("red"), r"material = 'red' \(str\) \(rm.Material\(color=...\)\)"),
     "an axis to leave alone": (lambda: rm.box(0.5).repeat((0, 0, 2.4)), "None leaves an axis alone: repeat"),
+    "a list in a union": (lambda: rm.union([rm.sphere(), rm.box()]), r"of a list, union\(\*nodes\)\)"),  # type: ignore[arg-type]
+    "a pattern as a value": (
+        lambda: rm.vec3("gold") * rm.noise(0, 1),
+        r"the value of the function, such as pattern\(p\)",
+    ),
+    "the size of text": (lambda: rm.text("a", size=1), r"text has no parameter 'size' \(did you mean 'height'\?"),  # type: ignore[call-arg]
+    "three numbers for a flat shape": (lambda: rm.circle().translate((1, 2, 3)), r"two coordinates: extrude it first"),
+    "numbers beside colours": (lambda: rm.mix("red", "blue", np.ones(5)), r"beside colours or vectors, t\[:, None\]"),
+    "a part of a name": (lambda: rm.cyl, r"did you mean rm.cylinder\?"),
+    "a name with a suffix": (lambda: rm.render_png, r"did you mean rm.render\?"),
+    "not near": (lambda: rm.wheel, r"raymarch has no 'wheel' \(help\(raymarch\)"),
+    "no attribute of nodes": (lambda: rm.bars, r"raymarch has no 'bars' \(did you mean rm.union\("),
     "a list of nodes": (lambda: rm.Scene([rm.sphere(), rm.box()]), r"\(rm.union\(\*nodes\)\)"),
 }
 
