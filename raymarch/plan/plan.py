@@ -210,7 +210,7 @@ def plan(
     lit = shading.lit(scene)
     operations = count_operations([definition.body], turns=not gathered.rows)
     marched = count_operations([closed.rest.body], turns=not gathered.rows) if closed.rest else operations
-    chosen = marching.choose(scene, marched, size, standalone, cells=bool(gathered.rows))
+    chosen = marching.choose(scene, marched, size, standalone, bool(gathered.rows), closed.used)
     mixed = _refuse_mixed(scene, standalone)
     post = () if standalone else scene.post
     several = lights.split(scene) and not standalone and list(passes) == ["color"]
