@@ -17,19 +17,33 @@ def operations(roots: Sequence[Expr], turns: bool = True) -> int:
 
     turns : if True, a loop's body counts once per iteration; else once, as in the text.
     """
-    costs: dict[object, int] = {}
+    outside, inside = _counted(roots, {}, turns)
+    return outside + sum(inside)
 
-    def cost(roots: Sequence[Expr]) -> int:
-        total = 0
-        for node in topological(roots):
-            if node.op == "call":
-                if node.data not in costs:
-                    costs[node.data] = cost(node.data.inner)
-                total += costs[node.data]
-            elif node.op == "loop":
-                total += (node.data.count if turns else 1) * cost(node.data.inner)
-            elif node.op not in FREE:
-                total += max(a.type.size for a in node.args) if node.args else 1
-        return total
 
-    return cost(roots)
+def straight_lines(roots: Sequence[Expr]) -> list[int]:
+    """Operations of each part of the text without branches, with functions written out at each call: the text outside
+    of loops, and the body of each loop."""
+    outside, inside = _counted(roots, {}, False)
+    return [outside, *inside]
+
+
+def _counted(
+    roots: Sequence[Expr], known: dict[object, tuple[int, list[int]]], turns: bool
+) -> tuple[int, list[int]]:
+    """Operations outside of loops, and in each loop."""
+    outside, inside = 0, []
+    for node in topological(roots):
+        if node.op == "call":
+            if node.data not in known:
+                known[node.data] = _counted(node.data.inner, known, turns)
+            count, loops = known[node.data]
+            outside += count
+            inside += loops
+        elif node.op == "loop":
+            count, loops = _counted(node.data.inner, known, turns)
+            times = node.data.count if turns else 1
+            inside += [times * n for n in (count, *loops)]
+        elif node.op not in FREE:
+            outside += max(a.type.size for a in node.args) if node.args else 1
+    return outside, inside

@@ -29,17 +29,22 @@ def topological(
     """
     order: list[Any] = []
     seen: set[Any] = set()
-    stack: list[tuple[Any, bool]] = [(root, False) for root in reversed(list(roots))]
+    stack: list[Any] = list(roots)
+    stack.reverse()
     while stack:
-        if len(seen) > limit:
-            return []
-        node, arguments_done = stack.pop()
-        if arguments_done:
-            order.append(node)
+        node = stack.pop()
+        if node is None:  # the arguments of the node below are done
+            order.append(stack.pop())
         elif node not in seen:
             seen.add(node)
-            stack.append((node, True))
-            stack.extend((arg, False) for arg in reversed(arguments(node)) if arg not in seen)
+            if len(seen) > limit:
+                return []
+            below = arguments(node)
+            if below:
+                stack += (node, None)
+                stack += below[::-1]
+            else:
+                order.append(node)
     return order
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 from typing import Any
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Module:
     """One file: its name ("march/plain"), the names that it needs and gives, its first sentence, its lines.
 
@@ -18,11 +18,14 @@ class Module:
     """
 
     name: str
-    needs: frozenset[str]
     gives: frozenset[str]
     summary: str
     lines: tuple[str, ...]
     numbers: tuple[int, ...]
+
+    @cached_property
+    def needs(self) -> frozenset[str]:
+        return used("\n".join(self.lines))
 
 
 VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC"})
@@ -35,16 +38,16 @@ def load(name: str, variants: frozenset[str] = frozenset()) -> Module:
 
     variants : names of `VARIANTS` whose conditional lines are kept; those of the others are left out.
     """
-    source = files(__name__).joinpath(*f"{name}.glsl".split("/"))
-    if not source.is_file():
-        raise KeyError(f"no GLSL module '{name}'")
-    whole = source.read_text(encoding="utf-8").rstrip("\n").split("\n")
+    try:
+        whole = _folder().joinpath(f"{name}.glsl").read_text(encoding="utf-8").rstrip("\n").split("\n")
+    except FileNotFoundError:
+        raise KeyError(f"no GLSL module '{name}'") from None
     numbers, lines = zip(*_settled(whole, variants), strict=True)
     text = "\n".join(lines)
     gives = defined(text)
     if not lines[0].startswith("// ") or not gives:
         raise ValueError(f"GLSL module '{name}' lacks a comment in its first line, or defines nothing")
-    return Module(name, used(text), gives, lines[0][3:].strip(), lines, numbers)
+    return Module(name, gives, lines[0][3:].strip(), lines, numbers)
 
 
 def _settled(lines: list[str], variants: frozenset[str]) -> Iterator[tuple[int, str]]:
@@ -64,10 +67,16 @@ def _settled(lines: list[str], variants: frozenset[str]) -> Iterator[tuple[int, 
 
 
 @cache
+def _folder() -> Any:
+    """The folder of the modules."""
+    return files(__name__)
+
+
+@cache
 def givers() -> Mapping[str, tuple[str, ...]]:
     """The modules that define each name. If there are several, they are alternatives."""
     found: dict[str, tuple[str, ...]] = {}
-    for name in sorted(_names(files(__name__))):
+    for name in sorted(_names(_folder())):
         for given in load(name).gives:
             found[given] = (*found.get(given, ()), name)
     return found

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -25,9 +28,14 @@ def star(n: int) -> rm.Node:
     return rm.polygon(np.stack([r * np.cos(a), r * np.sin(a)], axis=-1)).extrude(0.3)
 
 
+def costly() -> rm.Node:
+    """Twenty solids, each in a branch."""
+    return runpy.run_path(str(Path(__file__).parents[2] / "examples/large/costly.py"))["scene"].node  # type: ignore[no-any-return]
+
+
 @pytest.mark.parametrize(
     ("node", "measured"),
-    [(chain(100), 4.5), (chain(200), 16.0), (star(50), 7.0), (star(100), 22.0)],
+    [(chain(100), 4.5), (chain(200), 16.0), (star(50), 7.0), (star(100), 22.0), (costly(), 6.5)],
 )
 def test_the_estimate_is_near_what_was_measured(node: rm.Node, measured: float) -> None:
     assert 0.5 < plan(rm.Scene(node)).compile_seconds / measured < 2.0

@@ -76,7 +76,7 @@ def test_a_module_without_its_sentence_or_of_no_such_name_is_refused(monkeypatch
         def read_text(self, **_: str) -> str:
             return self.text
 
-    monkeypatch.setattr(glsl, "files", lambda _: Source())
+    monkeypatch.setattr(glsl, "_folder", Source)
     for text in ("float f() { return 1.0; }\n", "// F.\n"):
         Source.text = text
         with pytest.raises(ValueError, match="lacks a comment in its first line, or defines nothing"):
