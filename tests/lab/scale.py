@@ -211,7 +211,7 @@ def reference(n: int, k: float) -> Iterator[Callable[[Any], Any]]:
         yield boxed
 
 
-def blended(n: int, k: float = 0.25, crop: tuple[int, int] = (24, 16)) -> dict[str, Any]:
+def blended(n: int, k: float = 0.25, crop: tuple[int, int] = (12, 8)) -> dict[str, Any]:
     """n blended objects: the whole picture, and a crop of its middle against brute force and the reference.
 
     Software renderers end all loops of a pixel after 65,535 turns. So brute force marches a few steps in each pass, and
@@ -227,6 +227,7 @@ def blended(n: int, k: float = 0.25, crop: tuple[int, int] = (24, 16)) -> dict[s
     found: dict[str, Any] = {"objects": n, "k": k}
 
     def timed(scene: Any, size: tuple[int, int]) -> tuple[float, Any]:
+        print(f"{sum(os.times()[:2]):.0f} s", file=sys.stderr)
         with rm.Renderer(size=size) as renderer:
             renderer.render(scene).color  # noqa: B018
             begin = time.process_time()
@@ -243,6 +244,7 @@ def blended(n: int, k: float = 0.25, crop: tuple[int, int] = (24, 16)) -> dict[s
     objects._built.clear()
     found["times faster"] = found["brute force: crop ms"] / found["cells: crop ms"]
     found["largest difference of 255 from brute force"] = largest(fast.color, slow.color)
+    print(f"{sum(os.times()[:2]):.0f} s: reference", file=sys.stderr)
     with reference(n, k) as boxed:
         known = rm.truth(boxed(near), size=crop)
         known_color = known.color
