@@ -28,9 +28,7 @@ def straight_lines(roots: Sequence[Expr]) -> list[int]:
     return [outside, *inside]
 
 
-def _counted(
-    roots: Sequence[Expr], known: dict[object, tuple[int, list[int]]], turns: bool
-) -> tuple[int, list[int]]:
+def _counted(roots: Sequence[Expr], known: dict[object, tuple[int, list[int]]], turns: bool) -> tuple[int, list[int]]:
     """Operations outside of loops, and in each loop."""
     outside, inside = 0, []
     for node in topological(roots):

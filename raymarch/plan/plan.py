@@ -206,8 +206,9 @@ def plan(
     if shapes > LARGEST:
         raise PlanError(
             f"the field has {shapes} shapes, too many to compile as text",
-            legal=f"up to {LARGEST} distinct shapes; objects of equal form can be data (docs/scale.md), and `repeat` "
-            "makes copies of one",
+            legal=f"up to {LARGEST} distinct shapes; objects of equal form can be data (docs/scale.md), "
+            + "but those that move are text in exports, " * standalone
+            + "and `repeat` makes copies of one",
             where=scene.node.where,
         )
     lit = shading.lit(scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -260,3 +261,16 @@ def test_the_command_writes_a_shader(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "textures.py:48" in capsys.readouterr().err and file.read_bytes() == before
     assert run("export", str(EXAMPLES / "csg.py"), "-o", str(file), "--box", "1,2") == 2
     assert "--box 1,2 (two corners" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", ["glsl", "html"])
+def test_too_many_moving_objects_are_refused_at_their_line(
+    ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exports hold objects that move as text, of which compilers take a limited number."""
+    monkeypatch.setattr(sys.modules["raymarch.plan.plan"], "LARGEST", 16)
+    balls = [rm.sphere(0.2).translate((0.5 * i, sin(rm.time + i), 0.0)) for i in range(40)]
+    with pytest.raises(RaymarchError, match="those that move are text in exports") as caught:
+        rm.export(rm.Scene(rm.union(*balls)), tmp_path / f"made.{ending}")
+    assert caught.value.where is not None and caught.value.where.file == __file__
+    assert not any(tmp_path.iterdir())
