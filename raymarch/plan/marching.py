@@ -17,9 +17,9 @@ WORTH, WORTH_BESIDE = 1e8, 3e9
 """Operations of the field times pixels from which schedule "auto" marches cones, without and with closed-form hits.
 
 Below, a second program and pass cost more than the evaluations that they save. Rays along a floor take the most steps;
-where the floor is solved in closed form, cones save little. On llvmpipe, frames of village (4e8 at 640x360) took 85 % of the
-time with cones if all solids were marched, 106 % with closed-form hits (115 % at 1.6e9, 1280x720), and its first frame
-.5 s more. Frames of costly (7.5e9) took 82 %.
+where the floor is solved in closed form, cones save little. On llvmpipe, frames of village (4e8 at 640x360) took 85 %
+of the time with cones if all solids were marched, 106 % with closed-form hits (115 % at 1.6e9, 1280x720), and its first
+frame .5 s more. Frames of costly (7.5e9) took 82 %.
 """
 
 
