@@ -145,6 +145,9 @@ def test_the_plan_marches_cones_only_where_they_pay_and_are_safe() -> None:
     text = rm.Scene(costly, quality=rm.Quality(objects="text", analytic=False))
     assert plan(text, size=(640, 360)).marching.cones
     assert not plan(text, size=(16, 9)).marching.cones and not plan(text).marching.cones
+    beside = rm.Scene(rm.union(costly, rm.plane(offset=-1)), quality=rm.Quality(objects="text"))
+    assert plan(beside, size=(640, 360)).analytic.used and not plan(beside, size=(640, 360)).marching.cones
+    assert plan(beside, size=(6400, 3600)).marching.cones
     assert not plan(rm.Scene(costly), size=(640, 360)).marching.cones, "cells skip empty space"
     guess = rm.Scene(rm.mandelbulb(), quality=rm.Quality(schedule="cones"))
     assert not plan(guess, size=(640, 360)).marching.cones
