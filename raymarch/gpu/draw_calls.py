@@ -51,7 +51,7 @@ class History:
     Attributes
     ----------
     view : the inputs of the cones that were drawn last.
-    text : the shader text of the last picture.
+    shown : the same of the last picture, which frames without a picture do not change. text : its shader text.
     samples : number of samples per pixel that were averaged since the picture changed.
     cones : whether the last picture drew its own cones.
     before : the camera uniforms of the last picture; None if there is none.
@@ -63,6 +63,7 @@ class History:
     """
 
     view: Any = None
+    shown: Any = None
     text: str | None = None
     samples: int = 0
     cones: bool = True
@@ -83,12 +84,12 @@ class History:
         """
         kept = keep and view == self.view
         if text is not None:
-            if not kept or text != self.text:
-                self.samples = 0
+            same = keep and view == self.shown and text == self.text
+            self.samples = self.samples if same else 0
             self.marched = self.marched if kept else 0
-            self.lit = self.lit if kept and text == self.text else 0
+            self.lit = self.lit if kept and same else 0
             self.lighted = True
-            self.text, self.cones = text, not kept
+            self.shown, self.text, self.cones = view, text, not kept
         self.view = view
         return kept
 
@@ -287,7 +288,7 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
 
 
 def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
-    """All inputs of the cones, for comparison: the field, the quality, the camera and all values."""
+    """All inputs of the cones and of the picture, for comparison: the field, the quality, the camera and all values."""
     left_out = {"u_lights", "u_light_cells"} | (set() if ready.shader.uses_time else {"u_time"})  # light_rows are read
     read = {name: value for name, value in uniforms.items() if name not in left_out}
     numbers = tuple((name, _content(value)) for name, value in sorted(read.items()))

@@ -319,6 +319,10 @@ class Renderer:
     def _drawing(self, picture: _Picture, enough: Callable[[], bool] | None) -> Drawing:
         ready, uniforms = self._ready(picture)
         at = self._shutter(ready, picture)
+        if at is not None:  # samples depend on values that may have no effect at the frame's time
+            values = picture.values
+            uniforms |= {f"shutter.{name}": value for name, value in values.params.items()}
+            uniforms["shutter"] = (ready.plan.given.camera.open_seconds(values), values.time)
         return Drawing(self.resources, ready, uniforms, self.size, self.history, enough, at, picture.part)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[Wanted] = ("color",)) -> None:
