@@ -281,6 +281,8 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
         if not single:
             history.samples += 1
             history.lit = 0
+    if drawing.at is not None:  # textures of the samples may have taken the place of those of the frame
+        drawing.uniforms = {**drawing.uniforms, **drawing.at(0.0)}
     if reprojected:
         history.before, history.shader = camera, history.text
         history.frames += 1

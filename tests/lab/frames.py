@@ -46,7 +46,7 @@ def solids(x: Any = 0.0, **material: Any) -> rm.Node:
 def balls(x: Any) -> rm.Node:
     """Enough of them to be rows of a texture."""
     places = [(i % 8 - 3.5, 0.2 * (i % 3) - 0.2, i // 8 - 2.0) for i in range(40)]
-    moved = [(px + (x if i % 2 else 0.0), py, pz) for i, (px, py, pz) in enumerate(places)]
+    moved = [(px + x, py + 0.1 * (i % 5) * x, pz) for i, (px, py, pz) in enumerate(places)]
     row = [rm.box(0.5).translate(place).material(rm.Material((0.9, 0.02 * i, 0.3))) for i, place in enumerate(moved)]
     return rm.union(*row) | rm.plane(offset=-0.5)
 
@@ -85,7 +85,7 @@ def _scenes() -> dict[str, rm.Scene]:
             still, camera(position=(0, 0.8 + A * rm.sin(rm.time), 4), shutter=0.1 + B), sun, quality=ACCUMULATE
         ),
         "shutter of rows": rm.Scene(
-            balls(rm.time), camera(position=(0, 2, 5), shutter=A), sun, quality=rm.Quality(samples=3)
+            balls(rm.sin(2 * rm.time)), camera(position=(0, 2, 5), shutter=A), sun, quality=rm.Quality(samples=3)
         ),
         "shutter of lights": rm.Scene(
             still, camera(shutter=A), lamps(rm.time, 0.5 + B), quality=ACCUMULATE.replace(lights_per_pass=5, samples=2)
