@@ -253,12 +253,19 @@ class Scene(Value):
         far = HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
         if values is None:
             return far
-        for box, offset in _moved_parts(self.node):
+        for centre, diameter in self.moved_parts:
             with bound(values.params, values.time):
-                (moved,) = evaluator([offset], ())()
-            away = np.linalg.norm(0.5 * (box.lower + box.upper) + np.ravel(moved) - pose.position)
-            far = max(far, float(away + np.linalg.norm(box.size)))
+                (moved,) = evaluator([centre], ())()
+            far = max(far, float(np.linalg.norm(np.ravel(moved) - pose.position)) + diameter)
         return far
+
+    @property
+    def moved_parts(self) -> list[tuple[Expr, float]]:
+        """Centre and diameter of the boxes of bounded solids that time, or a Param without a range, translates."""
+        return [
+            (offset + 0.5 * (box.lower + box.upper), float(np.linalg.norm(box.size)))
+            for box, offset in _moved_parts(self.node)
+        ]
 
 
 _expressions: WeakKeyDictionary[Node, tuple[Expr, ...]] = WeakKeyDictionary()

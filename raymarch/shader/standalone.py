@@ -96,6 +96,11 @@ class Setup:
         self._hoisted = {
             name: values.text(name.replace(" ", "_"), value, where) for name, value in plan.hoisted.items()
         }
+        unbounded = not plan.scene.node.facts.bounded and not plan.scene.node.facts.empty
+        self._moved = [
+            (text(f"moved_{i}", centre), diameter)
+            for i, (centre, diameter) in enumerate(plan.scene.moved_parts if unbounded else ())
+        ]
         values.functions += [plan.given.tone.function, ENCODE]
 
     def promised(self) -> dict[str, Callable[[], Chunk]]:
@@ -142,6 +147,8 @@ class Setup:
         text.add(f"    place_camera({self._position}, {self._target}, {self._up});")
         text.add(f"    u_pixel = 2.0 * {self._size} / u_resolution.y;")
         text.add(f"    u_far = {self._far()};")
+        for centre, diameter in self._moved:
+            text.add(f"    u_far = max(u_far, distance(u_camera_position, {centre}) + {literal(diameter)});")
         if self._plan.given.camera.lens:
             aperture, focus = self._lens
             text.add(f"    u_lens = vec2({aperture}, {focus});")
