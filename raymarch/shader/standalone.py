@@ -153,6 +153,9 @@ class Setup:
             aperture, focus = self._lens
             text.add(f"    u_lens = vec2({aperture}, {focus});")
             text.add("    u_far += u_lens.x;")
+            for i, chosen in enumerate(self._plan.passes):
+                if chosen.sharp:  # as `raymarch.gpu.draw_calls.CENTRE`
+                    text.add(f"    if (PASS == {i}) u_lens = vec2(0.0, 1.0);")
         for name, value in self._clip.items():
             text.add(f"    {name} = {value};")
         if "OWN_START" not in self._plan.variants:
@@ -165,7 +168,7 @@ class Setup:
             text.add("    u_start = vec4(0.0, 0.0, 0.0, empty < 1.0e30 ? max(empty, 0.0) : 0.0);")
         text.add("}")
         made = text.chunk("set_frame")
-        own = {*self._inputs.values(), *parameters.values(), TIME, *HOST}
+        own = {*self._inputs.values(), *parameters.values(), TIME, "PASS", *HOST}
         return replace(made, needs=made.needs - own)
 
     def _far(self) -> str:
