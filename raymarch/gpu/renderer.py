@@ -34,6 +34,7 @@ from raymarch.scene.fog import Fog
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
+from raymarch.scene.quality import MOST_SAMPLES
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.scene.sky import Sky
 
@@ -211,6 +212,14 @@ class Renderer:
 
     def _render(self, picture: _Picture, progress: Progress | None, within: float) -> Frame:
         scene, values, pose, size = picture.scene, picture.values, picture.pose, self.size
+        samples = scene.quality.samples
+
+        def passes(picture: _Picture, *limits: Any) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+            nonlocal samples
+            found = self._passes(picture, *limits)
+            if "color" in found[0] and picture.scene is scene and scene.quality.temporal != "off":
+                samples = min(max(samples, self.history.samples), MOST_SAMPLES)
+            return found
 
         def render_for(
             name: str, scene: Scene = scene, wanted: str = ""
@@ -223,9 +232,9 @@ class Renderer:
                         legal="access the array before `resize`",
                     )
                 outputs = [output for output in picture.outputs if name_of(output) == name] or [name]
-                return self._passes(replace(picture, scene=scene, outputs=outputs))
+                return passes(replace(picture, scene=scene, outputs=outputs))
 
-        arrays, timings = self._passes(picture, progress, within)
+        arrays, timings = passes(picture, progress, within)
         complete = (scene.quality.steps_per_pass is None or self.history.arrived) and self.history.lighted
         broken = violations(self.prepared(scene, picture.outputs, picture.part).plan.conditions, values)
 
@@ -233,9 +242,10 @@ class Renderer:
             return self._doubts(scene, values, frame, steps)
 
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-            covered = render_for("color", _silhouette(scene), "alpha")[0]["color"][..., 0]
+            covered = render_for("color", _silhouette(scene, samples), "alpha")[0]["color"][..., 0]
             if scene.post:  # the light of the sky is spread over the picture
-                return covered, render_for("color", _silhouette(scene, 0.0, scene.sky, scene.post), "alpha")[0]["color"]
+                behind = _silhouette(scene, samples, 0.0, scene.sky, scene.post)
+                return covered, render_for("color", behind, "alpha")[0]["color"]
             x, y = (0, 0) if picture.part is None else picture.part.corner
             columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
             directions = pose.directions(columns, rows, picture.size).reshape(-1, 3)
@@ -503,12 +513,14 @@ def _device(backend: Any, device: Any) -> tuple[str, int | None]:
     return backend, number
 
 
-def _silhouette(scene: Scene, surface: float = 1.0, sky: Sky = BLACK, post: tuple[PostEffect, ...] = ()) -> Scene:
+def _silhouette(
+    scene: Scene, samples: int, surface: float = 1.0, sky: Sky = BLACK, post: tuple[PostEffect, ...] = ()
+) -> Scene:
     """The scene with white surfaces under a black sky. Its colour is the fraction of a pixel that surfaces cover.
 
-    surface : level of grey of the surfaces. sky, post : in place of the black sky and of no post effect.
+    samples : of which the picture is the mean, also over frames. surface : level of grey of the surfaces. sky, post : in place of the black sky and of no post effect.
     """
-    quality = replace(scene.quality, temporal="off", steps_per_pass=None, lights_per_pass=None)
+    quality = replace(scene.quality, samples=samples, temporal="off", steps_per_pass=None, lights_per_pass=None)
     fog = Fog((surface,) * 3, 1e30)  # it covers surfaces, not the sky
     return scene.replace(lights=[], sky=sky, fog=fog, bounces=0, occlusion=None, quality=quality, post=post)
 

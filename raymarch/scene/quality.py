@@ -21,6 +21,9 @@ RAYS = ("computed", "interpolated")
 INTEGRATORS = ("path", "whitted")
 OBJECTS = ("auto", "text", "data")
 
+MOST_SAMPLES = 4096
+"""Maximum number of samples per pixel of a frame."""
+
 RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 """Defaults of `omega`: the values of the tracers' authors; for "enhanced", the value that was measured best."""
 
@@ -308,7 +311,7 @@ _CHOICES = {
 }
 _WHOLE = {
     "max_steps": (1, 60000),
-    "samples": (1, 4096),
+    "samples": (1, MOST_SAMPLES),
     "light_samples": (1, 64),
     "shadow_steps": (1, 60000),
     "steps_per_pass": (4, 60000),
