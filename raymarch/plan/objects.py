@@ -85,7 +85,7 @@ class ObjectsInCells:
         key = (rows, self.exact[rows])
         if key not in _built:
             with bound({}, 0.0):
-                _built[key] = Located(rows, build(*key), lambda: build(*key))
+                _built[key] = Located(*key)
             while len(_built) > _KEPT:
                 _built.popitem(last=False)
         _built.move_to_end(key)
@@ -104,19 +104,19 @@ class Located:
     field : the distance, a function of the point; its companion is the gradient.
     """
 
-    def __init__(self, rows: Rows, cells: Cells, again: Callable[[], Cells]) -> None:
-        """again : builds the cells for the bound parameters and time, which rows that are live depend on."""
-        self.rows, self.cells = rows, cells
+    def __init__(self, rows: Rows, exact: float) -> None:
+        """exact : distance up to which the field must be exact."""
+        self.rows, self.cells = rows, build(rows, exact)
         self.page, self.counted = MOST, 0.0
         self.pages: list[Table | LiveTable]
         self.texels: Table | LiveTable
         if rows.live:
-            now = Remembered(lambda: (_listed(rows, made := again()), made.texels), rows.live)
-            self.cells = cells.widened(len(rows))
-            self.pages = [_live(rows, lambda: now()[0], "lists of objects")]
-            self.texels = _live(rows, lambda: now()[1], "cells of objects")
+            now = Remembered(lambda: (_listed(rows, made := build(rows, exact)), made.texels), rows.live)
+            self.cells = self.cells.widened(len(rows))
+            self.pages = [_live(rows, exact, lambda: now()[0], "lists of objects")]
+            self.texels = _live(rows, exact, lambda: now()[1], "cells of objects")
         else:
-            self._divide(cells)
+            self._divide(self.cells)
         p = var("p", VEC3)
         place = _Place(self, p)
         self.point, self.place = p, place
@@ -275,9 +275,9 @@ def _listed(rows: Rows, cells: Cells) -> NDArray[np.float32]:
     return listed
 
 
-def _live(rows: Rows, texels: Callable[[], NDArray[np.float32]], label: str) -> LiveTable:
+def _live(rows: Rows, exact: float, texels: Callable[[], NDArray[np.float32]], label: str) -> LiveTable:
     """A table of rows that are live."""
-    return LiveTable(Remembered(lambda: Table(texels(), label), rows.live), label, rows.name(label))
+    return LiveTable(Remembered(lambda: Table(texels(), label), rows.live), label, rows.name(label, exact))
 
 
 def _nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:

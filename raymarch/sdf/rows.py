@@ -355,11 +355,16 @@ class Rows:
         with bound({}, 0.0):
             return Stored(self)
 
-    def name(self, what: str) -> str:
-        """A name for a part of the rows that are live, by their content."""
-        digest = hashlib.sha256(what.encode())
+    def name(self, *what: Any) -> str:
+        """A name for a part of the rows that are live, by all that it depends on: their content, and `what`."""
+        digest = hashlib.sha256(repr((what, self.k, self.family)).encode())
         for form in self.forms:
-            digest.update(repr((form.key[2:], [_written(e) for e in form.columns.sources])).encode())
+            columns, moving = form.columns, form.moving
+            expressions = [columns.field.body, *columns.sources, *([] if moving is None else [moving.point])]
+            digest.update(repr((form.key[2:], form.exact, [_written(e) for e in expressions])).encode())
+            balls = () if moving is None else (moving.middle, moving.radius)
+            for array in (form.lower, form.upper, form.radius, form.spread, form.lipschitz, *balls):
+                digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:12]
 
     @property
@@ -532,7 +537,7 @@ def _written(node: Expr) -> str:
         elif e.op == "param":
             data = data.name, data.value
         elif e.op == "call":
-            data = data.name
+            data = data.name, _written(data.body)
         parts.append((e.op, str(data), *[number[a] for a in e.args]))
     return str(parts)
 

@@ -171,9 +171,12 @@ def arrays(state: State) -> dict[str, np.ndarray]:
 
 
 @cache
-def transparent(state: State) -> np.ndarray:
+def transparent(state: State, frames: int) -> np.ndarray:
+    """The transparent picture of a new renderer that repeats a frame."""
     with Renderer(state.size, context=shared()) as fresh:
-        return np.asarray(drawn(fresh, state).image(alpha=True))
+        for _ in range(frames):
+            frame = drawn(fresh, state)
+        return np.asarray(frame.image(alpha=True))
 
 
 CHANGES = st.tuples(st.sampled_from(("", "time", "a", "b", "turned", "scene")), st.integers(1, 2))
@@ -300,16 +303,13 @@ class Frames(RuleBasedStateMachine):
         if color and not self.reprojects:
             self.find(frame.color, state)
 
-    @precondition(lambda self: SCENES[self.state.scene].quality.temporal == "off" or not SCENES[self.state.scene].post)
+    @precondition(lambda self: not self.reprojects)
     @rule()
     def draw_transparent(self) -> None:
-        scene = SCENES[self.state.scene]
         frame = drawn(self.renderer, self.state)
+        number = self.find(frame.color, self.state)
         self.at = None
-        if scene.quality.temporal == "off":
-            same(np.asarray(frame.image(alpha=True)), transparent(self.state), f"alpha of {self.state}")
-        else:
-            same(np.asarray(frame.image(alpha=True))[..., 3], transparent(self.state)[..., 3], f"alpha of {self.state}")
+        same(np.asarray(frame.image(alpha=True)), transparent(self.state, number), f"transparency of {self.state}")
 
     @rule()
     def doubt(self) -> None:
