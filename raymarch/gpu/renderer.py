@@ -244,8 +244,8 @@ class Renderer:
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
             covered = render_for("color", _silhouette(scene, samples), "alpha")[0]["color"][..., 0]
             if scene.post:  # the light of the sky is spread over the picture
-                behind = _silhouette(scene, samples, 0.0, scene.sky, scene.post)
-                return covered, render_for("color", behind, "alpha")[0]["color"]
+                dark = _silhouette(scene, samples, 0.0, scene.sky, scene.post)
+                return covered, render_for("color", dark, "alpha")[0]["color"]
             x, y = (0, 0) if picture.part is None else picture.part.corner
             columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
             directions = pose.directions(columns, rows, picture.size).reshape(-1, 3)

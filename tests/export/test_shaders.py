@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -274,3 +276,31 @@ def test_too_many_moving_objects_are_refused_at_their_line(
         rm.export(rm.Scene(rm.union(*balls)), tmp_path / f"made.{ending}")
     assert caught.value.where is not None and caught.value.where.file == __file__
     assert not any(tmp_path.iterdir())
+
+
+def test_a_solid_that_time_moves_beyond_the_horizon_is_reached(renderer: Renderer, tmp_path: Path) -> None:
+    near = rm.sphere() | rm.plane(offset=-2)
+    scene = rm.Scene(near | rm.sphere(1e5).translate((0, 0, -3e4 * rm.time)), rm.Camera((0, 3, 6), (0, 3, 0)))
+    wanted = picture(renderer, scene, 20.0)
+    uniforms = {"u_resolution": renderer.size, "u_time": 20.0}
+    compare(drawn(renderer, export_text(tmp_path, scene), uniforms), wanted)
+    assert np.mean(np.any(wanted != picture(renderer, scene.replace(node=near)), axis=2)) > 0.02
+
+
+def test_depth_in_a_page_is_that_of_the_centre_of_the_lens(renderer: Renderer, tmp_path: Path) -> None:
+    scene = rm.Scene(rm.sphere(1.3) | rm.plane(offset=-1), rm.Camera((1, 1, 4), (0, 0, 0), aperture=0.5))
+    rm.export(scene, tmp_path / "made.html")
+    (data,) = re.findall(
+        r'<script id="data" type="application/json">(.*?)</script>', (tmp_path / "made.html").read_text()
+    )
+    text = json.loads(data)["shader"].replace("#version 300 es", "#version 330 core").replace("PASS 0", "PASS 1")
+    with (
+        Program(renderer.context, FULL_SCREEN, text, lambda line: (f"line {line}", None), "geometry") as program,
+        Target(renderer.context, renderer.size, 3) as target,
+    ):
+        program.draw(target, {"u_resolution": renderer.size})
+        found = target.read()[..., 0]
+    right = renderer.render(scene, outputs=("depth",)).depth
+    hit = np.isfinite(right)
+    np.testing.assert_array_equal(found >= 0.0, hit)
+    np.testing.assert_allclose(found[hit], right[hit], rtol=1e-3)

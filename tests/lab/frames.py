@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
@@ -70,7 +70,9 @@ def _scenes() -> dict[str, rm.Scene]:
         "cones": rm.Scene(moving, camera(fov=40 + 20 * B), sun, quality=ACCUMULATE.replace(schedule="cones")),
         "rows": rm.Scene(balls(A * rm.cos(rm.time)), camera(position=(B, 2, 5)), sun, quality=ACCUMULATE),
         "lights": rm.Scene(still, camera(), lamps(A + rm.time, 0.3 + B), quality=ACCUMULATE.replace(lights_per_pass=3)),
-        "steps": rm.Scene(solids(A * rm.time), camera(), lamps(1.0, 0.5 + B), quality=ACCUMULATE.replace(steps_per_pass=8)),
+        "steps": rm.Scene(
+            solids(A * rm.time), camera(), lamps(1.0, 0.5 + B), quality=ACCUMULATE.replace(steps_per_pass=8)
+        ),
         "lights in steps": rm.Scene(
             solids(A),
             camera(),
@@ -91,7 +93,11 @@ def _scenes() -> dict[str, rm.Scene]:
             still, camera(shutter=A), lamps(rm.time, 0.5 + B), quality=ACCUMULATE.replace(lights_per_pass=5, samples=2)
         ),
         "bloom": rm.Scene(
-            solids(A, emission=(4 * B, 3, 1)), camera(), sun, post=[rm.Bloom(0.1 + A, 0.05 + 0.1 * B)], quality=ACCUMULATE
+            solids(A, emission=(4 * B, 3, 1)),
+            camera(),
+            sun,
+            post=[rm.Bloom(0.1 + A, 0.05 + 0.1 * B)],
+            quality=ACCUMULATE,
         ),
         "paths": rm.Scene(
             solids(A, metalness=1.0, roughness=0.1 + 0.5 * B), camera(), sun, bounces=2, quality=ACCUMULATE
@@ -106,7 +112,9 @@ def _scenes() -> dict[str, rm.Scene]:
         ),
         "reprojected": rm.Scene(moving, camera(fov=40 + 20 * B), sun, quality=rm.Quality(temporal="reproject")),
         "reprojected lights": rm.Scene(still, camera(), lamps(A, 0.5 + B), quality=rm.Quality(temporal="reproject")),
-        "reprojected rows": rm.Scene(balls(A), camera(position=(B, 2, 5)), sun, quality=rm.Quality(temporal="reproject")),
+        "reprojected rows": rm.Scene(
+            balls(A), camera(position=(B, 2, 5)), sun, quality=rm.Quality(temporal="reproject")
+        ),
     }
     return found
 
@@ -242,7 +250,10 @@ class Frames(RuleBasedStateMachine):
         given: dict[str, Any] = {"outputs": outputs}
         if progress:
             given["progress"] = lambda share: None
-        work: Callable[[], Frame] = lambda: drawn(self.renderer, self.state, **given)
+
+        def work() -> Frame:
+            return drawn(self.renderer, self.state, **given)
+
         self.check(self.thread.submit(work).result() if thread else work(), outputs)
 
     @rule(new=CHANGES)
@@ -368,7 +379,9 @@ def same(found: np.ndarray, right: np.ndarray, what: str) -> None:
     assert equal, f"{what}: {np.mean(found != right):.1%} of the numbers differ"
 
 
-def run(sequences: int, steps: int, names: tuple[str, ...] = tuple(SCENES), number: int = 1, shrink: bool = False) -> None:
+def run(
+    sequences: int, steps: int, names: tuple[str, ...] = tuple(SCENES), number: int = 1, shrink: bool = False
+) -> None:
     """Raises AssertionError for a sequence with a wrong frame."""
     chosen = type("Chosen", (Frames,), {"names": names})
     phases = (Phase.generate, Phase.shrink) if shrink else (Phase.generate,)

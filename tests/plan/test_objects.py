@@ -274,6 +274,18 @@ def test_rows_follow_parameters_and_time(k):
     assert len(texts) == 1
 
 
+def test_tables_of_moving_objects_are_those_of_their_own_blend():
+    """Two unions of the same objects have other lists: a wider blend lists more of them."""
+    row = [rm.sphere(0.2).translate((0.5 * i, 0.1 * rm.sin(rm.time + i), 0)) for i in range(40)]
+    at = np.column_stack([np.linspace(-1, 20, 200), np.linspace(-1, 1, 200) ** 3, np.zeros(200)])
+    narrow, wide = rm.union(*row, k=0.01), rm.union(*row, k=1.5)
+    for node in (narrow, wide):
+        with bound({}, 0.3):
+            assert_same(node, at)
+    assert located(narrow).texels != located(wide).texels
+    assert located(narrow).texels == located(rm.union(*row, k=0.01)).texels
+
+
 def test_a_moved_object_changes_tables_but_no_text():
     def name(a):
         made = rm.union(*[rm.sphere(0.2).translate((i, rm.sin(a * i * rm.time), 0)) for i in range(2, 41)])
