@@ -518,7 +518,8 @@ def _silhouette(
 ) -> Scene:
     """The scene with white surfaces under a black sky. Its colour is the fraction of a pixel that surfaces cover.
 
-    samples : of which the picture is the mean, also over frames. surface : level of grey of the surfaces. sky, post : in place of the black sky and of no post effect.
+    samples : of which the picture is the mean. surface : level of grey of the surfaces. sky, post : in place of the
+        black sky and of no post effect.
     """
     quality = replace(scene.quality, samples=samples, temporal="off", steps_per_pass=None, lights_per_pass=None)
     fog = Fog((surface,) * 3, 1e30)  # it covers surfaces, not the sky

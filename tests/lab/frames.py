@@ -65,7 +65,7 @@ def camera(**given: Any) -> rm.Camera:
 def _scenes() -> dict[str, rm.Scene]:
     sun = [rm.Sun(shadow=True)]
     still, moving = solids(0.2), solids(rm.sin(rm.time) + A)
-    found = {
+    return {
         "moving": rm.Scene(moving, camera(fov=40 + 20 * B), lights=sun),
         "cones": rm.Scene(moving, camera(fov=40 + 20 * B), sun, quality=ACCUMULATE.replace(schedule="cones")),
         "rows": rm.Scene(balls(A * rm.cos(rm.time)), camera(position=(B, 2, 5)), sun, quality=ACCUMULATE),
@@ -116,7 +116,6 @@ def _scenes() -> dict[str, rm.Scene]:
             balls(A), camera(position=(B, 2, 5)), sun, quality=rm.Quality(temporal="reproject")
         ),
     }
-    return found
 
 
 SCENES: Mapping[str, rm.Scene] = _scenes()
