@@ -55,7 +55,7 @@ class History:
     samples : number of samples per pixel that were averaged since the picture changed.
     cones : whether the last picture drew its own cones.
     before : the camera uniforms of the last picture; None if there is none.
-    values : all uniforms of the last picture except data textures. shader : its text.
+    values : all uniforms of the last picture except data textures. shader : its text, and what replaces its numbers.
     frames : number of pictures since the history was reset.
     marched : number of march passes of the picture so far. arrived : whether all rays have terminated.
     lit : number of lights that were added to the current sample, of `lights`, or of the longest list of lights if cells
@@ -69,7 +69,7 @@ class History:
     cones: bool = True
     before: Mapping[str, Any] | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
-    shader: str | None = None
+    shader: Any = None
     frames: int = 0
     marched: int = 0
     arrived: bool = False
@@ -259,7 +259,8 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
         rest -= history.samples % rest
     camera = {name: uniforms[uniform] for name, uniform in CAMERA.items()}
     earlier = camera if history.before is None else history.before
-    known = reprojected and history.before is not None and not _is_cut(earlier, camera, uniforms["u_far"])
+    shader = history.text, ready.constants
+    known = reprojected and history.shader == shader and not _is_cut(earlier, camera, uniforms["u_far"])
     cameras = {f"u_before_{name}": value for name, value in earlier.items()} if reprojected else {}
     for _ in range(rest):
         still, number = history.samples > 0, begin + history.samples
@@ -267,7 +268,7 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
             **(drawing.at(moment(number)) if drawing.at is not None else {}),
             **cameras,
             "u_jitter": r2(number) if still or not known else halton(history.frames % PERIOD),
-            "u_sample": number if still or not reprojected else history.frames,
+            "u_sample": number if still or not known else history.frames,
             "u_keep": still or known,
             "u_still": still,
         }
@@ -284,7 +285,7 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
     if drawing.at is not None:  # textures of the samples may have taken the place of those of the frame
         drawing.uniforms = {**drawing.uniforms, **drawing.at(0.0)}
     if reprojected:
-        history.before, history.shader = camera, history.text
+        history.before, history.shader = camera, shader
         history.frames += 1
         history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
 
@@ -314,9 +315,7 @@ def _scene_values(ready: Prepared) -> set[str]:
 def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> bool:
     """True if the scene differs from that of the last picture."""
     names = _scene_values(ready) & set(uniforms)
-    return history.shader == history.text and any(
-        _content(uniforms[name]) != _content(history.values[name]) for name in names
-    )
+    return any(_content(uniforms[name]) != _content(history.values[name]) for name in names)
 
 
 def _earlier(resources: ResourceCache, ready: Prepared, history: History) -> dict[str, Any]:

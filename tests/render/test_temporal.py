@@ -128,11 +128,13 @@ def test_another_scene_from_the_same_place_has_no_ghost(renderer: Renderer) -> N
         empty = rm.Scene(
             rm.plane(offset=-0.8), scene().camera, lights=[rm.Sun(shadow=True)], quality=rm.Quality(temporal=kept)
         )
-        renderer.forget()
-        fresh = renderer.render(empty).color
-        for _ in range(5):
-            renderer.render(scene(temporal=kept))
-        assert np.abs(renderer.render(empty).color - fresh).max() < 0.05
+        red = empty.replace(lights=[rm.Sun((1, 2, 1), color=(1, 0, 0), shadow=True)])
+        for made in (empty, red):
+            renderer.forget()
+            fresh = renderer.render(made).color
+            for _ in range(5):
+                renderer.render(scene(temporal=kept))
+            assert np.array_equal(renderer.render(made).color, fresh)
 
 
 def test_a_moving_camera_finds_what_it_saw_again(renderer: Renderer) -> None:
