@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -124,3 +127,26 @@ def test_two_renderers_take_turns(egl: Context, other: Context) -> None:
         two.close()
         one.forget()
         assert np.array_equal(one.render(scenes[0]).color, alone[0][0])
+
+
+def test_a_library_that_is_loaded_later_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    loads, asked = [3], list[str]()
+    library = current.Api(("libLater.so",), "make", ("ask",))
+
+    def search(file: str) -> Any:
+        asked.append(file)
+        return None if loads[0] == 3 else SimpleNamespace(make=SimpleNamespace(), ask=lambda: 7)
+
+    monkeypatch.setattr(current, "_loaded", search)
+    monkeypatch.setattr(current, "_count_loads", lambda: loads[0])
+    assert library.context() is None and library.context() is None
+    assert len(asked) == 1, "the search is made again only after another load"
+    loads[0] = 4
+    assert library.context() == 7
+
+
+def test_loads_are_counted_where_the_system_counts_them() -> None:
+    before = current._count_loads()
+    if sys.platform == "linux":
+        assert before is not None and before > 10
+    assert current._count_loads() == before
