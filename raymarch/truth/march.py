@@ -41,6 +41,16 @@ DOUBLING = 250
 """Creeping samples after which the allowed gap doubles; after 26 times as many it is the whole distance."""
 RISE = 0.9
 """Largest slope in an estimate; the true slope stays below 1, where the next sample would be at infinity."""
+FEW = 2048
+"""Points whose evaluation takes about as long as that of a single point, by the time of NumPy's calls."""
+LEAST_LEAP, LONGEST_LEAP = 8, 64
+"""Smallest and largest number of samples that a ray takes at once."""
+CAUTION = 0.01
+"""Relative reduction of the slope that `_Rays.leap` expects: the samples overlap where a field is not quite linear."""
+STEEP = 0.75
+"""Largest slope, of either sign, at which a ray leaps: a steeper one has few samples left."""
+FAINT = 0.25
+"""A ray leaps by steps above this fraction of the first: they add up to 3/4 of the distance to a root."""
 HALF = 0.5
 """Fraction of an estimated distance that `first_root_of_estimate` steps."""
 
@@ -153,6 +163,48 @@ class _Rays:
         self.island_value = np.where(apart & ~joined, r, self.island_value)
         self.low = np.where(apart, c - r, self.low)
 
+    def leap(self, value: Value, lines: Lines, evaluations: Array, count: int, widest: Array) -> None:
+        """Move the fronts by up to `count` samples at once, where those of a linear function would touch one another.
+
+        A function of slope s that is r at `near` has the next samples near + 2 r / (1 - s) (1 + g + g^2 + ...), where
+        g = (1 + s) / (1 - s). A ray uses its samples up to the first that does not touch the front.
+        """
+        slope = np.clip(self.slope, -1.0, RISE)
+        slope -= CAUTION * np.abs(slope)
+        steady = (np.abs(slope) < STEEP) & (self.low == np.inf) & (evaluations[self.row] < PATIENCE)
+        who = np.flatnonzero(steady & (self.near_value * (1.0 + slope) > -widest * slope))
+        if not who.size:
+            return
+        row, near, near_value, end = self.row[who], self.near[who], self.near_value[who], self.end[who]
+        slope = slope[who, None]
+        ratio = ((1.0 + slope) / (1.0 - slope)) ** np.arange(count)
+        c = near[:, None] + np.cumsum(2.0 * near_value[:, None] / (1.0 - slope) * ratio, axis=1)
+        taken = (c < end[:, None]) & (ratio > FAINT)
+        rows = np.broadcast_to(row[:, None], c.shape)[taken]
+        r = np.full(c.shape, -np.inf)
+        r[taken] = value(rows, c[taken])
+        evaluations[row] += taken.sum(axis=1)
+
+        zero = np.zeros(c.shape, bool)
+        zero[taken] = r[taken] <= lines.noise(rows, c[taken])
+        reach = np.maximum.accumulate(np.concatenate([self.front[who, None], c + r], axis=1), axis=1)
+        touches = np.logical_and.accumulate(taken & ~zero & (c - r <= reach[:, :-1] + ULP * c), axis=1)
+        used, each = touches.sum(axis=1), np.arange(len(who))
+        first_zero = np.minimum(used, count - 1)
+        ended = ~touches[each, first_zero] & zero[each, first_zero]
+        self.end[who[ended]] = c[ended, first_zero[ended]]
+        self.end_value[who[ended]] = np.minimum(r[ended, first_zero[ended]], 0.0)
+
+        last = np.where(touches, c + r, -np.inf).argmax(axis=1)
+        moved = (used > 0) & (reach[each, used] > self.front[who])
+        at, at_value = c[each, last], r[each, last]
+        before = np.where(last > 0, c[each, last - 1], near)
+        before_value = np.where(last > 0, r[each, last - 1], near_value)
+        now = who[moved]
+        self.slope[now] = np.where(at > before, (at_value - before_value) / (at - before), self.slope[who])[moved]
+        self.front[now] = reach[each, used][moved]
+        self.near[now], self.near_value[now] = at[moved], at_value[moved]
+
     def skip(self, now: Array) -> None:
         """Skip the gap before the island without a proof."""
         self.skipped = np.where(now, self.skipped + (self.low - self.front), self.skipped)
@@ -178,17 +230,20 @@ def first_root(value: Value, lines: Lines) -> Roots:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rays = found.start(value)
         while rays.row.size:
-            late = found.evaluations[rays.row[0]] >= PATIENCE  # all active rays have taken as many samples
             widest = lines.gap(rays.row, rays.front)
+            if rays.row.size * LEAST_LEAP <= FEW:
+                rays.leap(value, lines, found.evaluations, min(FEW // rays.row.size, LONGEST_LEAP), widest)
+                widest = lines.gap(rays.row, rays.front)
+            late = found.evaluations[rays.row] >= PATIENCE
             creeps = late & (rays.near_value < CREEPING * (lines.travelled[rays.row] + rays.near))
-            if late:
+            if late.any():
                 rays.creeping += creeps
                 widest = np.where(creeps, widest * 2.0 ** (rays.creeping // DOUBLING), widest)
             c = rays.next_sample(widest, bold=creeps & (rays.creeping % 2 == 0))
             r = value(rays.row, c)
             found.evaluations[rays.row] += 1
             rays.take(c, r, lines.noise(rays.row, c))
-            if late:
+            if late.any():
                 rays.skip(creeps & (rays.low - rays.front <= widest))
             hit = rays.bracketed & (rays.end - rays.front <= widest)
             over = hit | (rays.front >= rays.end)

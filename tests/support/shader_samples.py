@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
+from hashlib import sha256
 
 import numpy as np
 
 import raymarch as rm
 from raymarch.expr.vocabulary import sin
-from raymarch.plan import plan
+from raymarch.plan import explain, plan
 from raymarch.scene.light import PENUMBRAS
 from raymarch.scene.quality import NORMALS, TRACERS
 from raymarch.shader import Shader, assemble
@@ -170,3 +171,11 @@ def scenes() -> dict[str, rm.Scene]:
 
 
 PASSES = (("color",), ("geometry",), ("color", "geometry"))
+
+
+def line(name: str, scene: rm.Scene) -> str:
+    """A name and the hashes of what is written of a scene: its two passes, and how it is explained."""
+    made = plan(scene, PASSES[2])
+    shader = assemble(made)
+    told = repr(explain.as_dict(made, shader.modules))
+    return " ".join([name, *[sha256(t.encode()).hexdigest() for t in (shader.text(), shader.text("geometry"), told)]])
