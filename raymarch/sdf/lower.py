@@ -542,19 +542,28 @@ BLOCK = 1 << 14
 @method
 def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances in float64; see `Node.distance`."""
-    return _in_blocks(lower(node), points, ()).reshape(points.shape[:-1])
+    return _in_blocks(_field_of(node), points, ()).reshape(points.shape[:-1])
 
 
 @method
 def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gradients in float64; see `Node.gradient`."""
     size = points.shape[-1]
-    return _in_blocks(companion(lower(node)), points, (size + 1,))[..., :size].reshape(points.shape)
+    return _in_blocks(companion(_field_of(node)), points, (size + 1,))[..., :size].reshape(points.shape)
+
+
+def _field_of(node: Node) -> Function:
+    """The field of a node for evaluation: a node is lowered once. Names of variables may be missing."""
+    if node._field is None:
+        node._field = lower(node)
+    return node._field
 
 
 def _in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Values of a function of a point, each of `shape`, for all points in order."""
-    value = evaluator([definition.body], definition.params)
+    if "evaluator" not in definition.derived:
+        definition.derived["evaluator"] = evaluator([definition.body], definition.params)
+    value = definition.derived["evaluator"]
     flat = points.reshape(-1, points.shape[-1])
     result = np.empty((len(flat), *shape))
     for i in range(0, len(flat), BLOCK):

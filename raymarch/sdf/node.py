@@ -20,6 +20,7 @@ from raymarch.sdf.registry import METHODS
 if TYPE_CHECKING:
     import os
 
+    from raymarch.expr.function import Function
     from raymarch.expr.node import Expr, Operand
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
@@ -34,7 +35,7 @@ class Node:
     """
 
     __slots__ = (
-        *("__weakref__", "_same", "children", "definition", "facts", "label", "labelled", "params"),
+        *("__weakref__", "_field", "_same", "children", "definition", "facts", "label", "labelled", "params"),
         *("variable", "where"),
     )
 
@@ -56,6 +57,7 @@ class Node:
             self.labelled = bool(params["rows"].labelled)
         self.where: Location | None = user_location()
         self.variable: str | None = None  # the name of the scene file's variable that holds it
+        self._field: Function | None = None  # lowered, with the programs that evaluate it; see `raymarch.sdf.lower`
         self._same: Same = same(definition, tuple(child._same for child in children), tuple(params.items()), label)
 
     def __eq__(self, other: object) -> bool:

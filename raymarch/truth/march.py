@@ -205,6 +205,39 @@ class _Rays:
         self.front[now] = reach[each, used][moved]
         self.near[now], self.near_value[now] = at[moved], at_value[moved]
 
+    def stride(self, value: Value, lines: Lines, evaluations: Array, count: int) -> float:
+        """Move the fronts by up to `count` steps of at most `HALF` of the value at once.
+
+        The steps are those of a linear function, r (1 + q + q^2 + ...) HALF with q = 1 + HALF s. A ray uses its samples
+        up to the first that is too far from the one before. Returns how many, in the mean of all rays.
+        """
+        slope = np.clip(self.slope, -1.0, RISE)
+        shrink = 1.0 + HALF * (slope - CAUTION * (1.0 + np.abs(slope)))
+        steps = HALF * self.near_value[:, None] * shrink[:, None] ** np.arange(count)
+        c = self.near[:, None] + np.cumsum(steps, axis=1)
+        taken = c < self.end[:, None]
+        rows = np.broadcast_to(self.row[:, None], c.shape)[taken]
+        r = np.full(c.shape, np.nan)
+        r[taken] = value(rows, c[taken])
+        evaluations[self.row] += taken.sum(axis=1)
+
+        zero = np.zeros(c.shape, bool)
+        zero[taken] = r[taken] <= lines.noise(rows, c[taken])
+        taken[:, 1:] &= steps[:, 1:] <= HALF * r[:, :-1]
+        used = np.logical_and.accumulate(taken & ~zero, axis=1).sum(axis=1)
+        each, after = np.arange(len(c)), np.minimum(used, count - 1)
+        ended = (used < count) & taken[each, after] & zero[each, after]
+        self.end = np.where(ended, c[each, after], self.end)
+        self.end_value = np.where(ended, np.minimum(r[each, after], 0.0), self.end_value)
+
+        moved, last = used > 0, np.maximum(used - 1, 0)
+        at, at_value = c[each, last], r[each, last]
+        rise = (at_value - self.near_value) / (at - self.near)  # of all steps: a short one says little of a fractal
+        self.slope = np.where(moved & (at > self.near), rise, self.slope)
+        self.near, self.near_value = np.where(moved, at, self.near), np.where(moved, at_value, self.near_value)
+        self.front = np.where(moved, at + HALF * at_value, self.front)
+        return float(used.mean())
+
     def skip(self, now: Array) -> None:
         """Skip the gap before the island without a proof."""
         self.skipped = np.where(now, self.skipped + (self.low - self.front), self.skipped)
@@ -262,20 +295,28 @@ def first_root_of_estimate(value: Value, lines: Lines) -> Roots:
     """
     found = _Found(lines)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rays = found.start(value, step_scale=HALF)
-        for _ in range(PATIENCE):
-            if not rays.row.size:
-                break
-            c = rays.front
-            r = value(rays.row, c)
-            found.evaluations[rays.row] += 1
-            zero = r <= lines.noise(rays.row, c)
-            rays.end, rays.end_value = np.where(zero, c, rays.end), np.where(zero, np.minimum(r, 0.0), rays.end_value)
-            found.keep(rays.only(zero))
-            rays.near, rays.near_value, rays.front = c, r, c + HALF * r
-            rays = rays.only(~zero & (rays.front < rays.end))
-        close = rays.only(rays.near_value <= lines.gap(rays.row, rays.near))
-        found.roots.t[close.row] = close.near
+        rays, used = found.start(value, step_scale=HALF), 0.0
+        while rays.row.size:
+            if rays.row.size * LEAST_LEAP <= FEW:
+                count = min(FEW // rays.row.size, LONGEST_LEAP, LEAST_LEAP + int(2.0 * used))
+                used = rays.stride(value, lines, found.evaluations, count)
+            else:
+                c = rays.front
+                r = value(rays.row, c)
+                found.evaluations[rays.row] += 1
+                zero = r <= lines.noise(rays.row, c)
+                rays.end = np.where(zero, c, rays.end)
+                rays.end_value = np.where(zero, np.minimum(r, 0.0), rays.end_value)
+                rays.slope = np.where(c > rays.near, (r - rays.near_value) / (c - rays.near), rays.slope)
+                rays.near = np.where(zero, rays.near, c)
+                rays.near_value = np.where(zero, rays.near_value, r)
+                rays.front = np.where(zero, rays.front, c + HALF * r)
+            found.keep(rays.only(rays.bracketed))
+            late = rays.only(~rays.bracketed & (found.evaluations[rays.row] > PATIENCE))
+            close = late.near_value <= lines.gap(late.row, late.near)
+            found.roots.t[late.row[close]] = late.near[close]
+            over = rays.bracketed | (found.evaluations[rays.row] > PATIENCE) | (rays.front >= rays.end)
+            rays = rays.only(~over)
         roots = found.finish(value)
     roots.gap[:] = np.inf
     return roots

@@ -204,7 +204,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "plane_fold": {"normal": (1, 0, 0), "z": var("p", VEC3)},
     "box_fold": {"z": var("p", VEC3)},
     "ball_fold": {"z": var("p", VEC3), "growth": 1.0},
-    "ImageSky": {"file": Path(__file__).parents[2] / "docs" / "pictures" / "hello.png"},
+    "ImageSky": {"file": Path(__file__).parents[2] / "docs" / "pictures" / "hard-camera-inside-a-solid.png"},
     "hash": {"cell": var("p", VEC3)},
     "value_noise": {"*": (var("p", VEC3),)},
     "wrap_around": {"start": -3.0, "end": 3.0},
