@@ -229,14 +229,19 @@ FEW = (2.0, 0.5, 0.1, 0.02, 0.004)
 """Every second epsilon: fewer programs to compile."""
 
 
+def try_few(monkeypatch):
+    """Fewer settings: each compiles its programs."""
+    monkeypatch.setattr(searching, "LADDER", FEW)
+    monkeypatch.setattr(searching, "TRACERS", ("auto", "plain"))
+    monkeypatch.setattr(searching, "SCHEDULES", ("single",))
+
+
 @pytest.mark.parametrize("target", ["1px", "0.005px"])
 @pytest.mark.parametrize("name", SCENES)
 def test_the_error_is_kept(name, target, monkeypatch):
     """With all epsilons, tracers and schedules for one scene; with fewer for the others."""
     if name != "floor":
-        monkeypatch.setattr(searching, "LADDER", FEW)
-        monkeypatch.setattr(searching, "TRACERS", ("auto", "plain"))
-        monkeypatch.setattr(searching, "SCHEDULES", ("single",))
+        try_few(monkeypatch)
     scene, size = SCENES[name](), (64, 36)
     found = for_error(scene, target, size)
     known = reference(scene, size, samples=0)
@@ -250,7 +255,7 @@ def test_the_error_is_kept(name, target, monkeypatch):
 
 
 def test_by_the_picture(monkeypatch):
-    monkeypatch.setattr(searching, "LADDER", FEW)
+    try_few(monkeypatch)
     scene, size = rm.Scene(rm.sphere()), (48, 27)
     loose, tight = for_error(scene, "flip:0.5", size), None
     assert loose.metric == "flip_p99"
@@ -274,6 +279,7 @@ def test_quality_asks_whoever_measures(scene, monkeypatch):
 
 
 def test_an_estimate_that_shows_nothing_off_silhouettes(monkeypatch):
+    try_few(monkeypatch)
     monkeypatch.setattr(searching, "LADDER", (2.0, 0.1))
     scene = rm.Scene(rm.mandelbulb(), camera=rm.Camera(position=(1.2, 1, 1.6), target=(0, 0, 0)))
     found = for_time(scene, "60s", (48, 27))
@@ -281,6 +287,7 @@ def test_an_estimate_that_shows_nothing_off_silhouettes(monkeypatch):
     assert "with silhouettes" in found.words
 
 
-def test_an_empty_picture_has_no_error():
+def test_an_empty_picture_has_no_error(monkeypatch):
+    try_few(monkeypatch)
     away = rm.Scene(rm.sphere(), camera=rm.Camera(position=(0, 0, 5), target=(0, 0, 9)))
     assert for_error(away, "0.5px", (16, 9)).error == 0.0

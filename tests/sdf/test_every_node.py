@@ -197,9 +197,10 @@ def never_steeper_than_promised(s: Seen) -> None:
     points, values = s.points[:half], s.values[:half]
     steps = random.normal(size=points.shape)
     steps *= (s.field.size * 10 ** random.uniform(-5, -0.5, half) / np.linalg.norm(steps, axis=1))[:, None]
-    for other, there in ((s.points[half:], s.values[half:]), (near := points + steps, s.field.value(near))):
-        distance = np.linalg.norm(other - points, axis=1)
-        rise = np.abs(there - values)
+    near = points[:20_000] + steps[:20_000]
+    for other, there in ((s.points[half:], s.values[half:]), (near, s.field.value(near))):
+        distance = np.linalg.norm(other - points[: len(other)], axis=1)
+        rise = np.abs(there - values[: len(other)])
         rounding = 64 * np.finfo(np.float64).eps * (np.abs(points).max() + s.field.size)
         worst = np.argmax(rise - limit * distance)
         assert rise[worst] <= limit * distance[worst] * (1 + 1e-9) + rounding, (points[worst], other[worst])
@@ -313,8 +314,8 @@ def distance_is_never_larger_than_to_the_surface(s: Seen) -> None:
     if s.node.exactness == "estimate":
         return  # an estimate promises nothing
     assert len(s.surface) == 2000
-    distances, nearest = cKDTree(s.surface).query(s.points[:10_000])
-    excess = np.abs(s.values[:10_000]) - distances
+    distances, nearest = cKDTree(s.surface).query(s.points[:5000])
+    excess = np.abs(s.values[:5000]) - distances
     worst = np.argmax(excess)
     assert excess[worst] <= 1e-9 * s.field.size, (s.points[worst], s.surface[nearest[worst]], s.values[worst])
 
