@@ -41,10 +41,9 @@ DOUBLING = 250
 """Creeping samples after which the allowed gap doubles; after 26 times as many it is the whole distance."""
 RISE = 0.9
 """Largest slope in an estimate; the true slope stays below 1, where the next sample would be at infinity."""
-FEW = 2048
-"""Points whose evaluation takes about as long as that of a single point, by the time of NumPy's calls."""
-LEAST_LEAP, LONGEST_LEAP = 8, 64
-"""Smallest and largest number of samples that a ray takes at once."""
+LEAPS = ((48, 64), (16, 16))
+"""After so many samples one by one, a ray takes so many at once. Most rays end before; for the few that are left, the
+calls of NumPy take longer than the evaluation. The counts depend on no other ray, so a root does not either."""
 CAUTION = 0.01
 """Relative reduction of the slope that `_Rays.leap` expects: the samples overlap where a field is not quite linear."""
 STEEP = 0.75
@@ -205,11 +204,11 @@ class _Rays:
         self.front[now] = reach[each, used][moved]
         self.near[now], self.near_value[now] = at[moved], at_value[moved]
 
-    def stride(self, value: Value, lines: Lines, evaluations: Array, count: int) -> float:
+    def stride(self, value: Value, lines: Lines, evaluations: Array, count: int) -> None:
         """Move the fronts by up to `count` steps of at most `HALF` of the value at once.
 
         The steps are those of a linear function, r (1 + q + q^2 + ...) HALF with q = 1 + HALF s. A ray uses its samples
-        up to the first that is too far from the one before. Returns how many, in the mean of all rays.
+        up to the first that is too far from the one before.
         """
         slope = np.clip(self.slope, -1.0, RISE)
         shrink = 1.0 + HALF * (slope - CAUTION * (1.0 + np.abs(slope)))
@@ -236,7 +235,6 @@ class _Rays:
         self.slope = np.where(moved & (at > self.near), rise, self.slope)
         self.near, self.near_value = np.where(moved, at, self.near), np.where(moved, at_value, self.near_value)
         self.front = np.where(moved, at + HALF * at_value, self.front)
-        return float(used.mean())
 
     def skip(self, now: Array) -> None:
         """Skip the gap before the island without a proof."""
@@ -254,6 +252,11 @@ class _Rays:
         self.low = np.where(now, np.inf, self.low)
 
 
+def _leap_of(turn: int) -> int:
+    """How many samples a ray takes at once in a turn; 0 for one by one."""
+    return next((count for first, count in LEAPS if turn >= first), 0)
+
+
 def first_root(value: Value, lines: Lines) -> Roots:
     """The first root of each function; no earlier root exists outside `Roots.gap`.
 
@@ -261,12 +264,13 @@ def first_root(value: Value, lines: Lines) -> Roots:
     """
     found = _Found(lines)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rays = found.start(value)
+        rays, turn = found.start(value), 0
         while rays.row.size:
             widest = lines.gap(rays.row, rays.front)
-            if rays.row.size * LEAST_LEAP <= FEW:
-                rays.leap(value, lines, found.evaluations, min(FEW // rays.row.size, LONGEST_LEAP), widest)
+            if count := _leap_of(turn):
+                rays.leap(value, lines, found.evaluations, count, widest)
                 widest = lines.gap(rays.row, rays.front)
+            turn += 1
             late = found.evaluations[rays.row] >= PATIENCE
             creeps = late & (rays.near_value < CREEPING * (lines.travelled[rays.row] + rays.near))
             if late.any():
@@ -295,11 +299,10 @@ def first_root_of_estimate(value: Value, lines: Lines) -> Roots:
     """
     found = _Found(lines)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rays, used = found.start(value, step_scale=HALF), 0.0
+        rays, turn = found.start(value, step_scale=HALF), 0
         while rays.row.size:
-            if rays.row.size * LEAST_LEAP <= FEW:
-                count = min(FEW // rays.row.size, LONGEST_LEAP, LEAST_LEAP + int(2.0 * used))
-                used = rays.stride(value, lines, found.evaluations, count)
+            if count := _leap_of(turn):
+                rays.stride(value, lines, found.evaluations, count)
             else:
                 c = rays.front
                 r = value(rays.row, c)
@@ -311,6 +314,7 @@ def first_root_of_estimate(value: Value, lines: Lines) -> Roots:
                 rays.near = np.where(zero, rays.near, c)
                 rays.near_value = np.where(zero, rays.near_value, r)
                 rays.front = np.where(zero, rays.front, c + HALF * r)
+            turn += 1
             found.keep(rays.only(rays.bracketed))
             late = rays.only(~rays.bracketed & (found.evaluations[rays.row] > PATIENCE))
             close = late.near_value <= lines.gap(late.row, late.near)

@@ -116,3 +116,17 @@ def test_an_estimate_is_walked_by_halves() -> None:
     found = first_root_of_estimate(lambda _rows, t: 1.9 * (3.0 - t), lines([0.0, 0.0], [9.0, 2.0]))
     assert abs(found.t[0] - 3.0) < 1e-13 and found.t[1] == np.inf
     assert np.all(found.gap == np.inf)
+
+
+@pytest.mark.parametrize("search", [first_root, first_root_of_estimate])
+def test_a_root_does_not_depend_on_other_rays(search: Any) -> None:
+    """A picture in bands, or by several processes, has the bits of the whole."""
+    random = np.random.default_rng(9)
+    slopes, lengths = random.uniform(-0.3, 0.2, (400, 40)), random.exponential(0.3, (400, 40))
+    f = Polygons(slopes, lengths, random.uniform(0.1, 2.0, 400))
+    whole = search(f, lines(0.0, f.x[:, -1]))
+    some = slice(7, 19)
+    part = search(lambda rows, t: f(rows + 7, t), lines(0.0, f.x[some, -1]))
+    assert np.isfinite(part.t).any() and part.evaluations.max() > 60
+    for name in ("t", "evaluations", "gap"):
+        assert np.array_equal(getattr(part, name), getattr(whole, name)[some]), name
