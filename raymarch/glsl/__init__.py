@@ -28,7 +28,7 @@ class Module:
         return used("\n".join(self.lines))
 
 
-VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC"})
+VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "LIT"})
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader."""
 
 

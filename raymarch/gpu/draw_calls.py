@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from raymarch.gpu.budget import Budget
 from raymarch.gpu.part import Part, covering
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import Program
@@ -58,8 +59,8 @@ class History:
     values : all uniforms of the last picture except data textures. shader : its text, and what replaces its numbers.
     frames : number of pictures since the history was reset.
     marched : number of march passes of the picture so far. arrived : whether all rays have terminated.
-    lit : number of lights that were added to the current sample, of `lights`, or of the longest list of lights if cells
-        list them. lighted : whether all were, or a pass adds all.
+    lit : number of samples of light that were added to the current sample of the picture, of `lights`; see
+        `Plan.light_samples`. lighted : whether all were, or a pass adds all.
     """
 
     view: Any = None
@@ -117,8 +118,9 @@ class Drawing:
     Parameters
     ----------
     uniforms : of all passes. size : of the picture, or of the part.
-    enough : called after each pass of a march, or of lights, that is split into several; True postpones the rest to the
-        next frame. Each call must then be drawn before the next is requested. None makes the maximum number of passes.
+    budget : the time for a march, or light, that is split into several passes. What does not fit is left to the next
+        frame. Each call must then be drawn, and its time added, before the next is requested. None: light is one pass,
+        and a march has the maximum number of passes.
     at : the uniforms at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
         has its own. None if the scene does not move while the shutter is open.
     part : the part of a picture that is drawn; `ready` is then that of `prepared_part`.
@@ -131,12 +133,13 @@ class Drawing:
         uniforms: Mapping[str, Any],
         size: tuple[int, int],
         history: History,
-        enough: Callable[[], bool] | None = None,
+        budget: Budget | None = None,
         at: Callable[[float], Mapping[str, Any]] | None = None,
         part: Part | None = None,
     ) -> None:
         self.resources, self.ready, self.uniforms, self.size = resources, ready, uniforms, size
-        self.history, self.enough, self.at, self.part = history, enough, at, part
+        self.history, self.budget, self.at, self.part = history, budget, at, part
+        self._before_last = 0.0  # milliseconds of the frame up to the passes that follow those that add light
         self.carried: dict[str, Any] = {} if part is None else {"u_corner": part.box(size)[:2]}
         """Uniforms that passes leave to later ones, and the textures that were written last, by name."""
         self.kept: dict[str, tuple[Pass, Target]] = {}
@@ -152,13 +155,14 @@ class Drawing:
                 for chosen in passes:
                     for part in self._parts(chosen, turn):
                         yield from self._drawn(chosen, part)
+        if self.budget is not None and self._before_last:
+            self.ready.pace.followed((self.budget.spent - self._before_last) / math.prod(self.size))
 
     def _parts(self, chosen: Pass, turn: Turn) -> Iterator[Turn]:
-        """The draws of a pass in a turn. A pass that adds a few lights is drawn until all are added, or until enough is
-        drawn; without a budget, once. A sample that lacks lights does not replace the mean of earlier ones."""
+        """The draws of a pass in a turn. A pass that adds samples of light is drawn until all are added, or the time is
+        over; without a budget, once. A sample that lacks light does not replace the mean of earlier ones."""
         history, plan = self.history, self.ready.plan
-        count = turn.uniforms.get("light_turns", self.uniforms.get("light_turns", 1))
-        most = count if self.enough is None else plan.scene.quality.lights_per_pass or count
+        count = plan.light_samples(turn.uniforms.get("light_turns", self.uniforms.get("light_turns", 1)))
         if chosen.lights == "before":
             yield replace(turn, kept=history.lit > 0)
         elif chosen.lights == "after":
@@ -167,18 +171,40 @@ class Drawing:
             yield turn
         elif plan.marching.resumed and not history.arrived:  # rays on their way are shown with the first lights
             history.lit, history.lighted = 0, False
-            yield _lit(turn, 0, min(most, count))
+            yield _lit(turn, 0, self._fitting(count))
         elif history.lit >= count:
             yield replace(turn, kept=True)
         else:
-            history.lights = count
-            while history.lit < count:
-                end = min(history.lit + most, count)
-                yield _lit(turn, history.lit, end)
-                history.lit = end
-                if end < count and self.enough is not None and self.enough():
-                    break
+            history.lights, samples = count, self._fitting(count - history.lit)
+            while samples:
+                yield _lit(turn, history.lit, history.lit + samples)
+                self._timed(samples)
+                history.lit += samples
+                samples = self._fitting(count - history.lit, drawn=True)
             history.lighted = history.lit >= count
+
+    def _fitting(self, rest: int, *, drawn: bool = False) -> int:
+        """The number of samples of light that the next pass adds, of those that are left; 0 to leave them to the next
+        frame. drawn : a pass of this frame has added some."""
+        budget, pace, most = self.budget, self.ready.pace, self.ready.plan.scene.quality.lights_per_pass
+        if budget is None or rest == 0:
+            return rest
+        pixels = math.prod(self.size)
+        left = budget.limit - budget.spent
+        if isinstance(most, int):
+            ends = drawn and budget.over and pace.time(rest) * pixels > left + budget.grace
+            return 0 if ends else min(most, rest)
+        left -= pace.after * pixels
+        if pace.time(rest) * pixels <= left + budget.grace:
+            return rest
+        return min(max(pace.fitting(left / pixels), 0 if drawn else 1), rest)
+
+    def _timed(self, samples: int) -> None:
+        """Count the pass that was drawn last, which added samples of light."""
+        if self.budget is not None:
+            if self.budget.last is not None:
+                self.ready.pace.add(samples, self.budget.last / math.prod(self.size))
+            self._before_last = self.budget.spent
 
     def _read_by(self, chosen: Pass) -> dict[str, Any]:
         """What earlier passes left to one. The scene's shader gives names that it does not use itself to parameters."""
@@ -216,8 +242,8 @@ def _once(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Tu
 
 
 def _lit(turn: Turn, first: int, end: int) -> Turn:
-    """The same turn for some of the lights."""
-    return replace(turn, uniforms={**turn.uniforms, "u_first_light": first, "u_end_light": end})
+    """The same turn for some samples of light."""
+    return replace(turn, uniforms={**turn.uniforms, "u_first_sample": first, "u_end_sample": end})
 
 
 def _steps(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
@@ -236,10 +262,10 @@ def _steps(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[T
         begin, end = history.marched == 0, history.marched == count - 1
         yield Turn({"march_steps": steps, "u_begin": begin, "u_end": end})
         history.marched += 1
-        if drawing.enough is not None and history.marched < count:
+        if drawing.budget is not None and history.marched < count:
             if not drawing.resources.count_active(f"{passes[0].name} history"):
                 history.marched = count
-            elif drawing.enough():
+            elif drawing.budget.over:
                 break
     history.arrived = history.marched >= count
 
@@ -471,8 +497,9 @@ def count_draws(drawing: Drawing) -> int:
     }
     effects = [p for p in ready.plan.passes if p.effect is not None]
     stages = sum(len(stages_of(p, drawing.uniforms, drawing.size)) for p in effects)
-    each = ready.plan.scene.quality.lights_per_pass or 1
-    lights = 1 if drawing.enough is None else -(-drawing.uniforms.get("light_turns", 1) // each)
+    most = ready.plan.scene.quality.lights_per_pass
+    samples = ready.plan.light_samples(drawing.uniforms.get("light_turns", 1)) if ready.plan.lights_split else 1
+    lights = 1 if drawing.budget is None else -(-samples // (most if isinstance(most, int) else 1))
     turns = (several.get(p.often, 1) * (lights if p.lights == "each" else 1) for p in ready.plan.passes if not p.effect)
     return stages + sum(turns)
 

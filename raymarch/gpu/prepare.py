@@ -14,6 +14,7 @@ from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.convert import described, short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
+from raymarch.gpu.budget import Pace
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, plan
@@ -45,6 +46,7 @@ class Prepared:
     rest : the same of the field that rays outside of all solids are marched through; None if it is the whole field.
     constants : for each pass, the uniforms that replace numbers of its text, and their values.
     effects : the shader of each post effect, by the name of its pass.
+    pace : the times of passes that add light.
     """
 
     plan: Plan
@@ -55,6 +57,7 @@ class Prepared:
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     rest: Callable[..., tuple[Any, ...]] | None = None
     effects: Mapping[str, Shader] = field(default_factory=dict)
+    pace: Pace = field(default_factory=Pace, compare=False)
 
 
 def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[int, int] | None = None) -> Prepared:

@@ -17,6 +17,7 @@ from raymarch.expr.arrays import bound
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import plain, real, short, switch
 from raymarch.gpu import vouch
+from raymarch.gpu.budget import Budget
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import BACKENDS, Context, open_context
 from raymarch.gpu.draw_calls import DrawCall, Drawing, History, count_draws
@@ -175,7 +176,7 @@ class Renderer:
         progress : called after each tile with the fraction done, 0 to 1. The picture is the same bit for bit.
         pose : camera pose to use instead of the scene's camera.
         within : time budget in milliseconds of a frame that is split into passes by Quality(steps_per_pass=...,
-            lights_per_pass=...). Rays that have not terminated by then, and lights that were not added, continue in the
+            lights_per_pass=...). Rays that have not terminated by then, and light that was not added, continue in the
             next frame, which needs temporal="accumulate" and an unchanged picture; `frame.complete` tells whether
             nothing is left. None sets no budget.
         part : the part of a larger picture to render; the renderer's size is that of the part. Not with `temporal` or
@@ -316,24 +317,24 @@ class Renderer:
         params: Mapping[str, ParamValue] | None = None,
         outputs: Sequence[Wanted] = ("color",),
         pose: Pose | None = None,
-        enough: Callable[[], bool] | None = None,
+        budget: Budget | None = None,
     ) -> Iterator[DrawCall]:
         """As `draw_calls`, one at a time: draw each one before requesting the next.
 
-        enough : called after each pass of a frame that is split by Quality(steps_per_pass=..., lights_per_pass=...);
-            True postpones the remaining passes to the next frame. `history.arrived` then tells whether all rays have
-            terminated, and `history.lighted` whether all lights are added.
+        budget : the time of a frame that is split by Quality(steps_per_pass=..., lights_per_pass=...). Add the time of
+            each draw call to it. What does not fit is left to the next frame; `history.arrived` then tells whether all
+            rays have terminated, and `history.lighted` whether all light is added.
         """
-        yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), enough))
+        yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), budget))
 
-    def _drawing(self, picture: _Picture, enough: Callable[[], bool] | None) -> Drawing:
+    def _drawing(self, picture: _Picture, budget: Budget | None) -> Drawing:
         ready, uniforms = self._ready(picture)
         at = self._shutter(ready, picture)
         if at is not None:  # samples depend on values that may have no effect at the frame's time
             values = picture.values
             uniforms |= {f"shutter.{name}": value for name, value in values.params.items()}
             uniforms["shutter"] = (ready.plan.given.camera.open_seconds(values), values.time)
-        return Drawing(self.resources, ready, uniforms, self.size, self.history, enough, at, picture.part)
+        return Drawing(self.resources, ready, uniforms, self.size, self.history, budget, at, picture.part)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[Wanted] = ("color",)) -> None:
         """Cache a scene that was prepared elsewhere, for example in another thread."""
@@ -444,14 +445,16 @@ class Renderer:
         timings: list[Timing] = []
         last: dict[str, DrawCall] = {}
         limited = within < np.inf or picture.scene.quality.steps_per_pass is not None
-        enough = (lambda: sum(t.draw for t in timings) > within) if limited else None
-        drawing = self._drawing(picture, enough)
+        budget = Budget(within) if limited else None
+        drawing = self._drawing(picture, budget)
         most = count_draws(drawing)
         for call in _named(drawing):
             first = self.resources.first_draw(call.program)
             with in_pass(call.chosen.name):
                 drawn = self._draw(call, None if progress is None else _part(progress, len(timings), most))
             timings.append(Timing(call.chosen.name, drawn, call.compile, first))
+            if budget is not None:
+                budget.add(drawn, first=first)
             last[call.chosen.name] = call
         if progress is not None and len(timings) < most:
             progress(1.0)

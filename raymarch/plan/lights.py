@@ -97,7 +97,7 @@ def table(scene: Scene) -> Table:
 def _table(of: _Lights) -> Table:
     found, kinds = _forms(of.lights), {shadow_of(light) for light in of.lights}
     ordered = [kind for kind in SHADOWS if kind in kinds]
-    head = len(found) > 1 or bool(ordered)
+    head = len(found) > 1 or bool(ordered) or any(form.area for form in found.values())
     places = {of: layout(form.types) for of, form in found.items()}
     numbers = {of: i for i, of in enumerate(found)}
     width = head + max((1 + k for place in places.values() for k, _ in place), default=0)
@@ -162,12 +162,28 @@ def as_data(scene: Scene) -> bool:
 
 def split(scene: Scene) -> bool:
     """True if passes add a few lights each to the surfaces that camera rays hit."""
-    return scene.quality.lights_per_pass is not None and splittable(scene)
+    return scene.quality.lights_per_pass is not None and splittable(scene) > 1
 
 
-def splittable(scene: Scene) -> bool:
-    """True if `Quality(lights_per_pass=...)` applies: if the lights are data, and light only what camera rays hit."""
-    return as_data(scene) and not (scene.path_traced or scene.whitted)
+def splittable(scene: Scene) -> int:
+    """The number of samples of light that passes may add one by one, to what camera rays hit: those of ambient
+    occlusion and of lights. 0 in scenes whose rays bounce."""
+    if scene.path_traced or scene.whitted:
+        return 0
+    ambient = scene.occlusion is not None and (scene.sky.light or scene.lights)
+    dimmed = scene.occlusion.steps if scene.occlusion is not None and ambient else 0
+    return dimmed + sum(samples_of(scene, light) for light in scene.lights)
+
+
+def samples_of(scene: Scene, light: Light) -> int:
+    """The number of samples of a light for each ray."""
+    several = forms(scene)[key(light)].area or shadow_of(light) == "sampled"
+    return scene.quality.light_samples if several else 1
+
+
+def stride(scene: Scene) -> int:
+    """The largest number of samples of a light for each ray. In a loop over rows, each light takes as many places."""
+    return max((samples_of(scene, light) for light in scene.lights), default=1)
 
 
 def shadows(scene: Scene) -> list[str]:

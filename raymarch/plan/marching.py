@@ -167,13 +167,12 @@ def choices(
     epsilon: float,
     standalone: bool = False,
     solved: str = "",
-    lights_split: bool = False,
 ) -> dict[str, str]:
     """The modules chosen to march rays, each with its reason.
 
     epsilon : distance to a surface, in pixel widths, at which a ray starts to refine its hit.
     standalone : True for a shader that computes the camera itself.
-    solved : why some solids are solved in closed form; "" if none is. lights_split : several passes add the lights.
+    solved : why some solids are solved in closed form; "" if none is.
     """
     quality = scene.quality
     cone = "_cone" * marching.cones
@@ -225,8 +224,6 @@ def choices(
         found["march/begin"] = "rays start at the camera"
     if marching.resumed:
         found["march/resumed"] = f"Quality(steps_per_pass={quality.steps_per_pass})"
-    elif lights_split:
-        found["march/resumed"] = f"Quality(lights_per_pass={quality.lights_per_pass})"
     else:
         found["march/trace" + "_on" * marching.cones] = marching.schedule_reason
     return found

@@ -64,8 +64,9 @@ class Pass:
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
     extension : the OpenGL extension that it requires; "" for none.
     effect : the post effect that it draws. Its shader is separate from that of the scene.
-    lights : "before", "each" or "after", for passes that add the lights of a sample a few at a time: "each" is drawn
-        until all are added, those before it once for each sample. They read only their own pixel of each other.
+    lights : "before", "each" or "after", for passes that add the light of a sample of the picture a few samples of
+        light at a time: "each" is drawn until all are added, those before it once for each sample of the picture. They
+        read only their own pixel of each other.
     """
 
     name: str
@@ -108,11 +109,11 @@ MARCH: Final = Pass(
     "march", "view/march", _MARCHED, "rays take a part of their steps in each pass", often="steps", history=_MARCHED
 )
 
-HIT: Final = Pass(
-    "hit",
-    "view/hit",
-    ("u_march", "u_found"),
-    "rays are marched once for all lights",
+SURFACE: Final = Pass(
+    "surface",
+    "view/surface",
+    (),
+    "rays are marched and surfaces found once for all lights",
     often="sample",
     lights="before",
 )
@@ -121,7 +122,7 @@ LIGHT: Final = Pass(
     "light",
     "view/light",
     ("u_lit",),
-    "lights are added a few at a time",
+    "samples of light are added a few at a time",
     often="sample",
     history=("u_lit",),
     shades=True,
@@ -222,6 +223,9 @@ DRAWN: Final = {
 }
 """The passes that can be requested, by name."""
 
+ATTACHMENTS: Final = 8
+"""Textures that a pass can write with every driver."""
+
 OUTPUTS: Final = tuple(name for drawn in DRAWN.values() for name in drawn.outputs)
 """The arrays that a frame can hold."""
 
@@ -233,13 +237,14 @@ def passes_of(
     changes: bool = False,
     mixed: bool = False,
     post: Sequence[PostEffect] = (),
-    split_lights: bool = False,
+    surface_texels: int = 0,
 ) -> list[Pass]:
     """The requested passes and those that they need, in drawing order.
 
     names : of `DRAWN`. cones : True if cones are marched first. changes : True if the scene reads time or parameters.
     mixed : True if a lens or an open shutter lets a pixel show many surfaces, so that no history can follow them.
-    post : the effects of the scene. split_lights : True if passes add a few lights each.
+    post : the effects of the scene. surface_texels : number of textures that keep the surfaces, if passes add a few
+        samples of light each.
     """
     found = [CONE] if cones else []
     found += [MARCH] if quality.steps_per_pass is not None else []
@@ -247,11 +252,9 @@ def passes_of(
     for name in names:
         if name == "color" and quality.temporal == "reproject" and not mixed:
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
-        elif name == "color" and split_lights:
-            found += [LIGHT] if quality.steps_per_pass is not None else [HIT, LIGHT]
-            found.append(
-                replace(COLOR if quality.steps_per_pass is not None else AVERAGED, often="sample", lights="after")
-            )
+        elif name == "color" and surface_texels:
+            kept = tuple(f"u_surface_{k}" for k in range(surface_texels))
+            found += [replace(SURFACE, writes=kept), LIGHT, replace(AVERAGED, lights="after")]
         else:
             found.append(AVERAGED if name == "color" and sampled else DRAWN[name])
         if name == "color" and post:

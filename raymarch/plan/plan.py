@@ -22,6 +22,7 @@ from raymarch.expr.operations import straight_lines
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
+from raymarch.expr.types import FLOAT, VEC3, Type
 from raymarch.expr.walk import find
 from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
@@ -32,7 +33,7 @@ from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.objects import Located, ObjectsInCells, exact_distance
-from raymarch.plan.passes import BEFORE, Pass, joining, passes_of
+from raymarch.plan.passes import ATTACHMENTS, BEFORE, DRAWN, Pass, joining, passes_of
 from raymarch.plan.shading import Feature
 from raymarch.plan.unused import unused
 from raymarch.scene.bsdf import BSDF, Phong
@@ -108,7 +109,8 @@ class Plan:
     @property
     def variants(self) -> frozenset[str]:
         """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
-        return marching.variants_of(self.scene) | ({"ANALYTIC"} if self.analytic.used else frozenset())
+        settled = {"ANALYTIC": self.analytic.used, "LIT": self.lights_split}
+        return marching.variants_of(self.scene) | {name for name, used in settled.items() if used}
 
     @property
     def interpolated(self) -> bool:
@@ -137,8 +139,37 @@ class Plan:
 
     @property
     def lights_split(self) -> bool:
-        """True if several passes add a few lights each."""
+        """True if several passes add a few samples of light each."""
         return any(p.lights for p in self.passes)
+
+    @property
+    def kept_surface(self) -> list[tuple[str, Type]]:
+        """What passes that add light read of a surface: its parts as GLSL text, and their types."""
+        assert self.material is not None
+        material = self.material.type
+        material = dict(material.fields).get("material", material)
+        found = [("surface.normal", VEC3), ("surface.t", FLOAT)]
+        found += [(f"surface.material.{name}", type) for name, type in material.fields]
+        if shading.mapped(self.scene):
+            found += [("surface.geometric_normal", VEC3), ("surface.ambient_visibility", FLOAT)]
+        found += [("u_side", FLOAT)] if "OWN_START" in self.variants else []
+        return found + ([("emitted", VEC3)] if self.emission is not None else [])
+
+    @property
+    def occlusion_samples(self) -> int:
+        """Number of samples of ambient occlusion of a surface."""
+        dimmed = self.scene.occlusion is not None and shading.occluded(self.scene, self.model)
+        return self.scene.occlusion.steps if self.scene.occlusion is not None and dimmed else 0
+
+    def light_samples(self, turns: int) -> int:
+        """Number of samples of light of a surface: those of ambient occlusion, then those of lights.
+
+        turns : the largest number of lights of a surface, if they are rows of a texture.
+        """
+        scene = self.scene
+        if self.lights_as_data:
+            return self.occlusion_samples + turns * lights.stride(scene)
+        return self.occlusion_samples + sum(lights.samples_of(scene, light) for light in scene.lights)
 
     @property
     def compile_seconds(self) -> float:
@@ -217,8 +248,12 @@ def plan(
     chosen = marching.choose(scene, marched, size, standalone, bool(gathered.rows), closed.used)
     mixed = _refuse_mixed(scene, standalone)
     post = () if standalone else scene.post
-    several = lights.split(scene) and not standalone and list(passes) == ["color"]
-    drawn = passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed, post, several)
+    several = lights.split(scene) and not standalone and [p for p in passes if DRAWN[p].shades] == ["color"]
+
+    def drawn_with(texels: int) -> list[Pass]:
+        return passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed, post, texels)
+
+    drawn = drawn_with(int(several))
     geometry = any(p.name in ("geometry", "sample") for p in drawn)
     made = Plan(
         given=given,
@@ -262,6 +297,9 @@ def plan(
         found = materials_of(scene, solid, lowering, shaded, geometry, definition if joint else None, hoisted)
         made.model, made.bsdf, made.material, made.emission = found.model, found.bsdf, found.record, found.emission
         made.material_index, made.glass, made.relief = found.index, found.glass, found.relief
+        if several:
+            texels = 1 + max(k for k, _ in lights.layout([type for _, type in made.kept_surface]))
+            made.passes = drawn = drawn_with(texels if texels <= ATTACHMENTS else 0)
     if BEFORE in drawn:
         place, made.hoisted, made.twins = motion_of(solid, lowering, hoisted, lowering.origins)
         made.further.append(place)
@@ -320,9 +358,7 @@ def _choices_of(made: Plan, joint: bool) -> dict[str, str]:
     """The modules chosen where several define the same names, each with its reason."""
     scene, normals, closed = made.scene, made.scene.quality.normals, made.analytic.used
     return {
-        **marching.choices(
-            scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed, made.lights_split
-        ),
+        **marching.choices(scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed),
         f"normal/{normals}": f"Quality(normals={normals!r})",
         **shading.choices(scene, made.model, joint),
         **joining(made.passes),

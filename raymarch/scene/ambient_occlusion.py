@@ -59,12 +59,20 @@ class AmbientOcclusion(Part):
 
         field : signed distance at a point. side : -1 inside the solid, else 1.
         """
-        total = sum_of([self.decay**i for i in range(self.steps)])
 
         def add(i: Expr, missing: Expr, weight: Expr) -> tuple[Expr, Expr]:
-            far = self.reach * ((i + 1.0) / float(self.steps))
-            rise = side * field(POINT + far * NORMAL)
-            return missing + weight * clamp(1.0 - rise / far, 0.0, 1.0), weight * self.decay
+            return missing + weight * self.sample(field, side, i), weight * self.decay
 
         missing, _ = loop(self.steps, (0.0, 1.0), add)
+        return self.remaining(missing)
+
+    def sample(self, field: Callable[[Expr], Expr], side: Expr, i: Expr) -> Expr:
+        """How much the field lacks at sample i from 0, 0 to 1. Parameters as of `visibility`."""
+        far = self.reach * ((i + 1.0) / float(self.steps))
+        rise = side * field(POINT + far * NORMAL)
+        return clamp(1.0 - rise / far, 0.0, 1.0)
+
+    def remaining(self, missing: Expr) -> Expr:
+        """Ambient visibility from the sum of all samples, of which sample i has the weight decay**i."""
+        total = sum_of([self.decay**i for i in range(self.steps)])
         return clamp(1.0 - self.strength * missing / total, 0.0, 1.0)

@@ -135,10 +135,12 @@ class Quality(Value):
     steps_per_pass : maximum number of steps of a ray in one pass, 4 to 60,000. The next pass resumes the march, until
         the ray ends or has taken `max_steps`. With temporal="accumulate" the march also resumes in the next frame,
         while the picture stays the same. None: one pass. Only with samples=1.
-    lights_per_pass : number of lights that one pass adds to the colour of surfaces in a frame with a time budget, 1 to
-        60,000. Further passes add the next ones, until the budget is spent; rays are marched once. With
-        temporal="accumulate" the next frame continues, while the picture stays the same. None: one pass adds all. It
-        applies to scenes of more than 8 lights without `bounces`. Not with temporal="reproject".
+    lights_per_pass : number of samples of light that one pass adds to the colour of surfaces in a frame with a time
+        budget, 1 to 60,000, or "auto" for as many as fit into the budget, by the times of the passes before. A light is
+        one sample, or `light_samples` of them; so is each step of AmbientOcclusion. Further passes add the next ones,
+        until the budget is spent; rays are marched once. With temporal="accumulate" the next frame continues, while the
+        picture stays the same. None: one pass adds all. It applies to scenes without `bounces`. Not with
+        temporal="reproject".
     rays : "computed" for each pixel, or "interpolated" between the corners of the picture.
     masking : Smith masking-shadowing: "correlated" in height (Heitz 2014), or "separable", the product of masking and
         shadowing (Walter et al. 2007), which some renderers use.
@@ -183,7 +185,7 @@ class Quality(Value):
     samples: int = 1
     temporal: str = "off"
     steps_per_pass: int | None = None
-    lights_per_pass: int | None = None
+    lights_per_pass: int | str | None = None
     rays: str = "computed"
     masking: str = "correlated"
     energy_compensation: bool = True
@@ -199,6 +201,7 @@ class Quality(Value):
         self._set(
             **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in _CHOICES.items()},
             **{n: optional(_whole, n, getattr(self, n), *ends) for n, ends in _WHOLE.items()},
+            lights_per_pass=optional(_samples_per_pass, "lights_per_pass", self.lights_per_pass),
             **{n: optional(_within, n, getattr(self, n), *ends) for n, ends in _WITHIN.items()},
             assume_certified=switch("Quality: assume_certified", self.assume_certified),
             energy_compensation=switch("Quality: energy_compensation", self.energy_compensation),
@@ -315,10 +318,13 @@ _WHOLE = {
     "light_samples": (1, 64),
     "shadow_steps": (1, 60000),
     "steps_per_pass": (4, 60000),
-    "lights_per_pass": (1, 60000),
 }
 _WITHIN = {"epsilon": (1e-3, 10.0), "beta": (1e-3, 1.0), "step_scale": (1e-3, 1.0), "step_variation": (0.0, 0.9)}
 _NEEDED = ("max_steps", "samples", "light_samples", "beta", "step_scale", "step_variation")
+
+
+def _samples_per_pass(name: str, value: Any) -> int | str:
+    return "auto" if isinstance(value, str) and value == "auto" else integer(f"Quality: {name}", value, 1, 60000)
 
 
 def _switch(name: str, value: Any) -> bool:

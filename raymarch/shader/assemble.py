@@ -253,6 +253,7 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
         "smoothing": ("float", literal(quality.beta)),
         "footprint_pixels": ("float", literal(quality.footprint)),
         "color_fault": ("float", literal(fault_code(COLOR, 0))),
+        "surface_texels": ("int", str(max(p.textures for p in plan.passes))),
     }
     return {
         name: Mapped(f"const {kind} {name} = {value};" if value else f"uniform {kind} {name};", "Quality(...)")

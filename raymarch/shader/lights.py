@@ -43,14 +43,23 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     width = value("softness", light.softness) + _per_distance(light) if disc else ""
     visibility = _visibility(plan, light, value)
     several = (disc or form.area) and samples > 1
+    before = plan.occlusion_samples + sum(lights.samples_of(plan.scene, other) for other in plan.scene.lights[:i])
     dimension = f"{_dimension(i)} + {stride} * k" if several else f"{_dimension(i)}"
     sample = _sample(form, given, dimension)
     declared = "" if i else "Light "
     if not several:
-        add(f"{declared}light = {sample};")
+        indent = ""
+        if plan.lights_split:
+            if declared:
+                add("Light light;")
+            add(f"if (first <= {before} && end > {before}) {{")
+            declared, indent = "", "    "
+        add(f"{indent}{declared}light = {sample};")
         if disc:
-            add(f"light = sample_disc(light, {width}, {_two(dimension)});")
-        add(f"color += {reflection.light(visibility)};")
+            add(f"{indent}light = sample_disc(light, {width}, {_two(dimension)});")
+        add(f"{indent}color += {reflection.light(visibility)};")
+        if plan.lights_split:
+            add("}")
         return
     if disc:
         add(f"{declared}light = {sample};")
@@ -59,6 +68,9 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     elif declared:
         add("Light light;")
     add(f"for (int k = 0; k < {samples}; k++) {{")
+    if plan.lights_split:
+        add(f"    if ({before} + k >= end) break;")
+        add(f"    if ({before} + k < first) continue;")
     add(f"    light = {sample};")
     add(f"    color += {reflection.light(visibility)} / {literal(samples)};")
     add("}")
@@ -115,15 +127,28 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     def add(line: str) -> None:
         text.add(f"        {line}", where=scene.where)
 
-    if plan.lights_split or plan.lights_in_cells:
-        ends = ["end"] if plan.lights_split else []
+    split, places = plan.lights_split, lights.stride(scene)
+    ending = split or plan.lights_in_cells
+    if ending:
         if plan.lights_in_cells:
             text.add("    ivec2 reached = lights_at(surface.p);  // start and length of a list", where=scene.where)
-            ends.append("reached.y")
-        begin = "first + n" if plan.lights_split else "n"
+        most = "reached.y" if plan.lights_in_cells else str(len(scene.lights)) * split
+        begin = "n"
+        if split:
+            after = f" - {plan.occlusion_samples}" * (plan.occlusion_samples > 0)
+            text.add(
+                f"    int begin = max(first{after}, 0);  // samples of lights: the first, and the one after the last"
+            )
+            text.add(f"    int last = min(end{after}, {f'{places} * ' * (places > 1)}{most});")
+            begin = f"begin / {places} + n" if places > 1 else "begin + n"
         text.add(f"    for (int n = 0; n < {len(scene.lights)}; n++) {{")
-        end = f"min({', '.join(ends)})" if len(ends) > 1 else ends[0]
-        add(f"if ({begin} >= {end}) break;")
+        end = "last" if split else most
+        at = f"({begin}) * {places}" if split and places > 1 else begin
+        add(f"if ({at} >= {end}) break;")
+        # llvmpipe leaves a loop at the end of a turn only, so the last turn must say that it is the last
+        add(f"bool ends = {at} + {places if split else 1} >= {end};")
+        if split and places > 1:
+            add(f"int place = ({begin}) * {places};  // its first sample")
         add(f"int i = light_of(reached.x + {begin});" if plan.lights_in_cells else f"int i = {begin};")
     else:
         text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
@@ -142,6 +167,9 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
         """The mean of several samples of the lights of a condition."""
         add(f"if ({condition}) {{")
         add(f"    for (int k = 0; k < {samples}; k++) {{")
+        if split:
+            add("        if (place + k >= last) break;")
+            add("        if (place + k < begin) continue;")
         add(f"        light = {sample};")
         add(f"        color += {reflection.light(shown)} / {literal(samples)};")
         add("    }")
@@ -162,6 +190,11 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
         condition = f"if (head.x == {float(k)}) " if k != rest[-1][0] else ""
         add(f"{'else ' if k != rest[0][0] else ''}{condition}light = {sample};")
     if rest:
+        if split and places > 1:  # the only sample of a light may have been added before
+            other = f"head.y != {float(kinds.index('sampled') + 1)} && " if "sampled" in kinds else ""
+            add(f"if ({other}place < begin) continue;")
+        if ending:
+            add("if (ends && light.radiance == vec3(0.0)) break;")
         add("if (light.radiance == vec3(0.0)) continue;")
         visibility = "visibility" if kinds else "1.0"
         if kinds:
@@ -180,6 +213,8 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
             given = "" if kind in ("hard", "sampled") else f", {width}"
             add(f"if ({near}{condition}) visibility = {shadow_function(plan, kind)}(surface, light{given});")
         add(f"color += {reflection.light(visibility)};")
+    if ending:
+        add("if (ends) break;")
     text.add("    }")
 
 

@@ -6,9 +6,10 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import get
-from raymarch.plan import Plan
+from raymarch.plan import Plan, lights
 from raymarch.plan.shading import ambient, ambient_sky, occluded, patterned
 from raymarch.scene.ambient_occlusion import NORMAL, POINT
+from raymarch.sdf.visibility import RAY_KIND
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade, sky_functions
@@ -57,32 +58,109 @@ def shading(plan: Plan, values: Values) -> Chunk:
 
 
 def _split(text: Lines, plan: Plan, values: Values) -> None:
-    """The function `add_lights`, which adds some lights to what earlier passes added, and `shade`, which reads the sum.
+    """The functions `keep_surface` and `kept_hit` of surfaces in textures, `add_light`, which adds some samples of
+    light to those of earlier passes, and `shade`, which reads the sum.
 
-    In GLSL, `first` and `end` are the first light and the one after the last. `before` is the sum so far, and in alpha
-    the ambient visibility.
+    In GLSL, `first` and `end` are the first sample and the one after the last: those of ambient occlusion come first.
+    `before` is the sum so far, and in alpha the ambient visibility, or what its samples so far have found missing.
     """
-    scene, reflection = plan.scene, Reflection(plan, values)
-    text.add("vec4 add_lights(Ray ray, Hit hit, vec4 before, int first, int end) {")
-    text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};")
-    for line in reflection.prepare():
-        text.add(f"    {line}", by="a metal")
+    scene, reflection, samples = plan.scene, Reflection(plan, values), plan.occlusion_samples
+    texels = _keep_surface(text, plan)
+    text.add("vec4 add_light(Ray ray, vec4 before, int first, int end) {")
+    for line in texels:
+        text.add(f"    {line}")
+    if ambient_sky(scene) or scene.lights:
+        for line in reflection.prepare():
+            text.add(f"    {line}", by="a metal")
     text.add("    vec3 color = before.rgb;")
     text.add("    float ambient_visibility = before.a;")
-    text.add("    if (first == 0) {")
-    emitted = f"emission_at({material_arguments(plan)})" if plan.emission is not None else "vec3(0.0)"
-    text.add(f"        color = {emitted};")
-    if not _visibility(text, plan, values, "        "):
-        text.add("        ambient_visibility = 1.0;")
+    emitted = "emitted" if plan.emission is not None else "vec3(0.0)"
+    text.add(f"    if (first == 0) color = {emitted};")
+    if samples:
+        _occlusion_samples(text, plan, values)
+        text.add(f"    if (first < {samples} && end >= {samples}) {{")
+    else:
+        text.add("    if (first == 0) {")
+        given = "surface.ambient_visibility" if _occluded_by_map(plan) else "1.0"
+        text.add(f"        ambient_visibility = {given};")
     _sky(text, plan, reflection, "        ")
     text.add("    }")
     _dim(text, plan)
-    all_lights(text, plan, values, reflection)
+    if scene.lights:
+        all_lights(text, plan, values, reflection)
     for line in ("    return vec4(color, ambient_visibility);", "}", ""):
         text.add(line)
     begin_shade(text, scene)
     text.add("    vec3 color = lit().rgb;")
     end_shade(text, scene, "hit.t", "ray.origin", "ray.direction")
+
+
+MISS = "-1.0e30"
+"""The distance that is kept for a ray that hits nothing."""
+
+
+def _keep_surface(text: Lines, plan: Plan) -> list[str]:
+    """The functions that write surfaces to textures and read the hits from them.
+
+    Returns the lines that read what `Plan.kept_surface` states into `surface` and other variables.
+    """
+    kept = plan.kept_surface
+    places = lights.layout([type for _, type in kept])
+    count = 1 + max(k for k, _ in places)
+    for k in range(count):
+        text.add(f"uniform sampler2D u_surface_{k};")
+    text.add("")
+    text.add(f"void keep_surface(Ray ray, Hit hit, out vec4 kept[{count}]) {{")
+    for k in range(count):
+        text.add(f"    kept[{k}] = vec4({'0.0, 0.0, 0.0, ' + MISS if k == 0 else '0.0'});")
+    text.add("    if (!hit.found) return;")
+    text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};")
+    if plan.emission is not None:
+        text.add(f"    vec3 emitted = emission_at({material_arguments(plan)});")
+    for (name, _), (k, parts) in zip(kept, places, strict=True):
+        text.add(f"    kept[{k}].{parts} = {name};")
+    for line in ("}", "", "Hit kept_hit() {"):
+        text.add(line)
+    text.add("    Hit hit = no_hit(texelFetch(u_surface_0, ivec2(gl_FragCoord.xy), 0).w);")
+    text.add(f"    hit.found = hit.t > {MISS};")
+    for line in ("    return hit;", "}", ""):
+        text.add(line)
+    read = [f"vec4 kept_{k} = texelFetch(u_surface_{k}, ivec2(gl_FragCoord.xy), 0);" for k in range(count)]
+    read += [f"if (kept_0.w == {MISS}) return vec4(0.0);", "Surface surface;"]
+    for (name, type), (k, parts) in zip(kept, places, strict=True):
+        declared = f"{type} " if name == "emitted" else ""
+        read.append(f"{declared}{name} = kept_{k}.{parts};")
+    return [*read, "surface.p = ray.origin + surface.t * ray.direction;", "surface.view = -ray.direction;"]
+
+
+def _occlusion_samples(text: Lines, plan: Plan, values: Values) -> None:
+    """The loop over some samples of ambient occlusion."""
+    scene, samples = plan.scene, plan.occlusion_samples
+    assert scene.occlusion is not None
+    i, missing = var("i", FLOAT), var("missing", FLOAT)
+    sample = scene.occlusion.sample(plan.field, var("u_side", FLOAT), i)
+    values.variables.add("u_side")
+    values.functions.append(Function("occlusion_sample", (POINT, NORMAL, i), sample, where=scene.where))
+    remaining = scene.occlusion.remaining(missing)
+    values.functions.append(Function("ambient_visibility_of", (missing,), remaining, where=scene.where))
+    decay = values.text("occlusion_decay", scene.occlusion.decay, scene.where)
+    share = "surface.ambient_visibility * " if _occluded_by_map(plan) else ""
+    for line in (
+        f"    if (first < {samples}) {{",
+        "        float missing = first == 0 ? 0.0 : ambient_visibility;",
+        "        float weight = 1.0;",
+        *([f"        float kind = {RAY_KIND.data};"] if plan.hidden else []),
+        *set_kind(plan, "shadow", "        "),
+        f"        for (int i = 0; i < {samples}; i++) {{",
+        "            if (i >= end) break;",
+        "            if (i >= first) missing += weight * occlusion_sample(surface.p, surface.normal, float(i));",
+        f"            weight *= {decay};",
+        "        }",
+        *([f"        {RAY_KIND.data} = kind;"] if plan.hidden else []),
+        f"        ambient_visibility = end < {samples} ? missing : {share}ambient_visibility_of(missing);",
+        "    }",
+    ):
+        text.add(line, by="Scene(occlusion=...)", where=scene.where)
 
 
 def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
@@ -130,14 +208,14 @@ def _ambient(text: Lines, plan: Plan, values: Values, reflection: Reflection) ->
     if ambient_sky(scene) or scene.lights:
         for line in reflection.prepare():
             text.add(f"    {line}", by="a metal")
-    _visibility(text, plan, values, "    float ")
+    _visibility(text, plan, values)
     _dim(text, plan)
     _sky(text, plan, reflection, "    ")
 
 
-def _visibility(text: Lines, plan: Plan, values: Values, declared: str) -> bool:
-    """The line that sets `ambient_visibility`, if it is not 1. declared : the line's beginning."""
-    scene, shares, indent = plan.scene, _occluded_by_map(plan), declared.removesuffix("float ")
+def _visibility(text: Lines, plan: Plan, values: Values) -> None:
+    """The line that sets `ambient_visibility`, if it is not 1."""
+    scene, shares = plan.scene, _occluded_by_map(plan)
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
     if occluded(scene, plan.model):
         assert scene.occlusion is not None
@@ -147,15 +225,14 @@ def _visibility(text: Lines, plan: Plan, values: Values, declared: str) -> bool:
         share = "surface.ambient_visibility * " if shares else ""
         call = "ambient_occlusion(surface.p, surface.normal)"
         for line in (
-            *([f"{indent}float kind = ray_kind;"] if plan.hidden else []),
-            *set_kind(plan, "shadow", indent),
-            f"{declared}ambient_visibility = {share}{call};",
-            *([f"{indent}ray_kind = kind;"] if plan.hidden else []),
+            *(["    float kind = ray_kind;"] if plan.hidden else []),
+            *set_kind(plan, "shadow", "    "),
+            f"    float ambient_visibility = {share}{call};",
+            *(["    ray_kind = kind;"] if plan.hidden else []),
         ):
             text.add(line, by=by, where=scene.where)
     elif shares:
-        text.add(f"{declared}ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)
-    return shares or occluded(scene, plan.model)
+        text.add("    float ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)
 
 
 def _dim(text: Lines, plan: Plan) -> None:

@@ -48,7 +48,7 @@ def messages_of(model: Model, now: float) -> list[Message]:
         messages.append(Message(waits, "busy", "bottom left"))
     if model.drawn.lights is not None:
         some, every = model.drawn.lights
-        messages.append(Message(f"{some} of {every} lights so far", "busy", "bottom left"))
+        messages.append(Message(f"{100 * some // every} % of the light so far", "busy", "bottom left"))
     model.notices = [(until, text) for until, text in model.notices if until > now]
     messages += [Message(text, "note", "top left") for _, text in model.notices]
     if model.state.selected is not None:

@@ -127,7 +127,7 @@ class Compare:
 class Drawn:
     """The last step of the picture: milliseconds, drawn size, whether the picture is complete, whether it moves,
     milliseconds of compiling, complete samples per pixel at full size of `wanted`, the drawn fraction of all of them,
-    and the number of lights of a picture that lacks some, and of all lights."""
+    and the number of samples of light of a picture that lacks some, and of all."""
 
     milliseconds: float = 0.0
     size: tuple[int, int] = (0, 0)

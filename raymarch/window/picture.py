@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.srgb import srgb_to_linear
+from raymarch.gpu.budget import Budget
 from raymarch.gpu.draw_calls import DrawCall
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.renderer import Renderer
@@ -110,8 +111,8 @@ class Picture:
         self._say(spent, small, compiled, moving=True)
 
     def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
-        """Draw a complete picture. A march or lights that are split into passes stop once the budget is spent. Lights
-        go on if the rest of them takes no longer than that again, because a picture that lacks lights is darker.
+        """Draw a complete picture. A march or light that is split into passes stops once the budget is spent. Light
+        goes on if the rest of it takes no longer than that again, because a picture that lacks some is darker.
 
         Returns milliseconds of drawing and of compiling, the draw calls, and the fraction of the picture that was
         drawn.
@@ -121,27 +122,22 @@ class Picture:
         self._fit(size)
         if quality.temporal == "accumulate":
             renderer.forget()  # if only the text of the file changed, samples would continue to accumulate
-        spent, compiled = [0.0], 0.0
+        budget, compiled = Budget(available, grace=available), 0.0
         drawn: list[DrawCall] = []
         plan = renderer.prepared(shot.scene, VIEWS[shot.view]).plan
         passes, several = plan.marching.passes, plan.marching.passes > 1 or plan.lights_split
-
-        def enough() -> bool:
-            now, lit, every = sum(spent), renderer.history.lit, renderer.history.lights
-            return now > available and (not lit or now * (every - lit) / lit > available)
-
         for call in renderer.iterate_draw_calls(
-            shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, enough
+            shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose, budget
         ):
             compiled += call.compile
-            spent.append(self._clocked(call.draw, wait=several))
+            budget.add(self._clocked(call.draw, wait=several), first=call.compile > 0.0)
             drawn.append(call)
-        spent.append(self._clocked(lambda: None, wait=True))
+        budget.add(self._clocked(lambda: None, wait=True))
         marched = sum(call.chosen.name == "march" for call in drawn)
         history = renderer.history
         share = 1.0 if history.arrived or marched == 0 else marched / passes
         self._lights = None if history.lighted else (history.lit, history.lights)
-        return sum(spent), compiled, drawn, share if history.lighted else share * max(history.lit, 1) / history.lights
+        return budget.spent, compiled, drawn, share if history.lighted else share * max(history.lit, 1) / history.lights
 
     def _clocked(self, draw: Callable[[], None], *, wait: bool) -> float:
         """Time of a draw in milliseconds; with `wait`, until the device has finished."""

@@ -10,21 +10,21 @@ from raymarch.plan import lights
 from raymarch.scene.camera import Pose
 from raymarch.scene.scene import Scene
 
-LIGHTS_PER_PASS = 16
-"""Lights that a pass of the window adds. With fewer, each pass would spend as much on finding the surface again."""
+FEW = 8
+"""Samples of light up to which one pass adds all."""
 
 
 def progressive(scene: Scene) -> Scene:
-    """The scene as the window draws it: one sample a frame, accumulated while nothing moves, and lights over several
-    passes if there are many.
+    """The scene as the window draws it: one sample a frame, accumulated while nothing moves, and light over several
+    passes if it has many samples.
 
     The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
     """
     quality = scene.quality
     temporal = "accumulate" if quality.temporal == "off" else quality.temporal
     several = quality.lights_per_pass
-    if several is None and temporal == "accumulate" and lights.splittable(scene):
-        several = LIGHTS_PER_PASS
+    if several is None and temporal == "accumulate" and lights.splittable(scene) > FEW:
+        several = "auto"
     made = quality.replace(samples=1, temporal=temporal, lights_per_pass=several)
     return scene if made == quality else scene.replace(quality=made)
 

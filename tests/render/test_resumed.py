@@ -10,6 +10,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import SceneError
+from raymarch.gpu import draw_calls
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context
 from raymarch.gpu.renderer import Renderer
@@ -105,24 +106,87 @@ def street(**quality: Any) -> rm.Scene:
     )
 
 
-@pytest.mark.parametrize("more", [{}, {"samples": 2, "schedule": "cones"}, {"steps_per_pass": 8}])
-def test_lights_of_several_frames_make_the_picture_of_one(renderer: Renderer, more: dict[str, Any]) -> None:
-    """Bit for bit: the sum goes through float textures in the order of the lights. Rays are marched once a sample."""
+def disc(**quality: Any) -> rm.Scene:
+    """A street under two lights that are written as code, of which one has several samples; a fixed camera."""
+    made = street(**quality)
+    lights = [made.lights[0], rm.Sun(shadow=True, softness=0.3, penumbra="sampled"), made.lights[-1]]
+    return made.replace(lights=lights, occlusion=rm.AmbientOcclusion(3, strength=rm.Param("strength", 0.7)))
+
+
+@pytest.mark.parametrize(
+    ("made", "more", "count"),
+    [
+        (street, {}, 15),
+        (street, {"samples": 2, "schedule": "cones"}, 15),
+        (street, {"steps_per_pass": 8}, 15),
+        (street, {"light_samples": 3}, 35),
+        (disc, {"light_samples": 3}, 10),
+        (lambda **quality: disc(**quality).replace(lights=[]), {}, 3),
+    ],
+)
+def test_light_of_several_frames_makes_the_picture_of_one(
+    renderer: Renderer, made: Any, more: dict[str, Any], count: int
+) -> None:
+    """Bit for bit: the sum goes through float textures in the order of the samples. Surfaces are found once a sample of
+    the picture. `count` is the number of samples of light: of occlusion, then of lights, of which each has as many
+    places in a loop over rows."""
     more = {**more, "temporal": "accumulate"}
-    whole = renderer.render(street(**more))
-    scene = street(**more, lights_per_pass=4)
+    whole = renderer.render(made(**more))
+    each = 4 if count > 4 else 2
+    scene = made(**more, lights_per_pass=each)
     frames = []
     for _ in range(40):
         frames.append(renderer.render(scene, within=0.0))
         if frames[-1].complete:
             break
-    samples = more.get("samples", 1)
+    samples, arrives = more.get("samples", 1), "steps_per_pass" in more
     drawn = [timing.name for frame in frames for timing in frame.timings]
-    assert 2 * samples < len(frames) < 40 and drawn.count("hit") == (0 if "steps_per_pass" in more else samples)
+    assert renderer.history.lights == count
+    assert arrives or len(frames) == samples * (-(-count // each) - 1) + 1  # the next sample begins in the same frame
+    assert drawn.count("surface") == samples or arrives
     assert all([t.name for t in frame.timings].count("light") == 1 for frame in frames[-2:])
     np.testing.assert_array_equal(frames[-1].color, whole.color)
-    means = [frame.color.mean() for frame in frames]
-    assert samples > 1 or (means[-3:] == sorted(means[-3:]) and means[-3] < 0.95 * means[-1])
+    assert np.abs(frames[0].color - whole.color).max() > 0.01
+
+
+def test_other_arrays_beside_the_picture(renderer: Renderer) -> None:
+    """They do not end the split of light, and their rays go through the centres of pixels."""
+    given = {"temporal": "accumulate", "samples": 2}
+    whole = renderer.render(street(**given), outputs=EVERYTHING)
+    frames = [renderer.render(street(**given, lights_per_pass=8), outputs=EVERYTHING, within=0.0) for _ in range(3)]
+    assert [frame.complete for frame in frames] == [False, False, True]
+    for name in EVERYTHING:
+        np.testing.assert_array_equal(frames[-1].array(name), whole.array(name))
+
+
+def test_a_budget_chooses_how_much_light_a_pass_adds(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock by which a pass of k samples of light takes 4 + k ms, and any other 2. Frames learn that, and take no
+    more than their 20 ms; the first does not know yet what follows its light. The first draws of programs count for
+    nothing."""
+    now: list[int] = []
+    timed = draw_calls._lit
+
+    def lit(turn: Any, first: int, end: int) -> Any:
+        now.append(end - first)
+        return timed(turn, first, end)
+
+    def clock(self: Clock, draw: Any) -> float:
+        del self
+        draw()
+        return 4.0 + now.pop() if now else 2.0
+
+    monkeypatch.setattr(draw_calls, "_lit", lit)
+    monkeypatch.setattr(Clock, "time", clock)
+    lamps = [rm.PointLight((np.sin(k), 1, np.cos(k)), intensity=0.02) for k in range(60)]
+    scene = street(lights_per_pass="auto", temporal="accumulate").replace(lights=lamps, occlusion=None)
+    frames = []
+    while not frames or not frames[-1].complete:
+        frames.append(renderer.render(scene, within=20.0))
+    took = [sum(t.draw for t in frame.timings) for frame in frames]
+    assert took[0] <= 22.0 and max(took[1:]) <= 20.0 and len(frames) < 10
+    assert np.median(took) > 14.0
+    whole = renderer.render(scene.replace(quality=rm.Quality(temporal="accumulate")))
+    np.testing.assert_array_equal(frames[-1].color, whole.color)
 
 
 def test_cells_find_the_lights_that_the_loop_over_all_adds(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,13 +217,15 @@ def test_cells_find_the_lights_that_the_loop_over_all_adds(renderer: Renderer, m
 
 def test_lights_without_a_budget_are_one_pass(renderer: Renderer) -> None:
     made = renderer.render(street(lights_per_pass=4))
-    assert [t.name for t in made.timings] == ["hit", "light", "color"] and made.complete
+    assert [t.name for t in made.timings] == ["surface", "light", "color"] and made.complete
     np.testing.assert_array_equal(made.color, renderer.render(street()).color)
-    few = street(lights_per_pass=4)
-    for other in (few.replace(lights=few.lights[:8]), few.replace(bounces=1)):
+    few = street(lights_per_pass="auto")
+    for other in (few.replace(lights=few.lights[:1], occlusion=None), few.replace(bounces=1)):
         assert not plan(other).lights_split
     with pytest.raises(SceneError, match="lights_per_pass = 4 with temporal = 'reproject'"):
         rm.Quality(lights_per_pass=4, temporal="reproject")
+    with pytest.raises(SceneError, match="lights_per_pass = 'few'"):
+        rm.Quality(lights_per_pass="few")
 
 
 def test_progress_is_told_to_the_end(renderer: Renderer) -> None:

@@ -51,11 +51,12 @@ def test_what_a_module_uses_is_given_by_modules_or_generated() -> None:
 
 
 GENERATED = """
-    Light Material Part Relief add_lights begin_sample color_fault cone_share contact_share leap_pixels epsilon_pixels
-    field_faults field_gradient field_value footprint_axis footprint_pixels linear_to_srgb march_steps marched_field
+    Light Material Part Relief add_light begin_sample color_fault cone_share contact_share leap_pixels epsilon_pixels
+    field_faults field_gradient field_value footprint_axis footprint_pixels keep_surface kept_hit linear_to_srgb
+    march_steps marched_field
     marched_range material_at material_index part_at pcg picture_samples previous_position relax_again relaxation
     relief_at scene_box scene_cone scene_range secondary_steps set_frame shade shading_normal shadow_steps smoothing
-    solved_field solved_hit step_scale step_variation surface_faults toned
+    solved_field solved_hit step_scale surface_texels step_variation surface_faults toned
     iChannel0 iFrame iMouse iResolution
 """
 

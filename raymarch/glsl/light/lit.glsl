@@ -1,4 +1,5 @@
-// The light of a pixel's surface, as far as passes have added it; alpha is the ambient visibility.
+// The light of a pixel's surface, as far as passes have added it. Alpha is the ambient visibility, or what the samples
+// of ambient occlusion so far have found missing.
 uniform sampler2D u_lit;
 
 vec4 lit() {

@@ -8,7 +8,11 @@ uniform vec2 u_jitter;  // offset from the pixel's centre, in pixels
 
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
+#ifdef LIT
+    Hit hit = kept_hit();
+#else
     Hit hit = trace(ray);
+#endif
     vec4 color = vec4(shade(ray, hit), 1.0);
     vec4 before = texelFetch(u_history, ivec2(gl_FragCoord.xy), 0);
     if (!u_keep || !finite(before)) before = vec4(0.0);

@@ -1,0 +1,100 @@
+"""The time of a frame that is split into passes, and how many samples of light fit into it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+FADE = 0.8
+"""Factor of the weight of earlier passes when another one is measured."""
+
+PRIOR = 0.02
+"""Weight of the assumption that a pass has no fixed time, against passes that differ in their number of samples."""
+
+HEADROOM = 0.9
+"""Fraction of the remaining time that the next pass is expected to fill."""
+
+GROWTH = 4
+"""How many times as many samples as any pass before the next one may take, because the line is not known there."""
+
+
+@dataclass(slots=True)
+class Budget:
+    """The time that a frame may take. Whoever draws adds the time of each draw call before it asks for the next.
+
+    Attributes
+    ----------
+    limit : milliseconds of the frame. grace : milliseconds for which light goes on beyond them, if all of it is then
+        added. spent : milliseconds so far. last : of the last draw call, or None if it includes work of the driver.
+    """
+
+    limit: float
+    grace: float = 0.0
+    spent: float = 0.0
+    last: float | None = None
+
+    def add(self, milliseconds: float, *, first: bool = False) -> None:
+        """Count a draw call. first : it was the first one of its program, in which drivers finish compilation."""
+        self.spent += milliseconds
+        self.last = None if first else milliseconds
+
+    @property
+    def over(self) -> bool:
+        return self.spent > self.limit
+
+
+@dataclass(slots=True)
+class Pace:
+    """The time of passes that add samples of light: a fixed time, and one for each sample. They are those of the line
+    through the passes so far by least squares, in which recent passes count more.
+
+    Times are milliseconds for each pixel. `after` is that of the passes that follow in a frame.
+    """
+
+    after: float = 0.0
+    _most: int = 0
+    _weight: float = 0.0
+    _samples: float = 0.0
+    _time: float = 0.0
+    _squares: float = 0.0
+    _products: float = 0.0
+
+    def add(self, samples: int, time: float) -> None:
+        """Count a pass."""
+        self._most = max(self._most, samples)
+        self._weight = FADE * self._weight + 1.0
+        share = 1.0 / self._weight
+        self._samples += share * (samples - self._samples)
+        self._time += share * (time - self._time)
+        self._squares += share * (samples**2 - self._squares)
+        self._products += share * (samples * time - self._products)
+
+    def followed(self, time: float) -> None:
+        """Count the passes that follow those that add light."""
+        self.after = time if not self.after else self.after + 0.3 * (time - self.after)
+
+    @property
+    def _line(self) -> tuple[float, float]:
+        """The fixed time and that of a sample."""
+        prior = PRIOR * self._samples**2
+        variance = max(self._squares - self._samples**2, 0.0) + prior
+        each = (self._products - self._samples * self._time + prior * self._time / self._samples) / variance
+        each = min(max(each, 0.0), self._time / self._samples)
+        return self._time - each * self._samples, each
+
+    def time(self, samples: int) -> float:
+        """The expected time of a pass; infinite before the first."""
+        if not self._most:
+            return math.inf
+        fixed, each = self._line
+        return fixed + each * samples
+
+    def fitting(self, time: float) -> int:
+        """The number of samples that a pass of a time adds; 0 if not one fits, and at most 1 before the first pass."""
+        if not self._most:
+            return int(time > 0.0)
+        fixed, each = self._line
+        rest = HEADROOM * time - fixed
+        if rest < each:
+            return 0
+        return int(min(rest / max(each, 1e-12), GROWTH * self._most))
