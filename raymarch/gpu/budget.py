@@ -11,11 +11,18 @@ FADE = 0.8
 PRIOR = 0.02
 """Weight of the assumption that a pass has no fixed time, against passes that differ in their number of samples."""
 
+FLATTEST = 0.1
+"""Minimum time of a sample, relative to the mean time of passes divided by their mean number of samples."""
+
 HEADROOM = 0.9
 """Fraction of the remaining time that the next pass is expected to fill."""
 
-GROWTH = 4
+GROWTH = 2
 """How many times as many samples as any pass before the next one may take, because the line is not known there."""
+
+
+LARGEST = 16
+"""Maximum number of samples of a pass that takes several frames: the picture changes with its last row."""
 
 
 @dataclass(slots=True)
@@ -39,8 +46,14 @@ class Budget:
         self.last = None if first else milliseconds
 
     @property
+    def left(self) -> float:
+        """Milliseconds until the limit, below 0 beyond it."""
+        return self.limit - self.spent
+
+    @property
     def over(self) -> bool:
-        return self.spent > self.limit
+        """True if the limit is exceeded."""
+        return self.left < 0.0
 
 
 @dataclass(slots=True)
@@ -79,15 +92,32 @@ class Pace:
         prior = PRIOR * self._samples**2
         variance = max(self._squares - self._samples**2, 0.0) + prior
         each = (self._products - self._samples * self._time + prior * self._time / self._samples) / variance
-        each = min(max(each, 0.0), self._time / self._samples)
+        mean = self._time / self._samples
+        each = min(max(each, FLATTEST * mean), mean)
         return self._time - each * self._samples, each
 
     def time(self, samples: int) -> float:
-        """The expected time of a pass; infinite before the first."""
-        if not self._most:
+        """The expected time of a pass; infinite before the first, and far beyond the passes so far."""
+        if samples > GROWTH * self._most:
             return math.inf
         fixed, each = self._line
         return fixed + each * samples
+
+    @property
+    def worth(self) -> int:
+        """The number of samples of a pass of which the fixed time is a third; 1 before the first pass. While all passes
+        had equally many samples, twice as many."""
+        if not self._most:
+            return 1
+        if self._squares - self._samples**2 < PRIOR * self._samples**2:
+            return min(2 * self._most, LARGEST)
+        fixed, each = self._line
+        return max(1, min(math.ceil(2.0 * fixed / max(each, 1e-12)), GROWTH * self._most, LARGEST))
+
+    def share(self, samples: int, time: float) -> float:
+        """The fraction of a pass that fits into a time, 0 to 1; 1 before the first pass."""
+        whole = self.time(samples)
+        return min(max(HEADROOM * time / whole, 0.0), 1.0) if self._most and whole > 0.0 else 1.0
 
     def fitting(self, time: float) -> int:
         """The number of samples that a pass of a time adds; 0 if not one fits, and at most 1 before the first pass."""

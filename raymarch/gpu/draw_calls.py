@@ -27,11 +27,16 @@ CENTRE: Mapping[str, Any] = {"u_lens": (0.0, 1.0)}
 """The uniforms of a pass whose rays start at the centre of the lens."""
 
 
+MOST_BANDS = 32
+"""Maximum number of frames over which one pass that adds light is spread."""
+
+
 @dataclass(frozen=True, slots=True)
 class DrawCall:
     """A pass with its program, target and uniforms. It can be drawn at once or in tiles.
 
-    `compile` is the time in milliseconds that the driver took to compile the program; 0 if it was cached.
+    `compile` is the time in milliseconds that the driver took to compile the program; 0 if it was cached. `part` is the
+    tile that it is about; None for the whole target.
     """
 
     chosen: Pass
@@ -39,10 +44,11 @@ class DrawCall:
     target: Target
     uniforms: Mapping[str, Any]
     compile: float
+    part: tuple[int, int, int, int] | None = None
 
     def draw(self, tile: tuple[int, int, int, int] | None = None) -> None:
-        """Draw without waiting for the device. tile : as in `Program.draw`."""
-        self.program.draw(self.target, self.uniforms, tile)
+        """Draw without waiting for the device. tile : as in `Program.draw`; None draws `part`."""
+        self.program.draw(self.target, self.uniforms, tile or self.part)
 
 
 @dataclass(slots=True)
@@ -60,7 +66,8 @@ class History:
     frames : number of pictures since the history was reset.
     marched : number of march passes of the picture so far. arrived : whether all rays have terminated.
     lit : number of samples of light that were added to the current sample of the picture, of `lights`; see
-        `Plan.light_samples`. lighted : whether all were, or a pass adds all.
+        `Plan.light_samples`. lighted : whether all were, or a pass adds all. rows : number of rows of the picture that
+        already have the next samples of light, if a pass takes several frames. adding : number of these samples.
     """
 
     view: Any = None
@@ -77,6 +84,8 @@ class History:
     lit: int = 0
     lights: int = 1
     lighted: bool = True
+    rows: int = 0
+    adding: int = 0
 
     def begin(self, view: Any, text: str | None, keep: bool) -> bool:
         """Begin a frame. Returns True if the cones of the last one can be reused.
@@ -88,7 +97,7 @@ class History:
             same = keep and view == self.shown and text == self.text
             self.samples = self.samples if same else 0
             self.marched = self.marched if kept else 0
-            self.lit = self.lit if kept and same else 0
+            self.lit, self.rows = (self.lit, self.rows) if kept and same else (0, 0)
             self.lighted = True
             self.shown, self.text, self.cones = view, text, not kept
         self.view = view
@@ -103,6 +112,8 @@ class Turn:
     ----------
     uniforms : of this turn. size : of the target; None for that of the picture. target : its name; "" for the pass's.
     before : all uniforms of the last picture, if the scene changed since. kept : use what was drawn earlier.
+    rows : the first row that is drawn, and the one after the last; None for all. A pass with a history reads the
+        earlier one until its last row is drawn.
     """
 
     uniforms: Mapping[str, Any]
@@ -110,6 +121,7 @@ class Turn:
     target: str = ""
     before: Mapping[str, Any] | None = None
     kept: bool = False
+    rows: tuple[int, int] | None = None
 
 
 class Drawing:
@@ -140,6 +152,7 @@ class Drawing:
         self.resources, self.ready, self.uniforms, self.size = resources, ready, uniforms, size
         self.history, self.budget, self.at, self.part = history, budget, at, part
         self._before_last = 0.0  # milliseconds of the frame up to the passes that follow those that add light
+        self._added = True  # whether this frame adds light to the whole picture
         self.carried: dict[str, Any] = {} if part is None else {"u_corner": part.box(size)[:2]}
         """Uniforms that passes leave to later ones, and the textures that were written last, by name."""
         self.kept: dict[str, tuple[Pass, Target]] = {}
@@ -155,7 +168,7 @@ class Drawing:
                 for chosen in passes:
                     for part in self._parts(chosen, turn):
                         yield from self._drawn(chosen, part)
-        if self.budget is not None and self._before_last:
+        if self.budget is not None and self._before_last and self._added:
             self.ready.pace.followed((self.budget.spent - self._before_last) / math.prod(self.size))
 
     def _parts(self, chosen: Pass, turn: Turn) -> Iterator[Turn]:
@@ -164,46 +177,68 @@ class Drawing:
         history, plan = self.history, self.ready.plan
         count = plan.light_samples(turn.uniforms.get("light_turns", self.uniforms.get("light_turns", 1)))
         if chosen.lights == "before":
-            yield replace(turn, kept=history.lit > 0)
+            yield replace(turn, kept=history.lit > 0 or history.rows > 0)
         elif chosen.lights == "after":
-            yield replace(turn, kept=not history.lighted and history.samples > 0)
+            yield replace(turn, kept=not self._added or (not history.lighted and history.samples > 0))
         elif chosen.lights == "":
             yield turn
         elif plan.marching.resumed and not history.arrived:  # rays on their way are shown with the first lights
             history.lit, history.lighted = 0, False
-            yield _lit(turn, 0, self._fitting(count))
+            yield _lit(turn, 0, self._next(count)[0])
         elif history.lit >= count:
             yield replace(turn, kept=True)
         else:
-            history.lights, samples = count, self._fitting(count - history.lit)
-            while samples:
-                yield _lit(turn, history.lit, history.lit + samples)
-                self._timed(samples)
-                history.lit += samples
-                samples = self._fitting(count - history.lit, drawn=True)
+            history.lights, self._added = count, False
+            height, drawn = self.size[1], False
+            while history.lit < count:
+                samples, end = self._next(count - history.lit, drawn=drawn)
+                if not samples:
+                    break
+                begin, drawn = history.rows, True
+                lit = _lit(turn, history.lit, history.lit + samples)
+                yield lit if end - begin == height else replace(lit, rows=(begin, end))
+                self._timed(samples, (end - begin) / height)
+                history.rows, history.adding = end % height, samples
+                if end == height:
+                    history.lit, self._added = history.lit + samples, True
             history.lighted = history.lit >= count
 
-    def _fitting(self, rest: int, *, drawn: bool = False) -> int:
-        """The number of samples of light that the next pass adds, of those that are left; 0 to leave them to the next
-        frame. drawn : a pass of this frame has added some."""
-        budget, pace, most = self.budget, self.ready.pace, self.ready.plan.scene.quality.lights_per_pass
-        if budget is None or rest == 0:
-            return rest
-        pixels = math.prod(self.size)
-        left = budget.limit - budget.spent
-        if isinstance(most, int):
-            ends = drawn and budget.over and pace.time(rest) * pixels > left + budget.grace
-            return 0 if ends else min(most, rest)
-        left -= pace.after * pixels
-        if pace.time(rest) * pixels <= left + budget.grace:
-            return rest
-        return min(max(pace.fitting(left / pixels), 0 if drawn else 1), rest)
+    def _next(self, rest: int, *, drawn: bool = False) -> tuple[int, int]:
+        """What the next draw adds: a number of samples of light, of those that are left, up to a row of the picture.
+        (0, 0) leaves them to the next frame. drawn : this frame has added some.
 
-    def _timed(self, samples: int) -> None:
-        """Count the pass that was drawn last, which added samples of light."""
+        As many samples as fit into the budget, if they take more time than it takes to read the surface. Else so many,
+        over several frames. The first draw of a picture is for all its rows, so that there is a picture.
+        """
+        budget, pace, history, (width, height) = self.budget, self.ready.pace, self.history, self.size
+        most = self.ready.plan.scene.quality.lights_per_pass
+        if budget is None or isinstance(most, int):
+            history.rows = 0
+            late = budget is not None and budget.over and pace.time(rest) * width * height > budget.left + budget.grace
+            if drawn and late:
+                return 0, 0
+            return min(most, rest) if budget is not None and isinstance(most, int) else rest, height
+        left = budget.left / (width * height) - pace.after
+        samples = history.adding
+        if not history.rows:
+            if pace.time(rest) <= left + budget.grace / (width * height):
+                return rest, height
+            samples, worth = min(pace.fitting(left), rest), min(pace.worth, rest)
+            if not (history.lit or history.samples):
+                return max(samples, 1), height
+            if samples >= worth:
+                return samples, height
+            samples = worth
+        share = pace.share(samples, left)
+        if drawn and share * MOST_BANDS < 1.0:
+            return 0, 0
+        return samples, min(history.rows + max(int(share * height), -(-height // MOST_BANDS)), height)
+
+    def _timed(self, samples: int, share: float = 1.0) -> None:
+        """Count the pass that was drawn last, which added samples of light to a fraction of the picture."""
         if self.budget is not None:
             if self.budget.last is not None:
-                self.ready.pace.add(samples, self.budget.last / math.prod(self.size))
+                self.ready.pace.add(samples, self.budget.last / (share * math.prod(self.size)))
             self._before_last = self.budget.spent
 
     def _read_by(self, chosen: Pass) -> dict[str, Any]:
@@ -227,8 +262,9 @@ class Drawing:
                 **({name: (pair.front, i) for i, name in enumerate(chosen.history)} if pair else {}),
                 **self.ready.constants.get(chosen.name, {}),
             }
-            yield DrawCall(chosen, program, target, uniforms, compiling)
-            if pair:
+            rows = turn.rows and (0, turn.rows[0], size[0], turn.rows[1] - turn.rows[0])
+            yield DrawCall(chosen, program, target, uniforms, compiling, rows)
+            if pair and (turn.rows is None or turn.rows[1] == size[1]):
                 pair.swap()
         written = pair.front if pair else target
         if turn.kept and chosen.outputs:

@@ -10,7 +10,6 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import SceneError
-from raymarch.gpu import draw_calls
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context
 from raymarch.gpu.renderer import Renderer
@@ -159,32 +158,30 @@ def test_other_arrays_beside_the_picture(renderer: Renderer) -> None:
         np.testing.assert_array_equal(frames[-1].array(name), whole.array(name))
 
 
-def test_a_budget_chooses_how_much_light_a_pass_adds(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clock by which a pass of k samples of light takes 4 + k ms, and any other 2. Frames learn that, and take no
-    more than their 20 ms; the first does not know yet what follows its light. The first draws of programs count for
-    nothing."""
-    now: list[int] = []
-    timed = draw_calls._lit
-
-    def lit(turn: Any, first: int, end: int) -> Any:
-        now.append(end - first)
-        return timed(turn, first, end)
+@pytest.mark.parametrize(("budget", "most"), [(20.0, 8), (4.0, 45)])
+def test_a_budget_chooses_how_much_light_a_pass_adds(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch, budget: float, most: int
+) -> None:
+    """A clock by which a pass of k samples of light takes 4 + k ms for all rows, and any other 1. Frames learn that,
+    and take no more than their budget, for which a pass may be drawn over several frames; the first one does not know
+    it yet. The first draws of programs count for nothing."""
 
     def clock(self: Clock, draw: Any) -> float:
         del self
         draw()
-        return 4.0 + now.pop() if now else 2.0
+        call = draw.__self__
+        samples = call.uniforms.get("u_end_sample", 0) - call.uniforms.get("u_first_sample", 0)
+        return (4.0 + samples) * (call.part[3] / SIZE[1] if call.part else 1.0) if samples else 1.0
 
-    monkeypatch.setattr(draw_calls, "_lit", lit)
     monkeypatch.setattr(Clock, "time", clock)
     lamps = [rm.PointLight((np.sin(k), 1, np.cos(k)), intensity=0.02) for k in range(60)]
     scene = street(lights_per_pass="auto", temporal="accumulate").replace(lights=lamps, occlusion=None)
     frames = []
     while not frames or not frames[-1].complete:
-        frames.append(renderer.render(scene, within=20.0))
+        frames.append(renderer.render(scene, within=budget))
     took = [sum(t.draw for t in frame.timings) for frame in frames]
-    assert took[0] <= 22.0 and max(took[1:]) <= 20.0 and len(frames) < 10
-    assert np.median(took) > 14.0
+    assert max(took[2:]) <= 1.1 * budget and took[0] <= max(22.0, budget) and len(frames) < most
+    assert np.median(took) > 0.6 * budget
     whole = renderer.render(scene.replace(quality=rm.Quality(temporal="accumulate")))
     np.testing.assert_array_equal(frames[-1].color, whole.color)
 
