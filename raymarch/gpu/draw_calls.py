@@ -230,7 +230,7 @@ class Drawing:
                 return samples, height
             samples = worth
         share = pace.share(samples, left)
-        if drawn and share * MOST_BANDS < 1.0:
+        if drawn and (left <= 0.0 or share * MOST_BANDS < 1.0):
             return 0, 0
         return samples, min(history.rows + max(int(share * height), -(-height // MOST_BANDS)), height)
 
