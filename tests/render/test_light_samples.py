@@ -62,3 +62,12 @@ def test_ranges():
     for wrong in ({"light_samples": 0}, {"light_samples": 65}, {"shadow_steps": 0}):
         with pytest.raises(rm.errors.SceneError, match=next(iter(wrong))):
             rm.Quality(**wrong)
+
+
+def test_many_area_lights_without_shadows_are_the_mean_of_their_samples() -> None:
+    """Rows of one kind of light; they failed for lack of a head."""
+    lights = [rm.RectLight((0.5 * k - 2, 2, 0), intensity=0.1) for k in range(9)]
+    scene = rm.Scene(rm.plane(), rm.Camera((0, 1, 3), (0, 0, 0)), lights=lights)
+    with rm.Renderer((16, 9)) as renderer:
+        one, four = (renderer.render(scene.replace(quality=rm.Quality(light_samples=n))).color for n in (1, 4))
+    assert 0.0 < np.abs(four - one).max() < 0.5 * one.max() and abs(four.mean() / one.mean() - 1.0) < 0.1
