@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TypeAlias
 
 from raymarch.expr.function import Function
@@ -18,8 +19,27 @@ Saving: TypeAlias = Callable[[Function], int]
 """Operations that each avoided call of a function saves; 0 if its calls stay apart."""
 
 
+MOST = 200
+"""Most choices of an expression whose nested choices are merged together."""
+
+
 def merge_calls(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
     """The roots, with calls of one function on exclusive sides of a choice merged where this saves operations."""
+    roots = list(roots)
+    choices = [node for node in topological(roots) if node.op == "where"]
+    merged = _merged_inside_out(roots, saving)
+    if len(choices) > MOST:
+        return merged
+    inner = {side for choice in choices for side in sides(choice)}
+    whole = {choice: _merge_paths(choice, saving) for choice in choices if choice not in inner}
+    if all(new is old for old, new in whole.items()):
+        return merged
+    other = _merged_inside_out(substitute(roots, whole), saving)
+    return other if operations(other) < operations(merged) else merged
+
+
+def _merged_inside_out(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
+    """Each tree of choices merged on its own, those in the leaves of others first."""
     done: dict[Expr, Expr] = {}
     calling: dict[Expr, bool] = {}
 
@@ -87,6 +107,68 @@ def _chosen_args(order: Sequence[Expr], calls: dict[Expr, Expr]) -> tuple[Expr, 
     result = args[order[-1]]
     assert result is not None
     return result
+
+
+def _merge_paths(tree: Expr, saving: Saving) -> Expr:
+    """A tree of choices with one call of each function, where each path through its choices needs at most one.
+
+    A leaf may choose again by the same conditions: on a path these are known.
+    """
+    found = {node.data: node for node in topological([tree]) if node.op == "call" and saving(node.data) > 0}
+    for definition in found:
+        used: dict[Expr, None] = {}
+        known: dict[Expr, bool] = {}
+        args = _path_args(tree, definition, known, used)
+        if isinstance(args, tuple) and len(used) > 1:
+            new = definition(*args)
+            tree = _with_leaves(tree, {call: new for call in used})
+    return tree
+
+
+def _path_args(
+    node: Expr, definition: Function, known: dict[Expr, bool], used: dict[Expr, None]
+) -> tuple[Expr, ...] | bool:
+    """The arguments of the only call below a tree of choices; False without a call, True with several.
+
+    known : conditions on the path to the node. used : gets the calls.
+    """
+    if node.op != "where":
+        calls = [each for each in topological([node], partial(_taken, known)) if each.op == "call"]
+        calls = [call for call in calls if call.data is definition]
+        used.update(dict.fromkeys(calls))
+        return calls[0].args if len(calls) == 1 else bool(calls)
+    condition, *pair = node.args
+    if condition in known:
+        return _path_args(pair[not known[condition]], definition, known, used)
+    found = []
+    for value, side in zip((True, False), pair, strict=True):
+        known[condition] = value
+        found.append(_path_args(side, definition, known, used))
+        del known[condition]
+        if found[-1] is True:
+            return True
+    yes, no = found
+    if isinstance(yes, tuple) and isinstance(no, tuple):
+        return tuple(where(condition, a, b) for a, b in zip(yes, no, strict=True))
+    return yes or no
+
+
+def _taken(known: Mapping[Expr, bool], node: Expr) -> tuple[Expr, ...]:
+    """The arguments of an expression that count where some conditions are known."""
+    if node.op == "where" and node.args[0] in known:
+        return (node.args[1 if known[node.args[0]] else 2],)
+    return node.args
+
+
+def _with_leaves(tree: Expr, calls: Mapping[Expr, Expr]) -> Expr:
+    """A tree of choices with calls replaced in its leaves, not in its conditions."""
+    new: dict[Expr, Expr] = {}
+    for node in topological([tree], sides):
+        if node.op == "where":
+            new[node] = where(node.args[0], new[node.args[1]], new[node.args[2]])
+        else:
+            new[node] = substitute([node], calls)[0]
+    return new[tree]
 
 
 def operations_of(definition: Function) -> int:

@@ -76,10 +76,10 @@ def literal(number: float) -> str:
     """A finite float32 literal with a decimal point, the shortest one without loss of a bit."""
     if not np.isfinite(number) or abs(number) > _LARGEST:
         raise SceneError(f"{number} cannot be written in GLSL", legal="finite numbers up to 3.4e38")
-    text = repr(float(str(np.float32(number))))
-    if "e" in text and "." not in text:
-        text = text.replace("e", ".0e")
-    return text
+    digits, _, exponent = repr(float(str(np.float32(number)))).partition("e")
+    if exponent:
+        return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}"
+    return digits
 
 
 def constant(node: Expr) -> str:
@@ -175,8 +175,10 @@ def _linear(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pi
 
 def _prefix(symbol: str) -> Template:
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        inner = wrap(pieces[0], ATOM if pieces[0].text.startswith(symbol) else POSTFIX)
-        return Piece(symbol + inner.text, UNARY, _depth(pieces), Form("prefix", symbol, (inner,), node.args))
+        product = symbol == "-" and pieces[0].binding == TIMES  # -a * b is -(a * b)
+        inner = wrap(pieces[0], ATOM if pieces[0].text.startswith(symbol) else TIMES if product else POSTFIX)
+        binding = max(inner.binding, UNARY)
+        return Piece(symbol + inner.text, binding, _depth(pieces), Form("prefix", symbol, (inner,), node.args))
 
     return template
 
@@ -981,20 +983,30 @@ def _layout(indent: str, before: str, piece: Piece, after: str, source: Expr | N
 
 
 def _filled(text: str, indent: str) -> list[str]:
-    """A line broken before operators and after commas, each part as long as it may be."""
+    """A line broken before operators and after commas: where few parentheses are open, then at the loosest operator."""
     lines = []
     while len(text) > WIDTH:
-        breaks = [m.start() for m in _BREAKS.finditer(text, len(indent) + 8, WIDTH)]
-        if not breaks:
+        opened, best = 0, None
+        for match in _BREAKS.finditer(text, len(indent) + 8, WIDTH):
+            if match[0] in "()":
+                opened += 1 if match[0] == "(" else -1
+                continue
+            early = match.start() < WIDTH // 3
+            key = (early, opened, _LOOSENESS.index(text[match.start() + 1]) if text[match.start() - 1] != "," else -1)
+            if best is None or key <= best[0]:
+                best = (key, match.start())
+        if best is None:
             break
-        end = max((b for b in breaks if text[b + 1] in "?:" and b > WIDTH // 2), default=breaks[-1])
-        lines.append(text[:end])
-        text = f"{indent}    {text[end + 1 :]}"
+        lines.append(text[: best[1]])
+        text = f"{indent}    {text[best[1] + 1 :]}"
     return [*lines, text]
 
 
-_BREAKS = re.compile(r"(?<=,) | (?=[?:*/+-] |&& |\|\| |[<>]=? )")
-"""The spaces at which a line may be broken."""
+_BREAKS = re.compile(r"[()]|(?<=,) | (?=[?:*/+-] |&& |\|\| |[<>]=? )")
+"""Parentheses, and the spaces at which a line may be broken."""
+
+_LOOSENESS = ":?|&<>+-*/"
+"""First characters of operators, the loosest first."""
 
 
 def print_expression(node: Expr) -> str:

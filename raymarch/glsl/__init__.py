@@ -27,8 +27,7 @@ class Module:
     def needs(self) -> frozenset[str]:
         return used("\n".join(self.lines))
 
-
-VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "LIT"})
+VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "CONES", "LIT"})
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader."""
 
 

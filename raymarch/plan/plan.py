@@ -109,7 +109,7 @@ class Plan:
     @property
     def variants(self) -> frozenset[str]:
         """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
-        settled = {"ANALYTIC": self.analytic.used, "LIT": self.lights_split}
+        settled = {"ANALYTIC": self.analytic.used, "CONES": self.marching.cones, "LIT": self.lights_split}
         return marching.variants_of(self.scene) | {name for name, used in settled.items() if used}
 
     @property

@@ -49,7 +49,7 @@ def test_a_literal_has_a_point_and_loses_nothing(number: float) -> None:
 
 @pytest.mark.parametrize(
     ("number", "written"),
-    [(1, "1.0"), (0.1, "0.1"), (-2.5, "-2.5"), (1e-7, "1.0e-07"), (1e20, "1.0e+20"), (1 / 3, "0.33333334")],
+    [(1, "1.0"), (0.1, "0.1"), (-2.5, "-2.5"), (1e-7, "1.0e-7"), (1e20, "1.0e20"), (1 / 3, "0.33333334")],
 )
 def test_literals_are_as_short_as_they_can_be(number: float, written: str) -> None:
     assert literal(number) == written

@@ -1,9 +1,4 @@
 // Clips a ray's range to the half-space below a plane perpendicular to an axis.
-float steep(float direction) {
-    // a ray parallel to the planes meets them far away, on their side
-    return abs(direction) < 1.0e-20 ? 1.0e-20 : direction;
-}
-
 vec2 below(vec2 range, float origin, float direction, float upper) {
     float rate = steep(direction);
     float t = (upper - origin) / rate;
