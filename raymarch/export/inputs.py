@@ -82,7 +82,7 @@ def shader_of(made: Plan, host: Mapping[str, str] = MappingProxyType({})) -> Sha
 
 def declarations(made: Plan, shader: Shader, values: Values) -> dict[str, str]:
     """The lines that replace uniforms in every text: variables of a frame, and constant data."""
-    lines = {name: f"{kind.partition('[')[0]} {name};" for name, kind in shader.uniforms.items() if is_own(name)}
+    lines = {line.uniform: line.text.removeprefix("uniform ") for line in shader.body if is_own(line.uniform)}
     return lines | sky_light(made) | _constants(made, shader, values)
 
 

@@ -129,7 +129,7 @@ def _call(name: str, *stretch: int) -> Template:
 def _stretched(piece: Piece, arg: Expr, wanted: Type) -> Piece:
     if arg.type is wanted or not wanted.is_vector or arg.type is not FLOAT:
         return piece
-    return Piece(f"{wanted}({piece.text})", ATOM, piece.depth + 1)
+    return call_text(wanted.name, [piece], [arg])
 
 
 def _commutative(name: str) -> Template:
@@ -183,13 +183,13 @@ def _prefix(symbol: str) -> Template:
     return template
 
 
-def _guarded(name: str, guard: str, is_safe: Callable[[Expr], bool]) -> Template:
-    """A built-in function whose first argument is clamped to its domain, unless it is proved to lie in it."""
+def _guarded(name: str, least: str, is_safe: Callable[[Expr], bool]) -> Template:
+    """A built-in function whose first argument is at least a number, unless it is proved to be."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         first, arg = pieces[0], node.args[0]
         if not is_safe(arg):
-            first = Piece(guard.format(first.text), ATOM, first.depth + 1)
+            first = call_text("max", [first, Piece(least, ATOM, 0)], [arg, arg])
         rest = [_stretched(p, a, node.type) for p, a in zip(pieces[1:], node.args[1:], strict=True)]
         return call_text(name, [_stretched(first, arg, node.type), *rest], node.args)
 
@@ -464,11 +464,11 @@ TEMPLATES: Mapping[str, Template] = {
     "ceil": _call("ceil"),
     "round": _floor_of_half,
     "fract": _call("fract"),
-    "sqrt": _guarded("sqrt", "max({}, 0.0)", is_nonnegative),
+    "sqrt": _guarded("sqrt", "0.0", is_nonnegative),
     "exp": _call("exp"),
     "exp2": _call("exp2"),
-    "log": _guarded("log", "max({}, 1.1754944e-38)", _positive_constant),
-    "log2": _guarded("log2", "max({}, 1.1754944e-38)", _positive_constant),
+    "log": _guarded("log", "1.1754944e-38", _positive_constant),
+    "log2": _guarded("log2", "1.1754944e-38", _positive_constant),
     "sin": _call("sin"),
     "cos": _call("cos"),
     "tan": _call("tan"),
@@ -479,7 +479,7 @@ TEMPLATES: Mapping[str, Template] = {
     "sinh": _call("sinh"),
     "cosh": _call("cosh"),
     "tanh": _call("tanh"),
-    "pow": _guarded("pow", "max({}, 1.1754944e-38)", _positive_constant),
+    "pow": _guarded("pow", "1.1754944e-38", _positive_constant),
     "min": _commutative("min"),
     "max": _commutative("max"),
     "step": _stepped,
@@ -979,10 +979,10 @@ def _layout(indent: str, before: str, piece: Piece, after: str, source: Expr | N
         for i, (part, part_source) in enumerate(zip(form.parts, form.sources, strict=True)):
             lines += _layout(inner, "", part, f"){after}" if i == len(form.parts) - 1 else ",", part_source)
         return lines
-    return [Line(text, source) for text in _filled(flat, indent)]
+    return [Line(text, source) for text in filled(flat, indent)]
 
 
-def _filled(text: str, indent: str) -> list[str]:
+def filled(text: str, indent: str) -> list[str]:
     """A line broken before operators and after commas: where few parentheses are open, then at the loosest operator."""
     lines = []
     while len(text) > WIDTH:

@@ -27,7 +27,9 @@ class Module:
     def needs(self) -> frozenset[str]:
         return used("\n".join(self.lines))
 
-VARIANTS = frozenset({"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "CONES", "LIT"})
+VARIANTS = frozenset(
+    {"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "CONES", "COUNTS", "LIT", "SAMPLES"}
+)
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader."""
 
 

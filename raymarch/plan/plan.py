@@ -109,8 +109,14 @@ class Plan:
     @property
     def variants(self) -> frozenset[str]:
         """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
-        settled = {"ANALYTIC": self.analytic.used, "CONES": self.marching.cones, "LIT": self.lights_split}
-        return marching.variants_of(self.scene) | {name for name, used in settled.items() if used}
+        used = {
+            "ANALYTIC": self.analytic.used,
+            "CONES": self.marching.cones,
+            "COUNTS": not self.standalone,
+            "LIT": self.lights_split,
+            "SAMPLES": self.scene.quality.samples > 1,
+        }
+        return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
 
     @property
     def interpolated(self) -> bool:

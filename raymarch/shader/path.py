@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from raymarch.expr.glsl import filled
 from raymarch.plan import Plan
 from raymarch.scene.bsdf import fresnel_dielectric, sample_rough_dielectric
 from raymarch.shader.bsdf import Reflection
@@ -58,13 +59,14 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
         indent += "    "
     last = f"bounce == {scene.bounces}"
     add(f"{indent}if ({last}) break;")
-    add(f"{indent}BsdfSample found = {reflection.sample()};")
+    for line in filled(f"{indent}BsdfSample found = {reflection.sample()};", indent):
+        add(line)
     add(f"{indent}if (found.weight == vec3(0.0)) break;")
     add(f"{indent}weight *= found.weight;")
     add(f"{indent}direction = found.direction;")
     if shines:
-        matte = "surface.material.metalness < 1.0 ? max(surface.material.roughness, 0.4) : surface.material.roughness"
-        add(f"{indent}min_roughness = max(min_roughness, {matte});")
+        add(f"{indent}float least = surface.material.metalness < 1.0 ? 0.4 : 0.0;")
+        add(f"{indent}min_roughness = max(min_roughness, max(surface.material.roughness, least));")
     if glass:
         add("        }")
     add("        float start;")

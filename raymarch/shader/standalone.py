@@ -143,6 +143,8 @@ class Setup:
         for name, value in self._hoisted.items():
             if name in parameters:
                 text.add(f"    {parameters[name]} = {value};")
+        if "u_sample" in given and "begin_sample" not in given:
+            text.add("    u_sample = 0;")
         text.add(f"    {self._size} = {self._extent};")
         text.add(f"    place_camera({self._position}, {self._target}, {self._up});")
         text.add(f"    u_pixel = 2.0 * {self._size} / u_resolution.y;")

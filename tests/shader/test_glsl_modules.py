@@ -16,6 +16,8 @@ def test_there_are_modules() -> None:
     assert len(MODULES) >= 15
 
 
+NONE = frozenset[str]()
+
 TEXT = """\
 // Used in words only: nothing, float of(float x).
 struct Ball { vec3 centre; float size; };  /* hidden(1.0)
@@ -44,9 +46,14 @@ def test_a_module_says_what_it_is_for(name: str) -> None:
     assert module.lines[0].startswith("// ") and module.summary[0].isupper() and len(module.summary) > 10
 
 
+@pytest.mark.parametrize("name", MODULES)
+def test_no_line_is_longer_than_120_columns(name: str) -> None:
+    assert max(map(len, (FOLDER / f"{name}.glsl").read_text().split("\n"))) <= 120
+
+
 def test_what_a_module_uses_is_given_by_modules_or_generated() -> None:
     """The names that no module gives. A misspelt name would be one more."""
-    used = frozenset[str]().union(*(glsl.load(name).needs for name in MODULES))
+    used = frozenset[str]().union(*(glsl.load(name, of).needs for name in MODULES for of in (NONE, glsl.VARIANTS)))
     assert used - set(glsl.givers()) == set(GENERATED.split())
 
 

@@ -1,7 +1,5 @@
-// The depth below a hit at which materials are evaluated: the residual of the hit plus eight ulp of the coordinates.
-// These cover the rounding of the field and of the transforms to object space.
-// A face may lie on a discontinuity of a pattern, as a floor does on the border of a checker's cells. It then shows the
-// side inside the solid, independent of the rounding of each hit.
+// The depth below a hit at which materials are evaluated: its residual plus 8 ulp of the coordinates, for rounding. A
+// face that lies on a border of a pattern, as a checkered floor may, thus shows the side inside the solid.
 float inner_depth(vec3 p, Hit hit, float travelled) {
     return hit.residual + 4.0 * nearness(p, travelled, 0.0);
 }

@@ -1,5 +1,5 @@
-// Makes the surface interaction of a hit: the normal, the footprint, the relief, and the material just inside the solid.
-// `travelled` is the length of the path from the camera to the surface. The pixel's footprint is proportional to it.
+// The surface interaction of a hit: normal, footprint, relief, and the material just inside the solid. `travelled`:
+// length of the path from the camera, to which the pixel's footprint is proportional.
 Surface surface_interaction_mapped(Ray ray, Hit hit, float travelled) {
     vec3 p = ray.origin + hit.t * ray.direction;
     vec3 n = surface_normal(p, ray.direction);
@@ -14,5 +14,6 @@ Surface surface_interaction_mapped(Ray ray, Hit hit, float travelled) {
     vec3 inner = inner_point(p, n, hit, travelled);
     Relief relief = relief_at(inner, n, dpdx, dpdy);
     vec3 normal = shading_normal(n, v, relief.bump_gradient);
-    return Surface(p, u_side * normal, v, hit.t, material_at(inner, n, dpdx, dpdy), relief.ambient_visibility, n, dpdx, dpdy, inner);
+    Material material = material_at(inner, n, dpdx, dpdy);
+    return Surface(p, u_side * normal, v, hit.t, material, relief.ambient_visibility, n, dpdx, dpdy, inner);
 }

@@ -1,5 +1,4 @@
-// Makes the surface interaction of a hit: the normal, then the material just inside the solid.
-// `travelled` is the length of the path from the camera to the surface.
+// The surface interaction of a hit: normal, then material just inside the solid. `travelled`: path length so far.
 Surface surface_interaction_patterned(Ray ray, Hit hit, float travelled) {
     vec3 p = ray.origin + hit.t * ray.direction;
     vec3 n = surface_normal(p, ray.direction);

@@ -1,9 +1,6 @@
-// Hard shadow: 0 if an occluder lies between a surface point and the light, else 1.
-// The ray counts as blocked at a distance to a surface above 0 but below that at which it starts, so that it does not
-// hit the surface that it starts from. If half of the field's value at the start is less, that is the threshold,
-// because a bound may be flat there. The threshold grows along the ray with the coordinates and their ulp.
-// The steps are those of the tracer. It expects that the ray leaves the surface at the angle of the normal.
-// No ray is traced for a surface that faces away from the light or is out of its range.
+// Hard shadow: 0 if an occluder lies between a surface point and the light, else 1. A sample nearer to a surface than
+// `near` is a hit. `near` is below the distance at which the ray starts, and at most half of the first sample, because
+// a bound may be flat there. It grows along the ray with the ulp of the coordinates.
 float hard_shadow(Surface surface, Light light) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;

@@ -1,6 +1,5 @@
-// A ray that starts at a surface, offset by two epsilons from it. The offset is along the ray, to keep shadows and
-// refracted images in place. At grazing angles, where this would take more than four times the offset, the rest is
-// along the normal.
+// A ray that starts two epsilons from a surface. The offset is along the ray, to keep shadows and refracted images in
+// place; at grazing angles, where this would take more than four times the offset, the rest is along the normal.
 Ray spawn_ray(vec3 p, vec3 normal, vec3 direction, float travelled, out float start) {
     float offset = 2.0 * epsilon(p, travelled);
     float rise = max(dot(normal, direction), 0.0);

@@ -1,6 +1,5 @@
-// Soft shadow (Aaltonen 2018): as light/cone, with the point of closest approach estimated between two samples. The
-// spheres of two steps intersect in a circle, on which the occluder is assumed to lie. The first step has no sample
-// before it.
+// Soft shadow (Aaltonen 2018): as light/cone, with the point of closest approach between two samples: the spheres of
+// two steps intersect in a circle, on which the occluder is assumed to lie.
 float triangulated_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     float start;

@@ -1,6 +1,4 @@
-// Whether to step to the surface itself: if a step to the tangent point of the spheres would end within an epsilon of
-// it, and the derivative is steep enough for the gap r (1 + derivative) / -derivative to be at most a few epsilons.
-// Cones never do, because they do not hit surfaces.
+// Whether to step to the surface itself; see march/aim. Cones never do, because they do not hit surfaces.
 bool aims_at_surface(float r, float derivative, float near) {
 #ifdef CONE
     return false;

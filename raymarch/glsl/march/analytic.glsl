@@ -1,5 +1,5 @@
-// Rays are marched only where there are solids to march, and only up to the nearest hit in closed form. A ray that starts
-// inside a solid is marched through all of them.
+// Rays are marched where there are solids to march, up to the nearest hit in closed form. A ray that starts inside a
+// solid is marched through all of them.
 float solved_t;  // of the nearest hit in closed form of the pixel's ray; 1e30 for none
 
 vec2 range_of(Ray ray) {

@@ -1,8 +1,7 @@
-// Bracketing sphere tracing. As in auto-relaxed sphere tracing (Bán and Valasek 2023), a step goes to the expected
-// tangent point of the spheres, by an exponential average of the derivative. If the spheres at its ends do not overlap,
-// the far one is kept, and a plain step follows: the kept sphere is empty too, but the gap before it is unknown. Once a
-// sphere reaches the kept one, the march goes on from there, so that a step that was too long is not wasted. A kept
-// sphere inside the solid contains no surface either and bounds the gap: the first surface lies before it.
+// Bracketing sphere tracing. A step goes to the expected tangent point of the next sphere, by an exponential average of
+// the derivative (as in Bán and Valasek 2023). If the spheres do not overlap, the far one is kept and a plain step
+// follows. Once a sphere reaches the kept one, the march goes on from there. A kept sphere inside the solid bounds the
+// gap: the first surface lies before it.
 float step_length(March at, float far) {
     float low = at.kept_t - abs(at.kept_r) - at.t;
     float z = min(2.0 * at.r / (1.0 - at.derivative), far - at.t + at.r);

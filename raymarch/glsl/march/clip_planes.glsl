@@ -1,5 +1,5 @@
-// The part of a ray between the camera's clip planes, which are perpendicular to the view. A cone starts before the near
-// plane, so that it holds the start of each of its rays, and does not end at the far plane.
+// The part of a ray between the camera's clip planes, which are perpendicular to the view. A cone starts before the
+// near plane, so that it holds the start of each of its rays, and does not end at the far plane.
 uniform float u_near;  // distances of the planes from the camera
 uniform float u_clip_far;
 

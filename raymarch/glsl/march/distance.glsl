@@ -1,5 +1,4 @@
-// The field along a ray, with the sign that it has at the camera, so that a camera inside a solid sees the inner
-// surface.
+// The field along a ray, positive on the side of the camera: from inside a solid, the inner surface is visible.
 float march_distance(Ray ray, float t) {
 #ifdef ANALYTIC
     return u_side * ray_field(ray.origin + t * ray.direction, u_side < 0.0);

@@ -1,8 +1,7 @@
-// The field along a ray, with the sign that it has at the camera, so that a camera inside a solid sees the inner
-// surface.
+// The field along a ray, positive on the side of the camera: from inside a solid, the inner surface is visible.
 #ifdef WIDE_CONE
-// In a pass that marches cones: the safe step of a cone. At t its points lie within u_cone_start + u_cone t of the axis:
-// its rays start within u_cone_start of the axis, and their directions differ from it by at most u_cone.
+// In a pass that marches cones: the safe step of a cone. At t its points lie within u_cone_start + u_cone t of the
+// axis: its rays start within u_cone_start of it, and their directions differ from it by at most u_cone.
 #else
 // In a pass that marches cones: the safe step of a cone. A cone's directions differ from its axis by at most u_cone, so
 // at t its points lie within u_cone t of the axis. (f - u_cone t) / (1 + u_cone) is safe for all of them, and

@@ -1,6 +1,5 @@
-// The first sample of a ray that starts at a point of its own. Its sign tells whether the ray starts inside a solid; the
-// ray then hits the inner surface. Where a ray enters the scene's box, or starts in a clip plane, it may start on a surface.
-// Rounding must not put it inside.
+// The first sample of a ray that starts at a point of its own. Its sign tells whether the ray starts inside a solid and
+// hits the inner surface. A ray that starts on a surface, at the scene's box or in a clip plane, starts outside.
 void enter(Ray ray, inout March at) {
 #ifdef ANALYTIC
     at.r = 0.0;  // `range_of` has found the sign

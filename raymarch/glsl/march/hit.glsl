@@ -5,11 +5,10 @@ float u_side = 1.0;  // -1 if the ray of this pixel starts inside a solid, else 
 uniform float u_side;  // -1 if the camera is inside a solid, else 1: multiplies the field
 #endif
 
-// The state of a march, from which a later pass can resume it.
 struct March {
     float t;  // the ray is certified to be empty up to t + r, unless it is refining a hit
     float r;  // the field at t; 0 before its first evaluation
-    float kept_t;  // while refining: the last certified sample, else a sample that may lie behind a surface; 0: none
+    float kept_t;  // refining: the last certified sample; else a sample that may lie behind a surface; 0: none
     float kept_r;
     float derivative;  // of the field along the ray, averaged over the last steps
     float last_derivative;  // over the last step alone; 0 if unknown
@@ -22,11 +21,17 @@ struct Hit {
     bool found;
     float t;
     float residual;
+#ifdef COUNTS
     float iterations;
     float evaluations;
     float fallbacks;  // steps that proved too long and were undone
+#endif
 };
 
 Hit no_hit(float near) {
+#ifdef COUNTS
     return Hit(true, false, near, 0.0, 0.0, 0.0, 0.0);
+#else
+    return Hit(true, false, near, 0.0);
+#endif
 }

@@ -1,18 +1,16 @@
-// The march of a ray: one loop with one evaluation of the field, in two states. The ray searches with steps of the
-// tracer's length until a sample lies near a surface. Then it refines the hit with secant steps along the derivative of
-// its last two samples. `at` and `hit` hold the whole state, so that a march split over passes evaluates the field at
-// the same points.
-// A refining step is accepted only if the residual becomes smaller. Along a surface the derivative is nearly 0, and a
-// secant step may pass through an object that stands on the surface. No value certifies such a step as empty, so the
-// first is at most `leap_pixels` pixels longer than a plain step, and passes no thicker solid. The next is no longer
-// than the distance over which the derivative has held. A ray that only passes the surface is not a hit, or edges and
-// silhouettes would be an epsilon too wide and show normals of back faces. It searches on from its last certified
-// sample.
+// The march of a ray: one evaluation of the field per turn, in two states. The ray searches with steps of the tracer
+// until a sample is near a surface, then refines the hit with secant steps. `at` and `hit` hold the whole state. A
+// refining step must reduce the residual. Along a surface the derivative is nearly 0, and a secant step could pass
+// through an object that stands on the surface: the first is at most `leap_pixels` longer than a plain step, the next
+// no longer than the distance over which the derivative has held. A ray that only passes a surface searches on from its
+// last certified sample; as a hit it would widen silhouettes.
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
     bool found = false;
     bool escaped = false;
+#ifdef COUNTS
     float steps = 0.0;
+#endif
     for (int i = 0; i < march_steps; i++) {
         float width = at.passing ? widths.z : widths.y;
 #ifdef ORTHOGRAPHIC
@@ -31,7 +29,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         }
         escaped = !at.refining && at.t + min(z, at.r) > far;
         if (escaped) break;
+#ifdef COUNTS
         steps += 1.0;
+#endif
         float t = at.t + z;
         float next = march_distance(ray, t);
         float derivative = z != 0.0 ? (next - at.r) / z : at.derivative;
@@ -57,7 +57,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             at.refining = true;
         } else {
             move(at, empty, t, next, derivative);
+#ifdef COUNTS
             hit.fallbacks += float(!empty);
+#endif
         }
 #ifdef ORTHOGRAPHIC
         found = at.refining && abs(at.r) <= widths.x * at.t + hit_width(widths);
@@ -66,8 +68,10 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         if (found) break;
     }
+#ifdef COUNTS
     hit.iterations += steps;
     hit.evaluations += steps;
+#endif
 #ifdef CLIP_PLANES
     escaped = escaped || (found && at.t > between_planes(ray, u_far).y);  // a long step may end behind the far plane
     found = found && !escaped;

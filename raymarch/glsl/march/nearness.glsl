@@ -1,5 +1,4 @@
-// A fraction of the pixel width at a point p at the end of a path of length t, but no less than the resolution of
-// float32 there.
+// A fraction of the pixel width at the point p, a path of length t away; at least the resolution of float32 there.
 float nearness(vec3 p, float t, float pixels) {
     vec3 size = abs(p);
     float ulps = 2.0 * GROWTH * max(max(size.x, size.y), max(size.z, t));  // 2 ulp of the largest

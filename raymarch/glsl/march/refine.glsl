@@ -1,6 +1,5 @@
-// The end of a march. Its hit has a residual of a small fraction of an epsilon. The last step, along the derivative of the
-// last two samples, removes nearly all of that without an evaluation. It is at most half an epsilon, so that no hit lies
-// deeper in a solid.
+// The end of a march: a hit has a residual of a small fraction of an epsilon. The last step, along the derivative,
+// removes nearly all of that. It is at most half an epsilon, so that no hit lies deeper in a solid.
 float hit_width(vec3 widths) {
     return widths.z;
 }

@@ -1,6 +1,5 @@
-// The start of a march: in the sphere around the camera, where the field is known from the CPU, or at `near` if the sphere
-// does not reach there. The expected derivative is biased towards the steepest, because a step that is undone costs more
-// than a short one.
+// The start of a march: in the sphere around the camera that is known to be empty, or at `near` beyond it. The expected
+// derivative is biased towards -1, because a step that is undone costs more than a short one.
 uniform vec4 u_start;  // at the camera, times u_side: gradient and value of the field; 0 if they are not known
 
 March start_march(Ray ray, float near) {

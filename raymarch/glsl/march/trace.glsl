@@ -9,7 +9,9 @@ Hit trace(Ray ray) {
         march(ray, at, hit, range.y);
     }
 #ifdef OWN_START
+#ifdef COUNTS
     hit.evaluations += 1.0;
+#endif
 #endif
     keep_solved(hit);
     return hit;
@@ -22,7 +24,9 @@ Hit trace(Ray ray) {
     Hit hit = no_hit(at.t);
     march(ray, at, hit, range.y);
 #ifdef OWN_START
+#ifdef COUNTS
     hit.evaluations += 1.0;
+#endif
 #endif
     return hit;
 #endif

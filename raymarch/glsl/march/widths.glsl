@@ -1,5 +1,4 @@
-// The thresholds of the march of a ray: fractions of the pixel width, which grows with the distance t, but no less than
-// the resolution of float32. A point on a ray is as uncertain as the rounding of its coordinates and of t.
+// The thresholds of a march: fractions of the pixel width, which grows with t, but at least the resolution of float32.
 #ifdef ORTHOGRAPHIC
 uniform float u_pixel;  // width of a pixel, at all distances
 #else
@@ -8,11 +7,9 @@ uniform float u_pixel;  // width of a pixel at distance 1
 const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
 
 #ifdef ORTHOGRAPHIC
-// Each threshold is linear in t: t times the first component plus the second for the distance to a surface within which
-// a ray refines its hit, or plus the third for the distance within which it always has hit the surface.
+// Linear in t, as (x t + y) for the width at which a ray refines its hit and (x t + z) for that at which it has one.
 #else
-// Each threshold is linear in t: the first component plus t times the second for the distance to a surface within which
-// a ray refines its hit, or plus t times the third for the distance within which it always has hit the surface.
+// Linear in t, as (x + y t) for the width at which a ray refines its hit and (x + z t) for that at which it has one.
 #endif
 vec3 hit_widths(Ray ray) {
     vec3 size = abs(ray.origin);

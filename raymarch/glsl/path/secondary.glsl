@@ -1,6 +1,5 @@
-// The hit of a secondary ray, by the steps of the tracer from `start`; inside the solid if `side` is -1. `travelled` is
-// the length of the path before it, which sets the precision. A step may end behind the scene's box, on a wall that is
-// a face of the box.
+// The hit of a secondary ray, by the steps of the tracer from `start`; inside the solid if `side` is -1. `travelled`,
+// the length of the path before it, sets the precision. A step may end on a wall that is a face of the scene's box.
 Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     Hit hit = no_hit(0.0);
     vec2 range = scene_box(ray, vec2(start, 2.0 * u_far));
@@ -8,7 +7,8 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #ifdef ANALYTIC
     float solved = inside ? 1.0e30 : solved_hit(ray.origin, ray.direction, start);
     bool blocked = solved <= range.y;
-    if (blocked) hit = Hit(true, true, solved, 0.0, 0.0, 0.0, 0.0);
+    if (blocked) hit.t = solved;
+    hit.found = blocked;
     if (!inside) {
         range = marched_range(ray, range);
         range.y = min(range.y, solved);
@@ -27,7 +27,9 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #else
         float r = side * u_side * field(p);
 #endif
+#ifdef COUNTS
         hit.evaluations += 1.0;
+#endif
         bool empty = z <= at.r + abs(r);
 #ifdef ANALYTIC
         bool met = empty && r < contact(p, travelled + t) && t + r <= solved;

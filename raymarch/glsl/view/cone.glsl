@@ -1,5 +1,4 @@
-// Pass: how far the cones around the rays of each cell of pixels are empty. See march/carry for the contents of a
-// texel.
+// Pass: how far the cones around the rays of each cell of pixels are empty. See march/carry for the texels.
 layout(location = 0) out vec4 out_state;
 
 void main() {
