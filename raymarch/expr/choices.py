@@ -121,7 +121,7 @@ def _merge_paths(tree: Expr, saving: Saving) -> Expr:
         args = _path_args(tree, definition, known, used)
         if isinstance(args, tuple) and len(used) > 1:
             new = definition(*args)
-            tree = _with_leaves(tree, {call: new for call in used})
+            tree = _with_leaves(tree, dict.fromkeys(used, new))
     return tree
 
 

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from itertools import product
-from typing import Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final, Self, TypeAlias
 
 import numpy as np
 import pyrr
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr import vocabulary as v
+from raymarch.expr.arrays import evaluator
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, instance, real, short
-from raymarch.expr.node import Expr
+from raymarch.expr.node import Expr, Operand, expr, var
+from raymarch.expr.types import FLOAT, VEC3
 from raymarch.scene.parameter import Values, as_number, as_vec3
 from raymarch.scene.value import Part, value
+from raymarch.sdf.booleans import balanced
 from raymarch.sdf.domain import Scalar, Vec3Like
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
@@ -26,6 +32,8 @@ VIEW = np.array([0.5, 0.45, 1.0])
 MARGIN = 1.1
 """The picture of a camera that frames a solid is larger than its box by this factor."""
 
+
+Corners: TypeAlias = Sequence[tuple[Expr, ...]]
 
 PROJECTIONS: Final = ("perspective", "orthographic")
 
@@ -238,12 +246,12 @@ class Camera(Part):
         target = (lower + upper) / 2
         # refuses a degenerate camera
         made = cls(tuple(target + away), tuple(target), tuple(upward), fov, projection)
+        distance, half = map(float, _framing()(lower, upper, target, away, upward, tan_half_fov, proportion, factor))
         if made.orthographic:
-            half = _half_extent(lower, upper, target, away, upward, proportion, factor)
-            position = target + _before(lower, upper, half, away)
-            return made.replace(position=tuple(position.tolist()), height=2.0 * half)
-        position = target + _away(lower, upper, target, away, upward, tan_half_fov, proportion, factor)
-        return made.replace(position=tuple(position.tolist()))
+            distance = before_box(float(np.linalg.norm(upper - lower)), half)
+        position = target + away * (distance / np.linalg.norm(away))
+        height = 2.0 * half if made.orthographic else None
+        return made.replace(position=tuple(position.tolist()), height=height)
 
     @property
     def _constant(self) -> bool:
@@ -327,17 +335,15 @@ class Camera(Part):
         given = None if self.position is None else values.of(self.position)
         away = VIEW if given is None else given - target
         self._refuse_degenerate(target + away if given is None else given, target, up)
-        half = None
-        if self.orthographic and self.height is None:
-            half = _half_extent(lower, upper, target, away, up, aspect, MARGIN)
-        elif self.orthographic:
-            half = self._half_height(values)
-        if given is not None:
-            position = given
-        elif half is not None:
-            position = target + _before(lower, upper, half, away)
+        distance, half = 0.0, None
+        if given is None or self.orthographic:
+            distance, half = map(float, _framing()(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN))
+        if self.orthographic:
+            half = half if self.height is None else self._half_height(values)
+            distance = before_box(float(np.linalg.norm(upper - lower)), half)
         else:
-            position = target + _away(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN)
+            half = None
+        position = target + away * (distance / np.linalg.norm(away)) if given is None else given
         self._refuse_degenerate(position, target, up)
         found = look_at(position, target, up, tan_half_fov if half is None else 0.0)
         return replace(found, half_height=half, **self.optics(values, float(np.linalg.norm(target - position))))
@@ -374,50 +380,48 @@ def framed_box(subject: Facts | None) -> tuple[NDArray[np.float64], NDArray[np.f
     return lower - point, upper + point
 
 
-def _away(
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    target: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    up: NDArray[np.float64],
-    tan_half_fov: float,
-    aspect: float,
-    margin: float,
-) -> NDArray[np.float64]:
-    """The vector along `direction` from the target to the nearest camera that sees all corners of a box, and a margin.
+def corners_of(low: Operand, high: Operand, target: Operand, away: Operand, up: Operand) -> list[tuple[Expr, ...]]:
+    """The corners of a box from the target: to the right, upwards and towards a camera in the direction `away`."""
+    backward = v.normalize(away)
+    right = v.normalize(v.cross(up, backward))
+    axes = (right, v.cross(backward, right), backward)
+    ends = (expr(low), expr(high))
+    corners = [v.vec3(*(ends[k][i] for i, k in enumerate(which))) - target for which in product((0, 1), repeat=3)]
+    return [tuple(v.dot(corner, axis) for axis in axes) for corner in corners]
+
+
+def distance_to_see(corners: Corners, tan_half_fov: Operand, aspect: Expr, margin: Operand = MARGIN) -> Expr:
+    """The least distance from the target of a camera that sees all corners of a box, and a margin.
 
     A corner at (x, y, z) from the target, right, up and towards the camera, is in the picture of a camera at distance d
     if |y| <= (d - z) tan(fov / 2), and likewise for x.
     """
-    corners = np.array(list(product(*zip(lower, upper, strict=True)))) - target
-    x, y, z = (corners @ look_at(direction, np.zeros(3), up, tan_half_fov).frame).T
-    nearest = np.maximum(np.abs(x) / aspect, np.abs(y)) * (margin / tan_half_fov)
-    distance = max(float(np.max(z + nearest)), float(np.max(z)) * margin)
-    return direction / np.linalg.norm(direction) * distance
+    found = []
+    for x, y, z in corners:
+        found += [z + v.max(abs(x) / aspect, abs(y)) * (margin / expr(tan_half_fov)), z * margin]
+    return balanced(found, v.max)
 
 
-def _half_extent(
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    target: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    up: NDArray[np.float64],
-    aspect: float,
-    margin: float,
-) -> float:
+def half_extent(corners: Corners, aspect: Expr, margin: Operand = MARGIN) -> Expr:
     """Half the height of the smallest orthographic picture about the target that shows all corners of a box, and a
     margin."""
-    corners = np.array(list(product(*zip(lower, upper, strict=True)))) - target
-    x, y, _ = (corners @ look_at(direction, np.zeros(3), up, 1.0).frame).T
-    return float(np.maximum(np.abs(x) / aspect, np.abs(y)).max()) * margin
+    return margin * balanced([v.max(abs(x) / aspect, abs(y)) for x, y, _ in corners], v.max)
 
 
-def _before(
-    lower: NDArray[np.float64], upper: NDArray[np.float64], half: float, direction: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The vector along `direction` from the target to an orthographic camera in front of a box. A floor under the box
-    does not reach up to the lower edge of the picture there."""
-    return direction / np.linalg.norm(direction) * (2.0 * max(float(np.linalg.norm(upper - lower)), 2.0 * half))
+@cache
+def _framing() -> Callable[..., list[NDArray[np.float64]]]:
+    """`distance_to_see` and `half_extent` of arrays: low, high, target, away, up, tan_half_fov, aspect, margin."""
+    vectors = [var(name, VEC3) for name in ("low", "high", "target", "away", "up")]
+    tan_half_fov, aspect, margin = (var(name, FLOAT) for name in ("tan_half_fov", "aspect", "margin"))
+    corners = corners_of(*vectors)
+    found = [distance_to_see(corners, tan_half_fov, aspect, margin), half_extent(corners, aspect, margin)]
+    return evaluator(found, [*vectors, tan_half_fov, aspect, margin])
+
+
+def before_box(size: float, half: float) -> float:
+    """The distance from the target of an orthographic camera in front of a box. size : of the box's diagonal. A floor
+    under the box does not reach up to the lower edge of the picture there."""
+    return 2.0 * max(size, 2.0 * half)
 
 
 def _is_number(value: Expr, number: float) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,13 @@ from numpy.typing import NDArray
 
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import TIME, constant, literal
-from raymarch.expr.node import Expr, Operand, const, expr, var
+from raymarch.expr.node import Operand, const, expr, var
 from raymarch.expr.srgb import ENCODE
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import cross, dot, max, normalize, tan
+from raymarch.expr.vocabulary import max, tan
 from raymarch.plan import Plan
-from raymarch.scene.camera import MARGIN, VIEW, framed_box
+from raymarch.scene.camera import VIEW, corners_of, distance_to_see, framed_box, half_extent
 from raymarch.scene.scene import HORIZON
-from raymarch.sdf.booleans import balanced
 from raymarch.shader.chunk import Chunk, Lines, Values
 
 Array = NDArray[Any]
@@ -67,7 +65,7 @@ class Setup:
             self._extent = text("half_height", half)
         else:
             away = const(VIEW) if camera.position is None else camera.position - target
-            half = _half_extent(low, high, expr(target), away, camera.up)
+            half = half_extent(corners_of(low, high, target, away, camera.up), ASPECT)
             values.functions.append(Function("camera_half_height", (ASPECT,), half, where=where))
             self._extent = "camera_half_height(u_resolution.x / u_resolution.y)"
         self._clip: dict[str, str] = {}
@@ -86,11 +84,11 @@ class Setup:
             self._position = text("position", camera.position - origin)
         else:
             backward = constant(const(VIEW / np.linalg.norm(VIEW)))
-            distance = (
-                _framing(low, high, target, camera.up, tan(camera.fov * (np.pi / 360.0)))
-                if half is None
-                else 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
-            )
+            if half is None:
+                corners = corners_of(low, high, target, VIEW, camera.up)
+                distance = distance_to_see(corners, tan(camera.fov * (np.pi / 360.0)), ASPECT)
+            else:
+                distance = 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
             values.functions.append(Function("camera_distance", (ASPECT,), distance, where=where))
             self._position = f"{self._target} + {backward} * camera_distance(u_resolution.x / u_resolution.y)"
         self._hoisted = {
@@ -186,29 +184,3 @@ class Setup:
         scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
         middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2
         return f"{literal(HORIZON)} * ({literal(scale)} + distance(u_camera_position, {constant(const(middle))}))"
-
-
-def _framing(low: Array, high: Array, target: Expr, up: Expr, tan_half_fov: Expr) -> Expr:
-    """The distance of a camera without a position from its target, as `Camera.pose` computes it, by the aspect."""
-    found = []
-    for x, y, z in _corners(low, high, target, const(VIEW), up):
-        found += [z + max(abs(x) / ASPECT, abs(y)) * (MARGIN / tan_half_fov), z * MARGIN]
-    return balanced(found, max)
-
-
-def _half_extent(low: Array, high: Array, target: Expr, away: Expr, up: Expr) -> Expr:
-    """Half the height of the picture of an orthographic camera without a height, as `Camera.pose` computes it."""
-    corners = _corners(low, high, target, away, up)
-    return MARGIN * balanced([max(abs(x) / ASPECT, abs(y)) for x, y, _ in corners], max)
-
-
-def _corners(low: Array, high: Array, target: Expr, away: Expr, up: Expr) -> list[tuple[Expr, Expr, Expr]]:
-    """The corners of a box from the target: to the right, upwards and towards a camera in the direction `away`."""
-    backward = normalize(away)
-    right = normalize(cross(up, backward))
-    above = cross(backward, right)
-    found = []
-    for corner in product(*zip(low, high, strict=True)):
-        offset = const(np.array(corner)) - target
-        found.append((dot(offset, right), dot(offset, above), dot(offset, backward)))
-    return found

@@ -53,8 +53,10 @@ def test_no_line_is_longer_than_120_columns(name: str) -> None:
 
 def test_what_a_module_uses_is_given_by_modules_or_generated() -> None:
     """The names that no module gives. A misspelt name would be one more."""
-    used = frozenset[str]().union(*(glsl.load(name, of).needs for name in MODULES for of in (NONE, glsl.VARIANTS)))
-    assert used - set(glsl.givers()) == set(GENERATED.split())
+    loaded = [glsl.load(name, variants) for name in MODULES for variants in (NONE, glsl.VARIANTS)]
+    used = frozenset[str]().union(*(module.needs for module in loaded))
+    given = frozenset[str]().union(*(module.gives for module in loaded))
+    assert used - given == set(GENERATED.split())
 
 
 GENERATED = """
@@ -62,7 +64,7 @@ GENERATED = """
     field_faults field_gradient field_value footprint_axis footprint_pixels keep_surface linear_to_srgb
     march_steps marched_field
     marched_range material_at material_index part_at pcg picture_samples previous_position relax_again relaxation
-    relief_at scene_box scene_cone scene_range secondary_steps set_frame shade shading_normal shadow_steps smoothing
+    relief_at scene_box scene_cone secondary_steps set_frame shade shading_normal shadow_steps smoothing
     solved_field solved_hit step_scale surface_texels step_variation surface_faults toned
     iChannel0 iFrame iMouse iResolution
 """
