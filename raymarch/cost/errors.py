@@ -12,6 +12,7 @@ from raymarch.cost.flip import BAD, flip, largest_region
 from raymarch.cost.reference import Reference
 from raymarch.errors import CostError
 from raymarch.scene.scene import Scene
+from raymarch.truth.compare import shaped
 
 Array = NDArray[np.float64]
 NAN = float("nan")
@@ -100,7 +101,7 @@ def measure(
 
     Raises ValueError for arrays of another shape.
     """
-    given = _shaped("depth", depth, known.depth.shape)
+    given = shaped("errors: depth", depth, known.depth.shape)
     hit = np.isfinite(given)
     inner, both = ~known.edges, hit & known.hit
     apart = bool((known.hit & inner).sum() >= ENOUGH * known.hit.sum())
@@ -115,7 +116,7 @@ def measure(
         "false_at_edges": int((false & known.edges).sum()),
     }
     if both.any() or reach is not None:
-        came = given if reach is None else np.where(hit, given, _shaped("reach", reach, given.shape))
+        came = given if reach is None else np.where(hit, given, shaped("errors: reach", reach, given.shape))
         counted = both if reach is None else known.hit
         found["p1"] = float(np.sum((came[counted] - known.depth[counted]) ** 2))
         counted = counted & inner if apart else counted
@@ -126,8 +127,8 @@ def measure(
         found |= _ranks("depth", off, 50, 99, 100)
         found |= _ranks("pixels", off / known.footprint()[compared], 50, 99, 99.9, 100)
         if normal is not None:
-            shaped = _shaped("normal", normal, known.normal.shape)
-            found |= _ranks("normal", _angles(shaped[compared], known.normal[compared]), 50, 99, 100)
+            vectors = shaped("errors: normal", normal, known.normal.shape)
+            found |= _ranks("normal", _angles(vectors[compared], known.normal[compared]), 50, 99, 100)
     if color is not None:
         found |= picture_errors(known, color, difference)
     return Errors(**found)
@@ -135,7 +136,9 @@ def measure(
 
 def picture_errors(known: Reference, color: ArrayLike, difference: Array | None = None) -> dict[str, float | int]:
     """Errors of the picture alone; color (H, W, 3), linear RGB; difference : its FLIP if it is known already."""
-    values = flip(known.picture, _shaped("color", color, known.picture.shape)) if difference is None else difference
+    values = (
+        flip(known.picture, shaped("errors: color", color, known.picture.shape)) if difference is None else difference
+    )
     return {
         "flip_mean": float(values.mean()),
         **_ranks("flip", values.ravel(), 99, 100),
@@ -169,7 +172,7 @@ def footprints(known: Reference, depth: ArrayLike) -> Array:
 
 def apart(depth: ArrayLike, true: Array, width: Array) -> Array:
     """abs(depth - true) in footprints of pixels, whose width at the true hit is given; as `footprints`."""
-    given = _shaped("depth", depth, true.shape)
+    given = shaped("errors: depth", depth, true.shape)
     hit, known = np.isfinite(given), np.isfinite(true)
     found = np.where(hit == known, 0.0, np.inf)
     both = hit & known
@@ -186,10 +189,3 @@ def _ranks(name: str, values: Array, *ranks: float) -> dict[str, float]:
 def _angles(a: Array, b: Array) -> Array:
     """Degrees between vectors of any length, accurate for small angles too."""
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("ij,ij->i", a, b)))
-
-
-def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = np.asarray(values, np.float64)
-    if array.shape != shape:
-        raise ValueError(f"errors: {name} has shape {array.shape}, the reference {shape}")
-    return array

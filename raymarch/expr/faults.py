@@ -91,11 +91,6 @@ def plain(definition: Function) -> Function:
     return result
 
 
-def without_probes(roots: Sequence[Expr]) -> list[Expr]:
-    """The expressions without probes, also inside the functions that they call."""
-    return _Reading(checks=False).read(roots, 0)
-
-
 def faults_of(definition: Function) -> Function | None:
     """The function `vec2 name_faults(...)` of the same parameters; None if it has no possible fault.
 

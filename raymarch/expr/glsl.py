@@ -1007,13 +1007,3 @@ _BREAKS = re.compile(r"[()]|(?<=,) | (?=[?:*/+-] |&& |\|\| |[<>]=? )")
 
 _LOOSENESS = ":?|&<>+-*/"
 """First characters of operators, the loosest first."""
-
-
-def print_expression(node: Expr) -> str:
-    """One expression without temporaries, for messages and tests."""
-    printer = FunctionPrinter(Function("value", (), node), Text({}, [], {}, {}, False), set())
-    printer.names = {leaf: str(leaf.data) for leaf in find([node], "var")}
-    pieces: dict[Expr, Piece] = {}
-    for each in topological([node]):
-        pieces[each] = printer._piece(each, pieces)
-    return pieces[node].text

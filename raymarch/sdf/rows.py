@@ -542,11 +542,6 @@ def _written(node: Expr) -> str:
     return str(parts)
 
 
-def is_plain(body: Expr) -> bool:
-    """True if a field depends on the point alone and can be evaluated in NumPy."""
-    return not find([body], "param", "time", "cell", "raw", "raw_slope")
-
-
 def _spelled(rows: Rows, label: tuple[Any, Expr], point: Expr) -> Expr:
     """The union of all objects as one expression with marks, each object by itself: for few objects."""
     terms: list[tuple[int, Expr]] = []

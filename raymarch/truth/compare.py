@@ -63,7 +63,7 @@ def compare(frame_depth: ArrayLike, frame_normal: ArrayLike | None, truth: Truth
 
     Raises ValueError for arrays of another shape.
     """
-    depth = _shaped("frame_depth", frame_depth, truth.depth.shape)
+    depth = shaped("compare: frame_depth", frame_depth, truth.depth.shape)
     plain = ~silhouettes(truth, width)
     hit = np.isfinite(depth)
     both = plain & hit & truth.hit
@@ -73,7 +73,7 @@ def compare(frame_depth: ArrayLike, frame_normal: ArrayLike | None, truth: Truth
     if frame_normal is None:
         angles = np.empty(0)
     else:
-        normal = _shaped("frame_normal", frame_normal, truth.normal.shape)
+        normal = shaped("compare: frame_normal", frame_normal, truth.normal.shape)
         angles = np.degrees(_angle(normal[both], truth.normal[both]))
     return Comparison(
         int(plain.sum()),
@@ -186,8 +186,9 @@ def _percentiles(values: NDArray[np.float64], *ranks: int) -> tuple[float, ...]:
     return tuple(float(v) for v in np.percentile(values, ranks))
 
 
-def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """An array as float64. ValueError if it has not the shape of the reference. name : in the message."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:
-        raise ValueError(f"compare: {name} has shape {array.shape}, the reference {shape}")
+        raise ValueError(f"{name} has shape {array.shape}, the reference {shape}")
     return array

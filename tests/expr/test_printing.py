@@ -20,9 +20,10 @@ import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import Expr, Function, const, function, loop, trace, var
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.glsl import constant, identifier, literal, print_expression, print_functions
+from raymarch.expr.glsl import FunctionPrinter, Piece, Text, constant, identifier, literal, print_functions
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.types import FLOAT, VEC2, VEC3
+from raymarch.expr.walk import topological
 from raymarch.gpu.context import Context
 from raymarch.scene.parameter import Param, time
 from tests.expr.expression_samples import SAMPLES
@@ -34,6 +35,16 @@ NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d*)?(?:[eE][-+]?\d+)?(?![\w.])")
 
 def text(*functions: Function) -> str:
     return text_of(print_functions(functions))
+
+
+def print_expression(node: Expr) -> str:
+    """One expression without temporaries."""
+    printer = FunctionPrinter(Function("value", (), node), Text({}, [], {}, {}, False), set())
+    printer.names = {leaf: str(leaf.data) for leaf in topological([node]) if leaf.op == "var"}
+    pieces: dict[Expr, Piece] = {}
+    for each in topological([node]):
+        pieces[each] = printer._piece(each, pieces)
+    return pieces[node].text
 
 
 # Literals

@@ -11,7 +11,7 @@ import pytest
 import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, loop, var
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.faults import KINDS, Passage, decoded, faults_of, first_fault, plain, without_probes
+from raymarch.expr.faults import KINDS, Passage, decoded, faults_of, first_fault, plain
 from raymarch.expr.node import make
 from raymarch.expr.raw import RawFunction, raw
 from raymarch.expr.types import VEC3
@@ -133,7 +133,7 @@ def test_what_goes_wrong_in_a_function_belongs_to_its_caller() -> None:
 def test_without_probes_all_is_as_it_was() -> None:
     helper = Function("helper", (P,), passed(v.log(P.x), 2))
     value = loop(2, (passed(helper(P), 1),), lambda i, x: (x * P.y,))[0]
-    (bare,) = without_probes([passed(value, 3)])
+    bare = plain(Function("bare", (P,), passed(value, 3))).body
     clean = Function("helper", (P,), v.log(P.x))
     at = np.array([[0.7, 0.3, 0.2]])
     expected = evaluator([loop(2, (clean(P),), lambda i, x: (x * P.y,))[0]], [P])(at)[0]
