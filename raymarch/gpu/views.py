@@ -36,7 +36,8 @@ class View:
     ----------
     outputs : the arrays that it needs; it shows the first.
     scale : the colour scale for the values of that array. None for a view without one.
-    colored : sRGB from 0 to 1, (H, W, 3), from the array. None colours the absolute values by the scale.
+    colored : sRGB from 0 to 1, (H, W, 3), from the array. None colours the absolute values by the scale,
+        and is black where they are not finite.
     """
 
     outputs: tuple[str, ...]
@@ -75,11 +76,6 @@ def _slice(values: NDArray[Any]) -> Scale:
     return replace(SLICE, quantity=f"{SLICE.quantity}; a line every {spacing(values[..., 0]):g}")
 
 
-def _colored_depth(depth: NDArray[Any]) -> NDArray[Any]:
-    """Close is bright, a miss is black."""
-    return np.where(np.isfinite(depth)[..., None], _depth(depth).colored(np.abs(depth)), 0.0)
-
-
 def _colored_normal(normal: NDArray[Any]) -> NDArray[Any]:
     """x, y, z from -1 to 1 as red, green, blue."""
     return np.where(np.any(normal != 0, axis=-1, keepdims=True), 0.5 + 0.5 * normal, 0.0)
@@ -102,7 +98,7 @@ def _colored_material(index: NDArray[Any]) -> NDArray[Any]:
 
 ALL: Mapping[str, View] = {
     "final": View(("color",)),
-    "depth": View(("depth",), _depth, _colored_depth),
+    "depth": View(("depth",), _depth),
     "normal": View(("normal",), colored=_colored_normal),
     **{name: View((name,), _count(quantity)) for name, quantity in COUNTS.items()},
     "residual": View(("residual",), _residual),
@@ -132,7 +128,8 @@ def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
     if shown.colored is not None:
         return _bytes(shown.colored(values))
     assert shown.scale is not None
-    return _bytes(shown.scale(values).colored(np.abs(values)))
+    scale, finite = shown.scale(values), np.isfinite(values)
+    return _bytes(np.where(finite[..., None], scale.colored(np.where(finite, np.abs(values), scale.low)), 0.0))
 
 
 def scale_of(frame: Frame, view: str) -> Scale | None:

@@ -62,6 +62,7 @@ class Pass:
     changed : drawn only if the scene changed since the last picture, with the uniforms of that picture.
     sharp : its rays start at the centre of the lens.
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
+    surfaces : True if it calls `surface_normal` or `material_index`.
     extension : the OpenGL extension that it requires; "" for none.
     effect : the post effect that it draws. Its shader is separate from that of the scene.
     lights : "before", "each" or "after", for passes that add the light of a sample of the picture a few samples of
@@ -80,6 +81,7 @@ class Pass:
     sharp: bool = False
     defines: tuple[str, ...] = ()
     shades: bool = False
+    surfaces: bool = False
     extension: str = ""
     effect: PostEffect | None = None
     lights: str = ""
@@ -136,6 +138,7 @@ SAMPLE: Final = Pass(
     "one sample per pixel: colour and visible surface",
     often="sample",
     shades=True,
+    surfaces=True,
 )
 
 BEFORE: Final = Pass(
@@ -186,6 +189,7 @@ DRAWN: Final = {
             "reach": Output(2, 2),
         },
         sharp=True,
+        surfaces=True,
     ),
     "slice": Pass(
         "slice",

@@ -260,7 +260,7 @@ def plan(
         return passes_of(passes, scene.quality, chosen.cones, changes(scene), mixed, post, texels)
 
     drawn = drawn_with(int(several))
-    geometry = any(p.name in ("geometry", "sample") for p in drawn)
+    geometry = any(p.surfaces for p in drawn)
     made = Plan(
         given=given,
         origin=origin,

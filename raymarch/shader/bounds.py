@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TypeAlias
 
 import numpy as np
@@ -87,17 +86,13 @@ def scene_cone(plan: Plan) -> Chunk:
 def box_ends(facts: Facts) -> Ends:
     """Each axis with the lower and upper bound of the scene's box, None if unbounded.
 
-    Bounds are padded so that rounding cannot cut off the surface, and have few digits.
+    Bounds are padded so that rounding cannot cut off the surface.
     """
     found: Ends = []
     for i, axis in enumerate("xyz"):
         ends = [float(facts.lower[i]), float(facts.upper[i])]
         largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
         pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's coordinates
-        scale = 10.0 ** (4 - math.ceil(math.log10(pad) + 6.0))
-        low, high = (
-            round_to((end + d) * scale) / scale if np.isfinite(end) else None
-            for end, d, round_to in zip(ends, (-pad, pad), (math.floor, math.ceil), strict=True)
-        )
+        low, high = (e + d if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
         found.append((axis, low, high))
     return found
