@@ -335,14 +335,13 @@ class Camera(Part):
         given = None if self.position is None else values.of(self.position)
         away = VIEW if given is None else given - target
         self._refuse_degenerate(target + away if given is None else given, target, up)
-        distance, half = 0.0, None
+        distance, extent = 0.0, 0.0
         if given is None or self.orthographic:
-            distance, half = map(float, _framing()(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN))
+            distance, extent = map(float, _framing()(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN))
+        half = None
         if self.orthographic:
-            half = half if self.height is None else self._half_height(values)
+            half = extent if self.height is None else self._half_height(values)
             distance = before_box(float(np.linalg.norm(upper - lower)), half)
-        else:
-            half = None
         position = target + away * (distance / np.linalg.norm(away)) if given is None else given
         self._refuse_degenerate(position, target, up)
         found = look_at(position, target, up, tan_half_fov if half is None else 0.0)
@@ -409,7 +408,7 @@ def half_extent(corners: Corners, aspect: Expr, margin: Operand = MARGIN) -> Exp
 
 
 @cache
-def _framing() -> Callable[..., list[NDArray[np.float64]]]:
+def _framing() -> Callable[..., tuple[Any, ...]]:
     """`distance_to_see` and `half_extent` of arrays: low, high, target, away, up, tan_half_fov, aspect, margin."""
     vectors = [var(name, VEC3) for name in ("low", "high", "target", "away", "up")]
     tan_half_fov, aspect, margin = (var(name, FLOAT) for name in ("tan_half_fov", "aspect", "margin"))
