@@ -28,9 +28,10 @@ class Module:
         return used("\n".join(self.lines))
 
 VARIANTS = frozenset(
-    {"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "CONES", "COUNTS", "LIT", "SAMPLES"}
+    {"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "CONES", "LIT", "SAMPLES", "STANDALONE"}
 )
-"""Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader."""
+"""Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader. Without
+CONES, this includes CONE, which is defined in passes that march cones."""
 
 
 @cache
@@ -53,11 +54,12 @@ def load(name: str, variants: frozenset[str] = frozenset()) -> Module:
 
 def _settled(lines: list[str], variants: frozenset[str]) -> Iterator[tuple[int, str]]:
     """The lines that remain when conditions on `VARIANTS` are settled, each with its number."""
+    names = VARIANTS if "CONES" in variants else VARIANTS | {"CONE"}
     kept: list[bool | None] = []  # of each open condition; None for one that the driver decides
     for number, line in enumerate(lines, 1):
         word, _, name = line.partition(" ")
         if word in ("#ifdef", "#ifndef"):
-            kept.append((name in variants) == (word == "#ifdef") if name in VARIANTS else None)
+            kept.append((name in variants) == (word == "#ifdef") if name in names else None)
         elif word == "#else" and kept[-1] is not None:
             kept[-1] = not kept[-1]
         elif word == "#endif" and kept.pop() is not None:

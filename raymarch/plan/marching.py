@@ -175,8 +175,7 @@ def choices(
     solved : why some solids are solved in closed form; "" if none is.
     """
     quality = scene.quality
-    cone = "_cone" * marching.cones
-    own = dict.fromkeys(("view/pose", "view/camera_own"), "a standalone shader computes the camera")
+    own = dict.fromkeys(("view/pose", "view/camera"), "a standalone shader computes the camera")
     camera = scene.camera
     calls = {"projection": camera.orthographic, "near, far": camera.clips, "aperture": camera.lens}
     called = ", ".join(name for name, used in calls.items() if used)
@@ -184,8 +183,8 @@ def choices(
     given = {"view/camera" + "_interpolated" * interpolated(scene): reason}
     found = {
         **(own if standalone else given),
-        f"march/widths{cone}": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",
-        f"march/distance{cone}": "the field is evaluated along rays" + " and cones" * marching.cones,
+        "march/widths": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",
+        "march/distance": "the field is evaluated along rays" + " and cones" * marching.cones,
         f"march/{MODULES.get(marching.tracer, marching.tracer)}": marching.tracer_reason,
     }
     if "OWN_START" in variants_of(scene):
@@ -203,7 +202,7 @@ def choices(
     else:
         found["march/refine_none"] = "the field is an estimate, whose hits are not refined"
     if marching.tracer in ("auto_relaxed", "bracketing") and quality.refinement == "proven":
-        found[f"march/aim{cone}"] = "whether a step may aim at the surface"
+        found["march/aim"] = "whether a step may aim at the surface"
     else:
         found["march/aim_never"] = "no step aims at the surface"
     if quality.step_variation > 0:

@@ -112,9 +112,9 @@ class Plan:
         used = {
             "ANALYTIC": self.analytic.used,
             "CONES": self.marching.cones,
-            "COUNTS": not self.standalone,
             "LIT": self.lights_split,
             "SAMPLES": self.scene.quality.samples > 1,
+            "STANDALONE": self.standalone,
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
 

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from raymarch.expr.glsl import literal
+from raymarch.expr.glsl import filled, literal
 from raymarch.plan import Plan
 from raymarch.sdf.facts import Facts
 from raymarch.shader.chunk import Chunk, Lines
@@ -34,7 +34,8 @@ def marched_range(plan: Plan) -> Chunk:
     text.add("vec2 marched_range(Ray ray, vec2 range) {")
     text.add(f"    vec2 found = vec2({literal(OPEN)}, {literal(-OPEN)});")
     for box in boxes:
-        text.add(f"    found = enclosing(found, {_clipped(box)});")
+        for line in filled(f"    found = enclosing(found, {_clipped(box)});", "    "):
+            text.add(line)
     text.add("    return found;")
     text.add("}")
     return text.chunk("marched range")
@@ -44,7 +45,8 @@ def _clip(text: Lines, plan: Plan, name: str, ends: Ends) -> None:
     """A function that clips rays and cones to a box: all at once, or plane by plane if the box is unbounded."""
     text.add(f"vec2 {name}(Ray ray, vec2 range) {{")
     if not any(end is None for _, *pair in ends for end in pair):
-        text.add(f"    return {_clipped(ends)};")
+        for line in filled(f"    return {_clipped(ends)};", "    "):
+            text.add(line)
     else:
         for axis, low, high in ends:
             for clip, sign, plane in (("above", "+", low), ("below", "-", high)):

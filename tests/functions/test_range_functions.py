@@ -14,7 +14,11 @@ from tests.support.glsl_harness import modules, run
 
 ULP = 2.0**-24
 FAR = 100.0
-CLIP = modules("march/below", "march/above", "march/slab")
+STRUCT = "struct Ray { vec3 origin; vec3 direction; };\n"
+CLIPPING = ("march/steep", "march/below", "march/above", "march/clip_to_box")
+CLIP = modules(*CLIPPING, before=STRUCT)
+CLIP_OF_CONES = modules(*CLIPPING, before=STRUCT + "const float u_cone = 0.0;\n", variants=frozenset({"CONES"}))
+BOX = "clip_to_box(Ray(vec3({1}, 0.0, 0.0), vec3({2}, 0.0, 0.0)), {0}, vec3(-0.5, -1.0, -1.0), vec3(1.0))"
 DIRECTIONS = np.array([0.0, -0.0, 1e-30, -1e-30, 1e-12, -1e-12, 0.25, -0.25, 1.0, -1.0])
 PLACES = np.array([-3.0, -1.0, -0.25, 0.5, 0.75, 2.0, 1e6, -1e6])
 RANGES = np.array([(0.0, FAR), (2.0, 5.0), (50.0, FAR)])
@@ -39,26 +43,26 @@ def _clipped(upper: float | None, lower: float | None) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(
-    ("call", "upper", "lower"),
+    ("text", "call", "upper", "lower"),
     [
-        ("below({0}, {1}, {2}, 1.0)", 1.0, None),
-        ("above({0}, {1}, {2}, -0.5)", None, -0.5),
-        ("slab({0}, {1}, {2}, -0.5, 1.0)", 1.0, -0.5),
+        (CLIP, "below({0}, {1}, {2}, 1.0)", 1.0, None),
+        (CLIP, "above({0}, {1}, {2}, -0.5)", None, -0.5),
+        (CLIP, BOX, 1.0, -0.5),
+        (CLIP_OF_CONES, BOX, 1.0, -0.5),
     ],
 )
 def test_a_range_is_cut_to_where_the_ray_is_inside(
-    egl: Context, call: str, upper: float | None, lower: float | None
+    egl: Context, text: str, call: str, upper: float | None, lower: float | None
 ) -> None:
     """Rays along the planes, towards them, away from them; from inside, from far outside and beyond."""
     inputs = [(VEC2, RANGE), (FLOAT, ORIGIN), (FLOAT, DIRECTION)]
-    found, known = run(egl, CLIP, call, inputs, 2), _clipped(upper, lower)
+    found, known = run(egl, text, call, inputs, 2), _clipped(upper, lower)
     empty = known[:, 0] > known[:, 1]
     np.testing.assert_array_equal(found[:, 0] > found[:, 1], empty)
     np.testing.assert_allclose(found[~empty], known[~empty], rtol=8 * ULP)
     assert np.sum(empty) > 50 and np.sum(~empty) > 50
 
 
-RAY = "struct Ray { vec3 origin; vec3 direction; };\n"
 PIXEL, NEAR, SHARE, CONE, CONE_SHARE = 0.002, 0.1, 0.0625, 0.01, 0.25
 CONSTANTS = f"""
 const float epsilon_pixels = {NEAR};
@@ -67,8 +71,8 @@ const float cone_share = {CONE_SHARE};
 """
 WIDTHS = {
     "march/widths": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
-    "march/widths_cone": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
-    "march/widths_cone of a cone": ("#define CONE\n", CONE_SHARE * CONE, CONE_SHARE * CONE),
+    "march/widths before cones": ("", NEAR * PIXEL, SHARE * NEAR * PIXEL),
+    "march/widths of a cone": ("#define CONE\n", CONE_SHARE * CONE, CONE_SHARE * CONE),
 }
 
 
@@ -78,7 +82,9 @@ def test_the_widths_of_a_ray_bound_a_fraction_of_a_pixel_and_rounding(egl: Conte
     define, near, contact = WIDTHS[name]
     needed = "uniform float u_cone;\n" if "cone" in name else ""
     after = "vec3 widths(vec3 o, vec3 d) { return hit_widths(Ray(o, d)); }"
-    text = modules(name.partition(" ")[0], before=define + needed + RAY + CONSTANTS, after=after)
+    variants = frozenset({"CONES"} if "cone" in name else ())
+    before = define + needed + STRUCT + CONSTANTS
+    text = modules("march/widths", before=before, after=after, variants=variants)
     rng = np.random.default_rng(6)
     origins = rng.normal(size=(60, 3)) * 10.0 ** rng.uniform(-3, 6, (60, 1))
     directions = rng.normal(size=(60, 3))
@@ -102,7 +108,7 @@ def test_near_a_surface_is_a_fraction_of_a_pixel_but_no_less_than_rounding(
 ) -> None:
     """2 ulp of the largest of the coordinates and the distance, whichever that is and whatever its sign."""
     names = [f"march/{module}" for module in ("widths", "nearness", name)]
-    text = modules(*names, before=RAY + CONSTANTS)
+    text = modules(*names, before=STRUCT + CONSTANTS)
     places = [sign * size * np.eye(3)[i] for sign in (1, -1) for size in (1e-3, 7.0, 1e6) for i in range(3)]
     p = np.array([*places, *places, (0, 0, 0), (0, 0, 0)])
     t = np.array([0.0] * len(places) + [3.0] * len(places) + [0.0, 5.0])

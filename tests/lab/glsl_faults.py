@@ -30,7 +30,7 @@ from tests.hard.table import cases
 from tests.hard.world import World
 from tests.lab.fuzz import faults as unexplained
 from tests.lab.long_runs import keep
-from tests.lab.seeded import by_functions, by_tests, spoil
+from tests.lab.seeded import SEEDED, by_functions, by_tests, spoil
 from tests.lab.watertight import solid
 from tests.render.test_render_shading import EXACT, SOFT
 from tests.support.shader_samples import scenes
@@ -63,7 +63,7 @@ class Fault:
 
 def faults_of(name: str) -> Iterator[Fault]:
     """All faults of a module."""
-    for i, line in enumerate(glsl.load(name).lines):
+    for i, line in enumerate(glsl.load(name, SEEDED).lines):
         code = line.partition("//")[0]
         if not code.strip() or code.startswith(("const", "uniform", "struct", "layout")):
             continue
@@ -199,7 +199,7 @@ def ledger() -> dict[str, str]:
 
 
 def named(fault: Fault) -> str:
-    code = fault.text.strip() or f"without: {glsl.load(fault.module).lines[fault.line].strip()}"
+    code = fault.text.strip() or f"without: {glsl.load(fault.module, SEEDED).lines[fault.line].strip()}"
     return f"{fault.module}:{fault.line + 1} {fault.kind}: {code}"
 
 

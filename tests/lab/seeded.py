@@ -61,10 +61,14 @@ FUNCTIONS = {
 """The files of tests/functions on a folder of modules."""
 
 
+SEEDED = frozenset({"CONES"})
+"""The conditional lines in which faults are seeded, beside those of a plain shader."""
+
+
 def spoil(module: str, line: int, text: str) -> Any:
     """Put a text in the place of a line of a module, from 0; returns the loader as it was."""
     original = glsl.load
-    number = original(module).numbers[line]
+    number = original(module, SEEDED).numbers[line]
 
     @wraps(original)
     def load(name: str, variants: frozenset[str] = frozenset()) -> glsl.Module:

@@ -41,9 +41,9 @@ def text_of(printed: Text) -> str:
     return "".join(uniforms) + "\n".join(line.text for line in printed.lines()) + "\n"
 
 
-def modules(*names: str, before: str = "", after: str = "") -> str:
+def modules(*names: str, before: str = "", after: str = "", variants: frozenset[str] = frozenset()) -> str:
     """Hand-written modules, each after what it needs; `before` stands in for what they need of a scene."""
-    parts = ["\n".join(glsl.load(name).lines) for name in names]
+    parts = ["\n".join(glsl.load(name, variants).lines) for name in names]
     return "\n".join([before, *parts, after]) + "\n"
 
 

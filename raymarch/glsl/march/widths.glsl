@@ -1,4 +1,7 @@
 // The thresholds of a march: fractions of the pixel width, which grows with t, but at least the resolution of float32.
+#ifdef CONES
+// A cone ends where its safe step falls to a fraction of its radius, and is not refined.
+#endif
 #ifdef ORTHOGRAPHIC
 uniform float u_pixel;  // width of a pixel, at all distances
 #else
@@ -14,10 +17,18 @@ const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit o
 vec3 hit_widths(Ray ray) {
     vec3 size = abs(ray.origin);
     float ulps = 2.0 * GROWTH;  // of 2 ulp of the largest coordinate
-    float pixels = epsilon_pixels * u_pixel;
+#ifdef CONE
 #ifdef ORTHOGRAPHIC
-    return vec3(ulps, vec2(pixels, contact_share * pixels) + ulps * max(size.x, max(size.y, size.z)));
+    vec2 pixels = vec2(cone_share * u_cone_start);
 #else
-    return vec3(ulps * max(size.x, max(size.y, size.z)), pixels + ulps, contact_share * pixels + ulps);
+    vec2 pixels = vec2(cone_share * u_cone);
+#endif
+#else
+    vec2 pixels = vec2(1.0, contact_share) * (epsilon_pixels * u_pixel);
+#endif
+#ifdef ORTHOGRAPHIC
+    return vec3(ulps, pixels + ulps * max(size.x, max(size.y, size.z)));
+#else
+    return vec3(ulps * max(size.x, max(size.y, size.z)), pixels + ulps);
 #endif
 }

@@ -1,4 +1,5 @@
 // The ray through a point of the picture; a right-handed camera that looks along its own -z.
+#ifndef STANDALONE
 struct Ray {
     vec3 origin;
     vec3 direction;
@@ -13,7 +14,11 @@ uniform float u_tan_half_fov;  // tangent of half the vertical field of view
 #endif
 uniform vec2 u_resolution;  // size of the whole picture in pixels, also while a tile is drawn
 
+#endif
 Ray camera_ray(vec2 pixel) {
+#ifdef STANDALONE
+    set_frame();
+#endif
 #ifdef ORTHOGRAPHIC
     vec2 screen = (2.0 * pixel - u_resolution) / u_resolution.y * u_half_height;
 #ifdef LENS
