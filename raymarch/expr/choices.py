@@ -114,20 +114,17 @@ def _merge_paths(tree: Expr, saving: Saving) -> Expr:
 
     A leaf may choose again by the same conditions: on a path these are known.
     """
-    found = {node.data: node for node in topological([tree]) if node.op == "call" and saving(node.data) > 0}
-    for definition in found:
-        used: dict[Expr, None] = {}
-        known: dict[Expr, bool] = {}
-        args = _path_args(tree, definition, known, used)
+    calls = [node for node in topological([tree]) if node.op == "call" and saving(node.data) > 0]
+    for definition in dict.fromkeys(call.data for call in calls):
+        used: set[Expr] = set()
+        args = _path_args(tree, definition, {}, used)
         if isinstance(args, tuple) and len(used) > 1:
-            new = definition(*args)
-            tree = _with_leaves(tree, dict.fromkeys(used, new))
+            new = definition(*args)  # calls that no path needs become this one too
+            tree = _with_leaves(tree, {call: new for call in calls if call.data is definition})
     return tree
 
 
-def _path_args(
-    node: Expr, definition: Function, known: dict[Expr, bool], used: dict[Expr, None]
-) -> tuple[Expr, ...] | bool:
+def _path_args(node: Expr, definition: Function, known: dict[Expr, bool], used: set[Expr]) -> tuple[Expr, ...] | bool:
     """The arguments of the only call below a tree of choices; False without a call, True with several.
 
     known : conditions on the path to the node. used : gets the calls.
@@ -135,7 +132,7 @@ def _path_args(
     if node.op != "where":
         calls = [each for each in topological([node], partial(_taken, known)) if each.op == "call"]
         calls = [call for call in calls if call.data is definition]
-        used.update(dict.fromkeys(calls))
+        used.update(calls)
         return calls[0].args if len(calls) == 1 else bool(calls)
     condition, *pair = node.args
     if condition in known:

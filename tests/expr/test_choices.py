@@ -60,6 +60,20 @@ def test_a_call_used_on_both_sides_stays() -> None:
     assert two.op == "where"
 
 
+def test_a_path_through_nested_choices_takes_only_its_own_arguments() -> None:
+    """A leaf that chooses again by a condition of its path needs no choice, and a leaf without a call any arguments."""
+    f = Function("f", (P,), v.length(P))
+    near, low = P.x < 0.0, P.y < 0.0
+    a, b = f(2.0 * P), f(3.0 * P)
+    shared = 2.0 * v.where(near, v.where(low, P.z, a), b)
+    tree = v.where(near, v.where(low, shared, f(P)), shared)
+    (merged,) = merge_calls([tree], lambda _: 100)
+    (call,) = find([merged], "call")
+    assert call.args[0] is v.where(near, P, 3.0 * P)
+    old, new = (evaluator([e], [P])(POINTS)[0] for e in (tree, merged))
+    np.testing.assert_array_equal(old, new)
+
+
 def test_the_tie_of_a_minimum_is_decided_by_the_first() -> None:
     tie = v.min(P.x, P.y)
     np.testing.assert_array_equal(evaluator([gradient(tie, P)], [P])(np.ones((1, 3)))[0][0], [1.0, 0.0, 0.0])
