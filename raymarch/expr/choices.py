@@ -80,8 +80,7 @@ def _merge_in(tree: Expr, saving: Saving) -> Expr:
         if distinct < 2:
             continue
         args = _chosen_args(order, by_leaf)
-        selects = [node for node in topological(args, sides) if node.op == "where"]
-        if sum(node.type.size for node in selects) >= (distinct - 1) * saving(definition):
+        if _selections(args) >= (distinct - 1) * saving(definition):
             continue
         call = definition(*args)
         for leaf, old in by_leaf.items():
@@ -118,7 +117,7 @@ def _merge_paths(tree: Expr, saving: Saving) -> Expr:
     for definition in dict.fromkeys(call.data for call in calls):
         used: set[Expr] = set()
         args = _path_args(tree, definition, {}, used)
-        if isinstance(args, tuple) and len(used) > 1:
+        if isinstance(args, tuple) and _selections(args) < (len(used) - 1) * saving(definition):
             new = definition(*args)  # calls that no path needs become this one too
             tree = _with_leaves(tree, {call: new for call in calls if call.data is definition})
     return tree
@@ -166,6 +165,11 @@ def _with_leaves(tree: Expr, calls: Mapping[Expr, Expr]) -> Expr:
         else:
             new[node] = substitute([node], calls)[0]
     return new[tree]
+
+
+def _selections(args: Sequence[Expr]) -> int:
+    """Numbers that are chosen for some arguments."""
+    return sum(node.type.size for node in topological(args, sides) if node.op == "where")
 
 
 def operations_of(definition: Function) -> int:
