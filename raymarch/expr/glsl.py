@@ -534,7 +534,8 @@ matrixCompMult lessThanEqual greaterThanEqual notEqual floatBitsToInt floatBitsT
 packSnorm2x16 unpackSnorm2x16 packUnorm2x16 unpackUnorm2x16 packHalf2x16 unpackHalf2x16
 """
 RESERVED = frozenset(_WORDS.split())
-_TYPE_LIKE = re.compile(r"([iubdhf]?vec[234]|d?mat[234](x[234])?|[iu]?(sampler|image)\w*|texture\w*|noise[1-4])$")
+_NUMBERED = re.compile(r"([iubdhf]?vec[234]|d?mat[234](x[234])?|noise[1-4])$")
+_TYPE_LIKE = re.compile(rf"{_NUMBERED.pattern}|([iu]?(sampler|image)\w*|texture\w*)$")
 _PREFIXES = ("gl_", "GL_", "webgl_")  # reserved by OpenGL, its macros, and browsers
 
 
@@ -551,7 +552,7 @@ def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None =
     if clean in RESERVED or _TYPE_LIKE.match(clean):
         clean = f"{clean}_value"
     result, number = clean, (numbers or {}).get(clean, 2)
-    while result in taken or result in RESERVED:
+    while result in taken or result in RESERVED or _NUMBERED.match(result):
         result, number = f"{clean}{number}" if not clean[-1].isdigit() else f"{clean}_{number}", number + 1
     if numbers is not None:
         numbers[clean] = number

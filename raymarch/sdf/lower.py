@@ -30,7 +30,7 @@ from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node
 from raymarch.sdf.registry import method
 from raymarch.sdf.variables import assignment_of
-from raymarch.sdf.visibility import shown
+from raymarch.sdf.visibility import RAY_KIND, shown
 from raymarch.sdf.weights import distance_scale
 
 Request: TypeAlias = tuple[Node, Expr, Any]
@@ -446,10 +446,13 @@ class Lowering:
             formal = [var(f"cell {i}", cell.type) for i, cell in enumerate(cells)]
             closed = substitute([body], dict(zip(cells, formal, strict=True)))[0] if cells else body
             name = self.variable_of(solid) or f"{solid.name}_field"
-            made = Function(name, (p, *formal), closed, self.names, solid.where)
-            self._functions[key] = (made, cells)
-        function, cells = self._functions[key]
-        return function(point, *cells)
+            numbers = [
+                v for v in free_variables([body]) if v is not p and v is not RAY_KIND
+            ]  # of objects that are rows
+            made = Function(name, (p, *formal, *numbers), closed, self.names, solid.where)
+            self._functions[key] = (made, [*cells, *numbers])
+        function, given = self._functions[key]
+        return function(point, *given)
 
     def _group(self, child: Node) -> Generator[Request, Expr, Group | None]:
         """The group of a labelled subtree; None if one of its parts has no label of its own, or one that varies."""

@@ -213,6 +213,9 @@ HOSTILE = [
     "atan2",
     "field",
     "hvec3",
+    "mat",
+    "vec",
+    "noise",
     "dFdx",
     "atomic_uint",
     "u_time",
@@ -232,6 +235,7 @@ def test_an_identifier_is_legal_and_free(name: str) -> None:
         assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", made)
         assert "__" not in made
         assert not made.startswith(("gl_", "webgl_"))
+        assert made not in ("mat2", "mat3", "vec2", "vec3", "noise2", "noise3")
 
 
 def hostile_function(name: str) -> Function:

@@ -123,7 +123,9 @@ def test_textures_and_relief_move_with_their_objects(renderer):
     normals = rm.triplanar(0.4 * picture + (0.3, 0.3, 0.6), size=0.5)
     one = rm.Material(color=rm.triplanar(picture, size=0.4), normal=normals)
     two = rm.Material(color="orange", height=lambda p: rm.sin(8 * p.x) * rm.sin(9 * p.y), height_scale=0.05)
-    nodes = [node.material((one, two)[i // 2 % 2]).rotate(0.3 * i, (1, 2, 3)) for i, node in enumerate(objects(6, False))]
+    nodes = [
+        node.material((one, two)[i // 2 % 2]).rotate(0.3 * i, (1, 2, 3)) for i, node in enumerate(objects(4, False))
+    ]
     node = rm.union(*nodes).rotate(0.7, (1, -2, 3)).scale(0.9)
     assert_equal(*frames(renderer, node, camera=CAMERA), edges=6, levels=6)
 
