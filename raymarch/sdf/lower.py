@@ -446,9 +446,8 @@ class Lowering:
             formal = [var(f"cell {i}", cell.type) for i, cell in enumerate(cells)]
             closed = substitute([body], dict(zip(cells, formal, strict=True)))[0] if cells else body
             name = self.variable_of(solid) or f"{solid.name}_field"
-            numbers = [
-                v for v in free_variables([body]) if v is not p and v is not RAY_KIND
-            ]  # of objects that are rows
+            # of objects that are rows
+            numbers = [v for v in free_variables([body]) if v is not p and v is not RAY_KIND]
             made = Function(name, (p, *formal, *numbers), closed, self.names, solid.where)
             self._functions[key] = (made, [*cells, *numbers])
         function, given = self._functions[key]
