@@ -1,0 +1,42 @@
+"""The same sets of points, written otherwise; a longer run: python -m tests.lab.spellings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import raymarch as rm
+from raymarch.gpu.context import Context
+from tests.lab.spellings import Court, Spelling, Variant, disagreements, drawn, look
+
+
+@pytest.fixture(scope="module")
+def court(egl: Context) -> Iterator[Court]:
+    made = Court(context=egl)
+    yield made
+    made.close()
+
+
+def test_fields_of_all_spellings_have_the_same_sign() -> None:
+    compared, found = 0, []
+    for seed in range(60, 66):
+        n, wrong = disagreements(seed, spellings=3, count=400)
+        compared, found = compared + n, found + wrong
+    assert compared > 20 and not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("seed", [2])
+def test_pictures_of_two_spellings_are_the_same(court: Court, seed: int) -> None:
+    report = look(court, seed, shrink=False)
+    assert report is None, report
+
+
+def test_a_spelling_that_is_another_set_is_found(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    def larger(self: Spelling, path: str, exact: bool, *numbers: Any) -> rm.Node:
+        return rm.plane((0, 1, 0), numbers[-1] + 0.3 * bool(self.seed))
+
+    monkeypatch.setattr(Spelling, "_plane", larger)
+    spec = next(s for s in map(drawn, range(60, 99)) if s.trees[0][2][0] == "plane" and "generic" in s.tags)
+    assert court.verdict(spec.changed(trees=spec.trees[:1]), Variant(spelling=1)) is not None
