@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any, TypeAlias
@@ -26,9 +26,7 @@ from raymarch.scene.material import FIELDS, GLASS, RELIEF, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import (
-    DPDX,
-    DPDY,
-    NORMAL,
+    LOCAL_INTERACTION,
     SCENE_INTERACTION,
     BoundedParts,
     Group,
@@ -106,11 +104,9 @@ OfGroup: TypeAlias = Callable[[Group, Expr], Expr]
 Union: TypeAlias = Many | BoundedParts
 """The label of a union that is evaluated by a function of its own."""
 
-Interaction: TypeAlias = Callable[[], Mapping[Expr, Expr]]
-"""Makes the values of `SCENE_INTERACTION` in the space of a union."""
-
-OfMany: TypeAlias = Callable[[Union, Expr, Expr, Interaction], Expr]
-"""What is wanted of such a union at a point; their materials are evaluated at the second point."""
+OfMany: TypeAlias = Callable[[Union, Expr, Expr, Sequence[Expr]], Expr]
+"""What is wanted of such a union at a point; their materials are evaluated at the second point. The last argument is
+normal and footprint in the space of the point."""
 
 Term: TypeAlias = tuple[Expr, Expr]
 """The weight of a part and its value."""
@@ -176,11 +172,12 @@ class _Parts:
 
         many: dict[Union, Function] = {}
 
-        def of_many(label: Union, point: Expr, at: Expr, interaction: Interaction) -> Expr:
+        def of_many(label: Union, point: Expr, at: Expr, interaction: Sequence[Expr]) -> Expr:
             if label not in many:
                 found = self._evaluated(label, wanted, of_group, of_many)
                 many[label] = found.value_at(name.removesuffix("_at"))
-            return _value_of(many[label], point, at, interaction)
+            local = dict(zip(LOCAL_INTERACTION, interaction, strict=True))
+            return many[label](point, at, *(local.get(v, v) for v in many[label].params[2:]))
 
         def shared(roots: Sequence[Expr]) -> list[Expr]:
             return share_values(merge_calls(roots, lambda f: operations_of(f) if f in made.values() else 0))
@@ -215,7 +212,7 @@ class _Parts:
         many: dict[Union, Function] = {}
         joint: dict[Union, Function] = {}
 
-        def of_many(label: Union, point: Expr, at: Expr, interaction: Interaction) -> Expr:
+        def of_many(label: Union, point: Expr, at: Expr, _: Sequence[Expr]) -> Expr:
             found = self._evaluated(label, wanted, of_group, of_many)
             if point is at and label not in joint and found.distance not in made:
                 joint[label] = made[found.distance] = found.part()
@@ -223,7 +220,7 @@ class _Parts:
                 return get(joint[label](point), "material")
             if label not in many:
                 many[label] = found.value_at("material")
-            return _value_of(many[label], point, at, interaction)
+            return many[label](point, at)
 
         def with_stand_in(node: Expr, args: tuple[Expr, ...]) -> Expr:
             known = node.op == "call" and node.data in made
@@ -262,17 +259,25 @@ class _Parts:
         of_group: OfGroup,
         of_many: OfMany,
         inner: Expr | None = None,
+        interaction: Sequence[Expr] = SCENE_INTERACTION,
     ) -> Expr:
-        """What is wanted of the parts of a field, as a choice. inner : the point where materials are evaluated."""
+        """What is wanted of the parts of a field, as a choice.
+
+        inner : the point where materials are evaluated. interaction : normal and footprint in the space of the field.
+        """
         marks, weights = weights_of(marked)
         terms = []
         for mark, weight in zip(marks, weights, strict=True):
             if isinstance(mark.data, Group):
                 value = of_group(mark.data, mark.args[1])
             elif isinstance(mark.data, Union):
-                value = self._of_union(mark, None if inner is None else {marked.params[0]: inner}, of_many)
+                at = mark.args[1]
+                local = interaction if at is marked.params[0] else interaction_at(at, interaction)
+                at, *local = [at, *local] if inner is None else substitute([at, *local], {marked.params[0]: inner})
+                value = of_many(mark.data, mark.args[1], at, local)
             else:
-                value = self._wanted(mark.data, _read_where(material_expressions(mark), weight), wanted)
+                values = material_expressions(mark, interaction)
+                value = self._wanted(mark.data, _read_where(values, weight), wanted)
                 if inner is not None:
                     (value,) = substitute([value], {marked.params[0]: inner})
             terms.append((weight, value))
@@ -280,17 +285,6 @@ class _Parts:
         if all(value is terms[0][1] for _, value in terms):
             return terms[0][1] if terms else default
         return _chosen(terms, _largest if wanted is None else _mean, default)
-
-    def _of_union(self, mark: Expr, moved: Mapping[Expr, Expr] | None, of_many: OfMany) -> Expr:
-        """What is wanted of a union. moved : the point where materials are evaluated, by the point of the distance."""
-        point = mark.args[1]
-
-        def interaction() -> Mapping[Expr, Expr]:
-            found = interaction_at(point, flat=False)
-            values = [found[each] for each in (NORMAL, DPDX, DPDY)]
-            return dict(zip(SCENE_INTERACTION, values if moved is None else substitute(values, moved), strict=True))
-
-        return of_many(mark.data, point, point if moved is None else substitute([point], moved)[0], interaction)
 
     def _evaluated(self, label: Union, wanted: Wanted | None, of_group: OfGroup, of_many: OfMany) -> _Evaluated:
         if isinstance(label, Many):
@@ -320,11 +314,10 @@ class _Evaluated:
         raise NotImplementedError
 
     def value_at(self, name: str) -> Function:
-        """A function of a point, of the point where materials are evaluated, and of what they read of the surface
-        interaction there."""
+        """A function of a point and of the point where materials are evaluated."""
         at = var("at", VEC3)
-        (value,) = self.evaluated(self.point, at)[1:]
-        return Function(f"{self.name}_{name}", (self.point, at, *_read_of([value])), value)
+        value = self.evaluated(self.point, at)[1]
+        return Function(f"{self.name}_{name}", (self.point, at, *_interaction_in(value)), value)
 
     def part(self) -> Function:
         """A function of a point that returns the struct Part."""
@@ -358,7 +351,7 @@ class _BoundedMaterials(_Evaluated):
     def _value(self, marked: Function, at: Expr) -> Expr:
         marked, hoisted = hoist(marked, self.parts.lowering.origins, self.parts.hoisted)
         self.parts.hoisted.update(hoisted)
-        return self.parts._body(marked, self.wanted, *self.below, at)
+        return self.parts._body(marked, self.wanted, *self.below, at, LOCAL_INTERACTION)
 
 
 class _ManyMaterials(_Evaluated):
@@ -415,8 +408,9 @@ class _ManyMaterials(_Evaluated):
             raise AssertionError("a group inside a row")
 
         inner = Function("marked", marked.params, body)
-        value = self.parts._body(inner, self.wanted, refuse, refuse, at)
-        return Function("object_material", (inner.params[0], at, *inner.params[1:], *slots, *_read_of([value])), value)
+        value = self.parts._body(inner, self.wanted, refuse, refuse, at, LOCAL_INTERACTION)
+        given = (inner.params[0], at, *inner.params[1:], *slots, *_interaction_in(value))
+        return Function("object_material", given, value)
 
     def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
         """The gradient at p, and what is wanted, with materials evaluated at another point.
@@ -442,14 +436,14 @@ class _ManyMaterials(_Evaluated):
             return slope, self.parts._wanted(material, material.expressions, self.wanted)
         _, slope, entry = located.walk(place, p, lambda i, entry, pair, read: (pair[1], entry))
         stored = self.rows.stored
-        found = [f(p, at, *stored.read(i, entry), *_read_of(f.params)) for i, f in enumerate(self.functions)]
+        found = [f(p, at, *stored.read(i, entry), *_interaction_in(f.body)) for i, f in enumerate(self.functions)]
         return slope, stored.choose(entry, found)
 
     def _blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
         """The same for a blend: the mean of what is wanted."""
 
         def carried(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
-            value = self.functions[i](p, at, *read, *_read_of(self.functions[i].params))
+            value = self.functions[i](p, at, *read, *_interaction_in(self.functions[i].body))
             return (pair[1], *([value, const(1.0)] if self.wanted is None else parts_of(value)))
 
         def larger(wa: Expr, wb: Expr, left: Sequence[Expr], right: Sequence[Expr]) -> Sequence[Expr]:
@@ -466,17 +460,10 @@ class _ManyMaterials(_Evaluated):
         return slope, _record_of(self.functions[0].type, values)
 
 
-def _read_of(expressions: Sequence[Expr]) -> list[Expr]:
-    """What some expressions read of the surface interaction."""
-    free = free_variables(expressions)
-    return [each for each in SCENE_INTERACTION if each in free]
-
-
-def _value_of(function: Function, point: Expr, at: Expr, interaction: Interaction) -> Expr:
-    """A call of a function that `_Evaluated.value_at` has made."""
-    read = function.params[2:]
-    values = interaction() if read else {}
-    return function(point, at, *(values[each] for each in read))
+def _interaction_in(value: Expr) -> list[Expr]:
+    """The parts of the surface interaction on which the value of a function depends."""
+    free = free_variables([value])
+    return [variable for variable in (*SCENE_INTERACTION, *LOCAL_INTERACTION) if variable in free]
 
 
 def _record_of(type: Type, values: Sequence[Expr]) -> Expr:

@@ -63,11 +63,18 @@ def largest_size(scene: Scene) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Many:
-    """The label of a mark that stands for many objects. inherited : the material of objects without one."""
+    """The label of a mark that stands for many objects.
+
+    inherited : the material of objects without one. expressions : those of all their materials.
+    """
 
     rows: Rows
     inherited: Any
-    expressions: Sequence[Expr] = ()
+
+    @property
+    def expressions(self) -> list[Expr]:
+        materials = dict.fromkeys(self.inherited if m is None else m for m in self.rows.labels)
+        return [value for material in materials for value in material.expressions]
 
 
 @dataclass(eq=False)

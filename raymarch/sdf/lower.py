@@ -67,15 +67,14 @@ SCENE_INTERACTION = tuple(var(name, VEC3) for name in ("normal", "dpdx", "dpdy")
 """The surface interaction in scene space: the outward unit normal and the axes of the footprint. The axes are as long
 as the footprint and perpendicular to the normal and to each other."""
 
+LOCAL_INTERACTION = tuple(var(f"local_{name}", VEC3) for name in ("normal", "dpdx", "dpdy"))
+"""Their images under the Jacobian of the transforms above a union whose materials are evaluated by a function of its
+own. The normal is not of unit length."""
+
 
 def depends_on_interaction(expressions: Iterable[Expr]) -> bool:
     """True if some expressions of a label depend on the normal or the footprint of the surface interaction."""
     return not {NORMAL, DPDX, DPDY, DPDN, *SCENE_INTERACTION}.isdisjoint(free_variables(expressions))
-
-
-def _is_placed(label: Any) -> bool:
-    """True if some expressions of a label depend on where or how a surface lies."""
-    return POSITION in free_variables(label.expressions) or depends_on_interaction(label.expressions)
 
 
 def cells_of(label: Any) -> list[Expr]:
@@ -83,17 +82,25 @@ def cells_of(label: Any) -> list[Expr]:
     return find(getattr(label, "expressions", ()), "cell")
 
 
-def material_expressions(mark: Expr) -> list[Expr]:
-    """The `expressions` of a mark's label, at the point and in the cell of the marked part."""
+def material_expressions(mark: Expr, interaction: Sequence[Expr] = SCENE_INTERACTION) -> list[Expr]:
+    """The `expressions` of a mark's label, at the point and in the cell of the marked part.
+
+    interaction : normal and footprint in the space of `p`: `SCENE_INTERACTION` or `LOCAL_INTERACTION`.
+    """
     _, at, *cells = mark.args
     here = at if at.type is VEC3 else construct(at, 0.0)
     known = {POSITION: here, **dict(zip(cells_of(mark.data), cells, strict=True))}
     if depends_on_interaction(mark.data.expressions):
-        known |= interaction_at(here, at.type is not VEC3)
+        known |= _interaction_at(here, at.type is not VEC3, interaction)
     return substitute(mark.data.expressions, known)
 
 
-def interaction_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
+def interaction_at(here: Expr, interaction: Sequence[Expr]) -> list[Expr]:
+    """The images of normal and footprint under the Jacobian of `here`, a function of the point `p`."""
+    return directional_derivatives(here, var("p", VEC3), interaction)
+
+
+def _interaction_at(here: Expr, flat: bool, interaction: Sequence[Expr]) -> dict[Expr, Expr]:
     """Normal and footprint in the label's space, in which a point of the scene is `here`.
 
     Tangents are transformed by the Jacobian J of `here`, normals by the inverse transpose of J. The cross product of
@@ -101,7 +108,7 @@ def interaction_at(here: Expr, flat: bool) -> dict[Expr, Expr]:
     For flat shapes J is singular: side walls keep the image of their normal, and all other surfaces get the normal of
     the plane.
     """
-    dpdn, dpdx, dpdy = directional_derivatives(here, var("p", VEC3), SCENE_INTERACTION)
+    dpdn, dpdx, dpdy = interaction_at(here, interaction)
     if dpdn is SCENE_INTERACTION[0]:
         normal = dpdn
     else:
@@ -164,11 +171,18 @@ class Bounding(Protocol):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BoundedParts:
-    """The label of a mark that stands for a hard union with boxes. marked : its operands with their labels."""
+    """The label of a mark that stands for a hard union with boxes.
+
+    marked : its operands with their labels. expressions : those of all their labels.
+    """
 
     union: Bounded
     marked: tuple[Function, ...]
-    expressions: Sequence[Expr] = ()
+
+    @property
+    def expressions(self) -> list[Expr]:
+        marks = find([function.body for function in self.marked], "mark")
+        return [value for mark in marks if not isinstance(mark.data, Group) for value in mark.data.expressions]
 
 
 @dataclass(slots=True)
@@ -414,7 +428,8 @@ class Lowering:
         if union is None or label is UNMARKED:
             return None if union is None else union.field(point)
         material, at = label
-        if (_is_placed(material) and at is not point) or cells_of(material):
+        placed = POSITION in free_variables(material.expressions) or depends_on_interaction(material.expressions)
+        if (placed and at is not point) or cells_of(material):
             return None  # parts without a label have a material of the space around
         marked = []
         for nodes, _ in union.operands:
@@ -446,8 +461,9 @@ class Lowering:
             formal = [var(f"cell {i}", cell.type) for i, cell in enumerate(cells)]
             closed = substitute([body], dict(zip(cells, formal, strict=True)))[0] if cells else body
             name = self.variable_of(solid) or f"{solid.name}_field"
-            # of objects that are rows
-            numbers = [v for v in free_variables([body]) if v is not p and v is not RAY_KIND]
+            numbers = [
+                v for v in free_variables([body]) if v is not p and v is not RAY_KIND
+            ]  # of objects that are rows
             made = Function(name, (p, *formal, *numbers), closed, self.names, solid.where)
             self._functions[key] = (made, [*cells, *numbers])
         function, given = self._functions[key]
@@ -461,7 +477,7 @@ class Lowering:
             return None
         body = yield (child, p, (UNLABELLED, p))
         labels = [mark.data for mark in find([body], "mark")]
-        varying = any(_is_placed(label) for label in labels if not isinstance(label, Group))
+        varying = any(POSITION in free_variables(label.expressions) for label in labels if not isinstance(label, Group))
         if UNLABELLED in labels or varying or any(cells_of(label) for label in labels):
             return None
         name = self.variable_of(child) or self.variable_of(_unlabelled(child)) or _unlabelled(child).name
