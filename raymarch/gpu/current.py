@@ -25,17 +25,18 @@ class Api:
     def __init__(self, files: tuple[str, ...], make: str, *asks: tuple[Any, ...]) -> None:
         self._files, self._make_name, self._asks_names = files, make, asks
         self._make: Any = None
-        self._missed: int | None = None
-        """The count of loads when the library was last found missing."""
         self._asks: list[tuple[Any, tuple[int, ...]]] = []
+        self._missing_at: int | None = None  # the result of `_count_loads` when the library was missing
 
     def _loaded(self) -> bool:
         """True if the library is in the process's memory. Does not load it."""
-        if self._make is None and ((loads := _count_loads()) is None or loads != self._missed):
-            library = next(filter(None, map(_loaded, self._files)), None)
-            if library is not None:
-                self._find(library)
-            self._missed = loads
+        if self._make is None:
+            loads = _count_loads()
+            if loads is None or loads != self._missing_at:
+                library = next(filter(None, map(_loaded, self._files)), None)
+                if library is not None:
+                    self._find(library)
+                self._missing_at = loads
         return self._make is not None
 
     def _find(self, library: Any) -> None:
@@ -218,43 +219,38 @@ def _asker() -> Any:
 _in_memory = _asker()
 
 
-class _LoadedObject(ctypes.Structure):
-    """dl_phdr_info of <link.h>."""
+class _Loaded(ctypes.Structure):
+    """The beginning of `dl_phdr_info`, which describes a loaded library."""
 
-    _fields_ = [
-        ("address", ctypes.c_void_p),
+    _fields_ = (
+        ("addr", ctypes.c_void_p),
         ("name", ctypes.c_char_p),
         ("headers", ctypes.c_void_p),
-        ("header_count", ctypes.c_uint16),
+        ("count", ctypes.c_uint16),
         ("loads", ctypes.c_ulonglong),
-        ("unloads", ctypes.c_ulonglong),
-    ]
+    )
 
 
 def _load_counter() -> Callable[[], int | None]:
-    """A function that returns how many libraries the process has loaded so far, or None where no library counts them.
+    """A function that returns how many libraries the process has loaded so far; None if the system does not tell.
 
-    The search for a library that is not in memory goes through its folders and takes 30 microseconds; the count takes
-    one. Each block that makes a context current searches for several libraries.
+    A search for a library that is not loaded opens files, and takes 0.1 ms. This number is there in a microsecond. The
+    calls keep Python's lock: a thread that loads a library may wait for that lock.
     """
     try:
-        visit = ctypes.CDLL(None).dl_iterate_phdr
+        iterate = ctypes.PyDLL(None).dl_iterate_phdr
     except (AttributeError, OSError, TypeError):
         return lambda: None
-    kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.POINTER(_LoadedObject), ctypes.c_size_t, ctypes.c_void_p)
-    least = _LoadedObject.unloads.offset
+    found: list[int | None] = [None]
 
-    def first(found: Any, size: int, result: int) -> int:
-        loads = found.contents.loads if size >= least else 0
-        ctypes.c_ulonglong.from_address(result).value = loads
-        return 1  # ends the visit
-
-    visit.argtypes, visitor = [kind, ctypes.c_void_p], kind(first)
+    @ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.POINTER(_Loaded), ctypes.c_size_t, ctypes.c_void_p)
+    def first(library: Any, size: int, _: Any) -> int:
+        found[0] = int(library.contents.loads) if size >= ctypes.sizeof(_Loaded) else None
+        return 1  # no further libraries
 
     def count() -> int | None:
-        result = ctypes.c_ulonglong()
-        visit(visitor, ctypes.addressof(result))
-        return result.value or None
+        iterate(first, None)
+        return found[0]
 
     return count
 

@@ -428,3 +428,31 @@ if __name__ == "__main__":
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (ROOT, ROOT / "tests")))}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_library_that_is_not_loaded_is_searched_once_until_another_one_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    if current._count_loads() is None:
+        pytest.skip("the system does not count loaded libraries")
+    searched: list[str] = []
+    real, loads = current._loaded, [7]
+    monkeypatch.setattr(current, "_loaded", lambda file: searched.append(file) or real(file))
+    monkeypatch.setattr(current, "_count_loads", lambda: loads[0])
+    api = current.Api(("libnone-of-this-name.so",), "make", ("ask",))
+    assert api.context() is None and api.current() is None and searched == ["libnone-of-this-name.so"]
+    loads[0] += 1
+    assert api.context() is None and len(searched) == 2
+
+
+def test_the_number_of_loaded_libraries_grows_with_each() -> None:
+    code = """
+import ctypes, ctypes.util
+from raymarch.gpu import current
+before = current._count_loads()
+assert before is None or before == current._count_loads() > 5
+name = next(n for n in ("libEGL.so.1", "libGLX.so.0", "libOSMesa.so.8", "libGL.so.1") if not current._loaded(n)
+            and ctypes.util.find_library(n[3:].partition(".")[0]))
+ctypes.CDLL(name)
+assert before is None or current._count_loads() > before
+assert current._loaded(name)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=LIMIT)
