@@ -102,6 +102,8 @@ class Context(Releasing):
     driver, limits : identification and limits of the driver.
     why : why this backend was chosen, and the errors of backends that `auto` tried before.
     window : the glfw window of a "window" or "osmesa" context, else None. Hidden, unless made by `open_window`.
+    unread : what frames have not read yet (`raymarch.gpu.unread.Unread`). It is read before its texture changes, before
+        the context is released, and before a fork of the process.
     """
 
     def __init__(self, gl: moderngl.Context, backend: str, why: str, window: Any = None) -> None:
@@ -121,6 +123,7 @@ class Context(Releasing):
         self._callers: list[tuple[Any, current.Current]] = []
         self._held = False  # known to be current: inside `bound`, but not inside `lent`
         self._released = False
+        self.unread: weakref.WeakSet[Any] = weakref.WeakSet()
         _CONTEXTS.add(self)
 
     @property
@@ -230,12 +233,20 @@ class Context(Releasing):
         with self._lock:
             if self._released:
                 return
+            self.settle()
             with _OPENING, current.kept():
                 self._released = True
                 self.gl.release()
                 if self.window is not None:
                     _GLFW.close(self.window)
                     self.window = None
+
+    def settle(self) -> None:
+        """Read what frames still need of all textures."""
+        if self.unread:
+            with self._lock:
+                for unread in list(self.unread):
+                    unread.settle()
 
     def __enter__(self) -> Self:
         self.check()
@@ -268,6 +279,13 @@ def _refuse_after_fork() -> None:
         _process = os.getpid()
 
 
+def _settle_all() -> None:
+    """Before a fork: the new process cannot read textures."""
+    for context in list(_CONTEXTS):
+        if not context.released:
+            context.settle()
+
+
 def _leave_to_parent() -> None:
     """After a fork, prevent the garbage collector and the driver's exit handlers from destroying the parent's objects.
 
@@ -284,7 +302,7 @@ def _leave_to_parent() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_leave_to_parent)
+    os.register_at_fork(before=_settle_all, after_in_child=_leave_to_parent)
 
 
 def open_context(backend: str = "auto", device: int | None = None) -> Context:

@@ -243,13 +243,14 @@ def _load_counter() -> Callable[[], int | None]:
         return lambda: None
     found: list[int | None] = [None]
 
-    @ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.POINTER(_Loaded), ctypes.c_size_t, ctypes.c_void_p)
     def first(library: Any, size: int, _: Any) -> int:
         found[0] = int(library.contents.loads) if size >= ctypes.sizeof(_Loaded) else None
         return 1  # no further libraries
 
+    callback = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.POINTER(_Loaded), ctypes.c_size_t, ctypes.c_void_p)(first)
+
     def count() -> int | None:
-        iterate(first, None)
+        iterate(callback, None)
         return found[0]
 
     return count

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,10 @@ from PIL import Image
 
 from raymarch.errors import DeviceError
 from raymarch.expr.convert import switch
+from raymarch.gpu.unread import Unread
 from raymarch.plan import OUTPUTS
 from raymarch.scene.camera import Pose
 from raymarch.scene.tone import ToneMapping, encode
-
-Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 
 
 def srgb(linear: NDArray[Any]) -> NDArray[np.uint8]:
@@ -42,14 +41,16 @@ class Timing:
 class Frame:
     """One rendered picture. Arrays have shape (H, W) or (H, W, 3); row 0 is the top.
 
-    Arrays that were not listed in `outputs` are rendered on first access; the renderer must still be open then.
+    Arrays that were listed in `outputs` stay on the device until they are accessed, or until the renderer draws the
+    next frame or closes, which reads them if the frame is still referenced. Other arrays are rendered on first access;
+    the renderer must still be open then.
     """
 
     size: tuple[int, int]
     time: float
     timings: list[Timing]
     _arrays: dict[str, NDArray[Any]]
-    _render: Callable[[str], tuple[Arrays, list[Timing]]] = field(repr=False)
+    _render: Callable[[str], tuple[Mapping[str, Unread], list[Timing]]] = field(repr=False)
     tone: ToneMapping = field(default_factory=ToneMapping, repr=False)
     complete: bool = True
     """False if some rays have not terminated; the next frame of the same picture continues them."""
@@ -62,9 +63,10 @@ class Frame:
     )
     spread: bool = False
     """True if post effects carry light beyond the surfaces."""
+    _unread: dict[str, Unread] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
-        names = ", ".join(self._arrays)
+        names = ", ".join({**self._unread, **self._arrays})
         return f"<Frame {self.size[0]}x{self.size[1]} at time {self.time:g}: {names}; {self.milliseconds:.1f} ms>"
 
     def __copy__(self) -> Frame:
@@ -72,7 +74,8 @@ class Frame:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what was rendered; the renderer stays behind."""
-        shown = (self.size, self.time, self.timings, self._arrays, self.tone, self.complete, self.pose)
+        arrays = {name: self.array(name) for name in {**self._unread, **self._arrays}}
+        shown = (self.size, self.time, self.timings, arrays, self.tone, self.complete, self.pose)
         return _unpickled, (*shown, list(self.warnings), self.spread)
 
     def doubts(self, steps: bool = False) -> list[str]:
@@ -89,11 +92,17 @@ class Frame:
 
     def array(self, name: str) -> NDArray[Any]:
         """An array by name, one of `raymarch.plan.OUTPUTS`."""
-        if name not in self._arrays:
-            arrays, timings = self._render(name)
-            self._arrays.update(arrays)
+        if name in self._arrays:
+            return self._arrays[name]
+        return self._unread_array(name).array(name)
+
+    def _unread_array(self, name: str) -> Unread:
+        """An array on the device; rendered if it was not."""
+        if name not in self._unread:
+            unread, timings = self._render(name)
+            self._unread.update(unread)
             self.timings += timings
-        return self._arrays[name]
+        return self._unread[name]
 
     def __getattr__(self, name: str) -> NDArray[Any]:
         """An array of `OUTPUTS` that has no property."""
@@ -218,7 +227,7 @@ def _unpickled(
 ) -> Frame:
     """A frame without its renderer: the arrays that were rendered before it was pickled."""
 
-    def render(name: str) -> tuple[Arrays, list[Timing]]:
+    def render(name: str) -> tuple[Mapping[str, Unread], list[Timing]]:
         raise not_rendered("this frame was pickled or copied", name)
 
     def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:

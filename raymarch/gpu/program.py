@@ -164,6 +164,8 @@ class Program(Releasing):
         if tile is not None:
             _check_tile(tile, width, height)
         with self.context.bound():
+            if isinstance(target, Target):
+                target.settle()
             self._set(uniforms or {}, target)
             gl = self.context.gl
             gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)

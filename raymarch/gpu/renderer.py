@@ -26,9 +26,9 @@ from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of, passes_for, prepare
 from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
-from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
-from raymarch.plan import Pass, lights
+from raymarch.gpu.unread import Unread, unread_of
+from raymarch.plan import lights
 from raymarch.plan.unused import unused
 from raymarch.scene.camera import Pose
 from raymarch.scene.fog import Fog
@@ -119,7 +119,7 @@ class Renderer:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
-        return self.resources.target("color", self._size).size
+        return self._size
 
     @property
     def kept(self) -> int:
@@ -215,16 +215,14 @@ class Renderer:
         scene, values, pose, size = picture.scene, picture.values, picture.pose, self.size
         samples = scene.quality.samples
 
-        def passes(picture: _Picture, *limits: Any) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+        def passes(picture: _Picture, *limits: Any) -> tuple[dict[str, Unread], list[Timing]]:
             nonlocal samples
             found = self._passes(picture, *limits)
             if "color" in found[0] and picture.scene is scene and scene.quality.temporal != "off":
                 samples = min(max(samples, self.history.samples), MOST_SAMPLES)
             return found
 
-        def render_for(
-            name: str, scene: Scene = scene, wanted: str = ""
-        ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+        def render_for(name: str, scene: Scene = scene, wanted: str = "") -> tuple[dict[str, Unread], list[Timing]]:
             self._refuse_closed(wanted or name)
             with self.context.bound():
                 if self.size != size:
@@ -235,18 +233,20 @@ class Renderer:
                 outputs = [output for output in picture.outputs if name_of(output) == name] or [name]
                 return passes(replace(picture, scene=scene, outputs=outputs))
 
-        arrays, timings = passes(picture, progress, within)
+        unread, timings = passes(picture, progress, within)
         complete = (scene.quality.steps_per_pass is None or self.history.arrived) and self.history.lighted
         broken = violations(self.prepared(scene, picture.outputs, picture.part).plan.conditions, values)
 
         def doubts_of(frame: Frame, steps: bool) -> list[str]:
             return self._doubts(scene, values, frame, steps)
 
+        def color_of(scene: Scene) -> NDArray[np.float32]:
+            return render_for("color", scene, "alpha")[0]["color"].array("color")
+
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-            covered = render_for("color", _silhouette(scene, samples), "alpha")[0]["color"][..., 0]
+            covered = color_of(_silhouette(scene, samples))[..., 0]
             if scene.post:  # the light of the sky is spread over the picture
-                dark = _silhouette(scene, samples, 0.0, scene.sky, scene.post)
-                return covered, render_for("color", dark, "alpha")[0]["color"]
+                return covered, color_of(_silhouette(scene, samples, 0.0, scene.sky, scene.post))
             x, y = (0, 0) if picture.part is None else picture.part.corner
             columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
             directions = pose.directions(columns, rows, picture.size).reshape(-1, 3)
@@ -254,8 +254,8 @@ class Renderer:
             return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * behind
 
         frame = Frame(
-            *(size, values.time, timings, arrays, render_for, scene.tone, complete, pose, broken, doubts_of),
-            *(transparency, bool(scene.post)),
+            *(size, values.time, timings, {}, render_for, scene.tone, complete, pose, broken, doubts_of),
+            *(transparency, bool(scene.post), unread),
         )
         if not self.strict:
             vouch.warn(broken)
@@ -293,7 +293,8 @@ class Renderer:
         for call in draw_calls:
             with in_pass(call.chosen.name):
                 call.draw()
-        return _arrays(draw_calls[-1].chosen, draw_calls[-1].target)
+        unread = Unread(draw_calls[-1].chosen, draw_calls[-1].target)
+        return {name: unread.array(name) for name in ("done", "depth")}
 
     def draw_calls(
         self,
@@ -427,8 +428,8 @@ class Renderer:
 
     def _passes(
         self, picture: _Picture, progress: Progress | None = None, within: float = np.inf
-    ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
-        """Draw all passes of a frame, and read its arrays."""
+    ) -> tuple[dict[str, Unread], list[Timing]]:
+        """Draw all passes of a frame."""
         self._refuse_while_drawing("render")
         self._is_drawing = True
         try:
@@ -441,7 +442,7 @@ class Renderer:
 
     def _drawn(
         self, picture: _Picture, progress: Progress | None, within: float
-    ) -> tuple[dict[str, NDArray[Any]], list[Timing]]:
+    ) -> tuple[dict[str, Unread], list[Timing]]:
         timings: list[Timing] = []
         last: dict[str, DrawCall] = {}
         limited = within < np.inf or picture.scene.quality.steps_per_pass is not None
@@ -459,10 +460,7 @@ class Renderer:
         if progress is not None and len(timings) < most:
             progress(1.0)
         shown = {name: (call.chosen, call.target) for name, call in last.items()}
-        arrays: dict[str, NDArray[Any]] = {}
-        for chosen, target in {**drawing.kept, **shown}.values():
-            arrays |= _arrays(chosen, target)
-        return arrays, timings
+        return unread_of({**drawing.kept, **shown}), timings
 
     def _lent(self, progress: Progress | None) -> Progress | None:
         """`progress`, called with the OpenGL context that was current before the frame."""
@@ -534,14 +532,6 @@ def _key(scene: Scene, outputs: Sequence[Wanted]) -> tuple[Any, ...]:
     return scene.planned, tuple(passes_for(outputs))
 
 
-def _arrays(chosen: Pass, target: Target) -> dict[str, NDArray[Any]]:
-    """The arrays of a pass, read from the device."""
-    if not chosen.outputs:
-        return {}
-    with in_pass(chosen.name):
-        return chosen.unpack([target.read(k) for k in range(target.attachments)])
-
-
 def _named(drawing: Drawing) -> Iterator[DrawCall]:
     """The draw calls; a device error while one is made names the passes."""
     names = tuple(chosen.name for chosen in drawing.ready.plan.passes)
@@ -586,4 +576,6 @@ def render(
         frame = renderer.render(scene, time, params)
         if not strict:
             vouch.warn(doubt for doubt in frame.doubts() if doubt not in frame.warnings)
-        return frame.image(alpha)
+        image = frame.image(alpha)
+        del frame  # so that closing reads no arrays
+        return image

@@ -98,12 +98,14 @@ class Target(Releasing):
         assert self._framebuffer is not None
         return self._framebuffer
 
-    def read(self, attachment: int = 0) -> NDArray[np.float32]:
-        """The texels of one attachment as float32 (height, width, 4), row 0 at the top. Waits for the device."""
+    def read(self, attachment: int = 0, channels: int = _COMPONENTS) -> NDArray[np.float32]:
+        """The first channels of one attachment as float32 (height, width, channels), row 0 at the top. Waits for the
+        device."""
         width, height = self.size
-        rows = np.empty((height, width, _COMPONENTS), np.float32)
+        rows = np.empty((height, width, channels), np.float32)
         with self.context.bound():
-            self.framebuffer.read_into(rows, components=_COMPONENTS, attachment=self._index(attachment), dtype="f4")
+            index = self._index(attachment)
+            self.framebuffer.read_into(rows, components=channels, attachment=index, dtype="f4", alignment=4)
         return np.ascontiguousarray(rows[::-1])
 
     def read_texel(self, x: int, row: int, attachment: int = 0) -> NDArray[np.float32]:
@@ -122,11 +124,13 @@ class Target(Releasing):
         width, height = self.size
         texels = np.broadcast_to(np.asarray(values, self.dtype), (height, width, _COMPONENTS))
         with self.context.bound():
+            self.settle()
             self.textures[self._index(attachment)].write(np.ascontiguousarray(texels[::-1]))
 
     def clear(self, value: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         """Set every texel of every attachment to the RGBA `value`."""
         with self.context.bound():
+            self.settle()
             # The scissor of an earlier draw would confine the clear: that of this target, or, since moderngl's clear
             # binds the framebuffer without its scissor, that of the bound framebuffer.
             confine(self.framebuffer, None)
@@ -137,6 +141,8 @@ class Target(Releasing):
         """Free the textures. Idempotent, and safe after the context was released, which frees them."""
         if self.released:
             return
+        if not self.context.released:
+            self.settle()
         self.released = True
         if self.context.released:
             return
@@ -151,6 +157,11 @@ class Target(Releasing):
                 self._framebuffer.release()
             for texture in self._textures:
                 texture.release()
+
+    def settle(self) -> None:
+        """Read what frames still need of the content, before it changes."""
+        for unread in [unread for unread in self.context.unread if unread.target is self]:
+            unread.settle()
 
     def _index(self, attachment: int) -> int:
         if not 0 <= attachment < self.attachments:

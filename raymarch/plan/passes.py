@@ -6,7 +6,7 @@ them in one loop.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -35,15 +35,24 @@ class Output:
     hit: int = 0
     miss: float | None = None
 
-    def of(self, textures: Sequence[NDArray[np.float32]]) -> NDArray[Any]:
-        """The array, (H, W) or (H, W, channels), from the textures of the pass, each (H, W, 4)."""
-        found = textures[self.texture][..., self.channels]
+    def read(self, texels: Callable[[int, int], NDArray[np.float32]]) -> NDArray[Any]:
+        """The array, (H, W) or (H, W, channels).
+
+        texels : returns the first channels of a texture of the pass, (H, W, channels), by the number of the texture and
+            the number of channels. An array with a `miss` is in texture 0.
+        """
+        last = self.channels.stop if isinstance(self.channels, slice) else self.channels + 1
+        needed = last if self.miss is None else max(last, self.hit + 1)
+        given = texels(self.texture, needed)
+        found = given[..., self.channels]
         if self.miss is not None:
-            missed = textures[0][..., self.hit : self.hit + 1] if found.ndim == 3 else textures[0][..., self.hit]
+            missed = given[..., self.hit : self.hit + 1] if found.ndim == 3 else given[..., self.hit]
             return np.where(missed < 0, np.float32(self.miss), found)
         if self.type == "?":
             return found > 0.5
-        return np.rint(found).astype(self.type) if self.type == "i4" else found.copy()
+        if self.type == "i4":
+            return np.rint(found).astype("i4")
+        return found if given.shape == found.shape else found.copy()
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +107,8 @@ class Pass:
         return (*wanted, *(f"#define {name}" for name in self.defines))
 
     def unpack(self, textures: Sequence[NDArray[np.float32]]) -> dict[str, NDArray[Any]]:
-        """The arrays by name, from the textures of the pass."""
-        return {name: output.of(textures) for name, output in self.outputs.items()}
+        """The arrays by name, from the textures of the pass, each (H, W, 4)."""
+        return {name: output.read(lambda k, n: textures[k][..., :n]) for name, output in self.outputs.items()}
 
 
 CONE: Final = Pass(

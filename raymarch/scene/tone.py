@@ -6,6 +6,7 @@ Curves are written in the expression language. `Frame.image` evaluates them with
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, ClassVar
 
@@ -110,9 +111,18 @@ class ToneMapping(Value):
     def image(self, color: NDArray[Any]) -> NDArray[np.uint8]:
         """Linear light (H, W, 3) as 8-bit sRGB (IEC 61966-2-1)."""
         made = np.empty(np.shape(color), np.uint8)
+        steps = self.steps if np.asarray(color).dtype == np.float32 else None
         for rows in row_blocks(made):
-            made[rows] = encode(self.apply(color[rows]), self.dither, rows.start * made[0].size)
+            if steps is not None:
+                made[rows] = steps.codes(color[rows])
+            else:
+                made[rows] = encode(self.apply(color[rows]), self.dither, rows.start * made[0].size)
         return made
+
+    @property
+    def steps(self) -> Steps | None:
+        """The light at which the 8-bit code of a channel changes; None if the code depends on more than that light."""
+        return _exposed(self.exposure) if self.curve == "linear" and not self.dither else None
 
     def glsl(self) -> str:
         """The tone curve as GLSL text: `vec3 toned(vec3 color)`."""
@@ -141,6 +151,38 @@ def encode(linear: NDArray[Any], dither: bool = False, first: int = 0) -> NDArra
         return np.asarray(codes[interval] + (x >= edges[interval]), np.uint8)
     bits = pcg(np.arange(first, first + x.size, dtype=np.uint32)).reshape(x.shape)
     return np.asarray(np.minimum(np.floor(255.0 * linear_to_srgb(x) + bits * 2.0**-32), 255.0), np.uint8)
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """The 8-bit code of each float32 value of light, exactly as by `ToneMapping.apply` and `encode`, in less time.
+
+    With i = floor(4096 min(scale c, 1)), the code of a value c is `first[i]`, plus 1 if c >= `light[i]`, which
+    is NaN for the last code.
+    """
+
+    scale: np.float32
+    first: NDArray[np.uint8]
+    light: NDArray[np.float32]
+
+    def codes(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """The codes of float32 values of any shape; NaN as 0."""
+        with np.errstate(over="ignore", under="ignore"):
+            x = np.fmin(np.fmax(light, np.float32(0.0)) * self.scale, np.float32(1.0))
+        interval = (x * np.float32(INTERVALS)).astype(np.int32)
+        return np.asarray(self.first.take(interval) + (light >= self.light.take(interval)))
+
+
+@cache
+def _exposed(exposure: float) -> Steps:
+    """The steps after an exposure. Of neighbouring float32 values, the first one that reaches the next code."""
+    first, edges = _steps()
+    scale = 2.0**exposure
+    light = np.nextafter((edges / scale).astype(np.float32), np.float32(0.0))
+    with np.errstate(over="ignore"):
+        for _ in range(3):
+            light = np.where(light.astype(np.float64) * scale >= edges, light, np.nextafter(light, np.float32(np.inf)))
+    return Steps(np.float32(scale), first, np.where(np.isfinite(light), light, np.float32(np.nan)))
 
 
 INTERVALS = 4096

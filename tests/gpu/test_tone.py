@@ -144,6 +144,27 @@ def test_every_curve_is_an_expression() -> None:
         assert np.shape(evaluator([curve(COLOR)], [COLOR])(LIGHT)[0]) == LIGHT.shape
 
 
+@pytest.mark.parametrize("exposure", [0.0, 1.0, -30.0, 30.0, 0.3, -2.7182818, 13.1])
+def test_the_code_of_float32_light_is_that_of_the_curve(exposure: float) -> None:
+    """Around each value at which the code changes and around the ends of all intervals; random and odd values."""
+    tone = ToneMapping(exposure=exposure)
+    steps = tone.steps
+    assert steps is not None
+    ends = np.arange(4097) / 4096 / 2.0**exposure
+    near = np.concatenate([steps.light[np.isfinite(steps.light)], ends.astype(np.float32)])
+    around = [near]
+    for direction in (np.float32(0.0), np.float32(np.inf)):
+        next_one = np.nextafter(near, direction)
+        around += [next_one, np.nextafter(next_one, direction)]
+    rng = np.random.default_rng(5)
+    odd = np.float32([np.nan, np.inf, -np.inf, -0.0, -1.0, 1e-45, 3e38, 1e30, 2e30])
+    bits = rng.integers(0, 2**32, 30_000, dtype=np.uint32).view(np.float32)
+    shares = (rng.uniform(-0.1, 1.1, 30_000) / 2.0**exposure).astype(np.float32)
+    light = np.resize(np.concatenate([*around, odd, bits, shares]), (32, 3600, 3))
+    with np.errstate(invalid="ignore"):
+        assert np.array_equal(tone.image(light), encode(tone.apply(light)))
+
+
 @pytest.mark.parametrize("dither", [False, True])
 def test_a_picture_that_is_converted_in_blocks_of_rows_is_the_whole(dither: bool) -> None:
     light = np.random.default_rng(3).random((7, 5000, 3)).astype(np.float32) * 3
