@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 import time as clock_time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +19,7 @@ from raymarch.cli.common import SIZE, CommandError, SceneFile, errors, parse_set
 from raymarch.cli.progress import bar
 from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.errors import RenderWarning
+from raymarch.export import behind
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import (
     EDGE,
@@ -32,7 +35,7 @@ from raymarch.export.sequence import (
     tiff_package,
     tiles_of,
 )
-from raymarch.export.stills import FORMATS, Shot, draw, is_whole, key_of, save
+from raymarch.export.stills import FORMATS, Shot, draw, encoder, is_whole, key_of
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.images import exr_package
@@ -174,6 +177,8 @@ def run(
         Renderer(items[0].size, backend, device) as renderer,
         bar("drawing", len(items)) as progress,
         warnings.catch_warnings(),
+        behind.film(target, fps, CommandError) if film else nullcontext() as add,
+        behind.in_order() as later,
     ):
         warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
         found = found.replace(quality=chooser(found, renderer, items[0].time, params))
@@ -188,30 +193,53 @@ def run(
                 key = key_of(contents.of(item), renderer.context.driver)
                 if (frames is not None or large) and key is not None and is_whole(file, [key]):
                     if not large:
-                        errors.print(f"{file}  is already drawn", markup=False)
+                        later(partial(errors.print, f"{file}  is already drawn", markup=False))
+                    if add is not None:
+                        add(file)
                     continue
             frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
             view_result = shown(renderer, frame, view, found, params, tell)
+            image = cache(view_result.image)
+            write = encoder(shot, frame, image, view_result.numbers, key)
             if film or large:
                 file.parent.mkdir(exist_ok=True)
-            with written(file) as unfinished:
-                save(unfinished, shot, frame, view_result.image, view_result.numbers, key)
-            spent = 1e3 * (clock_time.perf_counter() - start)
+            if add is not None:
+                add(image())
             if large:
-                progress(i + 1)
-                continue
-            errors.print(
-                f"{file}  {width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
-                f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}",
-                markup=False,
-            )
-            for doubt in doubts:
-                errors.print(f"raymarch: {doubt}", markup=False)
-            for line in view_result.lines:
-                typer.echo(line)
+                tell_end = partial(progress, i + 1)
+            else:
+                by = f"{renderer.context.backend}: {renderer.context.driver.renderer}"
+                words = f"{width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind})"
+                tell_end = partial(_report, file, words, start, by, doubts, view_result.lines)
+            later(partial(_save, file, write, tell_end))
+            del frame, view_result, image  # the next frame then reads no arrays of this one
+        drawn_at = clock_time.perf_counter()
         if large:
             key = key_of(Contents(found, whole_shot).of(whole), renderer.context.driver)
-    join(target, items, fps, (width, height), key)
+    if film:
+        shutil.rmtree(items[0].file.parent)
+        _report_joined(target, f"{len(items)} frames, {len(items) / fps:g} s", drawn_at)
+    else:
+        join(target, items, fps, (width, height), key)
+
+
+def _save(file: Path, write: Callable[[Path], None], tell_end: Callable[[], None]) -> None:
+    with written(file) as unfinished:
+        write(unfinished)
+    tell_end()
+
+
+def _report(file: Path, drawn: str, start: float, by: str, doubts: list[str], lines: Sequence[str]) -> None:
+    spent = 1e3 * (clock_time.perf_counter() - start)
+    errors.print(f"{file}  {drawn}, {spent:.0f} ms in all, {by}", markup=False)
+    for doubt in doubts:
+        errors.print(f"raymarch: {doubt}", markup=False)
+    for line in lines:
+        typer.echo(line)
+
+
+def _report_joined(target: Path, what: str, start: float) -> None:
+    errors.print(f"{target}  {what}, {clock_time.perf_counter() - start:.1f} s to encode", markup=False)
 
 
 def join(target: Path, items: list[Item], fps: float, size: tuple[int, int], key: str | None = None) -> None:
@@ -219,15 +247,13 @@ def join(target: Path, items: list[Item], fps: float, size: tuple[int, int], key
     start = clock_time.perf_counter()
     if target.suffix.lower() in FILMS:
         join_film(target, items, fps, CommandError)
-        spent = clock_time.perf_counter() - start
         what = f"{len(items)} frames, {len(items) / fps:g} s"
     elif items[0].part is not None:
         join_tiles(target, items, key, CommandError)
-        spent = clock_time.perf_counter() - start
         what = f"{size[0]}x{size[1]}, {len(items)} tiles"
     else:
         return
-    errors.print(f"{target}  {what}, {spent:.1f} s to encode", markup=False)
+    _report_joined(target, what, start)
 
 
 def _check_alpha(target: Path, view: str) -> None:

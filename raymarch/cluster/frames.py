@@ -9,6 +9,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice, pairwise
 from operator import length_hint
 from pathlib import Path
@@ -21,6 +22,7 @@ from raymarch.cluster.submit import RETRIES, Cluster, Failed
 from raymarch.cluster.worker import Done, Job, Refused, draw_batch, draw_item, merge
 from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneError
 from raymarch.export import stills
+from raymarch.export.behind import in_order
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
@@ -300,7 +302,7 @@ def _draw_here(
     """Draw what is missing in this process. Returns what could not be drawn."""
     check_scene("render_frames", scene)
     failed: list[tuple[Item, Refused | Failed]] = []
-    with Renderer(items[0].size, backend, device) as renderer, warnings.catch_warnings():
+    with Renderer(items[0].size, backend, device) as renderer, warnings.catch_warnings(), in_order() as later:
         warnings.simplefilter("ignore", RenderWarning)
         contents = Contents(scene, shot, renderer)
         for item in items:
@@ -312,6 +314,11 @@ def _draw_here(
             except RaymarchError as fault:
                 failed.append((item, Refused(str(fault))))
                 continue
-            with written(item.file) as unfinished:
-                stills.save_view(unfinished, shot, frame, scene, key)
+            later(partial(_write, item.file, stills.view_encoder(shot, frame, scene, key)))
+            del frame
     return failed
+
+
+def _write(file: Path, write: Callable[[Path], None]) -> None:
+    with written(file) as unfinished:
+        write(unfinished)

@@ -22,7 +22,7 @@ from raymarch.cluster.machines import Machine, libraries, package
 from raymarch.cluster.source import Source
 from raymarch.errors import DeviceError, RaymarchError, RenderWarning, SceneError
 from raymarch.export.sequence import Contents, Item
-from raymarch.export.stills import FORMATS, Shot, draw, key_of, save_view, with_key
+from raymarch.export.stills import FORMATS, Shot, draw, key_of, view_encoder, with_key
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
@@ -200,7 +200,7 @@ def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done
                 return Share(frame.milliseconds, spent, address(), doubts, frame.color, end - first)
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder) / f"picture{job.shot.suffix}"
-                save_view(file, job.shot, frame, scene, key_of(content, renderer.context.driver))
+                view_encoder(job.shot, frame, scene, key_of(content, renderer.context.driver))(file)
                 made = file.read_bytes()
             return Done(frame.milliseconds, clock_time.perf_counter() - start, address(), doubts, made)
     except RaymarchError as fault:

@@ -14,7 +14,7 @@ from PIL import Image, PngImagePlugin, UnidentifiedImageError
 
 import raymarch
 from raymarch.errors import RenderError
-from raymarch.export.layers import write_layers, write_npz
+from raymarch.export.layers import ARRAYS, write_layers, write_npz
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import Part
@@ -152,32 +152,33 @@ def draw(
     return frame, doubts
 
 
-def save(
-    file: Path,
+def encoder(
     shot: Shot,
     frame: Frame,
     image: Callable[[], Image.Image],
     numbers: Callable[[], NDArray[np.float32]],
     key: str | None,
-) -> None:
-    """Write a frame to a file in the format of the shot's suffix, whatever the name of the file.
+) -> Callable[[Path], None]:
+    """A function that writes a frame to a file in the format of the shot's suffix, whatever the name of the file.
 
+    All that it needs of the device is read now, so that it may run in another thread while the next frame is drawn.
     image, numbers : make the view for 8-bit files and for .exr files.
     """
-    if shot.suffix == ".npz":
-        write_npz(file, frame)
-    elif shot.layers:
-        write_layers(file, frame)
-    elif shot.suffix == ".exr":
-        write_exr(file, numbers())
-    else:
-        made = frame.image(alpha=True) if shot.alpha else image()
-        made.save(file, FORMATS[shot.suffix], **(with_key(key) if shot.suffix == ".png" else {}))
+    if shot.suffix == ".npz" or shot.layers:
+        for name in ARRAYS:
+            frame.array(name)
+        write = write_npz if shot.suffix == ".npz" else write_layers
+        return lambda file: write(file, frame)
+    if shot.suffix == ".exr":
+        values = numbers()
+        return lambda file: write_exr(file, values)
+    made = frame.image(alpha=True) if shot.alpha else image()
+    return lambda file: made.save(file, FORMATS[shot.suffix], **(with_key(key) if shot.suffix == ".png" else {}))
 
 
-def save_view(file: Path, shot: Shot, frame: Frame, scene: Scene, key: str | None) -> None:
-    """As `save`, for a view of the GPU."""
-    save(file, shot, frame, lambda: drawn(frame, shot.view, scene), lambda: light(frame, shot.view, scene), key)
+def view_encoder(shot: Shot, frame: Frame, scene: Scene, key: str | None) -> Callable[[Path], None]:
+    """As `encoder`, for a view of the GPU."""
+    return encoder(shot, frame, lambda: drawn(frame, shot.view, scene), lambda: light(frame, shot.view, scene), key)
 
 
 def drawn(frame: Frame, view: str, scene: Scene) -> Image.Image:

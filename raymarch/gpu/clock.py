@@ -117,7 +117,7 @@ def gl_timer(context: Context) -> Timer:
 
     def timer(draw: Callable[[], None]) -> float:
         with context.bound():
-            context.gl.finish()
+            context.finish()
             with query:
                 draw()
             return query.elapsed * 1e-6
@@ -128,7 +128,7 @@ def gl_timer(context: Context) -> Timer:
 def wall_time(context: Context, draw: Callable[[], None]) -> float:
     """Time of `draw` in milliseconds by the wall clock, from an idle device to an idle device."""
     with context.bound():
-        context.gl.finish()
+        context.finish()
         start = perf_counter()
         draw()
         context.finish()  # a draw may have switched contexts

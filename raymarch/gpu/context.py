@@ -123,6 +123,7 @@ class Context(Releasing):
         self._callers: list[tuple[Any, current.Current]] = []
         self._held = False  # known to be current: inside `bound`, but not inside `lent`
         self._released = False
+        self._finish = _finisher(gl)
         self.unread: weakref.WeakSet[Any] = weakref.WeakSet()
         _CONTEXTS.add(self)
 
@@ -196,9 +197,9 @@ class Context(Releasing):
             self._held = before
 
     def finish(self) -> None:
-        """Wait until the device is idle."""
+        """Wait until the device is idle. Other threads of Python run in the meantime."""
         with self.bound():
-            self.gl.finish()
+            self._finish()
 
     def _bind(self) -> None:
         current.unbind()
@@ -408,6 +409,17 @@ def _kept_note() -> Iterator[None]:
         yield
     finally:
         glfw.make_context_current(noted)
+
+
+def _finisher(gl: moderngl.Context) -> Callable[[], None]:
+    """glFinish by its address, because that of moderngl keeps Python's lock: encoders in other threads would wait for
+    the device, too."""
+    load: Any = getattr(getattr(gl.mglo, "_context", None), "load", None)
+    address = load("glFinish") if load is not None else None
+    if not address:
+        return gl.finish
+    finish: Callable[[], None] = ctypes.CFUNCTYPE(None)(address)
+    return finish
 
 
 def _egl_device(device: int | None) -> int:

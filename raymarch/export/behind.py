@@ -1,0 +1,98 @@
+"""Work that follows the drawing in other threads: files are encoded while the next picture is drawn."""
+
+from __future__ import annotations
+
+import queue
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from raymarch.errors import RaymarchError, SceneError
+from raymarch.export.film import write_film
+from raymarch.files import written
+
+AHEAD = 2
+"""Most pictures that wait in memory."""
+
+
+@contextmanager
+def in_order() -> Iterator[Callable[[Callable[[], None]], None]]:
+    """Yields a function that runs jobs in a thread, one after another in their order.
+
+    It waits while `AHEAD` jobs are unfinished. The first error of a job ends the jobs after it, and is raised by the
+    next call or at the end of the block. The block ends when all jobs have ended.
+    """
+    jobs: deque[Future[None]] = deque()
+    failed = False
+
+    def work(job: Callable[[], None]) -> None:
+        nonlocal failed
+        if failed:
+            return
+        try:
+            job()
+        except BaseException:
+            failed = True
+            raise
+
+    def run(job: Callable[[], None]) -> None:
+        while len(jobs) >= AHEAD:
+            jobs.popleft().result()
+        jobs.append(threads.submit(work, job))
+
+    with ThreadPoolExecutor(1, "raymarch encoder") as threads:
+        yield run
+        while jobs:
+            jobs.popleft().result()
+
+
+class _Stopped(Exception):
+    """The film is not wanted any more."""
+
+
+@contextmanager
+def film(target: Path, fps: float, error: type[RaymarchError] = SceneError) -> Iterator[Callable[[Any], None]]:
+    """Write a film in a thread. Yields a function that adds a picture, as an image or as the path of its file.
+
+    The film is complete at the end of the block. If the block raises, no file is left.
+    """
+    arriving: queue.Queue[Any] = queue.Queue(AHEAD)
+
+    def pictures() -> Iterator[Image.Image]:
+        while True:
+            picture = arriving.get()
+            if picture is None:
+                return
+            if picture is _Stopped:
+                raise _Stopped
+            yield Image.open(picture) if isinstance(picture, Path) else picture
+
+    def write() -> None:
+        with written(target, error) as unfinished:
+            write_film(unfinished, target.suffix.lower(), pictures(), fps)
+
+    def put(entry: Any) -> None:
+        while not writing.done():  # the thread ends early if it cannot write
+            with suppress(queue.Full):
+                arriving.put(entry, timeout=0.1)
+                break
+
+    def add(picture: Any) -> None:
+        put(picture)
+        if writing.done():
+            writing.result()  # raises its error
+
+    with ThreadPoolExecutor(1, "raymarch film") as threads:
+        writing = threads.submit(write)
+        try:
+            yield add
+            put(None)
+        except BaseException:
+            put(_Stopped)
+            raise
+        writing.result()
