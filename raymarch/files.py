@@ -18,13 +18,14 @@ def reads(file: str | os.PathLike[str]) -> None:
 
 
 @contextmanager
-def written(file: Path, error: type[RaymarchError] = SceneError) -> Iterator[Path]:
-    """Write atomically: a temporary file beside `file`, renamed at the end and removed after a failure.
+def written(file: Path, error: type[RaymarchError] = SceneError, folder: Path | None = None) -> Iterator[Path]:
+    """Write atomically: a temporary file beside `file`, or in a folder of the same disk, which is renamed at the end
+    and removed after a failure.
 
     The old file stays until then. Raises `error` if the file cannot be written.
     """
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent or Path())
+        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=folder or file.parent or Path())
         os.close(handle)
     except OSError as fault:
         raise error(f"cannot write '{file}': {fault.strerror or fault}", legal="a writable folder") from None

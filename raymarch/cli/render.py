@@ -177,7 +177,7 @@ def run(
         Renderer(items[0].size, backend, device) as renderer,
         bar("drawing", len(items)) as progress,
         warnings.catch_warnings(),
-        behind.film(target, fps, CommandError) if film else nullcontext() as add,
+        behind.film(target, items[0].file.parent, fps, CommandError) if film else nullcontext() as add,
         behind.in_order() as later,
     ):
         warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -56,10 +57,13 @@ class _Stopped(Exception):
 
 
 @contextmanager
-def film(target: Path, fps: float, error: type[RaymarchError] = SceneError) -> Iterator[Callable[[Any], None]]:
+def film(
+    target: Path, folder: Path, fps: float, error: type[RaymarchError] = SceneError
+) -> Iterator[Callable[[Any], None]]:
     """Write a film in a thread. Yields a function that adds a picture, as an image or as the path of its file.
 
-    The film is complete at the end of the block. If the block raises, no file is left.
+    The film is complete at the end of the block. Until then it is in the folder of its pictures. If the block raises,
+    no film is left.
     """
     arriving: queue.Queue[Any] = queue.Queue(AHEAD)
 
@@ -73,8 +77,10 @@ def film(target: Path, fps: float, error: type[RaymarchError] = SceneError) -> I
             yield Image.open(picture) if isinstance(picture, Path) else picture
 
     def write() -> None:
-        with written(target, error) as unfinished:
-            write_film(unfinished, target.suffix.lower(), pictures(), fps)
+        found = pictures()
+        first = next(found)  # without a picture there is no folder
+        with written(target, error, folder) as unfinished:
+            write_film(unfinished, target.suffix.lower(), chain([first], found), fps)
 
     def put(entry: Any) -> None:
         while not writing.done():  # the thread ends early if it cannot write

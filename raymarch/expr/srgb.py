@@ -21,6 +21,8 @@ _LINEAR: Expr = where(X <= 0.04045, X / 12.92, pow((X + 0.055) / 1.055, 2.4))
 
 ENCODE = Function("linear_to_srgb", (X,), _ENCODED)
 """The encoding of one component from 0 to 1."""
+DECODE = Function("to_linear", (X,), _LINEAR)
+"""The inverse of `ENCODE`."""
 
 _encode, _decode = evaluator([_ENCODED], [X]), evaluator([_LINEAR], [X])
 
@@ -35,6 +37,6 @@ def linear_to_srgb(linear: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(_encode(np.asarray(linear, np.float64))[0])
 
 
-def srgb_glsl() -> str:
-    """The encoding as GLSL text: `float linear_to_srgb(float x)`."""
-    return "\n".join(line.text for line in print_functions([ENCODE]).lines())
+def srgb_glsl(decode: bool = False) -> str:
+    """The encoding as GLSL text, `float linear_to_srgb(float x)`, or its inverse, `float to_linear(float x)`."""
+    return "\n".join(line.text for line in print_functions([DECODE if decode else ENCODE]).lines())

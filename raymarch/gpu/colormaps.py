@@ -6,11 +6,19 @@ and van der Walt 2015). "coolwarm" diverges from a neutral middle (Moreland 2009
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.function import Function
+from raymarch.expr.node import var
+from raymarch.expr.tables import Table, fetch
+from raymarch.expr.types import FLOAT
+from raymarch.expr.vocabulary import floor, min, mix, where
 
 MAPS = {
     "viridis": """
@@ -35,19 +43,29 @@ MAPS = {
 """Colours from the lowest to the highest value, evenly spaced, as RRGGBB in hexadecimal."""
 
 
-def colored(share: NDArray[Any], name: str = "inferno") -> NDArray[np.float64]:
-    """Map values in [0, 1], of any shape (...), to sRGB in [0, 1] of shape (..., 3). Values outside are clamped.
-
-    name : a key of `MAPS`. Within 2/255 of matplotlib's map.
-    """
-    table = _table(name)
-    at = np.clip(np.asarray(share, np.float64), 0.0, 1.0) * (len(table) - 1)
-    low = np.minimum(at.astype(int), len(table) - 2)
-    part = (at - low)[..., None]
-    mixed: NDArray[np.float64] = table[low] * (1.0 - part) + table[low + 1] * part
-    return mixed
+SHARE = var("share", FLOAT)
 
 
 @cache
-def _table(name: str) -> NDArray[np.float64]:
-    return np.array([[int(color[i : i + 2], 16) for i in (0, 2, 4)] for color in MAPS[name].split()]) / 255.0
+def color_map(name: str) -> Function:
+    """A map as a function of a number, which is clamped to [0, 1], NaN to 0: sRGB in [0, 1], in NumPy and in GLSL.
+
+    name : a key of `MAPS`. Within 2/255 of matplotlib's map.
+    """
+    rows = [[int(color[i : i + 2], 16) / 255.0 for i in (0, 2, 4)] + [1.0] for color in MAPS[name].split()]
+    table = Table(rows, name)
+    at = where(SHARE > 0.0, min(SHARE, 1.0), 0.0) * float(len(rows) - 1)
+    low = min(floor(at), float(len(rows) - 2))
+    return Function(name, (SHARE,), mix(fetch(table, low).xyz, fetch(table, low + 1.0).xyz, at - low))
+
+
+def colored(share: NDArray[Any], name: str = "inferno") -> NDArray[np.float64]:
+    """Map values in [0, 1], of any shape (...), to sRGB in [0, 1] of shape (..., 3), by `color_map`."""
+    given = np.asarray(share, np.float64)
+    found = _evaluator(name)(given.reshape(-1))[0]
+    return np.asarray(np.broadcast_to(found, (given.size, 3)).reshape((*given.shape, 3)))
+
+
+@cache
+def _evaluator(name: str) -> Callable[..., tuple[Any, ...]]:
+    return evaluator([color_map(name).body], [SHARE])

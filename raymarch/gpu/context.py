@@ -102,6 +102,7 @@ class Context(Releasing):
     driver, limits : identification and limits of the driver.
     why : why this backend was chosen, and the errors of backends that `auto` tried before.
     window : the glfw window of a "window" or "osmesa" context, else None. Hidden, unless made by `open_window`.
+    kept : objects of other modules that live as long as the context.
     unread : what frames have not read yet (`raymarch.gpu.unread.Unread`). It is read before its texture changes, before
         the context is released, and before a fork of the process.
     """
@@ -124,6 +125,7 @@ class Context(Releasing):
         self._held = False  # known to be current: inside `bound`, but not inside `lent`
         self._released = False
         self._finish = _finisher(gl)
+        self.kept: dict[str, Any] = {}
         self.unread: weakref.WeakSet[Any] = weakref.WeakSet()
         _CONTEXTS.add(self)
 

@@ -96,8 +96,11 @@ class Frame:
             return self._arrays[name]
         return self._unread_array(name).array(name)
 
+    def on_device(self, name: str) -> Unread | None:
+        """An array on the device, rendered if it was not; None for an array that was given."""
+        return None if name in self._arrays else self._unread_array(name)
+
     def _unread_array(self, name: str) -> Unread:
-        """An array on the device; rendered if it was not."""
         if name not in self._unread:
             unread, timings = self._render(name)
             self._unread.update(unread)

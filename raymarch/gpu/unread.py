@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from numpy.typing import NDArray
@@ -34,6 +35,13 @@ class Unread:
                 if self.target is not None:
                     self._read[name] = self.chosen.outputs[name].read(target.read)
         return self._read[name]
+
+    @contextmanager
+    def texture(self) -> Iterator[Target | None]:
+        """The target, which nothing changes during the block; None if all arrays are read."""
+        target = self.target
+        with target.context.bound() if target is not None else nullcontext():
+            yield self.target
 
     def settle(self) -> None:
         """Read all arrays."""

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.expr.arrays import row_blocks
+from raymarch.expr.arrays import evaluator, row_blocks
+from raymarch.expr.node import Expr
+from raymarch.expr.vocabulary import abs, clamp, dot, fract, log2, max, mod, vec3, where
 from raymarch.gpu.boxes import boxes_of, draw_boxes
+from raymarch.gpu.colormaps import color_map
+from raymarch.gpu.display import HIGH, HIT, LOW, VALUE, VECTOR, display_of, is_worth
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.scale import Scale
 from raymarch.gpu.slices import SCALE as SLICE
 from raymarch.gpu.slices import slice_picture, spacing
+from raymarch.gpu.targets import Surface
 from raymarch.scene.scene import Scene
 
 COUNTS = {
@@ -36,13 +43,22 @@ class View:
     ----------
     outputs : the arrays that it needs; it shows the first.
     scale : the colour scale for the values of that array. None for a view without one.
-    colored : sRGB from 0 to 1, (H, W, 3), from the array. None colours the absolute values by the scale,
-        and is black where they are not finite.
+    color : sRGB from 0 to 1, a function of the variables of `raymarch.gpu.display`. It is evaluated on the device, or
+        by NumPy for arrays that are not there. None for a view that depends on more than the pixel.
+    ends : the ends of the range of values, from the array; by default those of the scale.
     """
 
     outputs: tuple[str, ...]
     scale: Callable[[NDArray[Any]], Scale] | None = None
-    colored: Callable[[NDArray[Any]], NDArray[Any]] | None = None
+    color: Expr | None = None
+    ends: Callable[[NDArray[Any]], tuple[Any, Any]] | None = None
+
+    def range(self, values: NDArray[Any]) -> tuple[Any, Any]:
+        """The ends of the range of values."""
+        if self.ends is not None:
+            return self.ends(values)
+        scale = None if self.scale is None else self.scale(values)
+        return (0.0, 1.0) if scale is None else (scale.low, min(scale.high, 1e30))
 
 
 def _count(quantity: str) -> Callable[[NDArray[Any]], Scale]:
@@ -62,51 +78,61 @@ def _cycles(cycles: NDArray[Any]) -> Scale:
 
 
 def _residual(residual: NDArray[Any]) -> Scale:
-    largest = max(_largest(np.abs(residual)), 10 * SMALLEST)
+    largest = builtins.max(_largest(np.abs(residual)), 10 * SMALLEST)
     return Scale("absolute field value at the last sample, units of length", SMALLEST, largest, "log")
 
 
 def _depth(depth: NDArray[Any]) -> Scale:
     hit = np.isfinite(depth)
     near = float(depth[hit].min()) if hit.any() else 1.0
-    return Scale("distance along the ray, units of length", max(near, 1e-12), np.inf, "reciprocal", "viridis")
+    return Scale("distance along the ray, units of length", builtins.max(near, 1e-12), np.inf, "reciprocal", "viridis")
 
 
 def _slice(values: NDArray[Any]) -> Scale:
     return replace(SLICE, quantity=f"{SLICE.quantity}; a line every {spacing(values[..., 0]):g}")
 
 
-def _colored_normal(normal: NDArray[Any]) -> NDArray[Any]:
-    """x, y, z from -1 to 1 as red, green, blue."""
-    return np.where(np.any(normal != 0, axis=-1, keepdims=True), 0.5 + 0.5 * normal, 0.0)
-
-
-def _colored_position(position: NDArray[Any]) -> NDArray[Any]:
-    """x, y, z as red, green, blue, each from its least to its largest value in the picture; black for a miss."""
+def _position_ends(position: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The smallest and the largest coordinates in the picture."""
     hit = np.isfinite(position[..., 0])
     low, high = (end(position[hit], axis=0) if hit.any() else np.zeros(3) for end in (np.min, np.max))
-    shares = (np.where(hit[..., None], position, low) - low) / np.maximum(high - low, 1e-30)
-    return np.where(hit[..., None], shares, 0.0)
+    return low, high
 
 
-def _colored_material(index: NDArray[Any]) -> NDArray[Any]:
-    """Hues a golden angle apart, so that neighbouring indices differ; black for a miss."""
-    hue = (index * 0.618033988749895) % 1.0
-    rgb = np.stack([np.abs((hue * 6 + shift) % 6 - 3) - 1 for shift in (0, 4, 2)], axis=-1)
-    return np.where((index >= 0)[..., None], 0.25 + 0.65 * np.clip(rgb, 0, 1), 0.0)
+BLACK = vec3(0.0, 0.0, 0.0)
 
+_COUNT = where(HIT > 0.0, color_map("inferno")(abs(VALUE) / HIGH.x), BLACK)
+
+_RESIDUAL = where(
+    HIT > 0.0,
+    color_map("inferno")((log2(max(abs(VALUE), LOW.x)) - log2(LOW.x)) / (log2(HIGH.x) - log2(LOW.x))),
+    BLACK,
+)
+
+_DEPTH = where(HIT > 0.0, color_map("viridis")(LOW.x / max(VALUE, LOW.x)), BLACK)
+"""Close is bright, a miss is black."""
+
+_NORMAL = where(dot(VECTOR, VECTOR) > 0.0, 0.5 + 0.5 * VECTOR, BLACK)
+"""x, y, z from -1 to 1 as red, green, blue."""
+
+_POSITION = where(HIT > 0.0, (VECTOR - LOW) / max(HIGH - LOW, 1e-30), BLACK)
+"""x, y, z as red, green, blue, each from its least to its largest value in the picture; black for a miss."""
+
+_SHIFTED = 6.0 * fract(VALUE * 0.618033988749895) + vec3(0.0, 4.0, 2.0)
+_MATERIAL = where(VALUE >= 0.0, 0.25 + 0.65 * clamp(abs(mod(_SHIFTED, 6.0) - 3.0) - 1.0, 0.0, 1.0), BLACK)
+"""Hues a golden angle apart, so that neighbouring indices differ; black for a miss."""
 
 ALL: Mapping[str, View] = {
     "final": View(("color",)),
-    "depth": View(("depth",), _depth),
-    "normal": View(("normal",), colored=_colored_normal),
-    **{name: View((name,), _count(quantity)) for name, quantity in COUNTS.items()},
-    "residual": View(("residual",), _residual),
-    "material": View(("material",), colored=_colored_material),
-    "position": View(("position",), colored=_colored_position),
-    "slice": View(("slice",), _slice, lambda values: slice_picture(values[..., 0], values[..., 1])),
+    "depth": View(("depth",), _depth, _DEPTH),
+    "normal": View(("normal",), color=_NORMAL),
+    **{name: View((name,), _count(quantity), _COUNT) for name, quantity in COUNTS.items()},
+    "residual": View(("residual",), _residual, _RESIDUAL),
+    "material": View(("material",), color=_MATERIAL),
+    "position": View(("position",), color=_POSITION, ends=_position_ends),
+    "slice": View(("slice",), _slice),
     "boxes": View(("color", "depth")),
-    "cycles": View(("cycles",), _cycles),
+    "cycles": View(("cycles",), _cycles, _COUNT),
 }
 """The views by name."""
 
@@ -124,12 +150,48 @@ def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
         return frame.image()
     if view == "boxes":
         return _bytes(_with_boxes(np.asarray(frame.image().convert("RGB")) / 255.0, frame, scene))
-    shown, values = ALL[view], frame.array(VIEWS[view][0])
-    if shown.colored is not None:
-        return _bytes(shown.colored(values))
-    assert shown.scale is not None
-    scale, finite = shown.scale(values), np.isfinite(values)
-    return _bytes(np.where(finite[..., None], scale.colored(np.where(finite, np.abs(values), scale.low)), 0.0))
+    name = VIEWS[view][0]
+    shown, values = ALL[view], frame.array(name)
+    if shown.color is None:
+        return _bytes(slice_picture(values[..., 0], values[..., 1]))
+    ends, unread = shown.range(values), frame.on_device(name)
+    if unread is not None:
+        with unread.texture() as target:
+            if target is not None and is_worth(target):
+                return display_of(target.context).image(target, unread.chosen.outputs[name], shown.color, ends)
+    return _bytes(_colored(shown.color, values, ends))
+
+
+def fill(surface: Surface, frame: Frame, view: str) -> bool:
+    """Fill a surface with the linear colours of a view on the device. False if the view is not coloured there."""
+    name = VIEWS[view][0]
+    shown, unread = ALL[view], frame.on_device(name)
+    if shown.color is None or unread is None:
+        return False
+    ends = shown.range(frame.array(name))
+    with unread.texture() as target:
+        if target is None:
+            return False
+        display_of(target.context).fill(surface, target, unread.chosen.outputs[name], shown.color, ends)
+    return True
+
+
+def _colored(color: Expr, values: NDArray[Any], ends: tuple[Any, Any]) -> NDArray[np.float64]:
+    """The colours of an array by NumPy, (H, W, 3)."""
+    vector = values.ndim == 3
+    compute = _evaluator(color, vector)
+    made = np.empty((*values.shape[:2], 3))
+    low, high = (np.broadcast_to(np.asarray(end, np.float64), 3) for end in ends)
+    for rows in row_blocks(values):
+        some = values[rows].reshape((-1, 3) if vector else -1)
+        hit = np.isfinite(some[:, 0] if vector else some).astype(np.float64)
+        made[rows] = np.reshape(compute(some, hit, low, high)[0], made[rows].shape)
+    return made
+
+
+@cache
+def _evaluator(color: Expr, vector: bool) -> Callable[..., tuple[Any, ...]]:
+    return evaluator([color], [VECTOR if vector else VALUE, HIT, LOW, HIGH])
 
 
 def scale_of(frame: Frame, view: str) -> Scale | None:

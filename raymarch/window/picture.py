@@ -23,7 +23,8 @@ from raymarch.gpu.scale import Scale
 from raymarch.gpu.screen import Screen
 from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import Tile, tiles_of
-from raymarch.gpu.views import VIEWS, scale_of
+from raymarch.gpu.unread import unread_of
+from raymarch.gpu.views import VIEWS, fill, scale_of
 from raymarch.gpu.views import picture as picture_of
 from raymarch.window.model import Drawn
 from raymarch.window.pace import Pace, scaled
@@ -225,11 +226,13 @@ class Picture:
             self.scale = None
             self._screen.copy(last.target, self._canvas, tile)
             return
-        arrays: dict[str, NDArray[Any]] = {}
-        for call in {d.chosen.name: d for d in draw_calls if d.chosen.outputs}.values():
-            arrays |= call.chosen.unpack([call.target.read(k) for k in range(call.chosen.textures)])
-        frame = Frame(last.target.size, shot.time, [], arrays, _nothing, shot.scene.tone, pose=shot.pose)
+        drawn = {call.chosen.name: (call.chosen, call.target) for call in draw_calls}
+        unread = unread_of(drawn)
+        size, tone = last.target.size, shot.scene.tone
+        frame = Frame(size, shot.time, [], {}, _nothing, tone, pose=shot.pose, _unread=unread)
         self.scale = scale_of(frame, shot.view)
+        if fill(self._canvas, frame, shot.view):
+            return
         shown = picture_of(frame, shot.view, shot.scene).convert("RGB").resize(self._canvas.size, 0)
         self._canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
 
