@@ -27,9 +27,8 @@ class Module:
     def needs(self) -> frozenset[str]:
         return used("\n".join(self.lines))
 
-VARIANTS = frozenset(
-    {"ORTHOGRAPHIC", "OWN_START", "CLIP_PLANES", "LENS", "WIDE_CONE", "ANALYTIC", "CONES", "LIT", "SAMPLES", "STANDALONE"}
-)
+
+VARIANTS = frozenset("ANALYTIC CLIP_PLANES CONES LENS LIT ORTHOGRAPHIC OWN_START SAMPLES STANDALONE WIDE_CONE".split())
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader. Without
 CONES, this includes CONE, which is defined in passes that march cones."""
 

@@ -13,6 +13,7 @@ from PIL import Image
 
 from raymarch.errors import DeviceError
 from raymarch.expr.convert import switch
+from raymarch.gpu.display import ABOVE_ONE, NOT_FINITE, display_of, image_of
 from raymarch.gpu.unread import Unread
 from raymarch.plan import OUTPUTS
 from raymarch.scene.camera import Pose
@@ -64,6 +65,7 @@ class Frame:
     spread: bool = False
     """True if post effects carry light beyond the surfaces."""
     _unread: dict[str, Unread] = field(default_factory=dict, repr=False)
+    _encoded: NDArray[np.uint8] | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         names = ", ".join({**self._unread, **self._arrays})
@@ -194,6 +196,31 @@ class Frame:
             self._arrays["alpha"], self._arrays["behind"] = self._transparency()
         return self._arrays["alpha"]
 
+    def _pixels(self) -> NDArray[np.uint8] | None:
+        """The picture as the device encodes it, see `Display.light`; None if it does not."""
+        if self._encoded is None and "color" not in self._arrays:
+            unread = self._unread_array("color")
+            with unread.texture() as target:
+                if target is not None and not target.context.driver.is_software:  # NumPy takes no longer there
+                    output = unread.chosen.outputs["color"]
+                    self._encoded = display_of(target.context).light(target, output, self.tone)
+        return self._encoded
+
+    def _count_odd(self) -> tuple[int, int]:
+        """Numbers of pixels: with a channel that is not finite, and of the others with all channels above 1."""
+        pixels = self._pixels()
+        if pixels is not None:
+            counts = np.bincount(pixels[..., 3].reshape(-1), minlength=4)
+            return int(counts[NOT_FINITE]), int(counts[ABOVE_ONE])
+        color = self.color
+        with np.errstate(invalid="ignore"):
+            low, high = np.min(color), np.max(color)  # NaN if one is
+            if high <= 1.0 and np.isfinite(low):
+                return 0, 0
+            finite = np.isfinite(color).all(axis=-1) if not (np.isfinite(low) and np.isfinite(high)) else True
+            red, green, blue = (color[..., k] > 1.0 for k in range(3))
+            return int(np.sum(np.logical_not(finite))), int(np.count_nonzero(finite & red & green & blue))
+
     def _repr_png_(self) -> bytes:
         """The picture as a PNG file, for notebooks."""
         out = BytesIO()
@@ -207,7 +234,8 @@ class Frame:
             that a post effect carries beyond the surfaces is as opaque as its brightest channel, at most 1.
         """
         if not switch("image: alpha", alpha):
-            return Image.fromarray(self.tone.image(self.color))
+            pixels = self._pixels()
+            return Image.fromarray(self.tone.image(self.color)) if pixels is None else image_of(pixels)
         covered = np.clip(self.alpha, 0.0, 1.0)[..., None]
         own = self.color - self._arrays["behind"]
         if self.spread:  # light beyond the surfaces: as opaque as it is bright

@@ -267,9 +267,11 @@ class Renderer:
         """See `Frame.doubts`."""
         pose = frame.pose
         assert pose is not None
-        found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(frame.color)]
+        pixels = frame.size[0] * frame.size[1]
+        lost, above = frame._count_odd()
+        found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(lost, pixels)]
         found += [vouch.noisy(scene), *unused(scene)]
-        white = vouch.overexposed(frame.color, scene)
+        white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))
         if steps:

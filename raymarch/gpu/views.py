@@ -112,7 +112,7 @@ _RESIDUAL = where(
 _DEPTH = where(HIT > 0.0, color_map("viridis")(LOW.x / max(VALUE, LOW.x)), BLACK)
 """Close is bright, a miss is black."""
 
-_NORMAL = where(dot(VECTOR, VECTOR) > 0.0, 0.5 + 0.5 * VECTOR, BLACK)
+_NORMAL = where(dot(abs(VECTOR), vec3(1.0, 1.0, 1.0)) > 0.0, 0.5 + 0.5 * VECTOR, BLACK)
 """x, y, z from -1 to 1 as red, green, blue."""
 
 _POSITION = where(HIT > 0.0, (VECTOR - LOW) / max(HIGH - LOW, 1e-30), BLACK)
@@ -225,5 +225,5 @@ def _largest(values: NDArray[Any]) -> float:
 def _bytes(values: NDArray[Any]) -> Image.Image:
     made = np.empty(values.shape, np.uint8)
     for rows in row_blocks(values):
-        made[rows] = np.rint(255 * np.clip(values[rows], 0, 1))
+        made[rows] = np.rint(255 * np.fmin(np.fmax(values[rows], 0.0), 1.0))  # of NaN and 0 it takes 0
     return Image.fromarray(made)

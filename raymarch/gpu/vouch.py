@@ -73,12 +73,11 @@ def contradicted(scene: Scene, values: Values) -> list[str]:
     ]
 
 
-def not_finite(color: NDArray[Any]) -> str:
-    """The doubt of colours, (H, W, 3), that are not finite; empty if all are."""
-    lost = int(np.sum(~np.isfinite(color).all(axis=-1)))
+def not_finite(lost: int, pixels: int) -> str:
+    """The doubt of a picture with some pixels whose colours are not finite; empty if all are."""
     if not lost:
         return ""
-    return f"{lost} of {color.shape[0] * color.shape[1]} pixels have a colour that is not finite (--view nonfinite)"
+    return f"{lost} of {pixels} pixels have a colour that is not finite (--view nonfinite)"
 
 
 def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
@@ -110,8 +109,6 @@ def noisy(scene: Scene) -> str:
 def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:
     """The pixels that tone mapping makes white although their light is above 1; None if they are few."""
     light = np.nan_to_num(color, nan=0.0).min(axis=-1)
-    if np.mean(light > 1.0) <= OVEREXPOSED:
-        return None
     white: NDArray[np.bool_] = (light > 1.0) & np.all(scene.tone.image(color) == 255, axis=-1)
     return white if np.mean(white) > OVEREXPOSED else None
 

@@ -20,8 +20,9 @@ from raymarch.expr.glsl import print_functions
 from raymarch.expr.hashing import pcg
 from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.srgb import linear_to_srgb
-from raymarch.expr.types import VEC3
-from raymarch.expr.vocabulary import clamp, dot, log2, max, pow, vec3
+from raymarch.expr.tables import Table, fetch
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import clamp, dot, floor, log2, max, min, pow, vec3, where
 from raymarch.scene.value import Value, value
 
 COLOR = var("color", VEC3)
@@ -164,6 +165,14 @@ class Steps:
     scale: np.float32
     first: NDArray[np.uint8]
     light: NDArray[np.float32]
+
+    def function(self) -> Function:
+        """The code of a value as a function for the device: `code`."""
+        table = Table(np.stack([self.first, np.nan_to_num(self.light, nan=np.inf)], axis=-1), "codes of light")
+        given = var("light", FLOAT)
+        share = where(given > 0.0, min(given * float(self.scale), 1.0), 0.0)  # of NaN: 0
+        found = fetch(table, floor(share * float(INTERVALS)))
+        return Function("code", (given,), min(found.x + where(given >= found.y, 1.0, 0.0), 255.0))
 
     def codes(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
         """The codes of float32 values of any shape; NaN as 0."""

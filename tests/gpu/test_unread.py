@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -96,11 +97,13 @@ def test_a_view_has_the_same_colours_on_the_device_and_in_numpy(
     (pass_name,) = (key for key, drawn in DRAWN.items() if name in drawn.outputs)
     rng = np.random.default_rng(3)
     texels = rng.normal(0.5, 2.0, (DRAWN[pass_name].textures, 24, 40, 4)).astype(np.float32)
-    if DRAWN[pass_name].outputs[name].type == "i4" or name == "cycles":
-        texels = np.rint(texels * 10).astype(np.float32)
-    elif view != "evaluations":  # counts are finite
-        texels[:, 0, :10] = np.float32(ODD)[:, None]
-        texels[:, 1, :10, 3] = np.float32(ODD)
+    output = DRAWN[pass_name].outputs[name]
+    own = texels[output.texture, ..., output.channels]
+    if output.type == "i4" or name == "cycles":
+        own[:] = np.rint(own * 10)
+    elif view not in ("evaluations", "position"):  # whose ends are the largest values
+        own[0, :10] = np.float32(ODD)[:, None] if own.ndim == 3 else ODD
+        own[1, 10:20] = np.roll(np.float32([ODD, ODD, ODD]), 3).T.reshape(10, 3) if own.ndim == 3 else ODD
     frame, target = drawn_on(egl, texels, pass_name)
     with target, np.errstate(all="ignore"):
         by_numpy = np.asarray(views.picture(frame, view, SCENE)).astype(int)
@@ -118,6 +121,53 @@ def test_a_view_has_the_same_colours_on_the_device_and_in_numpy(
 
 def display_bytes(linear: Any) -> Any:
     return rm.ToneMapping().image(linear).astype(int)
+
+
+def light() -> Any:
+    """Values around all changes of the code, odd ones, and random ones."""
+    rng = np.random.default_rng(9)
+    steps = rm.ToneMapping().steps
+    assert steps is not None
+    edges = steps.light[np.isfinite(steps.light)]
+    below = np.nextafter(edges, np.float32(0.0))
+    odd = np.float32([*ODD, 1e-45, 3e38, 1.0, np.nextafter(np.float32(1.0), np.float32(2.0))])
+    bits = rng.integers(0, 2**32, 2000, dtype=np.uint32).view(np.float32)
+    values = np.concatenate([edges, below, odd, bits, rng.uniform(-0.1, 1.4, 9000).astype(np.float32)])
+    texels = np.ones((1, 64, 96, 4), np.float32)
+    texels[..., :3] = np.resize(values, (64, 96, 3))
+    texels[0, :32] = rng.permutation(texels[0, :32].reshape(-1, 4)).reshape(32, 96, 4)
+    return texels
+
+
+@pytest.mark.parametrize("exposure", [0.0, 1.5, -3.0])
+def test_a_device_encodes_light_to_the_bytes_of_numpy(
+    egl: Context, exposure: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texels = light()
+    frame, target = drawn_on(egl, texels, "color")
+    frame.tone = rm.ToneMapping(exposure=exposure)
+    other, same = drawn_on(egl, texels, "color")
+    with target, same, np.errstate(all="ignore"):
+        monkeypatch.setattr(egl, "driver", replace(egl.driver, is_software=False))
+        by_device = np.asarray(frame.image())
+        assert not frame._arrays and not any(unread._read for unread in frame._unread.values())
+        counts = frame._count_odd()
+        monkeypatch.undo()
+        assert np.array_equal(by_device, frame.tone.image(frame.color))
+        finite = np.isfinite(frame.color).all(-1)
+        assert counts == other._count_odd() and counts[0] > 10 and counts[1] > 50
+        assert counts == (np.sum(~finite), np.sum(finite & (np.nan_to_num(frame.color).min(-1) > 1.0)))
+
+
+@pytest.mark.parametrize("tone", [rm.ToneMapping("aces"), rm.ToneMapping(dither=True)])
+def test_other_tones_are_numpys_on_every_device(
+    egl: Context, tone: rm.ToneMapping, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame, target = drawn_on(egl, np.ones((1, 4, 6, 4)), "color")
+    frame.tone = tone
+    with target:
+        monkeypatch.setattr(egl, "driver", replace(egl.driver, is_software=False))
+        assert np.array_equal(np.asarray(frame.image()), tone.image(np.ones((4, 6, 3), np.float32)))
 
 
 def test_small_pictures_are_coloured_by_numpy_on_a_software_renderer(egl: Context) -> None:
