@@ -3,7 +3,6 @@ precision highp float;
 precision highp int;
 precision highp sampler2D;
 uniform sampler2D u_picture;
-uniform sampler2D u_maps;  // two rows: viridis, inferno
 uniform vec2 u_size;  // of the surface that is drawn, in pixels
 uniform int u_view;  // 0 the picture, 1 depth, 2 evaluations, 3 normals
 uniform float u_scale;  // the least depth, or the most evaluations
@@ -25,12 +24,7 @@ vec4 smoothed(vec2 at) {
     return mix(under, mix(texel(low + ivec2(0, 1)), texel(low + ivec2(1, 1)), w.x), w.y);
 }
 
-vec3 mapped(float share, int row) {
-    float last = float(textureSize(u_maps, 0).x - 1);
-    float at = clamp(share, 0.0, 1.0) * last;
-    ivec2 low = ivec2(min(floor(at), last - 1.0), row);
-    return mix(texelFetch(u_maps, low, 0).rgb, texelFetch(u_maps, low + ivec2(1, 0), 0).rgb, at - float(low.x));
-}
+VIEWS
 
 void main() {
     vec2 at = gl_FragCoord.xy / u_size;
@@ -41,9 +35,10 @@ void main() {
         color = vec3(linear_to_srgb(c.r), linear_to_srgb(c.g), linear_to_srgb(c.b));
     } else {
         vec4 value = texel(ivec2(at * vec2(textureSize(u_picture, 0))));
-        if (u_view == 1) color = value.x < 0.0 ? vec3(0.0) : mapped(u_scale / value.x, 0);
-        else if (u_view == 2) color = mapped(value.w / u_scale, 1);
-        else color = value.xyz == vec3(0.0) ? vec3(0.0) : 0.5 + 0.5 * value.xyz;
+        vec3 scale = vec3(u_scale);
+        if (u_view == 1) color = depth_color(value.x, value.x < 0.0 ? 0.0 : 1.0, scale, scale);
+        else if (u_view == 2) color = evaluations_color(value.w, 1.0, scale, scale);
+        else color = normal_color(value.xyz, 1.0, scale, scale);
     }
     out_color = vec4(color, 1.0);
 }

@@ -6,7 +6,7 @@ import base64
 import json
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.export.inputs import Text, alone, is_own, light_rows, sky_light
-from raymarch.expr.glsl import TIME
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import TIME, print_functions
 from raymarch.expr.samples import Samples
 from raymarch.expr.srgb import srgb_glsl
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
-from raymarch.gpu.colormaps import MAPS
+from raymarch.gpu.display import HIGH, HIT, LOW, VALUE, VECTOR
+from raymarch.gpu.views import ALL
 from raymarch.plan import Plan, plan
 from raymarch.scene.camera import framed_box
 from raymarch.scene.parameter import Values
@@ -37,15 +39,16 @@ def text_of(scene: Scene, values: Values) -> Text:
     lines.pop("u_sample", None)  # the page sets it
     lines |= sky_light(made)
     pose = scene.pose(values)
+    views, maps = _views()
     data = {
         "shader": _text(_short(shader.text("samples", "300 es", lines))),
-        "display": _file("page.glsl").replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}"),
+        "display": _file("page.glsl").replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}").replace("VIEWS", views),
         "params": _params(made, shader, values),
         "time": values.time if TIME in shader.uniforms else None,
         "elevation": _elevation(scene, values),
         "tan_half_fov": pose.tan_half_fov if pose.half_height is None else pose.half_height / _distance(scene, values),
         "textures": list(_textures(made, shader, values)),
-        "maps": _packed("maps", _maps()),
+        "maps": [_numbers(name, table) for name, table in maps.items()],
         "source": _source(scene),
     }
     file = Path(scene.where.file) if scene.where else None
@@ -142,8 +145,14 @@ def _described(name: str, content: bytes, size: tuple[int, ...], channels: int) 
     return {"name": name, "bytes": packed, "size": list(size), "channels": channels, "levels": 1, "repeat": False}
 
 
-def _maps() -> NDArray[np.float32]:
-    rows = []
-    for name in ("viridis", "inferno"):
-        rows.append([[int(color[i : i + 2], 16) / 255.0 for i in (0, 2, 4)] + [1.0] for color in MAPS[name].split()])
-    return np.array(rows, np.float32)
+def _views() -> tuple[str, Mapping[str, Any]]:
+    """The functions that colour views, as GLSL text, and their tables: the same as on the desktop."""
+    shown = {"depth": VALUE, "evaluations": VALUE, "normal": VECTOR}
+    roots = []
+    for name, value in shown.items():
+        color = ALL[name].color
+        assert color is not None
+        roots.append(Function(f"{name}_color", (value, HIT, LOW, HIGH), color))
+    printed = print_functions(roots)
+    samplers = [f"uniform sampler2D {name};" for name in printed.samples]
+    return "\n".join([*samplers, *(line.text for line in printed.lines())]), printed.samples
