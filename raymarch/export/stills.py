@@ -184,5 +184,5 @@ def view_encoder(shot: Shot, frame: Frame, scene: Scene, key: str | None) -> Cal
 def drawn(frame: Frame, view: str, scene: Scene) -> Image.Image:
     """A view as an image, with a colour bar below it if the view has a scale."""
     scale = scale_of(frame, view)
-    shown = picture(frame, view, scene)
+    shown = picture(frame, view, scene, scale)
     return shown if scale is None else with_bar(shown, scale)

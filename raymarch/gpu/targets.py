@@ -98,15 +98,17 @@ class Target(Releasing):
         assert self._framebuffer is not None
         return self._framebuffer
 
-    def read(self, attachment: int = 0, channels: int = _COMPONENTS) -> NDArray[np.float32]:
-        """The first channels of one attachment as float32 (height, width, channels), row 0 at the top. Waits for the
-        device."""
+    def read(self, attachment: int = 0) -> NDArray[np.float32]:
+        """The texels of one attachment as float32 (height, width, 4), row 0 at the top. Waits for the device."""
+        return np.ascontiguousarray(self.channels(attachment, _COMPONENTS))
+
+    def channels(self, attachment: int, count: int) -> NDArray[np.float32]:
+        """As `read`, of the first `count` channels only, and as a view of rows that lie from the bottom up."""
         width, height = self.size
-        rows = np.empty((height, width, channels), np.float32)
+        rows = np.empty((height, width, count), np.float32)
         with self.context.bound():
-            index = self._index(attachment)
-            self.framebuffer.read_into(rows, components=channels, attachment=index, dtype="f4", alignment=4)
-        return np.ascontiguousarray(rows[::-1])
+            self.framebuffer.read_into(rows, components=count, attachment=self._index(attachment), dtype="f4")
+        return rows[::-1]
 
     def read_texel(self, x: int, row: int, attachment: int = 0) -> NDArray[np.float32]:
         """One texel as float32 (4,): column `x`, and `row` counted from the top. Waits for the device."""

@@ -33,7 +33,7 @@ class Unread:
         if name not in self._read and target is not None:
             with in_pass(self.chosen.name), target.context.bound():  # no other thread draws now
                 if self.target is not None:
-                    self._read[name] = self.chosen.outputs[name].read(target.read)
+                    self._read[name] = self.chosen.outputs[name].read(target.channels)
         return self._read[name]
 
     @contextmanager

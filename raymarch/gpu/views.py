@@ -53,12 +53,13 @@ class View:
     color: Expr | None = None
     ends: Callable[[NDArray[Any]], tuple[Any, Any]] | None = None
 
-    def range(self, values: NDArray[Any]) -> tuple[Any, Any]:
-        """The ends of the range of values."""
+    def range(self, frame: Frame, scale: Scale | None) -> tuple[Any, Any]:
+        """The ends of the range of values in a frame, whose colour scale is known or is computed."""
         if self.ends is not None:
-            return self.ends(values)
-        scale = None if self.scale is None else self.scale(values)
-        return (0.0, 1.0) if scale is None else (scale.low, min(scale.high, 1e30))
+            return self.ends(frame.array(self.outputs[0]))
+        if scale is None and self.scale is not None:
+            scale = self.scale(frame.array(self.outputs[0]))
+        return (0.0, 1.0) if scale is None else (scale.low, builtins.min(scale.high, 1e30))
 
 
 def _count(quantity: str) -> Callable[[NDArray[Any]], Scale]:
@@ -140,35 +141,37 @@ VIEWS: Mapping[str, tuple[str, ...]] = {name: view.outputs for name, view in ALL
 """The arrays that each view needs."""
 
 
-def picture(frame: Frame, view: str, scene: Scene) -> Image.Image:
+def picture(frame: Frame, view: str, scene: Scene, scale: Scale | None = None) -> Image.Image:
     """A view as an 8-bit image of the frame's size.
 
-    boxes: the picture with the bounding box of the scene in red, and those of its operands. `scale_of` returns the
-    scale of the colours.
+    scale : that of `scale_of`, if it is known.
+
+    boxes: the picture with the bounding box of the scene in red, and those of its operands.
     """
     if view == "final":
         return frame.image()
     if view == "boxes":
         return _bytes(_with_boxes(np.asarray(frame.image().convert("RGB")) / 255.0, frame, scene))
     name = VIEWS[view][0]
-    shown, values = ALL[view], frame.array(name)
+    shown = ALL[view]
     if shown.color is None:
+        values = frame.array(name)
         return _bytes(slice_picture(values[..., 0], values[..., 1]))
-    ends, unread = shown.range(values), frame.on_device(name)
+    ends, unread = shown.range(frame, scale), frame.on_device(name)
     if unread is not None:
         with unread.texture() as target:
             if target is not None and is_worth(target):
                 return display_of(target.context).image(target, unread.chosen.outputs[name], shown.color, ends)
-    return _bytes(_colored(shown.color, values, ends))
+    return _bytes(_colored(shown.color, frame.array(name), ends))
 
 
-def fill(surface: Surface, frame: Frame, view: str) -> bool:
+def fill(surface: Surface, frame: Frame, view: str, scale: Scale | None = None) -> bool:
     """Fill a surface with the linear colours of a view on the device. False if the view is not coloured there."""
     name = VIEWS[view][0]
     shown, unread = ALL[view], frame.on_device(name)
     if shown.color is None or unread is None:
         return False
-    ends = shown.range(frame.array(name))
+    ends = shown.range(frame, scale)
     with unread.texture() as target:
         if target is None:
             return False
@@ -218,6 +221,8 @@ def _with_boxes(picture: NDArray[Any], frame: Frame, scene: Scene) -> NDArray[np
 
 
 def _largest(values: NDArray[Any]) -> float:
+    if np.isfinite(largest := float(values.max())):
+        return largest
     finite = values[np.isfinite(values)]
     return float(finite.max()) if finite.size else 0.0
 

@@ -44,15 +44,15 @@ class Output:
         last = self.channels.stop if isinstance(self.channels, slice) else self.channels + 1
         needed = last if self.miss is None else max(last, self.hit + 1)
         given = texels(self.texture, needed)
-        found = given[..., self.channels]
+        found: NDArray[Any] = given[..., self.channels]
         if self.miss is not None:
             missed = given[..., self.hit : self.hit + 1] if found.ndim == 3 else given[..., self.hit]
-            return np.where(missed < 0, np.float32(self.miss), found)
-        if self.type == "?":
-            return found > 0.5
-        if self.type == "i4":
-            return np.rint(found).astype("i4")
-        return found if given.shape == found.shape else found.copy()
+            found = np.where(missed < 0, np.float32(self.miss), found)
+        elif self.type == "?":
+            found = found > 0.5
+        elif self.type == "i4":
+            found = np.rint(found).astype("i4")
+        return np.ascontiguousarray(found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -231,9 +231,9 @@ class Picture:
         size, tone = last.target.size, shot.scene.tone
         frame = Frame(size, shot.time, [], {}, _nothing, tone, pose=shot.pose, _unread=unread)
         self.scale = scale_of(frame, shot.view)
-        if fill(self._canvas, frame, shot.view):
+        if fill(self._canvas, frame, shot.view, self.scale):
             return
-        shown = picture_of(frame, shot.view, shot.scene).convert("RGB").resize(self._canvas.size, 0)
+        shown = picture_of(frame, shot.view, shot.scene, self.scale).convert("RGB").resize(self._canvas.size, 0)
         self._canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
 
     def probe(self, shot: Shot, size: tuple[int, int], x: int, row: int) -> dict[str, NDArray[Any]]:

@@ -62,8 +62,8 @@ def test_a_frame_keeps_its_arrays_whatever_the_renderer_does_next(egl: Context, 
 
 def test_a_frame_that_nobody_refers_to_is_not_read(egl: Context, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[int] = []
-    real = Target.read
-    monkeypatch.setattr(Target, "read", lambda self, *given: read.append(given[0]) or real(self, *given))
+    real = Target.channels
+    monkeypatch.setattr(Target, "channels", lambda self, *given: read.append(given[0]) or real(self, *given))
     with rm.Renderer(SIZE, context=egl) as renderer:
         for _ in range(3):
             frame = renderer.render(SCENE, outputs=ALL)
