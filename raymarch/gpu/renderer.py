@@ -119,6 +119,7 @@ class Renderer:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
+        self._refuse_closed()
         return self._size
 
     @property
