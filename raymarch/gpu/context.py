@@ -236,7 +236,7 @@ class Context(Releasing):
         with self._lock:
             if self._released:
                 return
-            self.settle()
+            self.read_unread()
             with _OPENING, current.kept():
                 self._released = True
                 self.gl.release()
@@ -244,12 +244,12 @@ class Context(Releasing):
                     _GLFW.close(self.window)
                     self.window = None
 
-    def settle(self) -> None:
+    def read_unread(self) -> None:
         """Read what frames still need of all textures."""
         if self.unread:
             with self._lock:
                 for unread in list(self.unread):
-                    unread.settle()
+                    unread.read_all()
 
     def __enter__(self) -> Self:
         self.check()
@@ -282,11 +282,11 @@ def _refuse_after_fork() -> None:
         _process = os.getpid()
 
 
-def _settle_all() -> None:
+def _read_all_unread() -> None:
     """Before a fork: the new process cannot read textures."""
     for context in list(_CONTEXTS):
         if not context.released:
-            context.settle()
+            context.read_unread()
 
 
 def _leave_to_parent() -> None:
@@ -305,7 +305,7 @@ def _leave_to_parent() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(before=_settle_all, after_in_child=_leave_to_parent)
+    os.register_at_fork(before=_read_all_unread, after_in_child=_leave_to_parent)
 
 
 def open_context(backend: str = "auto", device: int | None = None) -> Context:

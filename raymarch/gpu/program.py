@@ -165,7 +165,7 @@ class Program(Releasing):
             _check_tile(tile, width, height)
         with self.context.bound():
             if isinstance(target, Target):
-                target.settle()
+                target.read_unread()
             self._set(uniforms or {}, target)
             gl = self.context.gl
             gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)

@@ -126,13 +126,13 @@ class Target(Releasing):
         width, height = self.size
         texels = np.broadcast_to(np.asarray(values, self.dtype), (height, width, _COMPONENTS))
         with self.context.bound():
-            self.settle()
+            self.read_unread()
             self.textures[self._index(attachment)].write(np.ascontiguousarray(texels[::-1]))
 
     def clear(self, value: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         """Set every texel of every attachment to the RGBA `value`."""
         with self.context.bound():
-            self.settle()
+            self.read_unread()
             # The scissor of an earlier draw would confine the clear: that of this target, or, since moderngl's clear
             # binds the framebuffer without its scissor, that of the bound framebuffer.
             confine(self.framebuffer, None)
@@ -144,7 +144,7 @@ class Target(Releasing):
         if self.released:
             return
         if not self.context.released:
-            self.settle()
+            self.read_unread()
         self.released = True
         if self.context.released:
             return
@@ -160,10 +160,10 @@ class Target(Releasing):
             for texture in self._textures:
                 texture.release()
 
-    def settle(self) -> None:
+    def read_unread(self) -> None:
         """Read what frames still need of the content, before it changes."""
         for unread in [unread for unread in self.context.unread if unread.target is self]:
-            unread.settle()
+            unread.read_all()
 
     def _index(self, attachment: int) -> int:
         if not 0 <= attachment < self.attachments:

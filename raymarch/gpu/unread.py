@@ -16,7 +16,7 @@ from raymarch.plan import Pass
 class Unread:
     """The arrays that a pass has drawn into a target.
 
-    Whatever changes or frees the texture calls `settle` first, while a frame refers to this object; see
+    Whatever changes or frees the texture calls `read_all` first, while a frame refers to this object; see
     `Context.unread`.
     """
 
@@ -43,7 +43,7 @@ class Unread:
         with target.context.bound() if target is not None else nullcontext():
             yield self.target
 
-    def settle(self) -> None:
+    def read_all(self) -> None:
         """Read all arrays."""
         if self.target is not None:
             for name in self.chosen.outputs:
