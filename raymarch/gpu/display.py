@@ -14,13 +14,13 @@ from PIL import Image
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, const, var
+from raymarch.expr.srgb import srgb_glsl
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, finite, vec3, where
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Surface, Target, upload
 from raymarch.plan.passes import Output
-from raymarch.scene.srgb import srgb_glsl
 from raymarch.scene.tone import ToneMapping
 
 VALUE, VECTOR = var("value", FLOAT), var("value", VEC3)
