@@ -102,13 +102,9 @@ def _position_ends(position: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 BLACK = vec3(0.0, 0.0, 0.0)
 
-_COUNT = where(HIT > 0.0, color_map("inferno")(abs(VALUE) / HIGH.x), BLACK)
+_COUNT = color_map("inferno")(abs(VALUE) / HIGH.x)
 
-_RESIDUAL = where(
-    HIT > 0.0,
-    color_map("inferno")((log2(max(abs(VALUE), LOW.x)) - log2(LOW.x)) / (log2(HIGH.x) - log2(LOW.x))),
-    BLACK,
-)
+_RESIDUAL = color_map("inferno")((log2(max(abs(VALUE), LOW.x)) - log2(LOW.x)) / (log2(HIGH.x) - log2(LOW.x)))
 
 _DEPTH = where(HIT > 0.0, color_map("viridis")(LOW.x / max(VALUE, LOW.x)), BLACK)
 """Close is bright, a miss is black."""
