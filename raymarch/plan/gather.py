@@ -37,6 +37,9 @@ text; from 75 objects on each frame is faster as data. See docs/scale.md."""
 ALIKE = 8
 """Least number of objects of one form that are worth rows; fewer stay text."""
 
+AS_DATA_IF_SLOW, ALIKE_IF_SLOW = 4, 2
+"""The same two numbers if all objects as text would take long to compile."""
+
 FORMS = 12
 """Maximum number of forms in a blend: each is evaluated for each object that is asked."""
 
@@ -78,19 +81,22 @@ class Gathered:
         return sum(map(len, self.rows))
 
 
-def gather(root: Node, choice: str, exact: float, live: bool = True) -> Gathered:
+def gather(root: Node, choice: str, exact: float, live: bool = True, slow: bool = False) -> Gathered:
     """The tree with its objects as rows.
 
     choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact; if
         infinite, all objects are text. live : False for text for objects that depend on parameters or time.
+    slow : True if text takes long to compile, so that fewer objects are worth rows.
     """
     made = Gathered(root)
     unlimited = not math.isfinite(exact)
     if choice != "text" and not unlimited:
-        made.node = _Gatherer(made, choice, live).visit(root, exact, 0)
+        made.node = _Gatherer(made, choice, live, slow).visit(root, exact, 0)
     largest = max((len(node.children) for node in _unions(root)), default=0)
-    if made.rows:
-        made.reason = "Quality(objects='data')" if choice == "data" else f"{AS_DATA} or more objects of few forms"
+    if made.rows and choice == "data":
+        made.reason = "Quality(objects='data')"
+    elif made.rows:
+        made.reason = "as text they take long to compile" if slow else f"{AS_DATA} or more objects of few forms"
     elif unlimited:
         made.reason = "ambient occlusion reads the field at distances without a limit"
     elif choice == "text":
@@ -114,11 +120,11 @@ def _unions(root: Node) -> list[Node]:
 
 
 class _Gatherer:
-    def __init__(self, made: Gathered, choice: str, live: bool) -> None:
+    def __init__(self, made: Gathered, choice: str, live: bool, slow: bool) -> None:
         self.made, self.allowed = made, live
-        self.least = 2 if choice == "data" else AS_DATA
+        self.least = 2 if choice == "data" else AS_DATA_IF_SLOW if slow else AS_DATA
         self.live: set[int] = set()  # forms that depend on parameters or time
-        self.alike = 1 if choice == "data" else ALIKE
+        self.alike = 1 if choice == "data" else ALIKE_IF_SLOW if slow else ALIKE
         self.forms: dict[Any, int] = {}
         self.known: dict[int, Signature | None] = {}
         self.plain: dict[Any, bool] = {}

@@ -222,6 +222,17 @@ def test_few_objects_stay_text():
     assert count(rm.union(*objects(6)), "data") == 6
 
 
+def test_few_objects_become_data_where_text_compiles_for_long():
+    outline = [(0, -1), *((0.3 + 0.1 * (i % 2), -0.9 + 0.04 * i) for i in range(40)), (0, 1)]
+    solids = rm.polygon(outline).revolve(), rm.polygon([*outline[:-2], (0, 0.9)]).revolve().round(0.01)
+    pieces = [solids[i % 2].translate((i, 0, 0)) for i in range(8)]
+    made = plan(rm.Scene(rm.union(*pieces) | rm.plane(offset=-2)))
+    assert made.gathered.data == 8 and made.gathered.reason == "as text they take long to compile"
+    text = plan(rm.Scene(rm.union(*pieces), quality=rm.Quality(objects="text")))
+    assert made.compile_seconds < 0.5 * text.compile_seconds
+    assert not plan(rm.Scene(rm.union(*pieces[:2]))).gathered.rows
+
+
 def test_a_scene_of_few_objects_has_the_same_shader():
     node = rm.union(*objects(6, materials=True)) | rm.plane()
     texts = [assemble(plan(rm.Scene(node, quality=rm.Quality(objects=choice)))).text() for choice in ("auto", "text")]
