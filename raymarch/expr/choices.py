@@ -108,11 +108,17 @@ def _chosen_args(order: Sequence[Expr], calls: dict[Expr, Expr]) -> tuple[Expr, 
     return result
 
 
+MOST = 64
+"""Maximum number of choices and leaves of a tree whose paths are followed: paths may be many more."""
+
+
 def _merge_paths(tree: Expr, saving: Saving) -> Expr:
     """A tree of choices with one call of each function, where each path through its choices needs at most one.
 
     A leaf may choose again by the same conditions: on a path these are known.
     """
+    if len(topological([tree], sides, limit=MOST)) == 0:
+        return tree
     calls = [node for node in topological([tree]) if node.op == "call" and saving(node.data) > 0]
     for definition in dict.fromkeys(call.data for call in calls):
         used: set[Expr] = set()

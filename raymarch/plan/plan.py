@@ -116,6 +116,7 @@ class Plan:
         used = {
             "ANALYTIC": self.analytic.used,
             "CONES": self.marching.cones,
+            "COUNTS": not self.standalone or any(p.name == "geometry" for p in self.passes),
             "LIT": self.lights_split,
             "SAMPLES": self.scene.quality.samples > 1,
             "STANDALONE": self.standalone,

@@ -141,7 +141,8 @@ class Setup:
         for name, value in self._hoisted.items():
             if name in parameters:
                 text.add(f"    {parameters[name]} = {value};")
-        if "u_sample" in given and "begin_sample" not in given:
+        by_page = any(chosen.name == "samples" for chosen in self._plan.passes)  # the page counts its samples
+        if "u_sample" in given and "begin_sample" not in given and not by_page:
             text.add("    u_sample = 0;")
         text.add(f"    {self._size} = {self._extent};")
         text.add(f"    place_camera({self._position}, {self._target}, {self._up});")
