@@ -252,12 +252,12 @@ def tutorial(counts: dict[str, dict[str, Any]]) -> str:
 
 
 def sheet() -> Image.Image:
-    """The contact sheet of all pictures of the examples."""
-    names = [name_of(file) for file in (*files(), *large())]
-    rows = -(-len(names) // COLUMNS)
-    made = Image.new("RGB", (COLUMNS * TILE[0], rows * TILE[1]), "white")
-    for i, name in enumerate(names):
-        picture = Image.open(PICTURES / f"{name}.png").convert("RGB").resize(TILE, Image.Resampling.BOX)
+    """The contact sheet: a square of pictures, those of the papers last."""
+    papers = EXAMPLES / "papers"
+    shown = sorted([*files(), *large()], key=lambda file: file.parent == papers)[: COLUMNS**2]
+    made = Image.new("RGB", (COLUMNS * TILE[0], COLUMNS * TILE[1]), "white")
+    for i, file in enumerate(shown):
+        picture = Image.open(PICTURES / f"{name_of(file)}.png").convert("RGB").resize(TILE, Image.Resampling.BOX)
         made.paste(picture, (i % COLUMNS * TILE[0], i // COLUMNS * TILE[1]))
     return made
 
@@ -288,7 +288,7 @@ def main(arguments: list[str]) -> None:
             write(first(renderer), HERE / "pictures" / "start.png")
         counts = {name_of(file): counts[name_of(file)] for file in scenes}
         COUNTS.write_text(json.dumps(counts, indent=1) + "\n")
-        write(sheet(), HERE / "pictures" / "gallery.png", limit=600_000)
+        write(sheet(), HERE / "pictures" / "gallery.png", limit=700_000)
     (HERE / "gallery.md").write_text(page(counts), encoding="utf-8")
     (HERE / "tutorial.md").write_text(tutorial(counts), encoding="utf-8")
 

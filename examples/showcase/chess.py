@@ -60,9 +60,14 @@ pieces = [
     for piece, x, z in side
 ]
 
+board = rm.box((8, 0.3, 8)).translate((0, -0.15, 0)).material(rm.Material(albedo=squares, roughness=0.12))
+rim = rm.box((9, 0.22, 9)).round(0.03).translate((0, -0.16, 0))
+wood = rm.Material(albedo=(0.12, 0.06, 0.035), roughness=0.3)
+table = rm.plane(offset=-0.33).material(rm.Material(albedo=(0.16, 0.13, 0.11), roughness=0.6))
+
 warm, cool = rm.vec3(0.32, 0.27, 0.24), rm.vec3(0.5, 0.55, 0.65)
 scene = rm.Scene(
-    rm.union(*pieces) | rm.plane().material(rm.Material(albedo=squares, roughness=0.12)),
+    rm.union(*pieces) | board | rim.material(wood) | table,
     camera=rm.Camera(position=(3.4, 2.9, 5.6), target=(-0.2, 0.85, 0), fov=36, aperture=0.05, focus=6.0),
     lights=[rm.Sun(direction=(-0.9, 1.0, 0.5), color=(1, 0.86, 0.68), intensity=2.6, shadow=True, softness=0.02)],
     sky=rm.Sky(lambda d: rm.mix(warm, cool, rm.smoothstep(-0.2, 0.8, d.y)), light=True),

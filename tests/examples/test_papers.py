@@ -81,3 +81,9 @@ def test_the_lake_mirrors_its_mountains(renderer: Renderer) -> None:
     open_water, mirrored = color[24:28, :4].mean(), color[24:28, 20:40].mean()
     assert mirrored < 0.75 * open_water
     assert color[6:8].mean() > color[30:32].mean()  # water reflects a part of the light only
+
+
+def test_the_pieces_of_chess_are_rows() -> None:
+    """As text they would compile for half a minute."""
+    found = plan(load(FOLDER.parent / "showcase" / "chess.py"))
+    assert found.gathered.data >= 12 and found.gathered.text <= 3
