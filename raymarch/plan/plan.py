@@ -116,10 +116,10 @@ class Plan:
         used = {
             "ANALYTIC": self.analytic.used,
             "CONES": self.marching.cones,
-            "COUNTS": not self.standalone or any(p.name == "geometry" for p in self.passes),
             "LIT": self.lights_split,
             "SAMPLES": self.scene.quality.samples > 1,
             "STANDALONE": self.standalone,
+            "UNCOUNTED": self.standalone and all(p.name != "geometry" for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
 

@@ -21,7 +21,7 @@ struct Hit {
     bool found;
     float t;
     float residual;
-#ifdef COUNTS
+#ifndef UNCOUNTED
     float iterations;
     float evaluations;
     float fallbacks;  // steps that proved too long and were undone
@@ -29,7 +29,7 @@ struct Hit {
 };
 
 Hit no_hit(float near) {
-#ifdef COUNTS
+#ifndef UNCOUNTED
     return Hit(true, false, near, 0.0, 0.0, 0.0, 0.0);
 #else
     return Hit(true, false, near, 0.0);

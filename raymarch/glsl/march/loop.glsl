@@ -8,7 +8,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
     bool found = false;
     bool escaped = false;
-#ifdef COUNTS
+#ifndef UNCOUNTED
     float steps = 0.0;
 #endif
     for (int i = 0; i < march_steps; i++) {
@@ -29,7 +29,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         }
         escaped = !at.refining && at.t + min(z, at.r) > far;
         if (escaped) break;
-#ifdef COUNTS
+#ifndef UNCOUNTED
         steps += 1.0;
 #endif
         float t = at.t + z;
@@ -57,7 +57,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             at.refining = true;
         } else {
             move(at, empty, t, next, derivative);
-#ifdef COUNTS
+#ifndef UNCOUNTED
             hit.fallbacks += float(!empty);
 #endif
         }
@@ -68,7 +68,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         if (found) break;
     }
-#ifdef COUNTS
+#ifndef UNCOUNTED
     hit.iterations += steps;
     hit.evaluations += steps;
 #endif

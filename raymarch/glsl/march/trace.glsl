@@ -9,7 +9,7 @@ Hit trace(Ray ray) {
         march(ray, at, hit, range.y);
     }
 #ifdef OWN_START
-#ifdef COUNTS
+#ifndef UNCOUNTED
     hit.evaluations += 1.0;
 #endif
 #endif
@@ -24,7 +24,7 @@ Hit trace(Ray ray) {
     Hit hit = no_hit(at.t);
     march(ray, at, hit, range.y);
 #ifdef OWN_START
-#ifdef COUNTS
+#ifndef UNCOUNTED
     hit.evaluations += 1.0;
 #endif
 #endif

@@ -27,7 +27,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #else
         float r = side * u_side * field(p);
 #endif
-#ifdef COUNTS
+#ifndef UNCOUNTED
         hit.evaluations += 1.0;
 #endif
         bool empty = z <= at.r + abs(r);
