@@ -56,7 +56,10 @@ class Function:
     def inner(self) -> tuple[Expr, ...]:
         return (self.body,)
 
-    def __call__(self, *args: Operand) -> Expr:
+    def __call__(self, *args: Operand, **named: Operand) -> Expr:
+        if named:
+            takes = ", ".join(str(p.data) for p in self.params)
+            raise SceneError(f"{self.name} has no parameter {next(iter(named))!r}", legal=f"{self.name}({takes})")
         values = tuple(map(expr, args))
         if [a.type for a in values] != [p.type for p in self.params]:
             takes = ", ".join(f"{p.type} {p.data}" for p in self.params)

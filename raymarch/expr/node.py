@@ -140,7 +140,10 @@ class Expr:
         return self.type.size
 
     def __getitem__(self, index: int) -> Expr:
-        return swizzle(self, "xyzw"[range(len(self))[index]])
+        n = len(self)
+        if not isinstance(index, (int, np.integer)) or not -n <= index < n:
+            raise SceneError(f"component {index!r} of a {self.type}", legal=f"an index from 0 to {n - 1}")
+        return swizzle(self, "xyzw"[:n][index])
 
     def __iter__(self) -> Iterator[Expr]:
         return (self[i] for i in range(len(self)))

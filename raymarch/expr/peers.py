@@ -200,9 +200,20 @@ WITHOUT = _keys(
         "smooth smoothness k": "rm.union(a, b, k=0.2)",
         "reflectivity mirror": "metalness=1, roughness=0",
         "angle": "a number in radians",
+        "bounces maxdepth depth": "rm.Scene(bounces=...)",
     }
 )
 """Names of parameters that a function does not have, and what to use in their place."""
+
+WITH_SCENES = _keys(
+    {
+        "render draw image picture": "rm.render(scene)",
+        "save write": "rm.render(scene).save(file)",
+        "export tohtml": "rm.export(scene, file)",
+        "view window": "the command raymarch view",
+    }
+)
+"""Names of what other tools do with a scene, and what to use in their place."""
 
 OPERATORS = {
     "+": "a | b for the union, node.translate((x, y, z)) to move",
@@ -277,10 +288,13 @@ def unknown_attribute(owner: str, name: str, names: Collection[str], methods: bo
     text = METHODS.get(key(name)) if methods else PARAMETERS.get(key(name))
     if text is None or (not methods and text not in names):
         text = _nearest(name, names)
-    dot = "" if text is None or text.startswith("rm.") else "."
-    return UnknownNameError(
-        f"{owner} has no '{name}'", legal=f"did you mean {dot}{text}?" if text else f"legal: {', '.join(names)}"
-    )
+    if text is not None:
+        legal = f"did you mean {'' if text.startswith('rm.') else '.'}{text}?"
+    elif owner == "a Scene" and key(name) in WITH_SCENES:
+        legal = f"use {WITH_SCENES[key(name)]}"
+    else:
+        legal = f"legal: {', '.join(names)}"
+    return UnknownNameError(f"{owner} has no '{name}'", legal=legal)
 
 
 def refused_operator(symbol: str, left: str, right: str) -> SceneError:

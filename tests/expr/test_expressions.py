@@ -136,7 +136,7 @@ def test_vectors_can_be_taken_apart_as_in_python() -> None:
     assert (x, y, z) == (P.x, P.y, P.z)
     assert P[-1] is P.z
     assert len(P) == 3
-    with pytest.raises(IndexError):
+    with pytest.raises(SceneError, match="component 3 of a vec3"):
         P[3]
 
 
