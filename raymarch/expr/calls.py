@@ -16,9 +16,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 def checked(function: F, what: str = "") -> F:
     """A function or method whose calls with wrong arguments raise SceneError with the user's line. Others cost nothing.
 
-    what : the name for messages: the class for a constructor. By default that of the function.
+    what : the name for messages: the class for a constructor. By default that of the function, or of its class.
     """
-    what = what or function.__name__
+    what = what or function.__qualname__.removesuffix(".__init__").rpartition(".")[2]
     signature = inspect.signature(function)
 
     @functools.wraps(function)

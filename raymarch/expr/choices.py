@@ -19,8 +19,9 @@ Saving: TypeAlias = Callable[[Function], int]
 """Operations that each avoided call of a function saves; 0 if its calls stay apart."""
 
 
-MOST = 200
-"""Most choices of an expression whose nested choices are merged together."""
+MOST = 64
+"""Maximum number of choices of an expression, and of choices and leaves of a tree, whose paths are followed. Paths may
+be many more."""
 
 
 def merge_calls(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
@@ -106,10 +107,6 @@ def _chosen_args(order: Sequence[Expr], calls: dict[Expr, Expr]) -> tuple[Expr, 
     result = args[order[-1]]
     assert result is not None
     return result
-
-
-MOST = 64
-"""Maximum number of choices and leaves of a tree whose paths are followed: paths may be many more."""
 
 
 def _merge_paths(tree: Expr, saving: Saving) -> Expr:

@@ -85,6 +85,7 @@ class Renderer:
     DeviceError : no context can be opened, or the driver cannot draw the size.
     """
 
+    @checked
     def __init__(
         self,
         size: tuple[int, int] = (640, 360),
@@ -545,9 +546,6 @@ def _named(drawing: Drawing) -> Iterator[DrawCall]:
         if call is None:
             return
         yield call
-
-
-Renderer.__init__ = checked(Renderer.__init__, "Renderer")  # type: ignore[method-assign]
 
 
 def _part(progress: Progress, i: int, n: int) -> Progress:

@@ -48,8 +48,8 @@ from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
 
 SLOW = 10.0
-"""Estimated seconds to compile a field from which fewer objects become rows. 12 chess pieces of 6 forms, 35 s by this
-estimate, have their first frame after 5.8 s in place of 19; further frames take 1.6 times as long."""
+"""Estimated seconds to compile a field from which fewer objects become rows. Twelve chess pieces of five kinds have
+their first frame in half the time; further frames take 1.6 times as long. See docs/scale.md."""
 
 LARGEST = 1024
 """Largest number of shapes written as code. With more, compilers take many seconds or fail."""

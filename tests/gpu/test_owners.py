@@ -430,19 +430,6 @@ if __name__ == "__main__":
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_a_library_that_is_not_loaded_is_searched_once_until_another_one_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    if current._count_loads() is None:
-        pytest.skip("the system does not count loaded libraries")
-    searched: list[str] = []
-    real, loads = current._loaded, [7]
-    monkeypatch.setattr(current, "_loaded", lambda file: searched.append(file) or real(file))
-    monkeypatch.setattr(current, "_count_loads", lambda: loads[0])
-    api = current.Api(("libnone-of-this-name.so",), "make", ("ask",))
-    assert api.context() is None and api.current() is None and searched == ["libnone-of-this-name.so"]
-    loads[0] += 1
-    assert api.context() is None and len(searched) == 2
-
-
 def test_the_number_of_loaded_libraries_grows_with_each() -> None:
     code = """
 import ctypes, ctypes.util

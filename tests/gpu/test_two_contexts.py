@@ -139,7 +139,7 @@ def test_a_library_that_is_loaded_later_is_found(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(current, "_loaded", search)
     monkeypatch.setattr(current, "_count_loads", lambda: loads[0])
-    assert library.context() is None and library.context() is None
+    assert library.context() is None and library.current() is None
     assert len(asked) == 1, "the search is made again only after another load"
     loads[0] = 4
     assert library.context() == 7
