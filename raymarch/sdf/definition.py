@@ -239,8 +239,18 @@ class Definition:
         )
 
     def _exactness(self, children: Sequence[Node], params: Mapping[str, Any]) -> Exactness:
+        return worst(self._own_exactness(children, params), *[c.facts.exactness for c in children])
+
+    def _own_exactness(self, children: Sequence[Node], params: Mapping[str, Any]) -> Exactness:
         own = self.exactness(*[c.facts for c in children], **params) if callable(self.exactness) else self.exactness
-        return worst(typing.cast(Exactness, own), *[c.facts.exactness for c in children])
+        return typing.cast(Exactness, own)
+
+    def estimates(self, node: Node) -> bool:
+        """True if a node of this definition is an estimate by itself, of a solid with a box."""
+        facts = node.facts
+        if facts.exactness != "estimate" or facts.empty or np.all(np.isinf([facts.lower, facts.upper])):
+            return False
+        return self._own_exactness(node.children, node.params) == "estimate"
 
     def _symmetry(self, children: Sequence[Node], params: Mapping[str, Any]) -> str:
         if callable(self.symmetry):

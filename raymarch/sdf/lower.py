@@ -22,7 +22,7 @@ from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, construct, make, var
 from raymarch.expr.types import FLOAT, VEC3, vector
-from raymarch.expr.vocabulary import cross, dot, min, normalize, stop_gradient, where
+from raymarch.expr.vocabulary import clamp, cross, dot, length, max, min, normalize, stop_gradient, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import FLOOR
@@ -42,6 +42,10 @@ _PRIMES = (1.0, 127.0, 16381.0)
 
 UNMARKED = object()
 """Replaces a label if no materials are needed."""
+
+
+FARTHEST = 1e30
+"""In place of the infinite sides of a box."""
 
 
 class _Unlabelled:
@@ -356,6 +360,13 @@ class Lowering:
 
     def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
         """The definition's body with the point, the parameters and the children substituted."""
+        if (label is UNMARKED or not children) and node.definition.estimates(node):
+            inside = clamp(point, *(np.clip(end, -FARTHEST, FARTHEST) for end in (node.facts.lower, node.facts.upper)))
+            value = yield from self._substituted(node, children, inside, label)
+            return _from_box(value, point - inside)
+        return (yield from self._substituted(node, children, point, label))
+
+    def _substituted(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
         template = node.definition.template(len(children), node.params)
         marking = label is not UNMARKED
         answers: list[Expr] = []
@@ -518,6 +529,16 @@ class Lowering:
             if old in self.shapes:
                 self.shapes.add(changed)
         return new[value]
+
+
+def _from_box(inside: Expr, gap: Expr) -> Expr:
+    """An estimate at a point `gap` away from the nearest point of a box around the solid, where its value is `inside`.
+
+    Estimates grow faster than the distance far from their solid. The box is convex, so any point s of it is at least
+    sqrt(|gap|^2 + |s - q|^2) away, q being the nearest point: an estimate that is no larger than the distance at q
+    gives one that is no larger at the point.
+    """
+    return where(dot(gap, gap) > 0.0, length(construct(gap, max(inside, 0.0))), inside)
 
 
 def _unlabelled(node: Node) -> Node:

@@ -49,7 +49,10 @@ def contradictions(node: Node, samples: int = SAMPLES) -> Iterator[str]:
     except SceneError:  # a GLSL node without a NumPy function
         return
     size = _size(facts)
-    yield from _outside(facts, points, field, size)
+    if node.definition.estimates(node):
+        yield from _cut(node, points, size)
+    else:
+        yield from _outside(facts, points, field, size)
     if facts.exactness == "exact":
         yield from _inexact(node, points, field, size)
     for axis in facts.symmetry:
@@ -78,6 +81,15 @@ def _outside(facts: Facts, points: Points, field: Points, size: float) -> Iterat
                 f"the field is {field[k]:.4g} at {_shown(points[k])}, {away[k]:.4g} outside the bounds: more than its "
                 f"spread, {facts.spread:.4g}, times the field"
             )
+
+
+def _cut(node: Node, points: Points, size: float) -> Iterator[str]:
+    """Solid points on the faces of the box of an estimate, whose field is evaluated in the box only."""
+    faces = np.clip(points, node.facts.lower, node.facts.upper)
+    field = np.where(np.any(faces != points, axis=-1), node.distance(faces), np.inf)
+    k = int(np.argmin(field))
+    if field[k] < -1e-6 * size:
+        yield f"the solid reaches outside its bounds, at {_shown(faces[k])}"
 
 
 def _inexact(node: Node, points: Points, field: Points, size: float) -> Iterator[str]:

@@ -1,0 +1,89 @@
+"""Estimates far from their solid: no larger than the distance, for the fractals and for a user's own."""
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.expr.vocabulary import length
+from raymarch.sdf.definition import REGISTRY
+
+FAR = 7.0
+"""From here on log(r) r / 2 is larger than r - 1."""
+
+
+def orbit_stays(p, steps=12):
+    """Whether points belong to the Mandelbulb of power 8, by its iteration alone."""
+    z = p.copy()
+    inside = np.ones(len(p), bool)
+    for _ in range(steps):
+        r = np.linalg.norm(z, axis=1)
+        inside &= r < 2.0
+        z[~inside] = r[~inside] = 0.0
+        theta = 8 * np.arccos(np.divide(z[:, 1], r, out=np.zeros_like(r), where=r > 0))
+        phi = 8 * np.arctan2(z[:, 2], z[:, 0])
+        turned = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=1)
+        z = (r**8)[:, None] * turned + p
+    return inside
+
+
+def directions(n):
+    v = np.random.default_rng(3).normal(size=(n, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("away", [2.0, FAR, 100.0, 1e5])
+def test_the_mandelbulb_is_no_farther_than_its_points(away):
+    grid = np.stack(np.meshgrid(*[np.linspace(-1.1, 1.1, 40)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    members = grid[orbit_stays(grid)]
+    points = away * directions(40)
+    nearest = np.linalg.norm(points[:, None] - members[None], axis=-1).min(axis=1)
+    assert np.all(rm.mandelbulb(iterations=12).distance(points) <= nearest)
+
+
+@rm.shape(exactness="estimate", bounds=lambda: ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))
+def steep_ball(p):
+    """A ball of radius 1, three times as steep outside of the ball around its box."""
+    return (length(p) - 1.0) * rm.where(length(p) < 1.8, 1.0, 3.0)
+
+
+del REGISTRY["steep_ball"]
+
+written_in_glsl = rm.glsl_node(
+    "float far_off(vec3 p) { return 2.0 * length(p) - 2.0; }",
+    "far_off",
+    bounds=((-1,) * 3, (1,) * 3),
+    twin=lambda p: 2.0 * np.linalg.norm(p, axis=1) - 2.0,
+)
+
+
+@pytest.mark.parametrize(
+    ("solid", "radius"),
+    [
+        (rm.mandelbulb(), 2.0),
+        (rm.julia(), 2.6),
+        (rm.mandelbox(), 6.0 * np.sqrt(3.0)),
+        (rm.fold_fractal(lambda z, growth, p: (2.0 * rm.box_fold(z) - z, 3.0 * growth), iterations=3), 2 * np.sqrt(3)),
+        (written_in_glsl, np.sqrt(3.0)),
+        (steep_ball(), np.sqrt(3.0)),
+    ],
+    ids=["mandelbulb", "julia", "mandelbox", "folds", "GLSL", "own"],
+)  # fmt: skip
+@pytest.mark.parametrize("away", [1e2, 1e4])
+def test_no_estimate_steps_to_the_middle_of_its_solid(solid, radius, away):
+    """The box of the solid lies within the radius of the origin."""
+    found = solid.distance(away * directions(20))
+    assert np.all(found <= away) and np.all(found >= away - radius)
+
+
+@pytest.mark.parametrize("solid", [rm.mandelbulb(iterations=4), rm.julia(iterations=6)], ids=["mandelbulb", "julia"])
+def test_a_fractal_is_drawn_from_afar(solid):
+    """The picture is that of an orthographic camera, which starts its rays at the box."""
+    position = np.array([0.4, 0.3, 1.0]) * 200
+    height = 3.5
+    flat = rm.Camera(tuple(position), projection="orthographic", height=height)
+    narrow = rm.Camera(tuple(position), fov=float(np.degrees(2 * np.arctan(height / 2 / np.linalg.norm(position)))))
+    with rm.Renderer((40, 30)) as renderer:
+        frames = [renderer.render(rm.Scene(solid, camera=camera), outputs=("depth",)) for camera in (flat, narrow)]
+        hits = [np.isfinite(frame.depth) for frame in frames]
+    assert hits[0].sum() > 250
+    assert (hits[0] != hits[1]).sum() <= 4
