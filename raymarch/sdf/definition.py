@@ -459,7 +459,8 @@ def shape(
     Parameters
     ----------
     exactness : "exact" if the function gives the signed Euclidean distance, "bound" if its absolute value never exceeds
-        that distance, "estimate" if nothing is known; or a function of the parameters that gives one of these.
+        that distance, "estimate" if nothing is known; or a function of the parameters that gives one of these. An
+        estimate is evaluated in its box only; outside, the value at the nearest point of the box is used.
     bounds : function of the parameters that gives the corners (lower, upper) of a box around the solid.
     lipschitz : Lipschitz constant of the function; a number or a function of the parameters. A field with a constant
         above 1 is divided by it, so that marching is safe.
