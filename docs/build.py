@@ -11,11 +11,11 @@ import inspect
 import re
 import runpy
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 import raymarch as rm
 import raymarch.sdf
@@ -28,9 +28,35 @@ from raymarch.sdf.node import Node
 
 HERE = Path(__file__).parent
 SIZE = (200, 150)
-COLUMNS = 8
-PAINT = rm.Material(color=(0.75, 0.42, 0.2), shininess=60)
+SAMPLES = 16
+COLUMNS = 7
+HEADING, CAPTION = 34, 22
+"""Heights of a heading and of a caption of the sheet, in pixels."""
+PAINT = rm.Material(color=(0.8, 0.36, 0.13), specular=0.12, shininess=40, ambient=0.3)
+SECOND = rm.Material(color=(0.13, 0.35, 0.6), specular=0.12, shininess=40, ambient=0.3)
+"""Material of the second operand."""
 SKY = (0.93, 0.94, 0.96)
+LIGHTS = [
+    rm.Sun((0.5, 1.3, 0.8), intensity=0.95, shadow=True),
+    rm.Sun((-1.2, 0.3, 0.5), (0.65, 0.75, 1.0), 0.22),
+    rm.Sun((0.2, -1.0, -0.3), (1.0, 0.9, 0.8), 0.08),
+]
+VIEW = np.array([0.55, 0.5, 1.0])
+"""Direction from a node to the camera."""
+
+SECTIONS = {
+    "Solids": ("solids", "boxes", "rounds", "polyhedra"),
+    "Flat shapes": ("flat", "flat_curves", "lettering"),
+    "Solids from flat shapes": ("profiles",),
+    "Curves": ("curves",),
+    "Fractals and periodic surfaces": ("fractals", "folds", "periodic"),
+    "Data and GLSL": ("sampled", "raw"),
+    "Unions, intersections, differences": ("booleans", "joints"),
+    "Place, size and material": ("placing", "visibility"),
+    "Copies": ("repetition", "copies", "cells", "instancing"),
+    "Deformations": ("deform", "warps", "noise", "thickness", "transition"),
+}
+"""The sections of the page, and the modules of `raymarch.sdf` whose nodes they show."""
 
 
 def brick() -> Node:
@@ -38,7 +64,8 @@ def brick() -> Node:
 
 
 def pair() -> tuple[Node, Node]:
-    return rm.box((1.2, 0.8, 1.0)).translate((-0.3, -0.2, 0)), rm.sphere(0.6).translate((0.4, 0.3, 0.1))
+    ball = rm.sphere(0.6).translate((0.4, 0.3, 0.1)).material(SECOND)
+    return rm.box((1.2, 0.8, 1.0)).translate((-0.3, -0.2, 0)).material(PAINT), ball
 
 
 def tile(index: Expr) -> Node:
@@ -55,9 +82,9 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "smooth_union": lambda: rm.union(*pair(), k=0.5),
     "smooth_intersection": lambda: rm.intersection(*pair(), k=0.3),
     "smooth_difference": lambda: rm.difference(*pair(), k=0.3),
-    "translate": lambda: brick().translate((0.5, 0.3, 0)) | rm.sphere(0.1),
+    "translate": lambda: brick().translate((1.3, 0.8, 0)).material(PAINT) | brick().material(SECOND),
     "rotate_about": lambda: brick().rotate(0.6, (0, 0, 1)),
-    "scale_evenly": lambda: brick().scale(0.6),
+    "scale_evenly": lambda: brick().scale(0.5).material(PAINT) | brick().translate((1.6, 0, -0.6)).material(SECOND),
     "scale_axes": lambda: rm.sphere().scale((1.3, 0.5, 0.8)),
     "affine": lambda: brick().transform([[1, 0.5, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
     "mirror_across": lambda: rm.capsule((0.2, -0.5, 0), (1, 0.6, 0.2), 0.25).mirror("x"),
@@ -95,11 +122,12 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
 
 
 def definitions() -> list[Definition]:
-    """The definitions of the package, ordered by file and line."""
+    """The definitions of the package, in the order of the page."""
     twins = {d.flat for d in REGISTRY.values()}
     folder = Path(raymarch.sdf.__file__).parent
     own = [d for d in REGISTRY.values() if Path(d.where.file).parent == folder and d.doc and d not in twins]
-    return sorted(own, key=lambda d: (Path(d.where.file).stem, d.where.line))
+    order = [module for modules in SECTIONS.values() for module in modules]
+    return sorted(own, key=lambda d: (order.index(Path(d.where.file).stem), d.where.line))
 
 
 def specimen(definition: Definition) -> Node | None:
@@ -128,18 +156,39 @@ def solid(node: Node) -> Node:
 
 def draw(node: Node, renderer: rm.Renderer) -> Image.Image:
     shown = solid(node)
-    shown = shown if shown.labelled else shown.material(PAINT)
-    lights = [rm.Sun((0.6, 1.2, 0.9), intensity=0.85), rm.Sun((-1, 0.2, 0.3), (0.6, 0.7, 1), 0.25)]
-    return renderer.render(rm.Scene(shown, lights=lights, sky=SKY)).image()
+    scene = rm.Scene(
+        shown if shown.labelled else shown.material(PAINT),
+        camera=rm.Camera.framing(shown, direction=tuple(VIEW), fov=26, aspect=SIZE[0] / SIZE[1]),
+        lights=LIGHTS,
+        sky=SKY,
+        occlusion=rm.AmbientOcclusion(reach=0.3),
+        quality=rm.Quality(samples=SAMPLES),
+    )
+    return renderer.render(scene).image()
 
 
 PUBLIC = {"sampled_outline": ("image", "text"), "sampled_grid": ("grid", "mesh"), "raw_field": ("glsl_node",)}
 """The public functions that make a node, where no function has the name by which the definition is called."""
 
 
+CAPTIONS = {
+    "smooth_union": "union k=0.5",
+    "smooth_intersection": "intersection k=0.3",
+    "smooth_difference": "difference k=0.3",
+    "blended_union": 'union "stairs"',
+    "blended_intersection": 'intersection "chamfer"',
+    "blended_difference": 'difference "columns"',
+    "folded_solid": "fold_fractal of a solid",
+    "scale_axes": "scale by axis",
+    "turn": "rotate (flat)",
+}
+"""The captions of nodes that share a name with another."""
+
+
 def label(definition: Definition) -> str:
-    """The name of a node below its picture: the one that a user calls."""
-    return PUBLIC[definition.name][0] if definition.name in PUBLIC else definition.called
+    """The caption of a node's picture: the name that a user calls."""
+    name = PUBLIC[definition.name][0] if definition.name in PUBLIC else definition.called
+    return CAPTIONS.get(definition.name, name)
 
 
 def calls(definition: Definition) -> list[str]:
@@ -190,17 +239,17 @@ def page() -> str:
         "",
         "![all nodes](pictures/nodes.png)",
     ]
-    module = ""
-    for definition in definitions():
-        here = Path(definition.where.file).stem
-        if here != module:
-            module = here
-            doc = sys.modules[f"raymarch.sdf.{here}"].__doc__
-            summary = (doc or "").strip().split("\n\n")[0].replace("\n", " ")
-            text += ["", f"## {here}", "", summary, ""]
-            text += ["| | call | | exactness | divisor | extents |", "|---|---|---|---|---|---|"]
-        text.append(row(definition))
+    for title, group in grouped(definitions()):
+        text += ["", f"## {title}", ""]
+        text += ["| | call | | exactness | divisor | extents |", "|---|---|---|---|---|---|"]
+        text += [row(definition) for definition in group]
     return "\n".join(text) + "\n"
+
+
+def grouped(found: Sequence[Definition]) -> list[tuple[str, list[Definition]]]:
+    """Definitions by section of the page."""
+    groups = {title: [d for d in found if Path(d.where.file).stem in modules] for title, modules in SECTIONS.items()}
+    return list(groups.items())
 
 
 PARTS = {
@@ -263,25 +312,43 @@ def pictures(names: Collection[str] = ()) -> None:
     """Render a picture of each node, or of some, and a sheet of all of them."""
     folder = HERE / "pictures" / "nodes"
     folder.mkdir(parents=True, exist_ok=True)
-    drawn: list[tuple[str, Image.Image]] = []
+    drawn: dict[str, Image.Image] = {}
     with rm.Renderer(SIZE) as renderer:
         for definition in definitions():
             node = specimen(definition)
+            file = folder / f"{definition.name}.png"
             if node is None:
                 continue
-            image = draw(node, renderer)
-            if not names or definition.name in names:
-                image.quantize(64).save(folder / f"{definition.name}.png", optimize=True)
-            drawn.append((label(definition), image))
-    rows = -(-len(drawn) // COLUMNS)
-    width, height = SIZE[0], SIZE[1] + 16
-    sheet = Image.new("RGB", (COLUMNS * width, rows * height), "white")
-    pen = ImageDraw.Draw(sheet)
-    for i, (name, image) in enumerate(drawn):
-        x, y = i % COLUMNS * width, i // COLUMNS * height
-        sheet.paste(image, (x, y))
-        pen.text((x + 4, y + SIZE[1] + 1), name, fill="black")
-    sheet.quantize(128).save(HERE / "pictures" / "nodes.png", optimize=True)
+            if not names or definition.name in names or not file.exists():
+                paletted(draw(node, renderer)).save(file, optimize=True)
+            drawn[definition.name] = Image.open(file).convert("RGB")
+    sheet([d for d in definitions() if d.name in drawn], drawn).save(HERE / "pictures" / "nodes.png", optimize=True)
+
+
+def sheet(shown: Sequence[Definition], drawn: Mapping[str, Image.Image]) -> Image.Image:
+    """All pictures with their captions, by section."""
+    width, height = SIZE[0], SIZE[1] + CAPTION
+    groups = grouped(shown)
+    rows = sum(-(-len(group) // COLUMNS) for _, group in groups)
+    made = Image.new("RGB", (COLUMNS * width, rows * height + len(groups) * HEADING), "white")
+    pen = ImageDraw.Draw(made)
+    heading, caption = ImageFont.load_default(21), ImageFont.load_default(15)
+    top = 0
+    for title, group in groups:
+        pen.text((8, top + 6), title, fill=(30, 36, 48), font=heading)
+        top += HEADING
+        for i, definition in enumerate(group):
+            x, y = i % COLUMNS * width, top + i // COLUMNS * height
+            made.paste(drawn[definition.name], (x, y))
+            pen.text((x + 8, y + SIZE[1]), label(definition), fill=(30, 36, 48), font=caption)
+        top += -(-len(group) // COLUMNS) * height
+    return paletted(made)
+
+
+def paletted(image: Image.Image) -> Image.Image:
+    """The picture in 256 colours, without bands."""
+    whole = image.convert("RGB")
+    return whole.quantize(palette=whole.quantize(256), dither=Image.Dither.FLOYDSTEINBERG)
 
 
 def main() -> None:

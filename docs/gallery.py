@@ -36,10 +36,18 @@ COLUMNS = 5
 TILE = (192, 108)
 
 
+SECTIONS = {"Showcase": EXAMPLES / "showcase", "First scenes": EXAMPLES, "From the papers": EXAMPLES / "papers"}
+"""The sections of the page, and the folders of their scenes."""
+
+
 def files() -> list[Path]:
     """The scenes, in the order of the page."""
-    folders = (EXAMPLES / "showcase", EXAMPLES, EXAMPLES / "papers")
-    return [file for folder in folders for file in sorted(folder.glob("*.py"))]
+    return [file for folder in SECTIONS.values() for file in sorted(folder.glob("*.py"))]
+
+
+def title_of(file: Path) -> str:
+    """The heading of a scene."""
+    return file.stem.replace("_", " ").capitalize().replace("Csg", "CSG")
 
 
 def large() -> list[Path]:
@@ -158,16 +166,19 @@ def page(counts: dict[str, dict[str, Any]]) -> str:
         "  gradient, per pixel at one ray per pixel and without cones, for camera rays and in all. An evaluation takes",
         "  the given number of arithmetic operations. [cost.md](cost.md) shows how to measure errors and times.",
     ]
+    sections = {folder: title for title, folder in SECTIONS.items()}
     for file in files():
         name, path = name_of(file), command(file)
         count = counts[name]
+        if file.parent in sections:
+            text += ["", f"## {sections.pop(file.parent)}"]
         chose = count["plan"]
         passes = " and ".join(f"`{each}`" for each in chose["passes"])
         text += [
             "",
-            f"## {name}",
+            f"### {title_of(file)}",
             "",
-            f"![{name}](pictures/gallery/{name}.png)",
+            f"![{caption(file).rstrip('.')}](pictures/gallery/{name}.png)",
             "",
             caption(file),
             "",
@@ -196,9 +207,9 @@ def page(counts: dict[str, dict[str, Any]]) -> str:
     for file in large():
         text += [
             "",
-            f"### {name_of(file)}",
+            f"### {title_of(file)}",
             "",
-            f"![{name_of(file)}](pictures/gallery/{name_of(file)}.png)",
+            f"![{caption(file).rstrip('.')}](pictures/gallery/{name_of(file)}.png)",
             "",
             caption(file),
             "",
