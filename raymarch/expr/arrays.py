@@ -10,7 +10,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from operator import itemgetter
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
@@ -47,20 +46,12 @@ def lift(value: Array, own: Type, wanted: Type) -> Array:
     return np.asarray(value)[(..., *(None,) * len(wanted.shape))]
 
 
-def each(compute: Callable[..., Array]) -> Rule:
-    """Rule for an operation that works on each component."""
-
-    def rule(node: Expr, *values: Array) -> Array:
-        if node.type.shape:
-            values = tuple(lift(v, a.type, node.type) for v, a in zip(values, node.args, strict=True))
-        return compute(*values)
-
-    rule.compute = compute  # type: ignore[attr-defined]
-    return rule
+Maker: TypeAlias = Callable[[Expr], Step]
+"""The step of a node: what the node decides is decided once."""
 
 
-def _make_each(rule: Rule) -> Callable[[Expr], Step]:
-    compute: Step = rule.compute  # type: ignore[attr-defined]
+def each(compute: Callable[..., Array]) -> Maker:
+    """An operation that works on each component."""
 
     def make(node: Expr) -> Step:
         lifted = [bool(node.type.shape) and not a.type.shape for a in node.args]
@@ -74,21 +65,20 @@ def _make_each(rule: Rule) -> Callable[[Expr], Step]:
     return make
 
 
-def _make_swizzle(node: Expr) -> Step:
+def _swizzle(node: Expr) -> Step:
     picks = ["xyzw".index(c) for c in node.data]
     return itemgetter((..., picks[0] if len(picks) == 1 else picks))
 
 
-def _make_construct(node: Expr) -> Step:
-    if any(a.type is not FLOAT for a in node.args):
-        return partial(_construct, node)
+def _construct(node: Expr) -> Step:
+    scalar = [a.type is FLOAT for a in node.args]
 
     def compute(*parts: Array) -> Array:
-        arrays = [np.asarray(part) for part in parts]
-        lead = np.broadcast_shapes(*(array.shape for array in arrays))
-        made = np.empty((*lead, len(arrays)), np.result_type(*arrays))
-        for i, array in enumerate(arrays):
-            made[..., i] = array
+        columns = [p if one else np.moveaxis(p, -1, 0) for p, one in zip(map(np.asarray, parts), scalar, strict=True)]
+        numbers = [n for column, one in zip(columns, scalar, strict=True) for n in ([column] if one else column)]
+        made = np.empty((*np.broadcast_shapes(*(n.shape for n in numbers)), len(numbers)), np.result_type(*numbers))
+        for i, number in enumerate(numbers):
+            made[..., i] = number
         return made
 
     return compute
@@ -128,17 +118,6 @@ def _cross(_node: Expr, a: Array, b: Array) -> Array:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
-def _swizzle(node: Expr, v: Array) -> Array:
-    picks = ["xyzw".index(c) for c in node.data]
-    return v[..., picks[0]] if len(picks) == 1 else v[..., picks]
-
-
-def _construct(node: Expr, *parts: Array) -> Array:
-    columns = [p[..., None] if a.type is FLOAT else p for p, a in zip(map(np.asarray, parts), node.args, strict=True)]
-    lead = np.broadcast_shapes(*(c.shape[:-1] for c in columns))
-    return np.concatenate([np.broadcast_to(c, lead + c.shape[-1:]) for c in columns], axis=-1)
-
-
 def _columns(_node: Expr, *columns: Array) -> Array:
     return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
@@ -154,7 +133,8 @@ def _where(node: Expr, condition: Array, a: Array, b: Array) -> Array:
     return np.where(lift(condition, BOOL, node.type), a, b)
 
 
-RULES: Mapping[str, Rule] = {
+MAKERS: Mapping[str, Maker] = {
+    **{op: each(getattr(np, op)) for op in "sign floor ceil exp exp2 sin cos tan sinh cosh tanh".split()},
     "add": each(np.add),
     "sub": each(np.subtract),
     "mul": each(np.multiply),
@@ -162,26 +142,15 @@ RULES: Mapping[str, Rule] = {
     "mod": each(_mod),
     "neg": each(np.negative),
     "abs": each(np.abs),
-    "sign": each(np.sign),
-    "floor": each(np.floor),
-    "ceil": each(np.ceil),
     "round": each(lambda x: np.floor(x + x.dtype.type(0.5))),
     "fract": each(lambda x: x - np.floor(x)),
     "sqrt": each(lambda x: np.sqrt(np.maximum(x, 0))),
-    "exp": each(np.exp),
-    "exp2": each(np.exp2),
     "log": each(lambda x: np.log(np.maximum(x, x.dtype.type(SMALLEST)))),
     "log2": each(lambda x: np.log2(np.maximum(x, x.dtype.type(SMALLEST)))),
-    "sin": each(np.sin),
-    "cos": each(np.cos),
-    "tan": each(np.tan),
     "asin": each(lambda x: np.arcsin(np.clip(x, -1, 1))),
     "acos": each(lambda x: np.arccos(np.clip(x, -1, 1))),
     "atan": each(np.arctan),
     "atan2": each(_atan2),
-    "sinh": each(np.sinh),
-    "cosh": each(np.cosh),
-    "tanh": each(np.tanh),
     "pow": each(_pow),
     "min": each(np.minimum),
     "max": each(np.maximum),
@@ -194,13 +163,17 @@ RULES: Mapping[str, Rule] = {
     "and": each(np.logical_and),
     "or": each(np.logical_or),
     "not": each(np.logical_not),
+    "swizzle": _swizzle,
+    "construct": _construct,
+}
+
+RULES: Mapping[str, Rule] = {
+    **{op: lambda node, *values, maker=maker: maker(node)(*values) for op, maker in MAKERS.items()},
     "where": _where,
     "dot": _dot,
     "cross": _cross,
     "length": lambda _node, v: _length(v),
     "normalize": _normalize,
-    "swizzle": _swizzle,
-    "construct": _construct,
     "columns": _columns,
     "matmul": _matmul,
     "transpose": lambda _node, m: np.swapaxes(m, -1, -2),
@@ -219,21 +192,13 @@ RULES: Mapping[str, Rule] = {
 }
 
 
-MAKERS: Mapping[str, Callable[[Expr], Step]] = {
-    **{op: _make_each(rule) for op, rule in RULES.items() if hasattr(rule, "compute")},
-    "swizzle": _make_swizzle,
-    "construct": _make_construct,
-}
-
-
 @dataclass(frozen=True, slots=True)
 class Arrays:
     """The reading at one precision."""
 
     dtype: type[np.floating[Any]]
 
-    makers: ClassVar[Mapping[str, Callable[[Expr], Step]]] = MAKERS
-    """For some operations, a function that returns the step of a node: what the node decides is decided once."""
+    makers: ClassVar[Mapping[str, Maker]] = MAKERS
 
     @property
     def rules(self) -> Mapping[str, Rule]:

@@ -7,12 +7,12 @@ without an influence on each other.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from raymarch.expr.data import digest
 from raymarch.expr.texels import Texels
 
 EDGE = 8192
@@ -43,7 +43,7 @@ class Atlas(Texels):
         self.levels = (texels,)
         self.wrap = "clamp"
         self.label = f"an atlas of {len(pictures)} pictures"
-        self.key = hashlib.sha256(" ".join(p.key for p in pictures).encode()).hexdigest()[:12]
+        self.key = digest(" ".join(p.key for p in pictures).encode())
         self.places = tuple(places)
 
 

@@ -82,6 +82,7 @@ def _smoothstep_slope(e: Expr) -> Expr:
 
 
 PARTIALS: Mapping[str, Partials] = {
+    **dict.fromkeys("sign floor ceil round hash fetch".split(), (None,)),
     "add": (lambda e: ONE, lambda e: ONE),
     "sub": (lambda e: ONE, lambda e: -ONE),
     "mul": (_arg(1), _arg(0)),
@@ -89,13 +90,7 @@ PARTIALS: Mapping[str, Partials] = {
     "mod": (lambda e: ONE, lambda e: -v.floor(e.args[0] / e.args[1])),
     "neg": (lambda e: -ONE,),
     "abs": (lambda e: v.sign(e.args[0]),),
-    "sign": (None,),
-    "floor": (None,),
-    "ceil": (None,),
-    "round": (None,),
     "fract": (lambda e: ONE,),
-    "hash": (None,),
-    "fetch": (None,),
     "texture": (None, None, None, None),  # height maps are read as gradients, see `raymarch.scene.relief`
     "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
     "exp": (lambda e: e,),

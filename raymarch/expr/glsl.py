@@ -113,15 +113,13 @@ def call_text(name: str, pieces: Sequence[Piece], sources: Sequence[Expr]) -> Pi
     return Piece(text, ATOM, _depth(pieces), Form("call", name, tuple(pieces), tuple(sources)))
 
 
-def _call(name: str, *stretch: int) -> Template:
-    """A built-in function. Arguments at the positions in `stretch` may be scalars beside vectors, others not."""
+def _call(name: str, *scalars: int) -> Template:
+    """A built-in function of vectors of one size. The arguments at the positions in `scalars` may all be scalars."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        args = [
-            _stretched(p, a, node.type) if i not in stretch else p
-            for i, (p, a) in enumerate(zip(pieces, node.args, strict=True))
-        ]
-        return call_text(name, args, node.args)
+        kept = scalars if all(node.args[i].type is FLOAT for i in scalars) else ()
+        pairs = enumerate(zip(pieces, node.args, strict=True))
+        return call_text(name, [p if i in kept else _stretched(p, a, node.type) for i, (p, a) in pairs], node.args)
 
     return template
 
@@ -167,10 +165,6 @@ def _order(symbol: str, mirrored: str) -> Template:
         return _joined(symbol, ORDER, (left, right), _depth(pieces), node.args)
 
     return template
-
-
-def _linear(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return _infix("*", TIMES)(printer, node, pieces)
 
 
 def _prefix(symbol: str) -> Template:
@@ -349,28 +343,6 @@ def _where(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pie
     return Piece(text, CHOICE, _depth(pieces), Form("choice", "", parts, node.args))
 
 
-def _mod(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return _call("mod", 1)(printer, node, pieces)
-
-
-def _stepped(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    return (
-        _call("step", 0)(printer, node, pieces)
-        if node.args[1].type is node.type
-        else _call("step")(printer, node, pieces)
-    )
-
-
-def _clamp(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    scalars = node.args[1].type is FLOAT and node.args[2].type is FLOAT
-    return _call("clamp", *((1, 2) if scalars else ()))(printer, node, pieces)
-
-
-def _smoothstep(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    scalars = node.args[0].type is FLOAT and node.args[1].type is FLOAT
-    return _call("smoothstep", *((0, 1) if scalars else ()))(printer, node, pieces)
-
-
 def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     return Piece(f"floor({wrap(pieces[0], PLUS).text} + 0.5)", ATOM, _depth(pieces))
 
@@ -451,58 +423,45 @@ def _probe(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pie
     return call_text("record_value", [pieces[0], point, cell, number], [*node.args[:2], node, node])
 
 
+_OF_GLSL = "abs sign floor ceil fract exp exp2 sin cos tan sinh cosh tanh dot cross length transpose"
+"""Operations that are functions of GLSL of the same name."""
+
 TEMPLATES: Mapping[str, Template] = {
+    **{op: _call(op) for op in _OF_GLSL.split()},
     "add": _infix("+", PLUS),
     "sub": _infix("-", PLUS),
     "mul": _infix("*", TIMES),
+    "matmul": _infix("*", TIMES),
     "div": _infix("/", TIMES),
-    "mod": _mod,
+    "mod": _call("mod", 1),
     "neg": _prefix("-"),
-    "abs": _call("abs"),
-    "sign": _call("sign"),
-    "floor": _call("floor"),
-    "ceil": _call("ceil"),
     "round": _floor_of_half,
-    "fract": _call("fract"),
     "sqrt": _guarded("sqrt", "0.0", is_nonnegative),
-    "exp": _call("exp"),
-    "exp2": _call("exp2"),
     "log": _guarded("log", "1.1754944e-38", _positive_constant),
     "log2": _guarded("log2", "1.1754944e-38", _positive_constant),
-    "sin": _call("sin"),
-    "cos": _call("cos"),
-    "tan": _call("tan"),
+    "pow": _guarded("pow", "1.1754944e-38", _positive_constant),
     "asin": _own("arc_sine", _ARC_SINE),
     "acos": _own("arc_cosine", _ARC_COSINE),
     "atan": _atan,
     "atan2": _atan2,
-    "sinh": _call("sinh"),
-    "cosh": _call("cosh"),
-    "tanh": _call("tanh"),
-    "pow": _guarded("pow", "1.1754944e-38", _positive_constant),
     "min": _commutative("min"),
     "max": _commutative("max"),
-    "step": _stepped,
-    "clamp": _clamp,
+    "step": _call("step", 0),
+    "clamp": _call("clamp", 1, 2),
     "mix": _call("mix", 2),
-    "smoothstep": _smoothstep,
+    "smoothstep": _call("smoothstep", 0, 1),
     "lt": _order("<", ">"),
     "le": _order("<=", ">="),
     "and": _infix("&&", AND),
     "or": _infix("||", OR),
     "not": _prefix("!"),
     "where": _where,
-    "dot": _call("dot"),
-    "cross": _call("cross"),
-    "length": _call("length"),
     "normalize": _helper("unit", "TYPE unit(TYPE v) {\n    return v / max(length(v), 1.0842022e-19);\n}"),
     "swizzle": _swizzle,
+    "field": _swizzle,
     "construct": _construct,
     "columns": _construct,
     "record": lambda _printer, node, pieces: call_text(node.type.name, pieces, node.args),
-    "field": _swizzle,
-    "matmul": _linear,
-    "transpose": _call("transpose"),
     "sample": _sample("value"),
     "sample_slope": _sample("slope"),
     "texture": _texture,

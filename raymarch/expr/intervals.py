@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr import samples, tables, textures
-from raymarch.expr.arrays import SHORTEST, SMALLEST, lift
+from raymarch.expr.arrays import MAKERS, SHORTEST, SMALLEST, lift
 from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
-from raymarch.expr.types import BOOL, FLOAT
+from raymarch.expr.types import BOOL
 
 Interval: TypeAlias = tuple[NDArray[Any], NDArray[Any]]
 
@@ -44,8 +44,13 @@ def _each(compute: Callable[..., Interval]) -> Rule:
     return rule
 
 
-def _rising(f: Callable[[Any], Any]) -> Rule:
-    return _each(lambda a: (low := f(a[0]), low if a[0] is a[1] else f(a[1])))
+def _rising(node: Expr, *values: Interval) -> Interval:
+    """The ends of an operation that falls in no argument: its float64 values at the ends of the arguments."""
+    compute = MAKERS[node.op](node)
+    low = np.broadcast_to(compute(*[v[0] for v in values]), node.type.shape)
+    if all(v[0] is v[1] for v in values):
+        return low, low
+    return low, np.broadcast_to(compute(*[v[1] for v in values]), node.type.shape)
 
 
 def _times(x: Any, y: Any) -> Any:
@@ -135,17 +140,6 @@ def _add(a: Interval, b: Interval) -> Interval:
     return low, low if a[0] is a[1] and b[0] is b[1] else a[1] + b[1]
 
 
-def _construct(node: Expr, *parts: Interval) -> Interval:
-    low, high = (np.concatenate([np.atleast_1d(p[i]) for p in parts]) for i in (0, 1))
-    return low, high
-
-
-def _swizzle(node: Expr, v: Interval) -> Interval:
-    picks = ["xyzw".index(c) for c in node.data]
-    pick: Any = picks[0] if node.type is FLOAT else picks
-    return v[0][pick], v[1][pick]
-
-
 def _matmul(node: Expr, a: Interval, b: Interval) -> Interval:
     right = (b[0][:, None], b[1][:, None]) if node.type.is_vector else b
     low, high = _mul((a[0][:, :, None], a[1][:, :, None]), (right[0][None], right[1][None]))
@@ -188,46 +182,27 @@ def _pow(a: Interval, b: Interval) -> Interval:
     return np.fmin.reduce(np.broadcast_arrays(*corners)), np.fmax.reduce(np.broadcast_arrays(*corners))
 
 
+_RISING = "add min max clamp sign floor ceil round sqrt exp exp2 log log2 asin atan sinh tanh swizzle construct"
+_UNKNOWN = "time tan sample_slope raw raw_slope finite"
+
 RULES: Mapping[str, Rule] = {
+    **dict.fromkeys(_RISING.split(), _rising),
+    **dict.fromkeys(_UNKNOWN.split(), _unknown),
     "param": _param,
-    "time": _unknown,
     "cell": lambda node: (np.asarray(node.data.low, np.float64), np.asarray(node.data.high, np.float64)),
-    "add": _each(_add),
     "sub": _each(_sub),
     "mul": lambda node, a, b: _square(a) if node.args[0] is node.args[1] else _product(node, a, b),
     "div": _each(lambda a, b: _mul(a, _reciprocal(b))),
     "neg": _each(lambda a: (low := -a[1], low if a[0] is a[1] else -a[0])),
     "abs": _each(_abs),
-    "sign": _rising(np.sign),
-    "floor": _rising(np.floor),
-    "ceil": _rising(np.ceil),
-    "round": _rising(lambda x: np.floor(x + 0.5)),
     "fract": _each(lambda a: (np.zeros_like(a[0]), np.ones_like(a[1]))),
     "mod": _each(lambda a, b: (np.minimum(b[0], 0.0), np.maximum(b[1], 0.0))),
-    "sqrt": _rising(lambda x: np.sqrt(np.maximum(x, 0))),
-    "exp": _rising(np.exp),
-    "exp2": _rising(np.exp2),
-    "log": _rising(lambda x: np.log(np.maximum(x, SMALLEST))),
-    "log2": _rising(lambda x: np.log2(np.maximum(x, SMALLEST))),
     "sin": _each(_wave(np.pi / 2)),
     "cos": _each(_wave(0.0)),
-    "tan": _unknown,
-    "asin": _rising(lambda x: np.arcsin(np.clip(x, -1, 1))),
     "acos": _each(lambda a: (np.arccos(np.clip(a[1], -1, 1)), np.arccos(np.clip(a[0], -1, 1)))),
-    "atan": _rising(np.arctan),
     "atan2": _each(lambda y, x: (np.full_like(y[0], -np.pi), np.full_like(y[1], np.pi))),
-    "sinh": _rising(np.sinh),
     "cosh": _each(lambda a: (np.cosh(_abs(a)[0]), np.cosh(_abs(a)[1]))),
-    "tanh": _rising(np.tanh),
     "pow": _each(_pow),
-    "min": _each(lambda a, b: (np.minimum(a[0], b[0]), np.minimum(a[1], b[1]))),
-    "max": _each(lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1]))),
-    "clamp": _each(
-        lambda x, low, high: (
-            np.minimum(np.maximum(x[0], low[0]), high[0]),
-            np.minimum(np.maximum(x[1], low[1]), high[1]),
-        )
-    ),
     "mix": _each(lambda a, b, t: _add(_mul(a, (1.0 - t[1], 1.0 - t[0])), _mul(b, t))),
     "step": _each(lambda edge, x: (np.where(x[0] >= edge[1], 1.0, 0.0), np.where(x[1] < edge[0], 0.0, 1.0))),
     "smoothstep": _each(lambda low, high, x: (np.zeros_like(x[0]), np.ones_like(x[1]))),
@@ -241,18 +216,12 @@ RULES: Mapping[str, Rule] = {
     "length": _length,
     "normalize": _normalize,
     "cross": _cross,
-    "swizzle": _swizzle,
-    "construct": _construct,
     "columns": _stack,
     "matmul": _matmul,
     "transpose": lambda _node, m: (m[0].T, m[1].T),
     "sample": samples.interval,
-    "sample_slope": _unknown,
     "texture": textures.interval,
     "fetch": tables.interval,
-    "raw": _unknown,
-    "raw_slope": _unknown,
-    "finite": lambda _node, _x: (np.asarray(False), np.asarray(True)),
     "probe": lambda _node, value, *_: value,
     "within": lambda _node, value: value,
     "hash": lambda _node, _cell: (np.zeros(()), np.ones(())),

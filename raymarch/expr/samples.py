@@ -6,7 +6,6 @@ The GLSL fetches texels and interpolates in float32, because texture units round
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.data import Data, digest
 from raymarch.expr.node import Expr, Operand, expr, make
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import clamp
@@ -21,10 +21,13 @@ from raymarch.expr.vocabulary import clamp
 Array = NDArray[Any]
 
 
-class Samples:
-    """Numbers on a regular grid, float32: shape (ny, nx) or (nz, ny, nx), each side 2 to 2048. Equal data are equal."""
+class Samples(Data):
+    """Numbers on a regular grid, float32: shape (ny, nx) or (nz, ny, nx), each side 2 to 2048."""
 
-    __slots__ = ("key", "values")
+    __slots__ = ("values",)
+
+    kind = "samples"
+    channels = 1
 
     def __init__(self, values: ArrayLike) -> None:
         array = np.ascontiguousarray(values, np.float32)
@@ -34,25 +37,11 @@ class Samples:
             raise SceneError("samples hold values that are not finite", legal="finite numbers")
         array.setflags(write=False)
         self.values = array
-        shape = ",".join(map(str, array.shape)).encode()
-        self.key = hashlib.sha256(shape + array.tobytes()).hexdigest()[:12]
-
-    def __repr__(self) -> str:
-        return f"Samples({'x'.join(map(str, self.size))})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Samples) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+        self.key = digest(",".join(map(str, array.shape)).encode(), array.tobytes())
+        self.label = f"samples of {' x '.join(map(str, self.size))}"
 
     @property
-    def name(self) -> str:
-        """The GLSL name of the texture."""
-        return f"u_samples_{self.key}"
-
-    @property
-    def dimension(self) -> int:
+    def dimension(self) -> int:  # type: ignore[override]
         """2 or 3."""
         return self.values.ndim
 
@@ -60,16 +49,6 @@ class Samples:
     def nbytes(self) -> int:
         """Size of the texture in bytes."""
         return self.values.nbytes
-
-    @property
-    def label(self) -> str:
-        """Name in messages."""
-        return f"samples of {' x '.join(map(str, self.size))}"
-
-    @property
-    def channels(self) -> int:
-        """1."""
-        return 1
 
     @property
     def size(self) -> tuple[int, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from typing import Any
 
@@ -10,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.data import Data, digest
 from raymarch.expr.node import Expr, Operand, expr, make
-from raymarch.expr.types import FLOAT, Type, vector
+from raymarch.expr.types import FLOAT, vector
 
 Array = NDArray[Any]
 
@@ -22,8 +22,8 @@ MOST = 1 << 24
 """Maximum number of texels: float32 holds every index up to here."""
 
 
-class Table:
-    """Texels of 1, 2 or 4 float32 numbers, addressed by one index. Equal tables are equal.
+class Table(Data):
+    """Texels of 1, 2 or 4 float32 numbers, addressed by one index.
 
     Attributes
     ----------
@@ -31,7 +31,9 @@ class Table:
     label : name in messages; it is ignored in comparisons.
     """
 
-    __slots__ = ("key", "label", "values")
+    __slots__ = ("values",)
+
+    kind = "table"
 
     def __init__(self, values: ArrayLike, label: str) -> None:
         array = np.ascontiguousarray(values, np.float32)
@@ -40,36 +42,12 @@ class Table:
         array.setflags(write=False)
         self.values = array
         self.label = label
-        self.key = hashlib.sha256(f"{array.shape}".encode() + array.tobytes()).hexdigest()[:12]
-
-    def __repr__(self) -> str:
-        return f"Table({self.label}, {len(self.values)} texels of {self.channels})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Table) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+        self.key = digest(f"{array.shape}".encode(), array.tobytes())
 
     @property
-    def name(self) -> str:
-        """The GLSL name of the texture."""
-        return f"u_table_{self.key}"
-
-    @property
-    def dimension(self) -> int:
-        """2, the dimension of the GLSL sampler."""
-        return 2
-
-    @property
-    def channels(self) -> int:
+    def channels(self) -> int:  # type: ignore[override]
         """1, 2 or 4."""
         return int(self.values.shape[1])
-
-    @property
-    def type(self) -> Type:
-        """Type of one texel."""
-        return vector(self.channels)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -87,7 +65,7 @@ class Table:
         return self.values.tobytes() + bytes(self.nbytes - self.values.nbytes)
 
 
-class LiveTable:
+class LiveTable(Data):
     """A table that depends on parameters and time.
 
     Attributes
@@ -97,23 +75,13 @@ class LiveTable:
     key : names the function: live tables with equal keys are equal.
     """
 
-    __slots__ = ("channels", "key", "label", "make", "type")
+    __slots__ = ("channels", "make")
+
+    kind = "table"
 
     def __init__(self, make: Callable[[], Table], label: str, key: str) -> None:
         self.make, self.label, self.key = make, label, key
         self.channels = make().channels
-        self.type = vector(self.channels)
-
-    def __repr__(self) -> str:
-        return f"LiveTable({self.label})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, LiveTable) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    name, dimension = Table.name, Table.dimension
 
     @property
     def values(self) -> Array:

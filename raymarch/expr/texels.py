@@ -6,14 +6,13 @@ below in linear values, so all levels have the same mean.
 
 from __future__ import annotations
 
-import hashlib
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.types import Type, vector
+from raymarch.expr.data import Data, digest
 
 Array = NDArray[Any]
 Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]
@@ -23,7 +22,7 @@ LARGEST = 4096
 """Maximum number of texels along an edge."""
 
 
-class Texels:
+class Texels(Data):
     """A texture of 1 to 3 channels with its mipmaps.
 
     Attributes
@@ -31,10 +30,11 @@ class Texels:
     levels : float16 (h, w, channels) each, level 0 first; row 0 is the bottom, v points upwards. Each level has half
         the texels of the previous one along each axis, rounded down; the last has one.
     wrap : values outside: "repeat", "mirror", or "clamp" to the edge.
-    label : name in messages; it is ignored in comparisons. Textures with equal texels are equal.
     """
 
-    __slots__ = ("key", "label", "levels", "wrap")
+    __slots__ = ("levels", "wrap")
+
+    kind = "texels"
 
     def __init__(self, values: ArrayLike, wrap: Wrap = "repeat", label: str = "") -> None:
         """values : (h, w) or (h, w, channels), linear, row 0 at the bottom; each side 1 to 4096, |value| <= 65504."""
@@ -47,27 +47,7 @@ class Texels:
         self.levels = pyramid(array)
         self.wrap: Wrap = wrap
         self.label = label or f"an array of {array.shape[1]} x {array.shape[0]}"
-        state = f"{wrap} {array.shape}".encode()
-        self.key = hashlib.sha256(state + self.levels[0].tobytes()).hexdigest()[:12]
-
-    def __repr__(self) -> str:
-        return f"Texels({self.label}, {'x'.join(map(str, self.size))}, {self.channels} channels)"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Texels) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    @property
-    def name(self) -> str:
-        """The GLSL name of the texture."""
-        return f"u_texels_{self.key}"
-
-    @property
-    def dimension(self) -> int:
-        """2, the dimension of the GLSL sampler."""
-        return 2
+        self.key = digest(f"{wrap} {array.shape}".encode(), self.levels[0].tobytes())
 
     @property
     def size(self) -> tuple[int, int]:
@@ -76,14 +56,9 @@ class Texels:
         return width, height
 
     @property
-    def channels(self) -> int:
+    def channels(self) -> int:  # type: ignore[override]
         """1 to 3."""
         return int(self.levels[0].shape[2])
-
-    @property
-    def type(self) -> Type:
-        """Type of one value."""
-        return vector(self.channels)
 
     @property
     def nbytes(self) -> int:

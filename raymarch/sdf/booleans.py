@@ -20,8 +20,7 @@ from raymarch.sdf.blends import FAMILIES, fold_all, levels, reach_of
 from raymarch.sdf.definition import Child, ChildFacts, combination
 from raymarch.sdf.domain import Count, Positive, Scalar, Word, as_operand
 from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
-from raymarch.sdf.node import Node
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, method
 
 __all__ = ["difference", "intersection", "union"]
 
@@ -107,7 +106,7 @@ def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
 
 
 @combination(
-    bounds=lambda children, k: _overlap(children), spread=widest, cuts=True, dimension="any", called="intersection"
+    bounds=lambda children: _overlap(children), spread=widest, cuts=True, dimension="any", called="intersection"
 )
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """Smooth intersection of solids: new edges are rounded."""
@@ -115,7 +114,7 @@ def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr
 
 
 @combination(
-    bounds=lambda children, k: (children[0].lower, children[0].upper),
+    bounds=lambda children: (children[0].lower, children[0].upper),
     spread=spread_of_first,
     cuts=True,
     dimension="any",
@@ -147,7 +146,7 @@ def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word,
 
 
 @combination(
-    bounds=lambda children, **_: _overlap(children),
+    bounds=lambda children: _overlap(children),
     lipschitz=_blended_slope,
     spread=widest,
     cuts=True,
@@ -160,7 +159,7 @@ def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family
 
 
 @combination(
-    bounds=lambda children, **_: (children[0].lower, children[0].upper),
+    bounds=lambda children: (children[0].lower, children[0].upper),
     lipschitz=_blended_slope,
     spread=spread_of_first,
     cuts=True,

@@ -18,7 +18,7 @@ from raymarch.expr.node import Expr, const
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import all_of, clamp, cross, dot, length, max, min, normalize, sqrt, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Direction, Length, NonNegative, Positive, Size2, Size3, Vec3, fits
+from raymarch.sdf.domain import Direction, Fits, Length, NonNegative, Positive, Size2, Size3, Vec3
 from raymarch.sdf.facts import Exactness
 
 __all__ = [
@@ -48,12 +48,10 @@ def largest(v: Expr) -> Expr:
 
 @shape(
     exactness="exact",
-    bounds=lambda size, radius: cube(0.5 * size),
+    bounds=lambda size: cube(0.5 * size),
     symmetry="xyz",
     convex=True,
-    check=fits(
-        "rounded_box", lambda size, radius: 2.0 * radius <= smallest(size), "radius <= half the smallest extent"
-    ),
+    check=Fits(lambda size, radius: 2.0 * radius <= smallest(size), "radius <= half the smallest extent"),
 )
 def rounded_box(p: Expr, size: Size3 = (1.6, 1.0, 1.2), radius: NonNegative = 0.2) -> Expr:
     """Box about the origin with rounded edges and corners.
@@ -69,11 +67,9 @@ def rounded_box(p: Expr, size: Size3 = (1.6, 1.0, 1.2), radius: NonNegative = 0.
 
 @shape(
     exactness="exact",
-    bounds=lambda size, thickness: cube(0.5 * size),
+    bounds=lambda size: cube(0.5 * size),
     symmetry="xyz",
-    check=fits(
-        "box_frame", lambda size, thickness: 2.0 * thickness <= smallest(size), "thickness <= half the smallest extent"
-    ),
+    check=Fits(lambda size, thickness: 2.0 * thickness <= smallest(size), "thickness <= half the smallest extent"),
 )
 def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15) -> Expr:
     """The twelve edges of a box, as bars of square section.

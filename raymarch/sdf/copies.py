@@ -26,9 +26,8 @@ from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.node import Node, solid
+from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.placing import rotation_matrix, translate
-from raymarch.sdf.registry import method
 from raymarch.sdf.repetition import INFINITE, MOST, cells_of, check_centred, each_axis, limited, repeat
 
 # Around the y axis
@@ -94,7 +93,7 @@ def _check_polar(child: Facts, count: int, middle: Expr, evaluated: int, ring: E
 
 @operator(
     bounds=_polar_bounds,
-    exactness=lambda child, evaluated, **_: "exact" if evaluated in (OWN, NEARER) else "bound",
+    exactness=lambda child, evaluated: "exact" if evaluated in (OWN, NEARER) else "bound",
     spread=_polar_spread,
     symmetry=_polar_symmetry,
     check=_check_polar,
@@ -232,7 +231,7 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> E
 @operator(
     bounds=_mirrored_bounds,
     exactness=_exact_if_apart,
-    spread=lambda child, **_: child.spread,
+    spread=lambda child: child.spread,
     symmetry=_mirrored_symmetry,
     called="repeat_mirrored",
 )

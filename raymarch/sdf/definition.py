@@ -27,7 +27,7 @@ from raymarch.expr.peers import meant
 from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
 from raymarch.expr.walk import find
 from raymarch.sdf.builder import Builder
-from raymarch.sdf.domain import Domain, domain_of, interval_of_value
+from raymarch.sdf.domain import Domain, Fits, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
 from raymarch.sdf.node import Node
 
@@ -80,7 +80,7 @@ class Definition:
     symmetry: str | Rule
     spread: float | Rule | None
     convex: bool | Rule
-    check: Rule | None
+    check: Rule | Fits | None
     associative: bool
     cuts: bool
     domains: Mapping[str, Domain]
@@ -204,7 +204,9 @@ class Definition:
 
     def derive(self, children: Sequence[Node], params: Mapping[str, Any]) -> Facts:
         """Facts of a node from those of its children, on the intervals of its parameters."""
-        if self.check is not None:
+        if isinstance(self.check, Fits):
+            self.check.require(self.called, params)
+        elif self.check is not None:
             self.check(*[c.facts for c in children], **params)
         key = (len(children), tuple((n, params[n]) for n, d in self.domains.items() if d.type is None))
         if key not in self._facts:
@@ -370,9 +372,8 @@ def _define_one(
     defaults = {q.name: q.default for q in own if q.default is not q.empty}
     for fact, rule in declared.items():
         if callable(rule):
-            _check_rule(
-                f"{source.__name__}: {fact}", rule, arity, fact in OF_ALL_CHILDREN, [q.name for q in own], where
-            )
+            what = f"{source.__name__}: {fact}"
+            declared[fact] = _of_all(what, rule, arity, fact in OF_ALL_CHILDREN, list(domains), where)
     return Definition(
         name=source.__name__,
         called=declared.pop("called") or source.__name__,
@@ -407,18 +408,28 @@ OF_ALL_CHILDREN = ("exactness", "symmetry", "convex", "check")
 """Facts whose functions receive each child's facts as an argument; the others receive one list of many children."""
 
 
-def _check_rule(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str], where: Location) -> None:
-    """SceneError if a function of facts cannot be called with the children and the parameters of its definition."""
+def _of_all(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str], where: Location) -> Rule:
+    """A function of facts that takes the children and some parameters of its definition, as a function of all.
+
+    SceneError if it cannot be called with them.
+    """
+    try:
+        signature = inspect.signature(rule)
+    except ValueError:  # a function without a signature
+        return rule
+    kinds = [q.kind for q in signature.parameters.values()]
+    taken = list(names) if inspect.Parameter.VAR_KEYWORD in kinds else [n for n in names if n in signature.parameters]
     children = {"none": 0, "one": 1, "many": 2 if of_all else 1}[arity]
     try:
-        inspect.signature(rule).bind(*range(children), **dict.fromkeys(names))
+        signature.bind(*range(children), **dict.fromkeys(taken))
     except TypeError:
         shown = {"none": [], "one": ["child"], "many": ["*children" if of_all else "children"]}[arity]
         raise SceneError(
-            f"{what} takes {inspect.signature(rule)}", legal=f"it receives {', '.join([*shown, *names])}", where=where
+            f"{what} takes {signature}", legal=f"it receives {', '.join([*shown, *names])}", where=where
         ) from None
-    except ValueError:  # a function without a signature
-        return
+    if len(taken) == len(names):
+        return rule
+    return lambda *facts, **given: rule(*facts, **{name: given[name] for name in taken})
 
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:
@@ -431,7 +442,7 @@ def _require(name: str, exactness: Any, bounds: Any) -> None:
         raise SceneError(f"{name}: exactness = {short(exactness)}", legal="'exact', 'bound' or 'estimate'")
 
 
-def _decorator(arity: str, dimension: Dimension, child_dimension: Dimension | None, **declared: Any) -> Any:
+def _decorator(arity: str, dimension: Dimension, child_dimension: Dimension | None = None, **declared: Any) -> Any:
     """The decorator that makes a definition of a function, and gives the function that makes its nodes."""
 
     def decorate(source: Callable[..., Any]) -> Builder:
@@ -450,7 +461,7 @@ def shape(
     symmetry: str | Rule = "",
     spread: float | Rule | None = None,
     convex: bool | Rule = False,
-    check: Rule | None = None,
+    check: Rule | Fits | None = None,
     dimension: Literal[2, 3] = 3,
     called: str = "",
 ) -> Callable[[Callable[Concatenate[Any, P], Any]], Callable[P, Node]]:
@@ -474,23 +485,11 @@ def shape(
     dimension : 3, or 2 for a shape to extrude or revolve.
     called : the name in messages, reprs and GLSL; by default that of the function.
 
+    The functions may take some of the parameters only, by name.
     The parameters are annotated with `Positive`, `Vec3`, ...; other values are refused before the definition runs.
     Raises SceneError if a fact is missing.
     """
-
-    return _decorator(
-        "none",
-        dimension,
-        dimension,
-        called=called,
-        exactness=exactness,
-        bounds=bounds,
-        lipschitz=lipschitz,
-        symmetry=symmetry,
-        spread=spread,
-        convex=convex,
-        check=check,
-    )
+    return _decorator("none", **locals())
 
 
 @checked
@@ -502,7 +501,7 @@ def operator(
     symmetry: str | Rule = "",
     spread: float | Rule | None = None,
     convex: bool | Rule = False,
-    check: Rule | None = None,
+    check: Rule | Fits | None = None,
     dimension: Dimension = 3,
     child_dimension: Literal[2, 3] | None = None,
     called: str = "",
@@ -526,20 +525,7 @@ def operator(
         flat; for a flat child p, and parameters that are a vec3 (mat3) in 3D, become a vec2 (mat2).
     called : the name in messages, reprs and GLSL; by default that of the function.
     """
-
-    return _decorator(
-        "one",
-        dimension,
-        child_dimension,
-        called=called,
-        exactness=exactness,
-        bounds=bounds,
-        lipschitz=lipschitz,
-        symmetry=symmetry,
-        spread=spread,
-        convex=convex,
-        check=check,
-    )
+    return _decorator("one", **locals())
 
 
 def combination(
@@ -561,21 +547,7 @@ def combination(
     The parameters are those of `operator`, and two more. `associative`: nested nodes of this kind are merged into one.
     `cuts`: a child without its own material takes the material of the child that it cuts.
     """
-
-    return _decorator(
-        "many",
-        dimension,
-        child_dimension,
-        called=called,
-        exactness=exactness,
-        bounds=bounds,
-        lipschitz=lipschitz,
-        symmetry=symmetry,
-        spread=spread,
-        convex=convex,
-        associative=associative,
-        cuts=cuts,
-    )
+    return _decorator("many", **locals())
 
 
 def cube(half: Any) -> tuple[Expr, Expr]:

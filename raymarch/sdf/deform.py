@@ -19,8 +19,7 @@ from raymarch.expr.vocabulary import abs, clamp, cos, length, max, min, sin, sqr
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.node import Node, solid
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, method, solid
 
 
 def _reach(node: Node, name: str, axes: str) -> float:
@@ -69,7 +68,7 @@ def _twisted_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, E
 @operator(
     bounds=_twisted_bounds,
     lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, reach),
-    spread=lambda child, rate, reach: max(child.spread, 1.0),
+    spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xz"),
     called="twist",
 )
@@ -99,7 +98,7 @@ def _bent_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr
 @operator(
     bounds=_bent_bounds,
     lipschitz=lambda child, rate, reach: child.lipschitz * (1.0 + abs(rate) * reach),
-    spread=lambda child, rate, reach: max(child.spread, 1.0),
+    spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xy"),
     called="bend",
 )
@@ -153,9 +152,7 @@ def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -
 @operator(
     bounds=_tapered_bounds,
     lipschitz=lambda child, rate, reach, low, high: child.lipschitz * taper_slope(rate, reach, low, high),
-    spread=lambda child, rate, reach, low, high: (
-        max(child.spread, 1.0) * max(1.0, max(1.0 + rate * low, 1.0 + rate * high))
-    ),
+    spread=lambda child, rate, low, high: max(child.spread, 1.0) * max(1.0, max(1.0 + rate * low, 1.0 + rate * high)),
     check=_check_taper,
     called="taper",
 )
@@ -194,9 +191,7 @@ def _waves_slope(child: ChildFacts, amplitude: Expr, frequency: Expr) -> Expr:
     return child.lipschitz + amplitude * max(f.x, max(f.y, f.z))
 
 
-@operator(
-    bounds=_swollen, lipschitz=_waves_slope, spread=lambda child, amplitude, frequency: child.spread, called="displace"
-)
+@operator(bounds=_swollen, lipschitz=_waves_slope, spread=lambda child: child.spread, called="displace")
 def displace_by_waves(
     p: Expr, child: Child, amplitude: NonNegative = 0.05, frequency: Vec3 = (10.0, 10.0, 10.0)
 ) -> Expr:

@@ -6,7 +6,7 @@ The decorators read the `Domain` in the annotation, convert each argument, and r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any, TypeAlias
@@ -249,19 +249,22 @@ def require(condition: Expr, what: str, legal: str) -> None:
         raise SceneError(what, legal=legal)
 
 
-def fits(node: str, holds: Callable[..., Expr], legal: str) -> Callable[..., None]:
+@dataclass(frozen=True, slots=True)
+class Fits:
     """A check of a node's parameters that must fit each other.
 
     holds : the relation, a function of those parameters; see `require`. legal : it in words.
     """
-    names = holds.__code__.co_varnames[: holds.__code__.co_argcount]
 
-    def check(**params: Any) -> None:
-        given = {name: params[name] for name in names}
+    holds: Callable[..., Expr]
+    legal: str
+
+    def require(self, node: str, params: Mapping[str, Any]) -> None:
+        """SceneError unless the relation holds; see `require`. node : the name for the message."""
+        code = self.holds.__code__
+        given = {name: params[name] for name in code.co_varnames[: code.co_argcount]}
         values = ", ".join(f"{name} = {shown(value)}" for name, value in given.items())
-        require(holds(**given), f"{node}: {values}", legal)
-
-    return check
+        require(self.holds(**given), f"{node}: {values}", self.legal)
 
 
 def _holds_at_corners(condition: Expr) -> bool:

@@ -25,7 +25,7 @@ from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import VEC2
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, where
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Domain, NonNegative, Points2, Positive, Size2, Vec2, fits, require, shown
+from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
 from raymarch.sdf.facts import Exactness
 
 __all__ = [
@@ -67,11 +67,10 @@ def rectangle(p: Expr, size: Size2 = (1.6, 1.0)) -> Expr:
 
 @shape(
     exactness="exact",
-    bounds=lambda size, radius: cube(0.5 * size),
+    bounds=lambda size: cube(0.5 * size),
     symmetry="xy",
     convex=True,
-    check=fits(
-        "rounded_rectangle",
+    check=Fits(
         lambda size, radius: 2.0 * radius <= min(size.x, size.y),
         "radius <= half the smaller extent",
     ),
@@ -302,9 +301,9 @@ def flat_triangle(p: Expr, a: Vec2 = (-0.8, -0.6), b: Vec2 = (0.9, -0.4), c: Vec
 @shape(
     exactness="exact",
     bounds=lambda bottom, top, height: cube(vec2(0.5 * max(bottom, top), 0.5 * height)),
-    symmetry=lambda bottom, top, height: "xy" if bottom is top else "x",
+    symmetry=lambda bottom, top: "xy" if bottom is top else "x",
     convex=True,
-    check=fits("trapezoid", lambda bottom, top: bottom + top > 0.0, "at least one of them > 0"),
+    check=Fits(lambda bottom, top: bottom + top > 0.0, "at least one of them > 0"),
     dimension=2,
 )
 def trapezoid(p: Expr, bottom: NonNegative = 1.8, top: NonNegative = 0.8, height: Positive = 1.2) -> Expr:
@@ -356,7 +355,7 @@ def _regular_bounds(sides: int, radius: Any) -> tuple[Expr, Expr]:
 @shape(
     exactness="exact",
     bounds=_regular_bounds,
-    symmetry=lambda sides, radius: "x" if sides % 2 else "xy",
+    symmetry=lambda sides: "x" if sides % 2 else "xy",
     convex=True,
     dimension=2,
 )
@@ -385,8 +384,8 @@ def _star_bounds(points: int, outer: Any, inner: Any) -> tuple[Expr, Expr]:
 @shape(
     exactness="exact",
     bounds=_star_bounds,
-    symmetry=lambda points, outer, inner: "x" if points % 2 else "xy",
-    check=fits("star", lambda outer, inner: inner < outer, "inner < outer"),
+    symmetry=lambda points: "x" if points % 2 else "xy",
+    check=Fits(lambda outer, inner: inner < outer, "inner < outer"),
     dimension=2,
 )
 def star(p: Expr, points: Sides = 5, outer: Positive = 1.0, inner: Positive = 0.45) -> Expr:
@@ -404,9 +403,9 @@ def star(p: Expr, points: Sides = 5, outer: Positive = 1.0, inner: Positive = 0.
 
 @shape(
     exactness="exact",
-    bounds=lambda size, thickness: cube(vec2(0.5 * size)),
+    bounds=lambda size: cube(vec2(0.5 * size)),
     symmetry="xy",
-    check=fits("cross", lambda size, thickness: thickness < size, "thickness < size"),
+    check=Fits(lambda size, thickness: thickness < size, "thickness < size"),
     dimension=2,
 )
 def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
@@ -451,13 +450,7 @@ def _exact_if_straight(points: Points, thickness: Any) -> Exactness:
     return "exact" if len(points) == 2 else "bound"
 
 
-@shape(
-    exactness=_exact_if_straight,
-    bounds=_line_box,
-    spread=1.0,
-    convex=lambda points, thickness: len(points) == 2,
-    dimension=2,
-)
+@shape(exactness=_exact_if_straight, bounds=_line_box, spread=1.0, convex=lambda points: len(points) == 2, dimension=2)
 def polyline(
     p: Expr, points: Points2 = ((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4)), thickness: Positive = 0.2
 ) -> Expr:

@@ -33,7 +33,7 @@ from raymarch.expr.vocabulary import (
     where,
 )
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Positive, Size2, Turn, Vec2, fits, surely
+from raymarch.sdf.domain import Fits, Positive, Size2, Turn, Vec2, surely
 from raymarch.sdf.facts import Exactness
 
 __all__ = ["arc", "bezier", "egg", "ellipse", "flat_vesica", "heart", "moon", "pie", "ring"]
@@ -53,7 +53,7 @@ def shallow_arc(p: Expr, radius: Expr, back: Expr) -> Expr:
     exactness="exact",
     bounds=lambda radius, thickness: cube(vec2(radius + 0.5 * thickness)),
     symmetry="xy",
-    check=fits("ring", lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
+    check=Fits(lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
     dimension=2,
 )
 def ring(p: Expr, radius: Positive = 0.8, thickness: Positive = 0.3) -> Expr:
@@ -82,7 +82,7 @@ def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
     bounds=_arc_bounds,
     symmetry="x",
     spread=1.0,
-    check=fits("arc", lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
+    check=Fits(lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
     dimension=2,
 )
 def arc(p: Expr, radius: Positive = 0.8, angle: Turn = 4.0, thickness: Positive = 0.3) -> Expr:
@@ -115,7 +115,7 @@ def _exact_if_cut(radius: Expr, angle: Expr) -> Exactness:
     bounds=_pie_bounds,
     symmetry="x",
     spread=1.0,
-    convex=lambda radius, angle: surely(angle <= math.pi),
+    convex=lambda angle: surely(angle <= math.pi),
     dimension=2,
 )
 def pie(p: Expr, radius: Positive = 1.0, angle: Turn = 2.0) -> Expr:
@@ -162,7 +162,7 @@ def heart(p: Expr, height: Positive = 1.6) -> Expr:
     bounds=lambda width, height: cube(0.5 * vec2(width, height)),
     symmetry="xy",
     convex=True,
-    check=fits("flat_vesica", lambda width, height: width <= height, "width <= height"),
+    check=Fits(lambda width, height: width <= height, "width <= height"),
     dimension=2,
 )
 def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 1.8) -> Expr:
@@ -213,11 +213,10 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
 
 @shape(
     exactness="exact",
-    bounds=lambda width, height, tip: cube(0.5 * vec2(width, height)),
+    bounds=lambda width, height: cube(0.5 * vec2(width, height)),
     symmetry="x",
     convex=True,
-    check=fits(
-        "egg",
+    check=Fits(
         lambda width, height, tip: (width <= height) & (2.0 * tip < width),
         "width <= height, and tip < half the width",
     ),
@@ -257,8 +256,7 @@ def _moon_bounds(radius: Any, bite: Any, offset: Any) -> tuple[Expr, Expr]:
     exactness="exact",
     bounds=_moon_bounds,
     symmetry="y",
-    check=fits(
-        "moon",
+    check=Fits(
         lambda radius, bite, offset: (offset < radius + bite) & (abs(radius - bite) < offset),
         "circles that cross: |radius - bite| < offset < radius + bite",
     ),

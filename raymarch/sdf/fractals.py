@@ -40,7 +40,7 @@ __all__ = ["apollonian", "julia", "mandelbox", "mandelbulb", "menger", "sierpins
 TINY = 1e-20
 
 
-@shape(exactness="bound", bounds=lambda size, iterations: cube(0.5 * size), symmetry="xyz", spread=math.sqrt(3.0))
+@shape(exactness="bound", bounds=lambda size: cube(0.5 * size), symmetry="xyz", spread=math.sqrt(3.0))
 def menger(p: Expr, size: Positive = 2.0, iterations: Count = 3) -> Expr:
     """Menger's sponge: a cube with square bars taken out, at ever smaller scales (Menger 1926).
 
@@ -85,7 +85,7 @@ def sierpinski(p: Expr, size: Positive = 2.0, iterations: Count = 5) -> Expr:
     return 0.5 * size * ((faces - 1.0) * (1.0 / math.sqrt(3.0)) / scale)
 
 
-@shape(exactness="estimate", bounds=lambda power, iterations: cube(exp2(1.0 / (power - 1.0))))
+@shape(exactness="estimate", bounds=lambda power: cube(exp2(1.0 / (power - 1.0))))
 def mandelbulb(p: Expr, power: Power = 8.0, iterations: Count = 5) -> Expr:
     """The Mandelbulb: z -> z^power + p in spherical coordinates (White and Nylander 2009).
 
@@ -105,7 +105,7 @@ def mandelbulb(p: Expr, power: Power = 8.0, iterations: Count = 5) -> Expr:
     return 0.5 * log(max(r, TINY)) * r / growth
 
 
-@shape(exactness="estimate", bounds=lambda c, iterations: cube(0.5 + sqrt(0.25 + length(c))))
+@shape(exactness="estimate", bounds=lambda c: cube(0.5 + sqrt(0.25 + length(c))))
 def julia(p: Expr, c: Vec4 = (-0.2, 0.6, 0.2, 0.2), iterations: Count = 11) -> Expr:
     """A slice of a quaternion Julia set: z -> z^2 + c (Norton 1982).
 
@@ -123,7 +123,7 @@ def julia(p: Expr, c: Vec4 = (-0.2, 0.6, 0.2, 0.2), iterations: Count = 11) -> E
     return 0.5 * log(max(r, TINY)) * r / max(growth, TINY)
 
 
-@shape(exactness="estimate", bounds=lambda factor, iterations: cube(6.0), symmetry="xyz")
+@shape(exactness="estimate", bounds=lambda: cube(6.0), symmetry="xyz")
 def mandelbox(p: Expr, factor: Number = 2.0, iterations: Count = 8) -> Expr:
     """The Mandelbox: fold into a box, fold into a ball, scale by a factor, add p (Lowe 2010).
 
@@ -139,7 +139,7 @@ def mandelbox(p: Expr, factor: Number = 2.0, iterations: Count = 8) -> Expr:
     return length(z) / growth
 
 
-@shape(exactness="estimate", bounds=lambda scale, iterations: EVERYWHERE)
+@shape(exactness="estimate", bounds=lambda: EVERYWHERE)
 def apollonian(p: Expr, scale: Factor = 1.2, iterations: Count = 6) -> Expr:
     """An unbounded Apollonian gasket: fold into a cell of edge 2, invert in a sphere, and repeat.
 

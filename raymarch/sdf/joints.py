@@ -15,8 +15,7 @@ from raymarch.expr.vocabulary import length, max, min, mix, vec2
 from raymarch.sdf.booleans import balanced, hull, spread_of_first, widest
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Fraction, Positive, Scalar
-from raymarch.sdf.node import Node
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, called_by_nodes, method
 
 __all__ = ["engrave", "groove", "morph", "pipe", "tongue", "xor"]
 
@@ -108,7 +107,7 @@ def tongue(a: Node, b: Node, height: Scalar = 0.1, width: Scalar = 0.1) -> Node:
 
 
 @checked
-@method
+@called_by_nodes
 def xor(a: Node, b: Node) -> Node:
     """Exclusive or: the points of one of two solids but not of both. A bound."""
     return exclusive([a, b])

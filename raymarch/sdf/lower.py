@@ -27,8 +27,7 @@ from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitut
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened, rows_of
-from raymarch.sdf.node import Node
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, called_by_nodes
 from raymarch.sdf.variables import assignment_of
 from raymarch.sdf.visibility import RAY_KIND, shown
 from raymarch.sdf.weights import distance_scale
@@ -578,13 +577,13 @@ BLOCK = 1 << 14
 """Points that are evaluated at once; this limits the size of temporary arrays."""
 
 
-@method
+@called_by_nodes
 def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances in float64; see `Node.distance`."""
     return _in_blocks(_field_of(node), points, ()).reshape(points.shape[:-1])
 
 
-@method
+@called_by_nodes
 def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gradients in float64; see `Node.gradient`."""
     size = points.shape[-1]
@@ -610,7 +609,7 @@ def _in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[i
     return result
 
 
-@method
+@called_by_nodes
 def print_field(node: Node) -> str:
     """GLSL of the field alone; see `Node.glsl`."""
     text = print_functions([lower(node)])

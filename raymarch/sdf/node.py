@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping
+from functools import wraps
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,13 +17,10 @@ from raymarch.expr.convert import described, numbers, short
 from raymarch.expr.peers import OPERATORS, refused_operator, unknown_attribute
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.pickling import Same, pickled, remake, same
-from raymarch.sdf.registry import METHODS
 
 if TYPE_CHECKING:
-    import os
-
     from raymarch.expr.function import Function
-    from raymarch.expr.node import Expr, Operand
+    from raymarch.sdf import booleans, copies, deform, noise, placing, profiles, repetition, sampled, warps
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
 
@@ -185,60 +184,22 @@ class Node:
         result: Node = METHODS[name](self, *args, **kwargs)
         return result
 
-    def union(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-        """The union of this solid and the others; see `raymarch.union`."""
-        return self._call("union", *others, k=k, blend=blend, steps=steps)
+    if TYPE_CHECKING:  # `method` adds them
+        union, intersection, difference = booleans.union, booleans.intersection, booleans.difference
+        rotate, scale, transform, mirror = placing.rotate, placing.scale, placing.transform, placing.mirror
+        orient, shear, wrap_around = warps.orient, warps.shear, warps.wrap_around
+        twist, bend, taper, displace = deform.twist, deform.bend, deform.taper, deform.displace
+        displace_by, displace_by_noise = noise.displace_by, noise.displace_by_noise
+        displace_by_image, extrude_to = sampled.displace_by_image, profiles.extrude_to
+        repeat, polar = repetition.repeat, copies.polar
+        repeat_mirrored, repeat_interval = copies.repeat_mirrored, copies.repeat_interval
+        material = placing.material
 
-    def intersection(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-        """The intersection of this solid and the others; see `raymarch.intersection`."""
-        return self._call("intersection", *others, k=k, blend=blend, steps=steps)
-
-    def difference(self, *others: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-        """This solid without the others; see `raymarch.difference`."""
-        return self._call("difference", *others, k=k, blend=blend, steps=steps)
-
-    # Placing and shaping
+    # Methods of operators, whose types a decorator derives
 
     def translate(self, offset: Vector) -> Node:
         """Translate by a vec3."""
         return self._call("translate", offset)
-
-    def rotate(self, angle: Scalar, axis: Vector | str | None = None) -> Node:
-        """Rotate by an angle in radians about an axis through the origin ("y" if none is given), counter-clockwise
-        seen from its tip; a flat shape about the origin."""
-        return self._call("rotate", angle, axis)
-
-    def orient(self, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str = "y") -> Node:
-        """Rotate by the smallest angle that makes an axis point along a direction."""
-        return self._call("orient", direction, axis)
-
-    def scale(self, factor: Scalar | Vector) -> Node:
-        """Scale about the origin: by one factor (keeps exactness) or one for each axis (gives a bound)."""
-        return self._call("scale", factor)
-
-    def transform(self, matrix: ArrayLike) -> Node:
-        """Apply an affine 4x4 matrix for row vectors, as pyrr makes them; see `raymarch.transform`."""
-        return self._call("transform", matrix)
-
-    def mirror(self, axis: Vector | str) -> Node:
-        """The half on the side that the axis ("x", "y", "z" or a normal) points to, and its mirror image."""
-        return self._call("mirror", axis)
-
-    def repeat(self, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
-        """Copies at a spacing along the axes; see `raymarch.repeat`."""
-        return self._call("repeat", spacing, count)
-
-    def polar(self, count: int) -> Node:
-        """Copies in equal steps about the y axis; this solid is the first."""
-        return self._call("polar", count)
-
-    def repeat_mirrored(self, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
-        """Copies at a spacing, every other one mirrored; see `raymarch.sdf.repeat_mirrored`."""
-        return self._call("repeat_mirrored", spacing, count)
-
-    def repeat_interval(self, spacing: Vector | Scalar, first: int | Sequence[int], last: int | Sequence[int]) -> Node:
-        """Copies at integer multiples of a spacing, from the first to the last."""
-        return self._call("repeat_interval", spacing, first, last)
 
     def round(self, radius: Scalar) -> Node:
         """Grow by a radius, with rounded edges."""
@@ -256,65 +217,17 @@ class Node:
         """Elongate along the axes: the section through the origin is extruded, the ends keep their shape."""
         return self._call("elongate", extent)
 
-    def displace_by_image(
-        self, source: str | os.PathLike[str] | ArrayLike, size: Vector | Scalar = (2.0, 2.0), height: Scalar = 0.2
-    ) -> Node:
-        """Displace along the normals by an image over the xz plane; see `raymarch.displace_by_image`."""
-        return self._call("displace_by_image", source, size, height)
-
-    def displace_by_noise(self, amplitude: Scalar = 0.1, frequency: Scalar = 3.0, octaves: int = 2) -> Node:
-        """Displace by fractal noise: height up to `amplitude`, `frequency` per unit of length, in `octaves` layers."""
-        return self._call("displace_by_noise", amplitude, frequency, octaves)
-
-    def displace_by(
-        self, function: Callable[[Expr], Operand], amplitude: Scalar | None = None, lipschitz: Scalar | None = None
-    ) -> Node:
-        """Displace along the normals by a function of the point; see `raymarch.sdf.displace_by`."""
-        return self._call("displace_by", function, amplitude, lipschitz)
-
     def complement(self) -> Node:
         """The complement: everything outside this solid."""
         return self._call("complement")
-
-    # Deforming
-
-    def twist(self, rate: Scalar = 1.0) -> Node:
-        """Twist about y by `rate` radians per unit of y."""
-        return self._call("twist", rate)
-
-    def bend(self, rate: Scalar = 0.5) -> Node:
-        """Bend about z by `rate` radians per unit of x."""
-        return self._call("bend", rate)
-
-    def shear(self, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> Node:
-        """Shear along one axis by `amount` times the coordinate along another."""
-        return self._call("shear", amount, axis, by)
-
-    def wrap_around(self, start: Scalar | None = None, end: Scalar | None = None) -> Node:
-        """Wrap a slab along x once around the y axis; x = `start` and x = `end` meet."""
-        return self._call("wrap_around", start, end)
 
     def transition(self, other: Node, start: Vector, end: Vector) -> Node:
         """A transition from this solid, up to `start`, to another one, from `end` on."""
         return self._call("transition", other, start, end)
 
-    def taper(self, rate: Scalar = 0.3) -> Node:
-        """Scale across the y axis by the factor 1 + rate y."""
-        return self._call("taper", rate)
-
-    def displace(self, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 10.0) -> Node:
-        """Displace by amplitude times a product of sines, `frequency` in radians per unit of length."""
-        return self._call("displace", amplitude, frequency)
-
-    # Between flat shapes and solids
-
     def extrude(self, height: Scalar = 1.0) -> Node:
         """Extrude a flat shape along z to a full height, centred."""
         return self._call("extrude", height)
-
-    def extrude_to(self, other: Node, height: Scalar = 1.0, easing: str = "smooth") -> Node:
-        """Extrude a flat shape along z while it changes into another one."""
-        return self._call("extrude_to", other, height, easing)
 
     def revolve(self, offset: Scalar = 0.0) -> Node:
         """Revolve a flat shape about the y axis, after moving it along +x by an offset."""
@@ -328,9 +241,36 @@ class Node:
         """Hide this solid from kinds of rays: camera rays, shadow rays, or rays that start at surfaces."""
         return self._call("visible", camera, shadow, reflection)
 
-    def material(self, material: object) -> Node:
-        """Assign a material. Parts that have their own material keep it."""
-        return self._call("material", material)
+
+METHODS: dict[str, Callable[..., Any]] = {}
+"""The functions of modules that import `Node` which nodes call, by name."""
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def called_by_nodes(function: F) -> F:
+    """Decorator: let the methods of nodes find this function by its name."""
+    METHODS[function.__name__] = function
+    return function
+
+
+def method(function: F) -> F:
+    """Decorator: let nodes offer this function as the method of the same name. Its first argument is the node."""
+    name = function.__name__
+    if not hasattr(Node, name):
+
+        @wraps(function)
+        def bound(self: Node, *args: Any, **kwargs: Any) -> Any:
+            return function(self, *args, **kwargs)
+
+        signature = inspect.signature(function)
+        first, *others = signature.parameters.values()
+        own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        others = [first, *others] if first.kind is first.VAR_POSITIONAL else others
+        bound.__signature__ = signature.replace(parameters=[own, *others])  # type: ignore[attr-defined]
+        bound.__qualname__ = f"Node.{name}"
+        setattr(Node, name, checked(bound, name))
+    return called_by_nodes(function)
 
 
 def solid(what: str, node: Any) -> Node:

@@ -26,8 +26,7 @@ from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
-from raymarch.sdf.node import Node, solid
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, method, solid
 
 __all__ = ["hash", "value_noise"]
 
@@ -68,9 +67,9 @@ def _share(octaves: int) -> float:
 
 
 @operator(
-    bounds=lambda child, amplitude, **_: child.grown(amplitude),
+    bounds=lambda child, amplitude: child.grown(amplitude),
     lipschitz=1.0,
-    spread=lambda child, **_: child.spread,
+    spread=lambda child: child.spread,
     called="displace_by_noise",
 )
 def noisy(
@@ -106,9 +105,9 @@ def ripples(p: Expr) -> Expr:
 
 
 @operator(
-    bounds=lambda child, function, amplitude, slope: child.grown(amplitude),
+    bounds=lambda child, amplitude: child.grown(amplitude),
     lipschitz=1.0,
-    spread=lambda child, function, amplitude, slope: child.spread,
+    spread=lambda child: child.spread,
     called="displace_by",
 )
 def displaced(

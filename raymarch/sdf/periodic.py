@@ -47,7 +47,7 @@ def _fits(name: str, limit: float) -> Rule:
     return check
 
 
-@shape(exactness="bound", bounds=lambda period, thickness: EVERYWHERE, spread=1.0, check=_fits("gyroid", 1.075))
+@shape(exactness="bound", bounds=lambda: EVERYWHERE, spread=1.0, check=_fits("gyroid", 1.075))
 def gyroid(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
     """Wall along Schoen's gyroid (1970), unbounded.
 
@@ -61,13 +61,7 @@ def gyroid(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
     return _wall(_level(dot(sin(q), swizzle(cos(q), "yzx")), 3.0, 1.5), period, thickness)
 
 
-@shape(
-    exactness="bound",
-    bounds=lambda period, thickness: EVERYWHERE,
-    symmetry="xyz",
-    spread=1.0,
-    check=_fits("schwarz_p", 2.15),
-)
+@shape(exactness="bound", bounds=lambda: EVERYWHERE, symmetry="xyz", spread=1.0, check=_fits("schwarz_p", 2.15))
 def schwarz_p(p: Expr, period: Positive = 1.0, thickness: Positive = 0.1) -> Expr:
     """Wall along Schwarz's primitive surface (1865), unbounded.
 
@@ -80,7 +74,7 @@ def schwarz_p(p: Expr, period: Positive = 1.0, thickness: Positive = 0.1) -> Exp
     return _wall(_level(x + y + z, 3.0, 3.0), period, thickness)
 
 
-@shape(exactness="bound", bounds=lambda period, thickness: EVERYWHERE, spread=1.0, check=_fits("schwarz_d", 1.013))
+@shape(exactness="bound", bounds=lambda: EVERYWHERE, spread=1.0, check=_fits("schwarz_d", 1.013))
 def schwarz_d(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
     """Wall along Schwarz's diamond surface (1865), unbounded.
 
@@ -96,13 +90,7 @@ def schwarz_d(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Ex
     return _wall(_level(f, 3.0, math.sqrt(2.0)), period, thickness)
 
 
-@shape(
-    exactness="bound",
-    bounds=lambda period, thickness: EVERYWHERE,
-    symmetry="xyz",
-    spread=1.0,
-    check=_fits("neovius", 1.758),
-)
+@shape(exactness="bound", bounds=lambda: EVERYWHERE, symmetry="xyz", spread=1.0, check=_fits("neovius", 1.758))
 def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr:
     """Wall along Neovius' surface (1883), unbounded.
 
@@ -118,7 +106,7 @@ def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr
     return _wall(2.0 * f / (math.sqrt(27.01) + sqrt(27.01 + 5.0 * abs(f))), period, thickness)
 
 
-@shape(exactness="bound", bounds=lambda period, thickness: EVERYWHERE, spread=1.0, check=_fits("lidinoid", 0.44))
+@shape(exactness="bound", bounds=lambda: EVERYWHERE, spread=1.0, check=_fits("lidinoid", 0.44))
 def lidinoid(p: Expr, period: Positive = 2.0, thickness: Positive = 0.06) -> Expr:
     """Wall along Lidin's surface (1990), in its usual approximation by sines and cosines, unbounded.
 

@@ -17,8 +17,7 @@ from raymarch.expr.vocabulary import abs, columns, cos, dot, max, min, sin, tran
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.node import Node
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, method
 
 AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -56,7 +55,7 @@ def _spread_through(matrix: Expr) -> Expr:
     exactness="exact",
     bounds=lambda child, offset: child.box + offset,
     symmetry=_unmoved,
-    spread=lambda child, offset: child.spread,
+    spread=lambda child: child.spread,
     convex=True,
     dimension="any",
 )
@@ -150,7 +149,7 @@ def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     exactness="exact",
     bounds=lambda child, factor: child.box * factor,
     symmetry="keep",
-    spread=lambda child, factor: child.spread,
+    spread=lambda child: child.spread,
     convex=True,
     dimension="any",
     called="scale",
@@ -191,9 +190,9 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
 
 
 @operator(
-    exactness=lambda child, linear, inverse, offset, stretch: "exact" if _is_rigid(linear) else "bound",
-    bounds=lambda child, linear, inverse, offset, stretch: linear @ child.box + offset,
-    spread=lambda child, linear, inverse, offset, stretch: child.spread * _spread_through(linear) / stretch,
+    exactness=lambda child, linear: "exact" if _is_rigid(linear) else "bound",
+    bounds=lambda child, linear, offset: linear @ child.box + offset,
+    spread=lambda child, linear, stretch: child.spread * _spread_through(linear) / stretch,
     convex=True,
     dimension="any",
     called="transform",

@@ -19,8 +19,7 @@ from raymarch.sdf.definition import Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word, shown
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.lower import lower
-from raymarch.sdf.node import Node
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, method
 
 # Extrusion
 
@@ -40,8 +39,8 @@ def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
     exactness="exact",
     bounds=lambda child, height: _prism_bounds(child.lower, child.upper, height),
     lipschitz=1.0,
-    symmetry=lambda child, height: child.symmetry + "z",
-    spread=lambda child, height: child.spread,
+    symmetry=lambda child: child.symmetry + "z",
+    spread=lambda child: child.spread,
     convex=True,
     child_dimension=2,
 )
@@ -195,8 +194,8 @@ def _turned_bounds(child: ChildFacts, offset: Any) -> tuple[Expr, Expr]:
     exactness=_exact_if_clear,
     bounds=_turned_bounds,
     lipschitz=1.0,
-    symmetry=lambda child, offset: "xyz" if "y" in child.symmetry else "xz",
-    spread=lambda child, offset: child.spread,
+    symmetry=lambda child: "xyz" if "y" in child.symmetry else "xz",
+    spread=lambda child: child.spread,
     convex=lambda child, offset: child.convex and _mirrored(child, offset),
     child_dimension=2,
 )
@@ -227,7 +226,7 @@ def _slice_bounds(child: ChildFacts, z: Any) -> tuple[Expr, Expr]:
 @method
 @operator(
     bounds=_slice_bounds,
-    symmetry=lambda child, z: child.symmetry.replace("z", ""),
+    symmetry=lambda child: child.symmetry.replace("z", ""),
     spread=lambda child, z: where(_missed(child, z), np.inf, child.spread),
     convex=True,
     dimension=2,
@@ -316,8 +315,8 @@ def _check_offset(child: Facts, distance: Any) -> None:
     exactness=_exact_if_grown,
     bounds=_offset_bounds,
     symmetry="keep",
-    spread=lambda child, distance: child.spread,
-    convex=lambda child, distance: child.convex and child.exactness == "exact",
+    spread=lambda child: child.spread,
+    convex=lambda child: child.convex and child.exactness == "exact",
     check=_check_offset,
     dimension="any",
 )

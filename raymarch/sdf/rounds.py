@@ -37,6 +37,7 @@ from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import (
     Acute,
     Domain,
+    Fits,
     HalfTurn,
     Length,
     NonNegative,
@@ -44,7 +45,6 @@ from raymarch.sdf.domain import (
     Size3,
     Turn,
     Vec3,
-    fits,
     shown,
     surely,
 )
@@ -129,13 +129,7 @@ def _steepest(a: Expr, b: Expr, e: Expr) -> Expr:
     return where(beyond > 0.0, high * pow(1.0 + pow(low / high, 2.0 / max(beyond, 1e-6)), 0.5 * max(beyond, 0.0)), high)
 
 
-@shape(
-    exactness="bound",
-    bounds=lambda size, north_south, east_west: cube(0.5 * size),
-    symmetry="xyz",
-    spread=1.0,
-    convex=True,
-)
+@shape(exactness="bound", bounds=lambda size: cube(0.5 * size), symmetry="xyz", spread=1.0, convex=True)
 def superquadric(
     p: Expr,
     size: Size3 = (1.6, 1.4, 1.6),
@@ -188,7 +182,7 @@ def _capped_torus_bounds(major: Any, minor: Any, angle: Any) -> tuple[Expr, Expr
     exactness=_capped_torus_exactness,
     bounds=_capped_torus_bounds,
     symmetry="yz",
-    check=fits("capped_torus", lambda major, minor: minor <= major, "minor <= major"),
+    check=Fits(lambda major, minor: minor <= major, "minor <= major"),
     spread=1.0,
 )
 def capped_torus(p: Expr, major: Positive = 0.8, minor: Positive = 0.2, angle: Turn = 4.0) -> Expr:
@@ -211,7 +205,7 @@ def capped_torus(p: Expr, major: Positive = 0.8, minor: Positive = 0.2, angle: T
     exactness="exact",
     bounds=lambda straight, major, minor: cube(vec3(major + minor, 0.5 * straight + major + minor, minor)),
     symmetry="xyz",
-    check=fits("link", lambda major, minor: minor <= major, "minor <= major"),
+    check=Fits(lambda major, minor: minor <= major, "minor <= major"),
 )
 def link(p: Expr, straight: NonNegative = 0.6, major: Positive = 0.45, minor: Positive = 0.15) -> Expr:
     """Link of a chain: a torus about the z axis, elongated along y.
@@ -242,10 +236,9 @@ def infinite_cylinder(p: Expr, radius: Positive = 0.5) -> Expr:
 
 @shape(
     exactness="exact",
-    bounds=lambda radius, height, rounding: cube(vec3(radius, 0.5 * height, radius)),
+    bounds=lambda radius, height: cube(vec3(radius, 0.5 * height, radius)),
     symmetry="xyz",
-    check=fits(
-        "rounded_cylinder",
+    check=Fits(
         lambda radius, height, rounding: rounding <= min(radius, 0.5 * height),
         "rounding <= radius and <= height / 2",
     ),
@@ -265,7 +258,7 @@ def rounded_cylinder(p: Expr, radius: Positive = 0.8, height: Positive = 1.4, ro
     exactness="exact",
     bounds=lambda radius, height, top: cube(vec3(max(radius, top), 0.5 * height, max(radius, top))),
     symmetry="xz",
-    check=fits("cone", lambda radius, top: max(radius, top) > 0.0, "one of them > 0"),
+    check=Fits(lambda radius, top: max(radius, top) > 0.0, "one of them > 0"),
     convex=True,
 )
 def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNegative = 0.0) -> Expr:
@@ -288,12 +281,7 @@ def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNeg
     return where(inside > 0.0, sqrt(min(dot(to_side, to_side), dot(to_end, to_end))), inside)
 
 
-@shape(
-    exactness="exact",
-    bounds=lambda half_angle: (vec3(-_FAR), vec3(_FAR, 0.0, _FAR)),
-    symmetry="xz",
-    convex=True,
-)
+@shape(exactness="exact", bounds=lambda: (vec3(-_FAR), vec3(_FAR, 0.0, _FAR)), symmetry="xz", convex=True)
 def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
     """Infinite cone with its tip at the origin, opening along -y.
 
@@ -312,8 +300,7 @@ def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
         vec3(max(bottom, top), 0.5 * height + top, max(bottom, top)),
     ),
     symmetry="xz",
-    check=fits(
-        "round_cone",
+    check=Fits(
         lambda bottom, top, height: abs(bottom - top) < height,
         "radii that differ by less than the height; else one ball contains the other",
     ),
@@ -391,7 +378,7 @@ def _quarter_sine(half_angle: Any) -> Expr:
         radius * vec3(_quarter_sine(half_angle), 1.0, _quarter_sine(half_angle)),
     ),
     symmetry="xz",
-    convex=lambda radius, half_angle: surely(half_angle <= 0.5 * math.pi),
+    convex=lambda half_angle: surely(half_angle <= 0.5 * math.pi),
 )
 def solid_angle(p: Expr, radius: Positive = 1.0, half_angle: HalfTurn = 0.6) -> Expr:
     """Sector of a ball: its intersection with a cone with the tip at the origin, opening along +y.
@@ -423,7 +410,7 @@ def _cut_sphere_bounds(radius: Any, cut: Any) -> tuple[Expr, Expr]:
     exactness="exact",
     bounds=_cut_sphere_bounds,
     symmetry="xz",
-    check=fits("cut_sphere", lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
+    check=Fits(lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
     convex=True,
 )
 def cut_sphere(p: Expr, radius: Positive = 1.0, cut: Length = -0.3) -> Expr:
@@ -455,7 +442,7 @@ def _cut_hollow_bounds(radius: Any, cut: Any, thickness: Any) -> tuple[Expr, Exp
     exactness=_cut_hollow_exactness,
     bounds=_cut_hollow_bounds,
     symmetry="xz",
-    check=fits("cut_hollow_sphere", lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
+    check=Fits(lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
     spread=1.0,
 )
 def cut_hollow_sphere(p: Expr, radius: Positive = 0.8, cut: Length = 0.2, thickness: Positive = 0.1) -> Expr:
@@ -488,8 +475,7 @@ def _death_star_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Exp
     exactness="exact",
     bounds=_death_star_bounds,
     symmetry="xz",
-    check=fits(
-        "death_star",
+    check=Fits(
         lambda radius, bite, distance: (abs(radius - bite) < distance) & (distance < radius + bite),
         "spheres that intersect: |radius - bite| < distance < radius + bite",
     ),
@@ -519,7 +505,7 @@ def death_star(p: Expr, radius: Positive = 1.0, bite: Positive = 0.7, distance: 
     exactness="exact",
     bounds=lambda height, width: cube(0.5 * vec3(width, height, width)),
     symmetry="xyz",
-    check=fits("vesica", lambda height, width: width <= height, "width <= height"),
+    check=Fits(lambda height, width: width <= height, "width <= height"),
     convex=True,
 )
 def vesica(p: Expr, height: Positive = 1.8, width: Positive = 0.9) -> Expr:

@@ -28,8 +28,7 @@ from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
 from raymarch.sdf.definition import Child, ChildFacts, operator, shape
 from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, Vector
 from raymarch.sdf.nearest import Surface
-from raymarch.sdf.node import Node
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, method
 
 __all__ = ["grid", "heightmap", "mesh"]
 
@@ -73,11 +72,7 @@ def _some_grid() -> Samples:
 BALL = _some_grid()
 
 
-@shape(
-    exactness="bound",
-    bounds=_solid_box,
-    lipschitz=lambda data, size, centre: _steepness(data, size),
-)
+@shape(exactness="bound", bounds=_solid_box, lipschitz=lambda data, size: _steepness(data, size))
 def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
     q = p - centre
@@ -371,7 +366,7 @@ def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[E
 @operator(
     bounds=_raised,
     lipschitz=lambda child, data, size, height: child.lipschitz + _carpet(data, size, height),
-    spread=lambda child, data, size, height: child.spread,
+    spread=lambda child: child.spread,
     called="displace_by_image",
 )
 def displace_by_samples(
@@ -407,7 +402,7 @@ def displace_by_image(
         vec3(-0.5 * size.x, -base, -0.5 * size.y),
         vec3(0.5 * size.x, height * float(np.max(data.values)), 0.5 * size.y),
     ),
-    lipschitz=lambda data, size, height, base: _terrain(data, size, height),
+    lipschitz=lambda data, size, height: _terrain(data, size, height),
     spread=1.0,
     called="heightmap",
 )

@@ -11,7 +11,7 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Direction, Length, Positive, Size3, Vec3, fits
+from raymarch.sdf.domain import Direction, Fits, Length, Positive, Size3, Vec3
 
 __all__ = ["box", "capsule", "cylinder", "plane", "sphere", "torus"]
 
@@ -60,7 +60,7 @@ def plane(p: Expr, normal: Direction = (0.0, 1.0, 0.0), offset: Length = 0.0) ->
     exactness="exact",
     bounds=lambda major, minor: cube(vec3(major + minor, minor, major + minor)),
     symmetry="xyz",
-    check=fits("torus", lambda major, minor: minor <= major, "minor <= major"),
+    check=Fits(lambda major, minor: minor <= major, "minor <= major"),
 )
 def torus(p: Expr, major: Positive = 1.0, minor: Positive = 0.25) -> Expr:
     """Torus about the y axis.

@@ -6,7 +6,7 @@ from raymarch.expr.node import Expr
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import NonNegative, Positive
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import method
 
 
 def _exact_if_convex(child: Facts, radius: Expr) -> Exactness:
@@ -19,8 +19,8 @@ def _exact_if_convex(child: Facts, radius: Expr) -> Exactness:
     exactness=_exact_if_convex,
     bounds=lambda child, radius: child.grown(radius),
     symmetry="keep",
-    spread=lambda child, radius: child.spread,
-    convex=lambda child, radius: child.convex and child.exactness == "exact",
+    spread=lambda child: child.spread,
+    convex=lambda child: child.convex and child.exactness == "exact",
     dimension="any",
 )
 def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
@@ -37,7 +37,7 @@ def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
 @operator(
     bounds=lambda child, thickness: child.grown(0.5 * thickness),
     symmetry="keep",
-    spread=lambda child, thickness: child.spread,
+    spread=lambda child: child.spread,
     dimension="any",
 )
 def shell(p: Expr, child: Child, thickness: Positive) -> Expr:

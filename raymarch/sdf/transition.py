@@ -17,8 +17,7 @@ from raymarch.sdf.definition import Child, ChildFacts, combination
 from raymarch.sdf.domain import Positive, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.lower import lower as lower_field
-from raymarch.sdf.node import Node
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, method
 
 __all__ = ["transition"]
 

@@ -9,8 +9,7 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import where
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import Domain
-from raymarch.sdf.node import Node, all_nodes
-from raymarch.sdf.registry import method
+from raymarch.sdf.node import Node, all_nodes, method
 
 KINDS = ("camera", "shadow", "reflection")
 """The kinds of rays. Their numbers in a shader are their positions here."""
@@ -25,12 +24,7 @@ Switch = Annotated[bool, Domain(None, holds=bool)]
 
 
 @method
-@operator(
-    exactness="exact",
-    bounds=lambda child, camera, shadow, reflection: child.box,
-    symmetry="keep",
-    convex=lambda child, camera, shadow, reflection: child.convex,
-)
+@operator(exactness="exact", bounds=lambda child: child.box, symmetry="keep", convex=lambda child: child.convex)
 def visible(p: Expr, child: Child, camera: Switch = True, shadow: Switch = True, reflection: Switch = True) -> Expr:
     """Hide a solid from kinds of rays: for these it is empty space.
 

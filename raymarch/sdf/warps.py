@@ -16,9 +16,8 @@ from raymarch.expr.vocabulary import atan2, clamp, columns, cross, dot, length, 
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Direction, Length, NonNegative, Scalar, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.node import Node, solid
+from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.placing import AXES, axis_vector
-from raymarch.sdf.registry import method
 
 # Orient
 
@@ -47,7 +46,7 @@ def turn_between(start: Expr, end: Expr) -> Expr:
 @operator(
     exactness="exact",
     bounds=lambda child, axis, direction: turn_between(axis, direction) @ child.box,
-    spread=lambda child, axis, direction: math.sqrt(3.0) * child.spread,
+    spread=lambda child: math.sqrt(3.0) * child.spread,
     convex=True,
     called="orient",
 )
@@ -77,8 +76,8 @@ def shear_slope(amount: Expr) -> Expr:
 
 @operator(
     bounds=lambda child, amount, axis, by: child.box + amount * axis * dot(by, child.box),
-    lipschitz=lambda child, amount, axis, by: child.lipschitz * shear_slope(amount),
-    spread=lambda child, amount, axis, by: child.spread * (1.0 + absolute(amount)),
+    lipschitz=lambda child, amount: child.lipschitz * shear_slope(amount),
+    spread=lambda child, amount: child.spread * (1.0 + absolute(amount)),
     convex=True,
     called="shear",
 )

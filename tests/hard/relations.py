@@ -18,7 +18,7 @@ from raymarch.gpu import Frame
 from raymarch.gpu.tiles import tiles_of
 from raymarch.scene.parameter import Values
 from raymarch.sdf import transform
-from raymarch.sdf.registry import METHODS
+from raymarch.sdf.node import METHODS
 from tests.hard.world import ULP, World, bytes_off
 
 OUTPUTS = ("color", "depth", "normal", "iterations", "evaluations", "material")

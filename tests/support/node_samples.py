@@ -51,8 +51,8 @@ from raymarch.sdf.booleans import BLENDS
 from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
 from raymarch.sdf.lower import lower
+from raymarch.sdf.node import METHODS
 from raymarch.sdf.noise import displaced, value_noise
-from raymarch.sdf.registry import METHODS
 
 PACKAGE = Path(raymarch.sdf.__file__).parent
 POINTS = 100_000

@@ -27,7 +27,7 @@ from raymarch.expr.node import expr, var
 from raymarch.expr.types import VEC3
 from raymarch.plan import plan
 from raymarch.scene.texture import Layout
-from raymarch.sdf.registry import METHODS
+from raymarch.sdf.node import METHODS
 from raymarch.shader import assemble
 
 LONGEST = 420
