@@ -84,8 +84,7 @@ class _NodeIsLegal:
         try:
             for name, value in zip(self._names, _at_frame(self._given, values), strict=True):
                 now[name] = domains[name].accept(node.name, name, _plain(value))
-            if node.definition.check is not None:
-                node.definition.check(*[child.facts for child in node.children], **now)
+            node.definition.require([child.facts for child in node.children], now)
         except SceneError as fault:
             return _sentence(node.where, fault.what, _values_read(self._given, values), fault.legal)
         return None

@@ -9,7 +9,7 @@ result is 1-Lipschitz; if only their squares sum to 1, it is sqrt(2)-Lipschitz.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,6 @@ from raymarch.expr.function import function
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, exp2, length, log2, max, min, mod, round, sqrt, vec2
-from raymarch.sdf.domain import Scalar
 
 Fold = Callable[..., Expr]
 
@@ -111,6 +110,11 @@ def columns(count: int) -> Fold:
     return columns_min
 
 
+def levels(n: int) -> int:
+    """Depth of a balanced tree of n operands."""
+    return math.ceil(math.log2(n))
+
+
 @dataclass(frozen=True, slots=True)
 class Family:
     """A family of blends.
@@ -123,26 +127,17 @@ class Family:
     """
 
     fold: Fold
-    steepness: Callable[[int], float]
-    margin: Callable[[int], float]
+    steepness: Callable[[int], float] = lambda n: 1.0
+    margin: Callable[[int], float] = lambda n: 0.25 * levels(n)
 
-
-def levels(n: int) -> int:
-    """Depth of a balanced tree of n operands."""
-    return math.ceil(math.log2(n))
-
-
-def _even(_n: int) -> float:
-    return 1.0
+    def reach(self, n: int, k: Any) -> Expr:
+        """Largest distance by which a blend of n operands exceeds their union."""
+        return expr(k) * const(self.margin(n))
 
 
 def _diagonal(n: int) -> float:
     """Each fold multiplies the Lipschitz constant by sqrt(2)."""
     return math.sqrt(2.0) ** levels(n)
-
-
-def _quarter(n: int) -> float:
-    return 0.25 * levels(n)
 
 
 def _half(n: int) -> float:
@@ -151,32 +146,17 @@ def _half(n: int) -> float:
 
 
 FAMILIES: dict[str, Callable[[int], Family]] = {
-    "cubic": lambda steps: Family(cubic_min, _even, _quarter),
-    "quartic": lambda steps: Family(quartic_min, _even, _quarter),
-    "circular": lambda steps: Family(circular_min, _even, _quarter),
-    "exponential": lambda steps: Family(exponential_min, _even, _quarter),
-    "root": lambda steps: Family(root_min, _even, _quarter),
+    "cubic": lambda steps: Family(cubic_min),
+    "quartic": lambda steps: Family(quartic_min),
+    "circular": lambda steps: Family(circular_min),
+    "exponential": lambda steps: Family(exponential_min),
+    "root": lambda steps: Family(root_min),
     "circular_geometric": lambda steps: Family(
-        circular_geometric_min,
-        lambda n: math.sqrt(n),
-        lambda n: 0.25 * (math.sqrt(n) - 1.0) / (math.sqrt(2.0) - 1.0),
+        circular_geometric_min, math.sqrt, lambda n: 0.25 * (math.sqrt(n) - 1.0) / (math.sqrt(2.0) - 1.0)
     ),
-    "round": lambda steps: Family(round_min, lambda n: math.sqrt(n), lambda n: 1.0 - 1.0 / math.sqrt(n)),
+    "round": lambda steps: Family(round_min, math.sqrt, lambda n: 1.0 - 1.0 / math.sqrt(n)),
     "chamfer": lambda steps: Family(chamfer_min, _diagonal, _half),
-    "stairs": lambda steps: Family(stairs(steps), _even, _half),
+    "stairs": lambda steps: Family(stairs(steps), margin=_half),
     "columns": lambda steps: Family(columns(steps), _diagonal, _half),
 }
 """All families except the quadratic, by the value of `blend=`; stairs and columns depend on their number."""
-
-
-def reach_of(family: Family, n: int, k: Any) -> Expr:
-    """Largest distance by which a blend of n operands exceeds their union."""
-    return expr(k) * const(family.margin(n))
-
-
-def fold_all(family: Family, values: Sequence[Expr], k: Scalar) -> Expr:
-    """The blend of any number of distances, in a balanced tree."""
-    row = list(values)
-    while len(row) > 1:
-        row = [family.fold(*row[i : i + 2], k) if i + 1 < len(row) else row[i] for i in range(0, len(row), 2)]
-    return row[0]

@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from raymarch.errors import SceneError
-from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, described, short
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, min
-from raymarch.sdf.blends import FAMILIES, fold_all, levels, reach_of
+from raymarch.sdf.blends import FAMILIES, levels
 from raymarch.sdf.definition import Child, ChildFacts, combination
 from raymarch.sdf.domain import Count, Positive, Scalar, Word, as_operand
 from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
@@ -51,9 +50,15 @@ def _overlap(children: Sequence[ChildFacts]) -> tuple[Expr, Expr]:
     return balanced([c.lower for c in children], max), balanced([c.upper for c in children], min)
 
 
-def _grown_hull(children: Sequence[ChildFacts], k: Expr) -> tuple[Expr, Expr]:
-    corners = [child.grown(levels(len(children)) * 0.25 * k) for child in children]
+def _grown(children: Sequence[ChildFacts], margin: Expr) -> tuple[Expr, Expr]:
+    """The box around all points at which a field of an operand is no larger than a margin."""
+    corners = [child.grown(margin) for child in children]
     return balanced([lower for lower, _ in corners], min), balanced([upper for _, upper in corners], max)
+
+
+def first(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
+    """The box of the first operand."""
+    return children[0].lower, children[0].upper
 
 
 def widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
@@ -88,7 +93,7 @@ def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
 
 
 @combination(
-    bounds=lambda children: (children[0].lower, children[0].upper),
+    bounds=first,
     spread=spread_of_first,
     cuts=True,
     dimension="any",
@@ -99,22 +104,25 @@ def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
 
 
-@combination(bounds=_grown_hull, spread=widest, dimension="any", called="union")
+@combination(
+    bounds=lambda children, k: _grown(children, levels(len(children)) * 0.25 * k),
+    spread=widest,
+    dimension="any",
+    called="union",
+)
 def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """Smooth union of solids, joined by a fillet."""
     return balanced([child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
-@combination(
-    bounds=lambda children: _overlap(children), spread=widest, cuts=True, dimension="any", called="intersection"
-)
+@combination(bounds=_overlap, spread=widest, cuts=True, dimension="any", called="intersection")
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
     """Smooth intersection of solids: new edges are rounded."""
     return -balanced([-child(p) for child in children], lambda a, b: smooth_min(a, b, k))
 
 
 @combination(
-    bounds=lambda children: (children[0].lower, children[0].upper),
+    bounds=first,
     spread=spread_of_first,
     cuts=True,
     dimension="any",
@@ -129,25 +137,30 @@ def smooth_difference(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
 # The other families: one definition for each operation, the family is a static parameter.
 
 
-def _blended_bounds(children: Sequence[ChildFacts], k: Expr, family: str, steps: int) -> tuple[Expr, Expr]:
-    reach = reach_of(FAMILIES[family](steps), len(children), k)
-    corners = [child.grown(reach) for child in children]
-    return balanced([lower for lower, _ in corners], min), balanced([upper for _, upper in corners], max)
-
-
-def _blended_slope(children: Sequence[ChildFacts], k: Expr, family: str, steps: int) -> float:
+def _slope(children: Sequence[ChildFacts], family: str, steps: int) -> float:
     return FAMILIES[family](steps).steepness(len(children))
 
 
-@combination(bounds=_blended_bounds, lipschitz=_blended_slope, spread=widest, dimension="any", called="union")
-def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
-    """Union of solids, joined by one of the families of blends."""
-    return fold_all(FAMILIES[family](steps), [child(p) for child in children], k)
+def _fold(k: Scalar, family: str, steps: int) -> Fold:
+    fold = FAMILIES[family](steps).fold
+    return lambda a, b: fold(a, b, k)
 
 
 @combination(
-    bounds=lambda children: _overlap(children),
-    lipschitz=_blended_slope,
+    bounds=lambda children, k, family, steps: _grown(children, FAMILIES[family](steps).reach(len(children), k)),
+    lipschitz=_slope,
+    spread=widest,
+    dimension="any",
+    called="union",
+)
+def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
+    """Union of solids, joined by one of the families of blends."""
+    return balanced([child(p) for child in children], _fold(k, family, steps))
+
+
+@combination(
+    bounds=_overlap,
+    lipschitz=_slope,
     spread=widest,
     cuts=True,
     dimension="any",
@@ -155,12 +168,12 @@ def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word,
 )
 def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """Intersection of solids, new edges shaped by one of the families of blends."""
-    return -fold_all(FAMILIES[family](steps), [-child(p) for child in children], k)
+    return -balanced([-child(p) for child in children], _fold(k, family, steps))
 
 
 @combination(
-    bounds=lambda children: (children[0].lower, children[0].upper),
-    lipschitz=_blended_slope,
+    bounds=first,
+    lipschitz=_slope,
     spread=spread_of_first,
     cuts=True,
     dimension="any",
@@ -168,9 +181,8 @@ def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family
 )
 def blended_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """Difference: the first solid without the others, new edges shaped by one of the families of blends."""
-    made = FAMILIES[family](steps)
-    tools = fold_all(made, [child(p) for child in children[1:]], k)
-    return -made.fold(-children[0](p), tools, k)
+    fold = _fold(k, family, steps)
+    return -fold(-children[0](p), balanced([child(p) for child in children[1:]], fold))
 
 
 BLENDS = ("quadratic", *FAMILIES)
@@ -188,23 +200,15 @@ def _choose(
     for node in nodes:
         if not isinstance(node, Node):
             raise SceneError(f"{name} of {described(node)}", legal=f"nodes such as sphere(); of a list, {name}(*nodes)")
-    if len(nodes) == 1:
-        return nodes[0]
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0
     if sharp and hard is not hard_difference:  # the union of a solid with itself is the solid
         nodes = tuple({id(node): node for node in nodes}.values())
-        if len(nodes) == 1:
-            return nodes[0]
-    if sharp:
-        made: Node = hard(nodes)
-    elif blend == "quadratic":
-        made = smooth(nodes, k)
-    else:
-        made = blended(nodes, k, blend, steps)
+    if len(nodes) == 1:
+        return nodes[0]
+    made: Node = hard(nodes) if sharp else smooth(nodes, k) if blend == "quadratic" else blended(nodes, k, blend, steps)
     return made
 
 
-@checked
 @method
 def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Union: `a | b`, or with a fillet for k > 0.
@@ -224,14 +228,12 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
     return _choose("union", nodes, k, blend, steps, hard_union, smooth_union, blended_union)
 
 
-@checked
 @method
 def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Intersection: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
     return _choose("intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection, blended_intersection)
 
 
-@checked
 @method
 def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Difference: `a - b`, the first solid without the others, or with rounded new edges for k > 0.

@@ -202,12 +202,16 @@ class Definition:
 
     # Facts
 
-    def derive(self, children: Sequence[Node], params: Mapping[str, Any]) -> Facts:
-        """Facts of a node from those of its children, on the intervals of its parameters."""
+    def require(self, children: Sequence[Facts], params: Mapping[str, Any]) -> None:
+        """SceneError if parameters do not fit each other or the children, by the definition's check."""
         if isinstance(self.check, Fits):
             self.check.require(self.called, params)
         elif self.check is not None:
-            self.check(*[c.facts for c in children], **params)
+            self.check(*children, **params)
+
+    def derive(self, children: Sequence[Node], params: Mapping[str, Any]) -> Facts:
+        """Facts of a node from those of its children, on the intervals of its parameters."""
+        self.require([c.facts for c in children], params)
         key = (len(children), tuple((n, params[n]) for n, d in self.domains.items() if d.type is None))
         if key not in self._facts:
             self._facts.setdefault(key, self._trace_facts(len(children), params))
@@ -359,7 +363,7 @@ def _define(
 def _define_one(
     source: Callable[..., Any], arity: str, dimension: int, child_dimension: int, declared: dict[str, Any]
 ) -> Definition:
-    code = source.__code__
+    code = inspect.unwrap(source).__code__
     where = Location(code.co_filename, code.co_firstlineno)
     skip = 1 if arity == "none" else 2
     hints = _hints(source)

@@ -254,17 +254,19 @@ class Fits:
     """A check of a node's parameters that must fit each other.
 
     holds : the relation, a function of those parameters; see `require`. legal : it in words.
+    what : their values in the message, if not all as "name = value".
     """
 
     holds: Callable[..., Expr]
     legal: str
+    what: str = ""
 
     def require(self, node: str, params: Mapping[str, Any]) -> None:
         """SceneError unless the relation holds; see `require`. node : the name for the message."""
         code = self.holds.__code__
         given = {name: params[name] for name in code.co_varnames[: code.co_argcount]}
-        values = ", ".join(f"{name} = {shown(value)}" for name, value in given.items())
-        require(self.holds(**given), f"{node}: {values}", self.legal)
+        what = self.what or ", ".join(f"{name} = {{}}" for name in given)
+        require(self.holds(**given), f"{node}: {what.format(*map(shown, given.values()))}", self.legal)
 
 
 def _holds_at_corners(condition: Expr) -> bool:

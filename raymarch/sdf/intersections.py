@@ -229,21 +229,9 @@ _Moved: TypeAlias = tuple[Expr, Expr, Operand | None]
 """A ray in the space of a child, and the length of a unit of that space; None is 1."""
 
 
-def _unmoved(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
-    return o, d, None
-
-
-def _translated(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
-    return o - params["offset"], d, None
-
-
 def _rotated(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
     inverse = transpose(rotation_matrix(params["axis"], params["angle"]))
     return inverse @ o, inverse @ d, None
-
-
-def _scaled(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
-    return o / params["factor"], d, params["factor"]
 
 
 def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
@@ -252,14 +240,11 @@ def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
 
 
 _PLACED: dict[Definition, Callable[[Expr, Expr, Mapping[str, Expr]], _Moved]] = {
-    made.definition: move  # type: ignore[union-attr]
-    for made, move in (
-        (translate, _translated),
-        (rotate_about, _rotated),
-        (scale_evenly, _scaled),
-        (affine, _mapped),
-        (visible, _unmoved),
-    )
+    translate.definition: lambda o, d, params: (o - params["offset"], d, None),  # type: ignore[attr-defined]
+    rotate_about.definition: _rotated,  # type: ignore[attr-defined]
+    scale_evenly.definition: lambda o, d, params: (o / params["factor"], d, params["factor"]),  # type: ignore[attr-defined]
+    affine.definition: _mapped,  # type: ignore[attr-defined]
+    visible.definition: lambda o, d, _params: (o, d, None),  # type: ignore[attr-defined]
 }
 
 _AFFINE = affine.definition  # type: ignore[attr-defined]

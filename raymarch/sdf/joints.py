@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from raymarch.expr.calls import checked
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import length, max, min, mix, vec2
-from raymarch.sdf.booleans import balanced, hull, spread_of_first, widest
+from raymarch.sdf.booleans import balanced, first, hull, spread_of_first, widest
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Fraction, Positive, Scalar
 from raymarch.sdf.node import Node, called_by_nodes, method
@@ -20,10 +19,6 @@ from raymarch.sdf.node import Node, called_by_nodes, method
 __all__ = ["engrave", "groove", "morph", "pipe", "tongue", "xor"]
 
 DIAGONAL = math.sqrt(2.0)
-
-
-def _first(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
-    return children[0].lower, children[0].upper
 
 
 def _near_both(children: Sequence[ChildFacts], radius: Expr) -> tuple[Expr, Expr]:
@@ -37,25 +32,23 @@ def pipe_along(p: Expr, children: Sequence[Child], radius: Positive) -> Expr:
     return length(vec2(children[0](p), children[1](p))) - radius
 
 
-@combination(bounds=_first, lipschitz=DIAGONAL, spread=spread_of_first, cuts=True, called="engrave")
+@combination(bounds=first, lipschitz=DIAGONAL, spread=spread_of_first, cuts=True, called="engrave")
 def engraved(p: Expr, children: Sequence[Child], depth: Positive) -> Expr:
     """A V-shaped line cut into the first solid where the second surface meets it."""
     a, b = children[0](p), children[1](p)
     return max(a, math.sqrt(0.5) * (a + depth - abs(b)))
 
 
-@combination(bounds=_first, spread=spread_of_first, cuts=True, called="groove")
+@combination(bounds=first, spread=spread_of_first, cuts=True, called="groove")
 def grooved(p: Expr, children: Sequence[Child], depth: Positive, width: Positive) -> Expr:
     """A channel with upright walls cut into the first solid along the second surface."""
     a, b = children[0](p), children[1](p)
     return max(a, min(a + depth, 0.5 * width - abs(b)))
 
 
-def _raised(children: Sequence[ChildFacts], height: Expr, width: Expr) -> tuple[Expr, Expr]:
-    return children[0].grown(height)
-
-
-@combination(bounds=_raised, spread=spread_of_first, symmetry="", called="tongue")
+@combination(
+    bounds=lambda children, height: children[0].grown(height), spread=spread_of_first, symmetry="", called="tongue"
+)
 def tongued(p: Expr, children: Sequence[Child], height: Positive, width: Positive) -> Expr:
     """A rib with upright walls raised on the first solid along the second surface."""
     a, b = children[0](p), children[1](p)

@@ -255,22 +255,27 @@ def called_by_nodes(function: F) -> F:
 
 
 def method(function: F) -> F:
-    """Decorator: let nodes offer this function as the method of the same name. Its first argument is the node."""
+    """Decorator: let nodes offer this function as the method of the same name. Its first argument is the node.
+
+    Calls with wrong arguments raise SceneError, those of the function, too.
+    """
     name = function.__name__
-    if not hasattr(Node, name):
+    METHODS[name] = function
+    if hasattr(Node, name):  # a method with a signature of its own
+        return function
 
-        @wraps(function)
-        def bound(self: Node, *args: Any, **kwargs: Any) -> Any:
-            return function(self, *args, **kwargs)
+    @wraps(function)
+    def bound(self: Node, *args: Any, **kwargs: Any) -> Any:
+        return function(self, *args, **kwargs)
 
-        signature = inspect.signature(function)
-        first, *others = signature.parameters.values()
-        own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)
-        others = [first, *others] if first.kind is first.VAR_POSITIONAL else others
-        bound.__signature__ = signature.replace(parameters=[own, *others])  # type: ignore[attr-defined]
-        bound.__qualname__ = f"Node.{name}"
-        setattr(Node, name, checked(bound, name))
-    return called_by_nodes(function)
+    signature = inspect.signature(function)
+    first, *others = signature.parameters.values()
+    own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    others = [first, *others] if first.kind is first.VAR_POSITIONAL else others
+    bound.__signature__ = signature.replace(parameters=[own, *others])  # type: ignore[attr-defined]
+    bound.__qualname__ = f"Node.{name}"
+    setattr(Node, name, checked(bound, name))
+    return checked(function)
 
 
 def solid(what: str, node: Any) -> Node:

@@ -10,14 +10,18 @@ gradient is largest, and is thicker elsewhere.
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Concatenate, ParamSpec
 
 from raymarch.expr.node import Expr, swizzle
 from raymarch.expr.vocabulary import abs, cos, dot, sin, sqrt
-from raymarch.sdf.definition import EVERYWHERE, Rule, shape
-from raymarch.sdf.domain import Positive, Scalar, require, shown
+from raymarch.sdf.definition import EVERYWHERE, shape
+from raymarch.sdf.domain import Fits, Positive, Scalar
+from raymarch.sdf.node import Node
 
 __all__ = ["gyroid", "lidinoid", "neovius", "schwarz_d", "schwarz_p"]
+
+P = ParamSpec("P")
 
 _TURN = 2.0 * math.pi
 
@@ -33,21 +37,18 @@ def _wall(level: Expr, period: Scalar, thickness: Scalar) -> Expr:
     return abs(level) * (period / _TURN) - 0.5 * thickness
 
 
-def _fits(name: str, limit: float) -> Rule:
-    """A check that refuses walls so thick that they fill all space. limit : the largest value of the level."""
+def periodic(limit: float, symmetry: str = "") -> Callable[[Callable[Concatenate[Any, P], Any]], Callable[P, Node]]:
+    """Decorator: a function of a point, a period and a thickness becomes an unbounded wall.
+
+    limit : the largest value of the level; thicker walls would fill all space, and are refused.
+    """
     widest = math.floor(1000.0 * 2.0 * limit / _TURN) / 1000.0
-
-    def check(period: Any, thickness: Any) -> None:
-        require(
-            thickness < widest * period,
-            f"{name}: thickness = {shown(thickness)} for period = {shown(period)}",
-            f"thickness < {widest} period; a thicker wall fills all space",
-        )
-
-    return check
+    legal = f"thickness < {widest} period; a thicker wall fills all space"
+    check = Fits(lambda thickness, period: thickness < widest * period, legal, "thickness = {} for period = {}")
+    return shape(exactness="bound", bounds=lambda: EVERYWHERE, symmetry=symmetry, spread=1.0, check=check)
 
 
-@shape(exactness="bound", bounds=lambda: EVERYWHERE, spread=1.0, check=_fits("gyroid", 1.075))
+@periodic(1.075)
 def gyroid(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
     """Wall along Schoen's gyroid (1970), unbounded.
 
@@ -61,7 +62,7 @@ def gyroid(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
     return _wall(_level(dot(sin(q), swizzle(cos(q), "yzx")), 3.0, 1.5), period, thickness)
 
 
-@shape(exactness="bound", bounds=lambda: EVERYWHERE, symmetry="xyz", spread=1.0, check=_fits("schwarz_p", 2.15))
+@periodic(2.15, symmetry="xyz")
 def schwarz_p(p: Expr, period: Positive = 1.0, thickness: Positive = 0.1) -> Expr:
     """Wall along Schwarz's primitive surface (1865), unbounded.
 
@@ -74,7 +75,7 @@ def schwarz_p(p: Expr, period: Positive = 1.0, thickness: Positive = 0.1) -> Exp
     return _wall(_level(x + y + z, 3.0, 3.0), period, thickness)
 
 
-@shape(exactness="bound", bounds=lambda: EVERYWHERE, spread=1.0, check=_fits("schwarz_d", 1.013))
+@periodic(1.013)
 def schwarz_d(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Expr:
     """Wall along Schwarz's diamond surface (1865), unbounded.
 
@@ -90,7 +91,7 @@ def schwarz_d(p: Expr, period: Positive = 1.0, thickness: Positive = 0.08) -> Ex
     return _wall(_level(f, 3.0, math.sqrt(2.0)), period, thickness)
 
 
-@shape(exactness="bound", bounds=lambda: EVERYWHERE, symmetry="xyz", spread=1.0, check=_fits("neovius", 1.758))
+@periodic(1.758, symmetry="xyz")
 def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr:
     """Wall along Neovius' surface (1883), unbounded.
 
@@ -106,7 +107,7 @@ def neovius(p: Expr, period: Positive = 1.4, thickness: Positive = 0.06) -> Expr
     return _wall(2.0 * f / (math.sqrt(27.01) + sqrt(27.01 + 5.0 * abs(f))), period, thickness)
 
 
-@shape(exactness="bound", bounds=lambda: EVERYWHERE, spread=1.0, check=_fits("lidinoid", 0.44))
+@periodic(0.44)
 def lidinoid(p: Expr, period: Positive = 2.0, thickness: Positive = 0.06) -> Expr:
     """Wall along Lidin's surface (1990), in its usual approximation by sines and cosines, unbounded.
 

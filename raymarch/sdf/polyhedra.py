@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce, wraps
 from itertools import combinations
 from typing import Any
 
@@ -25,6 +25,7 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs, all_of, dot, length, max, min, sqrt, vec3, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Positive, Scalar
+from raymarch.sdf.node import Node
 
 __all__ = [
     "cuboctahedron",
@@ -117,7 +118,7 @@ class Solid:
         found = []
         for i, j in combinations(range(3), 2):
             edges = [k for k in (i, j) if k in self.ringed]
-            if not edges or (len(edges) == 1 and abs_of_dot(self.normals[i], self.normals[j]) < 1e-9):
+            if not edges or (len(edges) == 1 and np.abs(self.normals[i] @ self.normals[j]) < 1e-9):
                 continue  # the vertex lies on the corner of the chamber, or the face is a single edge
             out = np.cross(self.normals[i], self.normals[j])
             out *= np.sign(out @ self.vertex) / np.linalg.norm(out)
@@ -151,7 +152,7 @@ class Solid:
         for k in self.ringed:
             edge = const(self.normals[k])
             to_edges.append(from_vertex - min(dot(from_vertex, edge), 0.0) * edge)
-        nearest = smallest_of([dot(v, v) for v in to_edges])
+        nearest = reduce(min, [dot(v, v) for v in to_edges])
         for height, (_, inward) in zip(heights, faces, strict=True):
             above = all_of(height > 0.0, *[dot(from_vertex, const(t)) >= 0.0 for t in inward])
             nearest = where(above, height * height, nearest)
@@ -165,154 +166,112 @@ class Solid:
         return where(r.x > 0.0, length(max(r, 0.0)), r.x)
 
 
-def abs_of_dot(a: Floats, b: Floats) -> float:
-    return float(np.abs(a @ b))
+def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scalar], Expr]], Callable[..., Node]]:
+    """Decorator: a name with its docstring becomes the shape of `Solid(mirrors, ringed)`."""
+    solid = Solid(mirrors, ringed)
+
+    def decorate(named: Callable[[Expr, Scalar], Expr]) -> Callable[..., Node]:
+        @wraps(named)
+        def field(p: Expr, radius: Scalar) -> Expr:
+            return solid.distance(p, radius)
+
+        symmetry = "" if mirrors is TETRAHEDRAL else "xyz"
+        return shape(exactness="exact", bounds=solid.reach, symmetry=symmetry, convex=True)(field)
+
+    return decorate
 
 
-def smallest_of(values: Sequence[Expr]) -> Expr:
-    """The smallest of one or more."""
-    return min(*values) if len(values) > 1 else values[0]
-
-
-_TETRAHEDRON = Solid(TETRAHEDRAL, (0,))
-
-
-@shape(exactness="exact", bounds=_TETRAHEDRON.reach, convex=True)
-def tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(TETRAHEDRAL, 0)
+def tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Regular tetrahedron; its vertices are four corners of a cube, one in the direction (1, 1, 1).
 
     radius : distance of the vertices from the origin, > 0; an edge is 1.633 times as long.
     """
-    return _TETRAHEDRON.distance(p, radius)
 
 
-_OCTAHEDRON = Solid(OCTAHEDRAL, (2,))
-
-
-@shape(exactness="exact", bounds=_OCTAHEDRON.reach, symmetry="xyz", convex=True)
-def octahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(OCTAHEDRAL, 2)
+def octahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Regular octahedron; its vertices lie on the axes.
 
     radius : distance of the vertices from the origin, > 0; an edge is 1.414 times as long.
     """
-    return _OCTAHEDRON.distance(p, radius)
 
 
-_DODECAHEDRON = Solid(ICOSAHEDRAL, (0,))
-
-
-@shape(exactness="exact", bounds=_DODECAHEDRON.reach, symmetry="xyz", convex=True)
-def dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(ICOSAHEDRAL, 0)
+def dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Regular dodecahedron: twelve pentagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.714 times as long.
     """
-    return _DODECAHEDRON.distance(p, radius)
 
 
-_ICOSAHEDRON = Solid(ICOSAHEDRAL, (2,))
-
-
-@shape(exactness="exact", bounds=_ICOSAHEDRON.reach, symmetry="xyz", convex=True)
-def icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(ICOSAHEDRAL, 2)
+def icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Regular icosahedron: twenty triangles.
 
     radius : distance of the vertices from the origin, > 0; an edge is 1.051 times as long.
     """
-    return _ICOSAHEDRON.distance(p, radius)
 
 
-_TRUNCATED_TETRAHEDRON = Solid(TETRAHEDRAL, (0, 1))
-
-
-@shape(exactness="exact", bounds=_TRUNCATED_TETRAHEDRON.reach, convex=True)
-def truncated_tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(TETRAHEDRAL, 0, 1)
+def truncated_tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Tetrahedron with its corners cut off: four triangles, four regular hexagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.853 times as long.
     """
-    return _TRUNCATED_TETRAHEDRON.distance(p, radius)
 
 
-_TRUNCATED_CUBE = Solid(OCTAHEDRAL, (0, 1))
-
-
-@shape(exactness="exact", bounds=_TRUNCATED_CUBE.reach, symmetry="xyz", convex=True)
-def truncated_cube(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(OCTAHEDRAL, 0, 1)
+def truncated_cube(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Cube with its corners cut off: eight triangles, six regular octagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.562 times as long.
     """
-    return _TRUNCATED_CUBE.distance(p, radius)
 
 
-_TRUNCATED_OCTAHEDRON = Solid(OCTAHEDRAL, (1, 2))
-
-
-@shape(exactness="exact", bounds=_TRUNCATED_OCTAHEDRON.reach, symmetry="xyz", convex=True)
-def truncated_octahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(OCTAHEDRAL, 1, 2)
+def truncated_octahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Octahedron with its corners cut off: six squares, eight regular hexagons. Its copies fill space.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.632 times as long.
     """
-    return _TRUNCATED_OCTAHEDRON.distance(p, radius)
 
 
-_CUBOCTAHEDRON = Solid(OCTAHEDRAL, (1,))
-
-
-@shape(exactness="exact", bounds=_CUBOCTAHEDRON.reach, symmetry="xyz", convex=True)
-def cuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(OCTAHEDRAL, 1)
+def cuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Cube cut off at the midpoints of its edges: eight triangles, six squares.
 
     radius : distance of the vertices from the origin, > 0; an edge has the same length.
     """
-    return _CUBOCTAHEDRON.distance(p, radius)
 
 
-_RHOMBICUBOCTAHEDRON = Solid(OCTAHEDRAL, (0, 2))
-
-
-@shape(exactness="exact", bounds=_RHOMBICUBOCTAHEDRON.reach, symmetry="xyz", convex=True)
-def rhombicuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(OCTAHEDRAL, 0, 2)
+def rhombicuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Cube whose edges and corners are cut off: eight triangles, eighteen squares.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.715 times as long.
     """
-    return _RHOMBICUBOCTAHEDRON.distance(p, radius)
 
 
-_TRUNCATED_DODECAHEDRON = Solid(ICOSAHEDRAL, (0, 1))
-
-
-@shape(exactness="exact", bounds=_TRUNCATED_DODECAHEDRON.reach, symmetry="xyz", convex=True)
-def truncated_dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(ICOSAHEDRAL, 0, 1)
+def truncated_dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Dodecahedron with its corners cut off: twenty triangles, twelve regular decagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.337 times as long.
     """
-    return _TRUNCATED_DODECAHEDRON.distance(p, radius)
 
 
-_TRUNCATED_ICOSAHEDRON = Solid(ICOSAHEDRAL, (1, 2))
-
-
-@shape(exactness="exact", bounds=_TRUNCATED_ICOSAHEDRON.reach, symmetry="xyz", convex=True)
-def truncated_icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(ICOSAHEDRAL, 1, 2)
+def truncated_icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Icosahedron with its corners cut off, the football: twelve pentagons, twenty regular hexagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.404 times as long.
     """
-    return _TRUNCATED_ICOSAHEDRON.distance(p, radius)
 
 
-_ICOSIDODECAHEDRON = Solid(ICOSAHEDRAL, (1,))
-
-
-@shape(exactness="exact", bounds=_ICOSIDODECAHEDRON.reach, symmetry="xyz", convex=True)
-def icosidodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:
+@polyhedron(ICOSAHEDRAL, 1)
+def icosidodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
     """Icosahedron cut off at the midpoints of its edges: twenty triangles, twelve pentagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.618 times as long.
     """
-    return _ICOSIDODECAHEDRON.distance(p, radius)

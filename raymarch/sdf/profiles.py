@@ -15,6 +15,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
 from raymarch.expr.walk import find
+from raymarch.sdf.booleans import hull, widest
 from raymarch.sdf.definition import Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word, shown
 from raymarch.sdf.facts import Exactness, Facts
@@ -77,36 +78,15 @@ EASINGS: Mapping[str, tuple[Easing, float]] = {
 """Easing curves of a fraction t from 0 to 1, each with its steepest slope."""
 
 
-def _loft_bounds(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> tuple[Expr, Expr]:
-    """The box of all profiles: where their mix is negative, one of them is negative."""
-    lower, upper = children[0].lower, children[0].upper
-    for child in children[1:]:
-        lower, upper = min(lower, child.lower), max(upper, child.upper)
-    return _prism_bounds(lower, upper, height)
-
-
 def _loft_slope(sections: int, height: Any, gap: Any, easing: str) -> Expr:
     """Lipschitz constant: 1 across; along z, the gap times the slope of the easing curve over one section."""
     return sqrt(1.0 + square(EASINGS[easing][1] * sections * gap / height))
 
 
-def _loft_symmetry(*children: Facts, **_: Any) -> str:
-    return "".join(sorted(set("xy").intersection(*[child.symmetry for child in children])))
-
-
-def _loft_spread(children: Sequence[ChildFacts], height: Any, gap: Any, easing: str) -> Expr:
-    """A mix is at least the smallest of its profiles."""
-    widest = children[0].spread
-    for child in children[1:]:
-        widest = max(widest, child.spread)
-    return widest * _loft_slope(len(children) - 1, height, gap, easing)
-
-
 @combination(
-    bounds=_loft_bounds,
+    bounds=lambda children, height: _prism_bounds(*hull(children), height),
     lipschitz=1.0,
-    symmetry=_loft_symmetry,
-    spread=_loft_spread,
+    spread=lambda children, height, gap, easing: widest(children) * _loft_slope(len(children) - 1, height, gap, easing),
     child_dimension=2,
     called="extrude_to",
 )

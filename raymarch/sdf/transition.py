@@ -71,7 +71,7 @@ def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
     for name, node in (("a", a), ("b", b)):
         if not isinstance(node, Node) or node.dimension != 3:
             raise SceneError(f"transition: {name} = {short(node)}", legal="a solid such as sphere()")
-        if isinstance(node, Node) and not node.facts.bounded:
+        if not node.facts.bounded:
             raise SceneError(
                 f"transition: {name} ({node.name}) is unbounded",
                 legal="bounded solids: cut it first, as `node & box(...)`",
@@ -79,8 +79,7 @@ def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
     ends = tuple(as_operand(f"transition: {n}", v, "3 numbers") for n, v in (("start", start), ("end", end)))
     if ends[0] is ends[1]:
         raise SceneError(f"transition: start = end = {short(start)}", legal="two different points")
-    reach = _largest_difference(a, b) if isinstance(a, Node) and isinstance(b, Node) else 1.0
-    return transition_between((a, b), start, end, reach)
+    return transition_between((a, b), start, end, _largest_difference(a, b))
 
 
 GRID = 24
@@ -95,8 +94,6 @@ def _largest_difference(a: Node, b: Node) -> float:
     """
     lower, upper = np.minimum(a.bounds[0], b.bounds[0]), np.maximum(a.bounds[1], b.bounds[1])
     diagonal = float(np.linalg.norm(upper - lower)) or 1.0
-    if a.dimension != 3 or b.dimension != 3:
-        return diagonal
     steps = [np.linspace(low, high, GRID) for low, high in zip(lower, upper, strict=True)]
     points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
     try:
