@@ -835,10 +835,7 @@ class FunctionPrinter:
                 news.append(piece)
 
         self.emit(roots, finish)
-        self._assign(opened, news)
-        self.names = outside
-        self.indent -= 1
-        self.lines.append(Line("    " * self.indent + "}", None))
+        self._close(opened, news, outside)
 
     def _print_branch(self, node: Expr, opened: _OpenLoop) -> None:
         """A loop of one turn that may end before it, as an `if`."""
@@ -850,13 +847,10 @@ class FunctionPrinter:
         outside = dict(self.names)
         news: list[Piece] = []
         self.emit(opened.step, lambda _i, piece: news.append(piece))
-        self._assign(opened, news)
-        self.names = outside
-        self.indent -= 1
-        self.lines.append(Line("    " * self.indent + "}", None))
+        self._close(opened, news, outside)
 
-    def _assign(self, opened: _OpenLoop, news: list[Piece]) -> None:
-        """Assign all state variables; an assignment waits until no other value reads its old value."""
+    def _close(self, opened: _OpenLoop, news: list[Piece], outside: dict[Expr, str]) -> None:
+        """Assign all state variables, each when no other value reads its old value, and end the block."""
         todo = {k: p for k, p in enumerate(news) if p.text != self.names[opened.state[k]]}
         while todo:
             free = [
@@ -874,6 +868,9 @@ class FunctionPrinter:
             for k in free:
                 self._statement(f"{self.names[opened.state[k]]} = ", todo.pop(k), ";", opened.step[k])
                 break
+        self.names = outside
+        self.indent -= 1
+        self.lines.append(Line("    " * self.indent + "}", None))
 
 
 @dataclass(slots=True)

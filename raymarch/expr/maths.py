@@ -9,8 +9,9 @@ from __future__ import annotations
 import builtins
 import inspect
 import math
+import operator
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
+from functools import partial, wraps
 from typing import Any, ParamSpec
 
 import numpy as np
@@ -240,7 +241,29 @@ def power(x: Operand, y: Operand) -> Expr:
     return result if n > 0 else 1.0 / result
 
 
+_OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "matmul": operator.mul,
+    "divide": operator.truediv,
+    "true_divide": operator.truediv,
+    "floor_divide": operator.floordiv,
+    "less": operator.lt,
+    "less_equal": operator.le,
+    "greater": operator.gt,
+    "greater_equal": operator.ge,
+}
+
+
+def _operated(made: Callable[[Any, Any], Any], a: Operand, b: Operand) -> Any:
+    """An operator of Python, with an expression on the left."""
+    return made(expr(a), b)
+
+
 UFUNCS: dict[str, Callable[..., Any]] = {
+    "negative": lambda x: -expr(x),
+    "positive": expr,
     **{name: getattr(v, name) for name in "sin cos tan sinh cosh tanh exp exp2 log log2 sqrt sign floor ceil".split()},
     "arcsin": v.asin,
     "arccos": v.acos,
@@ -267,19 +290,7 @@ UFUNCS: dict[str, Callable[..., Any]] = {
     "float_power": power,
     "remainder": v.mod,
     "mod": v.mod,
-    "add": lambda a, b: expr(a) + b,
-    "subtract": lambda a, b: expr(a) - b,
-    "multiply": lambda a, b: expr(a) * b,
-    "divide": lambda a, b: expr(a) / b,
-    "true_divide": lambda a, b: expr(a) / b,
-    "matmul": lambda a, b: expr(a) * b,
-    "floor_divide": lambda a, b: v.floor(expr(a) / b),
-    "negative": lambda x: -expr(x),
-    "positive": expr,
-    "less": lambda a, b: expr(a) < b,
-    "less_equal": lambda a, b: expr(a) <= b,
-    "greater": lambda a, b: expr(a) > b,
-    "greater_equal": lambda a, b: expr(a) >= b,
+    **{name: partial(_operated, made) for name, made in _OPERATORS.items()},
     "logical_and": lambda a, b: a & b,
     "logical_or": lambda a, b: a | b,
     "logical_not": lambda a: ~a,

@@ -182,20 +182,10 @@ def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls
 
 def _rows(root: Expr) -> list[tuple[Any, ...]]:
     """An expression as a table for pickle, arguments first, however deep it is."""
-    numbers: dict[Expr, int] = {}
-    rows: list[tuple[Any, ...]] = []
-    stack = [root]
-    while stack:
-        node = stack[-1]
-        missing = [arg for arg in node.args if arg not in numbers]
-        stack += missing
-        if not missing:
-            stack.pop()
-            if node not in numbers:
-                numbers[node] = len(rows)
-                arguments = tuple(numbers[arg] for arg in node.args)
-                rows.append((node.op, node.type.name, arguments, node.data, node.where))
-    return rows
+    from raymarch.expr.walk import topological
+
+    numbers = {node: i for i, node in enumerate(topological([root]))}
+    return [(n.op, n.type.name, tuple(numbers[arg] for arg in n.args), n.data, n.where) for n in numbers]
 
 
 def _remade(rows: Any) -> Expr:

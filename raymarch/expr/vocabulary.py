@@ -8,6 +8,7 @@ Results that GLSL leaves undefined are defined: `sqrt` of a negative number is 0
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial, reduce
 
 import numpy as np
 
@@ -72,17 +73,11 @@ def mod(x: Operand, y: Operand) -> Expr:
 
 
 def min(a: Operand, b: Operand, *more: Operand) -> Expr:
-    value = elementwise("min", a, b)
-    for other in more:
-        value = elementwise("min", value, other)
-    return value
+    return reduce(partial(elementwise, "min"), more, elementwise("min", a, b))
 
 
 def max(a: Operand, b: Operand, *more: Operand) -> Expr:
-    value = elementwise("max", a, b)
-    for other in more:
-        value = elementwise("max", value, other)
-    return value
+    return reduce(partial(elementwise, "max"), more, elementwise("max", a, b))
 
 
 def clamp(x: Operand, low: Operand, high: Operand) -> Expr:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
 from typing import Any, TypeVar, overload
 
 from raymarch.expr.node import Expr, make, simplify
 
 Below = TypeVar("Below")
+Request = TypeVar("Request")
 _UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop", "item", "apply", "mark", "probe"}
 
 
@@ -66,6 +67,32 @@ def attribute(
             if top not in known:
                 known[top] = rule(top)
     return known[node]
+
+
+def run(
+    root: Request,
+    start: Callable[[Request], Generator[Request, Below, Below]],
+    key: Callable[[Request], Hashable],
+    known: dict[Any, Below],
+) -> Below:
+    """The result of a generator that yields requests for other results and returns its own. Works at any depth.
+
+    start : the generator of a request. known : the results by the keys of their requests; each is made once.
+    """
+    stack = [(root, start(root))]
+    value: Any = None
+    while stack:
+        try:
+            request = stack[-1][1].send(value)
+        except StopIteration as stop:
+            done, _ = stack.pop()
+            value = known[key(done)] = stop.value
+            continue
+        value = known.get(key(request))
+        if value is None:
+            stack.append((request, start(request)))
+    result: Below = value
+    return result
 
 
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:

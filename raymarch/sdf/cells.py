@@ -28,12 +28,11 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import max, min, round, vec3, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.copies import UNBOUNDED
 from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
-from raymarch.sdf.repetition import INFINITE, cells_of, check_centred, limited
+from raymarch.sdf.repetition import INFINITE, UNBOUNDED, box_of_copies, cells_of, check_centred, limited
 
 __all__ = ["repeat_varied"]
 
@@ -155,17 +154,11 @@ def repeat_varied(
     node = called("repeat_varied: build", build, cells.index, legal="a function from the index of a cell to a solid")
     if not isinstance(node, Node) or node.dimension != 3:
         raise SceneError(f"repeat_varied: build gives {short(node)}", legal="a solid such as sphere()")
-    middle, half = [], []
     for i in range(3):
         if numbers[i] != 1:
             check_centred("repeat_varied", node, width[i], i, "the middle of its cell")
-        reach = 0.0 if numbers[i] == 1 else 0.5 * (numbers[i] - 1) * float(interval_of(width[i])[1])
-        bottom, top = node.facts.lower[i] - reach, node.facts.upper[i] + reach
-        ends = numbers[i] != INFINITE and np.isfinite(top - bottom)
-        middle.append(0.5 * (bottom + top) if ends else 0.0)
-        half.append(0.5 * (top - bottom) if ends else UNBOUNDED)
     nx, ny, nz = numbers
-    return varied_cells(node, cells, construct(*width), nx, ny, nz, middle, half)
+    return varied_cells(node, cells, construct(*width), nx, ny, nz, *box_of_copies(node, width, numbers))
 
 
 def _first(n: int) -> float:

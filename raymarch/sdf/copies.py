@@ -28,7 +28,7 @@ from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vecto
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.placing import rotation_matrix, translate
-from raymarch.sdf.repetition import INFINITE, MOST, cells_of, check_centred, each_axis, limited, repeat
+from raymarch.sdf.repetition import INFINITE, MOST, UNBOUNDED, cells_of, check_centred, each_axis, limited, repeat
 
 # Around the y axis
 
@@ -42,8 +42,6 @@ MANY = 24
 """Largest number of copies that are all evaluated."""
 
 UP = (0.0, 1.0, 0.0)
-UNBOUNDED = 1e30
-"""Half the height of an unbounded solid, small enough for float32."""
 
 
 def _turned(p: Expr, angle: Expr) -> Expr:

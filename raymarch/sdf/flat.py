@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import reduce
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -133,13 +134,8 @@ def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
     ends = [*corners[1:], corners[0]]
     normals = [outward(a, b) for a, b in zip(corners, ends, strict=True)]
     at_corners = [before + after for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True)]
-    nearest, *others = [
-        edge(p, a, b, at_a, at_b)
-        for a, b, at_a, at_b in zip(corners, ends, at_corners, [*at_corners[1:], at_corners[0]], strict=True)
-    ]
-    for other in others:
-        nearest = nearer(nearest, other)
-    return nearest
+    rows = zip(corners, ends, at_corners, [*at_corners[1:], at_corners[0]], strict=True)
+    return reduce(nearer, [edge(p, *row) for row in rows])
 
 
 AS_TEXT = 100
@@ -461,10 +457,7 @@ def polyline(
     Exact outside, a bound inside: on the inner side of a bend the field is less than the distance to the corner.
     """
     if len(points) <= AS_TEXT:
-        nearest, *others = [segment_squared(p, a, b) for a, b in pairwise(points)]
-        for squared in others:
-            nearest = min(nearest, squared)
-        return sqrt(nearest) - 0.5 * thickness
+        return sqrt(reduce(min, [segment_squared(p, a, b) for a, b in pairwise(points)])) - 0.5 * thickness
     table = Table(np.array(points), f"a line through {len(points)} points")
 
     def step(i: Expr, nearest: Expr, a: Expr) -> tuple[Expr, Expr]:

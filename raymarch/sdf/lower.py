@@ -7,7 +7,7 @@ function. The rest is one expression, in which equal subtrees are one object.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import cycle
 from typing import Any, Protocol, TypeAlias
 
@@ -23,7 +23,7 @@ from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, construct, make, var
 from raymarch.expr.types import FLOAT, VEC3, vector
 from raymarch.expr.vocabulary import clamp, cross, dot, length, max, min, normalize, stop_gradient, where
-from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute, topological
+from raymarch.expr.walk import find, free_variables, rebuild, rewrite, run, substitute, topological
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import FLOOR
 from raymarch.sdf.labels import cutting, flattened, rows_of
@@ -226,21 +226,7 @@ class Lowering:
 
     def again(self) -> Lowering:
         """Another pass over the same nodes, which shares the origins, shapes and functions of this one."""
-        return Lowering(
-            self.origins,
-            self.shapes,
-            self.sites,
-            self.divisors,
-            self.rays,
-            self.objects,
-            self.bounding,
-            self._numbers,
-            self.names,
-            _functions=self._functions,
-            _operands=self._operands,
-            _bounded_unions=self._bounded_unions,
-            _roots=self._roots,
-        )
+        return replace(self, _sites={}, _inner=set(), _done={}, _grouping=False, _groups={})
 
     def for_camera(self) -> Lowering:
         """Another pass over the same objects, for camera rays."""
@@ -262,7 +248,8 @@ class Lowering:
         self._grouping = groups
         p = var("p", vector(root.dimension))
         q = self._handed(p, None, root)
-        body = self._run((root, q, label if label is UNMARKED or label is PARTS else (label, q)))
+        request = root, q, label if label is UNMARKED or label is PARTS else (label, q)
+        body = run(request, lambda each: self._noted(*each), lambda each: (id(each[0]), *each[1:]), self._done)
         body = self._probed(body, q, root, None)
         if find([body], "cell"):
             raise SceneError(
@@ -299,26 +286,14 @@ class Lowering:
         assigned = assignment_of(node)
         return assigned.name if assigned is not None and id(node) not in self._inner else None
 
-    def _run(self, root: Request) -> Expr:
-        """Run the generators of `_lower` with an explicit stack, so that the depth of a tree is unlimited."""
-        stack = [(root, self._lower(*root))]
-        value: Any = None
-        while stack:
-            try:
-                request = stack[-1][1].send(value)
-            except StopIteration as stop:
-                key, _ = stack.pop()
-                value = self._done[(id(key[0]), *key[1:])] = stop.value
-                if key[2] is UNMARKED and (name := self.variable_of(key[0])) is not None:
-                    self.names.setdefault(stop.value, name)
-                if key[0].where is not None:
-                    self.origins.setdefault(stop.value, key[0].where)
-                continue
-            value = self._done.get((id(request[0]), *request[1:]))
-            if value is None:
-                stack.append((request, self._lower(*request)))
-        result: Expr = value
-        return result
+    def _noted(self, node: Node, point: Expr, label: Any) -> Work:
+        """As `_lower`; the user's name and line of the expression are recorded."""
+        value = yield from self._lower(node, point, label)
+        if label is UNMARKED and (name := self.variable_of(node)) is not None:
+            self.names.setdefault(value, name)
+        if node.where is not None:
+            self.origins.setdefault(value, node.where)
+        return value
 
     def _lower(self, node: Node, point: Expr, label: Any) -> Work:
         marking = label is not UNMARKED

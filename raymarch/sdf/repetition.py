@@ -28,8 +28,8 @@ from raymarch.sdf.node import Node, method
 INFINITE = 0
 MOST = 2**24
 """Maximum number of copies along an axis: the largest consecutive integer of float32."""
-NO_WALL = 1e30
-"""Half the extent of an unbounded box: larger than any coordinate."""
+UNBOUNDED = 1e30
+"""Half the extent of an unbounded box: larger than any coordinate, and small enough for float32."""
 
 
 def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:
@@ -153,6 +153,18 @@ def cells_of(name: str, spacing: Any, count: Any, dimension: int = 3) -> tuple[l
     return widths, numbers
 
 
+def box_of_copies(node: Node, widths: Sequence[Expr], counts: Sequence[int]) -> tuple[list[float], list[float]]:
+    """Centre and half extents of the box around all copies."""
+    middle, half = [], []
+    for low, high, width, n in zip(*node.bounds, widths, counts, strict=True):
+        reach = 0.0 if n == 1 else 0.5 * (n - 1) * float(interval_of(width)[1])
+        bottom, top = float(low) - reach, float(high) + reach
+        bounded = n != INFINITE and np.isfinite(top - bottom)
+        middle.append(0.5 * (bottom + top) if bounded else 0.0)
+        half.append(0.5 * (top - bottom) if bounded else UNBOUNDED)
+    return middle, half
+
+
 def check_centred(name: str, node: Node, width: Expr, i: int, place: str) -> None:
     """SceneError if a solid does not lie in its cell about the origin, along the axis of index i. place : the origin's
     name."""
@@ -183,22 +195,18 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
         raise SceneError(f"repeat of {short(node)}", legal="a node such as sphere()")
     width, numbers = cells_of("repeat", spacing, count, node.dimension)
     lower, upper = node.bounds
-    centre, both, middles, halves = [], 0, [], []
+    centre, both = [], 0
     for i, (axis, step, n) in enumerate(zip("xyz", width, numbers, strict=False)):
-        middle = 0.0
+        mirrored = n == 1 or axis in node.facts.symmetry
         if n != 1:
             _check_fit(node, axis, step, float(lower[i]), float(upper[i]))
-            middle = 0.5 * float(lower[i] + upper[i]) if axis not in node.facts.symmetry else 0.0
-            if axis not in node.facts.symmetry:
-                both |= 1 << i
-        centre.append(middle)
-        reach = 0.0 if n == 1 else np.inf if n == INFINITE else 0.5 * (n - 1) * float(interval_of(step)[1])
-        low, high = lower[i] - reach, upper[i] + reach
-        middles.append(0.5 * (low + high) if np.isfinite(high - low) else 0.0)
-        halves.append(0.5 * (high - low) if np.isfinite(high - low) else NO_WALL)
+        if not mirrored:
+            both |= 1 << i
+        centre.append(0.0 if mirrored else 0.5 * float(lower[i] + upper[i]))
     guard = int(both != 0 and node.exactness != "exact")
     nx, ny, nz = numbers if node.dimension == 3 else (*numbers, 1)
-    return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard, middles, halves)
+    box = box_of_copies(node, width, numbers)
+    return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard, *box)
 
 
 def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr.arrays import value_of
 from raymarch.expr.node import Expr, const
-from raymarch.expr.walk import find, topological
+from raymarch.expr.walk import find, run, topological
 from raymarch.sdf.instancing import moved
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import POSITION
@@ -33,21 +33,8 @@ def shifted(node: Node, by: Vector) -> Node:
     The shift is passed down through unions, blends, labels, rotations and even scales to translations and planes, which
     absorb it. Any other node is translated.
     """
-    done: dict[tuple[int, tuple[float, ...]], Node] = {}
-    first: Request = (node, tuple(float(v) for v in by))
-    stack = [(first, _shift(node, np.array(by, np.float64)))]
-    value: Any = None
-    while stack:  # an explicit stack, so that the depth of a tree is unlimited
-        try:
-            request = stack[-1][1].send(value)
-        except StopIteration as stop:
-            key, _ = stack.pop()
-            value = done[id(key[0]), key[1]] = stop.value
-            continue
-        value = done.get((id(request[0]), request[1]))
-        if value is None:
-            stack.append((request, _shift(request[0], np.array(request[1]))))
-    return done[id(node), first[1]]
+    first: Request = (node, _key(by))
+    return run(first, lambda each: _shift(each[0], np.array(each[1])), lambda each: (id(each[0]), each[1]), {})
 
 
 def _shift(node: Node, by: Vector) -> Work:

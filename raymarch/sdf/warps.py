@@ -18,6 +18,7 @@ from raymarch.sdf.domain import Direction, Length, NonNegative, Scalar, Vec3, Ve
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.placing import AXES, axis_vector
+from raymarch.sdf.repetition import UNBOUNDED
 
 # Orient
 
@@ -109,9 +110,6 @@ def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> N
 
 RELIEF = 0.125
 """Limit of distances inside the ring, as a fraction of its radius."""
-
-UNBOUNDED = 1e30
-"""Half the height of an unbounded solid, small enough for float32."""
 
 
 def _wrapped_bounds(child: ChildFacts, start: Expr, end: Expr, above: Expr, **_: Any) -> tuple[Expr, Expr]:
