@@ -84,10 +84,6 @@ def _construct(node: Expr) -> Step:
     return compute
 
 
-def _mod(x: Array, y: Array) -> Array:
-    return x - y * np.floor(x / y)
-
-
 def _smoothstep(low: Array, high: Array, x: Array) -> Array:
     t = np.clip((x - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
@@ -97,33 +93,13 @@ def _length(v: Array) -> Array:
     return np.sqrt(np.einsum("...i,...i->...", v, v))
 
 
-def _normalize(_node: Expr, v: Array) -> Array:
-    return v / np.maximum(_length(v), v.dtype.type(SHORTEST))[..., None]
-
-
 def _atan2(y: Array, x: Array) -> Array:
     return np.where((x == 0) & (y == 0), x.dtype.type(0), np.arctan2(y, x))  # arctan2(0, -0) would be pi
-
-
-def _pow(x: Array, y: Array) -> Array:
-    return np.power(np.maximum(x, x.dtype.type(SMALLEST)), y)
-
-
-def _dot(_node: Expr, a: Array, b: Array) -> Array:
-    return np.einsum("...i,...i->...", a, b)
 
 
 def _cross(_node: Expr, a: Array, b: Array) -> Array:
     (ax, ay, az), (bx, by, bz) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
-
-
-def _columns(_node: Expr, *columns: Array) -> Array:
-    return np.stack(np.broadcast_arrays(*columns), axis=-1)
-
-
-def _matmul(node: Expr, a: Array, b: Array) -> Array:
-    return np.einsum("...ij,...j->...i", a, b) if node.type.is_vector else np.matmul(a, b)
 
 
 def _where(node: Expr, condition: Array, a: Array, b: Array) -> Array:
@@ -139,7 +115,7 @@ MAKERS: Mapping[str, Maker] = {
     "sub": each(np.subtract),
     "mul": each(np.multiply),
     "div": each(np.divide),
-    "mod": each(_mod),
+    "mod": each(lambda x, y: x - y * np.floor(x / y)),
     "neg": each(np.negative),
     "abs": each(np.abs),
     "round": each(lambda x: np.floor(x + x.dtype.type(0.5))),
@@ -151,7 +127,7 @@ MAKERS: Mapping[str, Maker] = {
     "acos": each(lambda x: np.arccos(np.clip(x, -1, 1))),
     "atan": each(np.arctan),
     "atan2": each(_atan2),
-    "pow": each(_pow),
+    "pow": each(lambda x, y: np.power(np.maximum(x, x.dtype.type(SMALLEST)), y)),
     "min": each(np.minimum),
     "max": each(np.maximum),
     "step": each(lambda edge, x: np.where(x < edge, 0, 1).astype(x.dtype)),
@@ -170,12 +146,12 @@ MAKERS: Mapping[str, Maker] = {
 RULES: Mapping[str, Rule] = {
     **{op: lambda node, *values, maker=maker: maker(node)(*values) for op, maker in MAKERS.items()},
     "where": _where,
-    "dot": _dot,
+    "dot": lambda _node, a, b: np.einsum("...i,...i->...", a, b),
     "cross": _cross,
     "length": lambda _node, v: _length(v),
-    "normalize": _normalize,
-    "columns": _columns,
-    "matmul": _matmul,
+    "normalize": lambda _node, v: v / np.maximum(_length(v), v.dtype.type(SHORTEST))[..., None],
+    "columns": lambda _node, *columns: np.stack(np.broadcast_arrays(*columns), axis=-1),
+    "matmul": lambda node, a, b: np.einsum("...ij,...j->...i", a, b) if node.type.is_vector else np.matmul(a, b),
     "transpose": lambda _node, m: np.swapaxes(m, -1, -2),
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,

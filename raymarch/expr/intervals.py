@@ -147,10 +147,6 @@ def _matmul(node: Expr, a: Interval, b: Interval) -> Interval:
     return (low[:, 0], high[:, 0]) if node.type.is_vector else (low, high)
 
 
-def _stack(_node: Expr, *columns: Interval) -> Interval:
-    return np.stack([c[0] for c in columns], axis=-1), np.stack([c[1] for c in columns], axis=-1)
-
-
 def _less(strict: bool) -> Rule:
     def rule(_node: Expr, a: Interval, b: Interval) -> Interval:
         never, always = (a[0] >= b[1], a[1] < b[0]) if strict else (a[0] > b[1], a[1] <= b[0])
@@ -216,7 +212,7 @@ RULES: Mapping[str, Rule] = {
     "length": _length,
     "normalize": _normalize,
     "cross": _cross,
-    "columns": _stack,
+    "columns": lambda _node, *columns: tuple(np.stack([c[i] for c in columns], axis=-1) for i in (0, 1)),
     "matmul": _matmul,
     "transpose": lambda _node, m: (m[0].T, m[1].T),
     "sample": samples.interval,

@@ -147,8 +147,8 @@ def repeat_varied(
     Evaluates the own cell and the nearer neighbour along each axis: 2, 4 or 8 evaluations of the solid.
     """
     width, numbers = cells_of("repeat_varied", spacing, count)
-    low, high = ([float(end(n)) for n in numbers] for end in (_first, _last))
-    cells = Cells((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+    ends = [(-np.inf, np.inf) if n == INFINITE else (float(-(n // 2)), float((n - 1) // 2)) for n in numbers]
+    cells = Cells(*zip(*ends, strict=True))
     if not callable(build) or isinstance(build, Expr):
         raise SceneError(f"repeat_varied: build = {short(build)}", legal="a function of the index of a cell")
     node = called("repeat_varied: build", build, cells.index, legal="a function from the index of a cell to a solid")
@@ -159,11 +159,3 @@ def repeat_varied(
             check_centred("repeat_varied", node, width[i], i, "the middle of its cell")
     nx, ny, nz = numbers
     return varied_cells(node, cells, construct(*width), nx, ny, nz, *box_of_copies(node, width, numbers))
-
-
-def _first(n: int) -> float:
-    return -np.inf if n == INFINITE else -(n // 2)
-
-
-def _last(n: int) -> float:
-    return np.inf if n == INFINITE else (n - 1) // 2

@@ -68,17 +68,13 @@ def _check_polyline(points: Any, radius: Any) -> None:
         raise SceneError(f"polyline_tube: points = {points}", legal="two distinct points or more")
 
 
-def _polyline_bounds(points: Any, radius: Any) -> tuple[Expr, Expr]:
-    return const(np.min(points, axis=0)) - radius, const(np.max(points, axis=0)) + radius
-
-
 def _is_segment(points: Any, radius: Any) -> bool:
     return len(_distinct(points)) == 2
 
 
 @shape(
     exactness=lambda points, radius: "exact" if _is_segment(points, radius) else "bound",
-    bounds=_polyline_bounds,
+    bounds=lambda points, radius: (const(np.min(points, axis=0)) - radius, const(np.max(points, axis=0)) + radius),
     spread=1.0,
     convex=_is_segment,
     check=_check_polyline,

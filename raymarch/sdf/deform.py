@@ -61,12 +61,8 @@ def twist_slope(rate: Scalar, reach: Scalar) -> Expr:
     return 0.5 * (m + sqrt(m * m + 4.0))
 
 
-def _twisted_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr]:
-    return vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)
-
-
 @operator(
-    bounds=_twisted_bounds,
+    bounds=lambda child, reach: (vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)),
     lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, reach),
     spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xz"),
@@ -91,12 +87,8 @@ def twist(node: Node, rate: Scalar = 1.0) -> Node:
     return twist_about_y(node, rate, _reach(node, "twist", "xz"))
 
 
-def _bent_bounds(child: ChildFacts, rate: Expr, reach: Expr) -> tuple[Expr, Expr]:
-    return vec3(-reach, -reach, child.lower.z), vec3(reach, reach, child.upper.z)
-
-
 @operator(
-    bounds=_bent_bounds,
+    bounds=lambda child, reach: (vec3(-reach, -reach, child.lower.z), vec3(reach, reach, child.upper.z)),
     lipschitz=lambda child, rate, reach: child.lipschitz * (1.0 + abs(rate) * reach),
     spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xy"),
@@ -181,17 +173,18 @@ def taper(node: Node, rate: Scalar = 0.3) -> Node:
     return taper_along_y(node, rate, reach, low, high)
 
 
-def _swollen(child: ChildFacts, amplitude: Expr, frequency: Expr) -> tuple[Expr, Expr]:
-    return child.grown(amplitude)
-
-
 def _waves_slope(child: ChildFacts, amplitude: Expr, frequency: Expr) -> Expr:
     """The gradient of sin(fx) sin(gy) sin(hz) is no longer than its largest frequency."""
     f = abs(frequency)
     return child.lipschitz + amplitude * max(f.x, max(f.y, f.z))
 
 
-@operator(bounds=_swollen, lipschitz=_waves_slope, spread=lambda child: child.spread, called="displace")
+@operator(
+    bounds=lambda child, amplitude: child.grown(amplitude),
+    lipschitz=_waves_slope,
+    spread=lambda child: child.spread,
+    called="displace",
+)
 def displace_by_waves(
     p: Expr, child: Child, amplitude: NonNegative = 0.05, frequency: Vec3 = (10.0, 10.0, 10.0)
 ) -> Expr:

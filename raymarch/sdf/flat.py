@@ -27,7 +27,6 @@ from raymarch.expr.types import VEC2
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
-from raymarch.sdf.facts import Exactness
 
 __all__ = [
     "circle",
@@ -442,11 +441,13 @@ def _line_box(points: Points, thickness: Any) -> tuple[Expr, Expr]:
     return lower - 0.5 * thickness, upper + 0.5 * thickness
 
 
-def _exact_if_straight(points: Points, thickness: Any) -> Exactness:
-    return "exact" if len(points) == 2 else "bound"
-
-
-@shape(exactness=_exact_if_straight, bounds=_line_box, spread=1.0, convex=lambda points: len(points) == 2, dimension=2)
+@shape(
+    exactness=lambda points: "exact" if len(points) == 2 else "bound",
+    bounds=_line_box,
+    spread=1.0,
+    convex=lambda points: len(points) == 2,
+    dimension=2,
+)
 def polyline(
     p: Expr, points: Points2 = ((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4)), thickness: Positive = 0.2
 ) -> Expr:

@@ -105,13 +105,9 @@ def _pie_bounds(radius: Any, angle: Any) -> tuple[Expr, Expr]:
     return vec2(-wide, radius * min(cos(half), 0.0)), vec2(wide, radius)
 
 
-def _exact_if_cut(radius: Expr, angle: Expr) -> Exactness:
-    """At a full turn the two edges coincide and bound nothing."""
-    return "exact" if surely(angle < 2.0 * math.pi) else "bound"
-
-
 @shape(
-    exactness=_exact_if_cut,
+    # at a full turn the two edges coincide and bound nothing
+    exactness=lambda angle: "exact" if surely(angle < 2.0 * math.pi) else "bound",
     bounds=_pie_bounds,
     symmetry="x",
     spread=1.0,

@@ -7,7 +7,6 @@ growth of the iteration. Nothing is proven of them, so they are marched with "pl
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from raymarch.expr.function import loop
 from raymarch.expr.node import Expr
@@ -60,11 +59,7 @@ def menger(p: Expr, size: Positive = 2.0, iterations: Count = 3) -> Expr:
     return 0.5 * size * distance
 
 
-def _sierpinski_bounds(size: Any, iterations: int) -> tuple[Expr, Expr]:
-    return cube(0.5 * size)
-
-
-@shape(exactness="bound", bounds=_sierpinski_bounds, spread=math.sqrt(3.0))
+@shape(exactness="bound", bounds=lambda size: cube(0.5 * size), spread=math.sqrt(3.0))
 def sierpinski(p: Expr, size: Positive = 2.0, iterations: Count = 5) -> Expr:
     """Sierpinski's pyramid: a regular tetrahedron of four half as large, and so on.
 

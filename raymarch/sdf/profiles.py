@@ -279,11 +279,6 @@ def _offset_bounds(child: ChildFacts, distance: Any) -> tuple[Expr, Expr]:
     return child.lower - margin, child.upper + margin
 
 
-def _exact_if_grown(child: Facts, distance: Expr) -> Exactness:
-    """As for `round`. If it shrinks, sharp corners are farther from a point outside than the field."""
-    return "exact" if child.convex and interval_of(distance)[0] >= 0.0 else "bound"
-
-
 def _check_offset(child: Facts, distance: Any) -> None:
     deepest = 0.5 * float(child.size.min())
     if not child.empty and -float(interval_of(distance)[1]) >= deepest:
@@ -292,7 +287,8 @@ def _check_offset(child: Facts, distance: Any) -> None:
 
 @method
 @operator(
-    exactness=_exact_if_grown,
+    # as for `round`; if it shrinks, sharp corners are farther from a point outside than the field
+    exactness=lambda child, distance: "exact" if child.convex and interval_of(distance)[0] >= 0.0 else "bound",
     bounds=_offset_bounds,
     symmetry="keep",
     spread=lambda child: child.spread,

@@ -39,10 +39,6 @@ def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz
     return child.lower - reach * spacing, child.upper + reach * spacing
 
 
-def _keep_if_centred(child: Facts, centre: Expr, **_: Any) -> str:
-    return "".join(a for a, c in zip("xyz", centre.data, strict=False) if a in child.symmetry and c == 0.0)
-
-
 def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guard: int, **_: Any) -> Exactness:
     """Copies that touch merge, and their surface at the contact is then inside."""
     repeated = np.array([n != 1 for n in (nx, ny, nz)[: len(spacing)]])
@@ -50,16 +46,15 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guar
     return "bound" if guard or np.any(repeated & touching) else "exact"
 
 
-def _spread(child: ChildFacts, guard: int, **_: Any) -> Any:
-    """A guarded field is no smaller than the distance to the box of all copies."""
-    return 1.0 if guard else child.spread
-
-
 @operator(
     exactness=_exact_if_apart,
     bounds=_bounds,
-    symmetry=_keep_if_centred,
-    spread=_spread,
+    symmetry=lambda child, centre: "".join(
+        a for a, c in zip("xyz", centre.data, strict=False) if a in child.symmetry and c == 0.0
+    ),
+    spread=lambda child, guard: (
+        1.0 if guard else child.spread
+    ),  # guarded, it is at least the distance to all copies' box
     dimension="any",
     called="repeat",
 )

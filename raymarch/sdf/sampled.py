@@ -25,7 +25,7 @@ from raymarch.expr.convert import file_path, input_file, integer, numbers, optio
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
-from raymarch.sdf.definition import Child, ChildFacts, operator, shape
+from raymarch.sdf.definition import Child, operator, shape
 from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, Vector
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node, method
@@ -359,12 +359,8 @@ def _some_hills() -> Samples:
 HILLS = _some_hills()
 
 
-def _raised(child: ChildFacts, data: Samples, size: Any, height: Any) -> tuple[Expr, Expr]:
-    return child.grown(max(float(data.values.max()), 0.0) * height)
-
-
 @operator(
-    bounds=_raised,
+    bounds=lambda child, data, height: child.grown(max(float(data.values.max()), 0.0) * height),
     lipschitz=lambda child, data, size, height: child.lipschitz + _carpet(data, size, height),
     spread=lambda child: child.spread,
     called="displace_by_image",
@@ -402,7 +398,8 @@ def displace_by_image(
         vec3(-0.5 * size.x, -base, -0.5 * size.y),
         vec3(0.5 * size.x, height * float(np.max(data.values)), 0.5 * size.y),
     ),
-    lipschitz=lambda data, size, height: _terrain(data, size, height),
+    # the gradient of y - h(x, z) is (-h_x, 1, -h_z)
+    lipschitz=lambda data, size, height: length(vec2(1.0, _carpet(data, size, height))),
     spread=1.0,
     called="heightmap",
 )
@@ -418,11 +415,6 @@ def terrain(
     over = p.y - height * sample(data, at)
     q = abs(vec2(p.x, p.z)) - 0.5 * size
     return max(over, max(-p.y - base, max(q.x, q.y)))
-
-
-def _terrain(data: Samples, size: Any, height: Any) -> Expr:
-    """The gradient of y - h(x, z) is (-h_x, 1, -h_z)."""
-    return length(vec2(1.0, _carpet(data, size, height)))
 
 
 @checked

@@ -5,18 +5,13 @@ from __future__ import annotations
 from raymarch.expr.node import Expr
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import NonNegative, Positive
-from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import method
-
-
-def _exact_if_convex(child: Facts, radius: Expr) -> Exactness:
-    """What grows about a hollow may close it or meet itself, and what was its surface there is inside."""
-    return "exact" if child.convex else "bound"
 
 
 @method
 @operator(
-    exactness=_exact_if_convex,
+    # what grows about a hollow may close it or meet itself, and what was its surface there is inside
+    exactness=lambda child: "exact" if child.convex else "bound",
     bounds=lambda child, radius: child.grown(radius),
     symmetry="keep",
     spread=lambda child: child.spread,

@@ -13,17 +13,13 @@ from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min
 from raymarch.expr.walk import find
 from raymarch.sdf.booleans import balanced, hull, widest
-from raymarch.sdf.definition import Child, ChildFacts, combination
+from raymarch.sdf.definition import Child, combination
 from raymarch.sdf.domain import Positive, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.lower import lower as lower_field
 from raymarch.sdf.node import Node, method
 
 __all__ = ["transition"]
-
-
-def _transition_slope(children: Sequence[ChildFacts], start: Expr, end: Expr, reach: Expr) -> Expr:
-    return balanced([c.lipschitz for c in children], max) + reach / length(end - start)
 
 
 def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> str:
@@ -33,7 +29,15 @@ def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> s
     return "".join(axis for axis in still if all(axis in child.symmetry for child in children))
 
 
-@combination(bounds=hull, lipschitz=_transition_slope, spread=widest, symmetry=_symmetry_across, called="transition")
+@combination(
+    bounds=hull,
+    lipschitz=lambda children, start, end, reach: (
+        balanced([c.lipschitz for c in children], max) + reach / length(end - start)
+    ),
+    spread=widest,
+    symmetry=_symmetry_across,
+    called="transition",
+)
 def transition_between(
     p: Expr,
     children: Sequence[Child],

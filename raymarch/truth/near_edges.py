@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 from raymarch.truth.compare import silhouettes
-from raymarch.truth.rays import Rays
+from raymarch.truth.rays import rays_through
 from raymarch.truth.tracer import trace
 
 BLOCK = 5
@@ -48,8 +48,7 @@ def silhouettes_within(
     for start in range(0, len(row), AT_ONCE):
         i, j = row[start : start + AT_ONCE], column[start : start + AT_ONCE]
         beside = j[:, None, None] + steps, i[:, None, None] + steps[:, None]
-        origins, directions = (v.reshape(-1, 3) for v in pose.rays(*beside, (width, height)))
-        rays = Rays(origins if pose.orthographic else pose.position[None, :], directions)
+        rays = rays_through(pose, *beside, (width, height))
         blocks = trace(scene, values, pose, rays, (BLOCK * len(i), BLOCK), spacing * pose.pixel(height))
         found[i, j] = silhouettes(blocks)[BLOCK // 2 :: BLOCK, BLOCK // 2]
     return found

@@ -54,13 +54,15 @@ class Rays:
 
 def camera_rays(pose: Pose, width: int, height: int, rows: range | None = None) -> Rays:
     """Rays through the centres of all pixels, row by row from the top of the picture; `rows` selects some rows."""
-    row = np.arange(height) if rows is None else np.array(rows)
-    x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * (width / height) * pose.tan_half_fov
-    y = (1.0 - 2.0 * (row + 0.5) / height) * pose.tan_half_fov
-    if pose.half_height is not None:
-        return _parallel_rays(pose, (2.0 * (np.arange(width) + 0.5) - width) / height, 1.0 - 2.0 * (row + 0.5) / height)
-    inside = np.stack([*np.meshgrid(x, y), np.full((len(row), width), -1.0)], axis=-1).reshape(-1, 3)
-    return Rays(pose.position[None, :], unit(inside @ pose.frame.T))
+    return rays_through(
+        pose, np.arange(width), np.array(range(height) if rows is None else rows)[:, None], (width, height)
+    )
+
+
+def rays_through(pose: Pose, columns: NDArray[Any], rows: NDArray[Any], size: tuple[int, int]) -> Rays:
+    """The rays of `Pose.rays` in one list."""
+    origins, directions = (v.reshape(-1, 3) for v in pose.rays(columns, rows, size))
+    return Rays(origins if pose.orthographic else pose.position[None, :], directions)
 
 
 def lens_rays(pose: Pose, centre: Rays, points: NDArray[np.float64]) -> Rays:
@@ -72,15 +74,6 @@ def lens_rays(pose: Pose, centre: Rays, points: NDArray[np.float64]) -> Rays:
     beside = (pose.aperture * points) @ pose.frame[:, :2].T
     origins = centre.origins + beside
     return Rays(origins, unit(in_focus - origins))
-
-
-def _parallel_rays(pose: Pose, x: NDArray[Any], y: NDArray[Any]) -> Rays:
-    """Parallel rays through a grid of points of the picture, in halves of its height from the centre."""
-    assert pose.half_height is not None
-    right, up, backward = pose.frame.T
-    across, upward = np.meshgrid(pose.half_height * x, pose.half_height * y)
-    origins = pose.position + across[..., None] * right + upward[..., None] * up
-    return Rays(origins.reshape(-1, 3), np.broadcast_to(-backward, (origins.size // 3, 3)))
 
 
 def unit(vectors: NDArray[Any]) -> NDArray[np.float64]:

@@ -50,14 +50,11 @@ def radiance(surface: Surface, weight: Array | None = None, depth: int = 0) -> A
     fresnel = np.where((1.0 - fresnel) * throughput < THROUGHPUT_CUTOFF, 1.0, fresnel)
     reflected = (transmission * fresnel)[:, None] + (1.0 - transmission)[:, None] * surface.mirrored(traced)
     refracted = np.broadcast_to((transmission * (1.0 - fresnel))[:, None], (n, 3))
-    color += reflected * _trace_secondary(surface, weight * reflected, _reflect(surface, cosine), depth, crosses=False)
+    directions = surface.directions + 2.0 * cosine[:, None] * surface.shading_normals
+    color += reflected * _trace_secondary(surface, weight * reflected, directions, depth, crosses=False)
     directions = _refract(surface, cosine, ratio)
     color += refracted * _trace_secondary(surface, weight * refracted, directions, depth, crosses=True)
     return color
-
-
-def _reflect(surface: Surface, cosine: Array) -> Array:
-    return surface.directions + 2.0 * cosine[:, None] * surface.shading_normals
 
 
 def _refract(surface: Surface, cosine: Array, ratio: Array) -> Array:
