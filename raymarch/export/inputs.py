@@ -71,7 +71,7 @@ def shader_of(made: Plan, host: Mapping[str, str] = MappingProxyType({})) -> Sha
         data.name: int(np.size(data.values)) for data in made.textures if isinstance(data, Samples | Table)
     }
     if made.lights_as_data:
-        small[LIGHTS] = 4 * lights.texels(made.scene) * len(made.scene.lights)
+        small[LIGHTS] = 4 * lights.table(made.scene).texels * len(made.scene.lights)
     found, total = set(), 0
     for name, size in sorted(small.items(), key=lambda entry: entry[1]):
         total += size

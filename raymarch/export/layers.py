@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raymarch.gpu.frame import Frame
 from raymarch.plan import OUTPUTS
-from raymarch.scene.images import exr_package
+from raymarch.scene.images import write_channels
 
 ARRAYS = tuple(name for name in OUTPUTS if name not in ("slice", "cycles"))
 """The arrays of a frame that every driver can draw, and that have no parameter."""
@@ -33,19 +33,11 @@ def write_layers(file: Path, frame: Frame) -> None:
 
     Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
     """
-    OpenEXR = exr_package(file)
-    channels = {"RGB": np.ascontiguousarray(frame.color, np.float32), "Z": np.ascontiguousarray(frame.depth)}
+    channels = {"RGB": frame.color, "Z": frame.depth}
     for name in ARRAYS:
         if name in ("color", "depth"):
             continue
-        values = np.asarray(frame.array(name), np.float32)
-        if values.ndim == 3:
-            channels |= {f"{name}.{axis}": np.ascontiguousarray(values[..., k]) for k, axis in enumerate("XYZ")}
-        else:
-            channels[f"{name}.Y"] = np.ascontiguousarray(values)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    try:
-        with OpenEXR.File(header, channels) as made:
-            made.write(str(file))
-    except RuntimeError as fault:  # the library raises it for every fault of a file
-        raise OSError(" ".join(str(fault).split())) from fault
+        values = frame.array(name)
+        vector = {f"{name}.{axis}": values[..., k] for k, axis in enumerate("XYZ")} if values.ndim == 3 else None
+        channels |= vector or {f"{name}.Y": values}
+    write_channels(file, channels)

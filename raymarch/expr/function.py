@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import CodeType, MappingProxyType
 from typing import Any
 from weakref import WeakValueDictionary
@@ -215,6 +215,11 @@ class Loop:
     @property
     def inner(self) -> tuple[Expr, ...]:
         return (*self.step, *((self.until,) if self.until is not None else ()))
+
+    def with_inner(self, inner: Sequence[Expr], kept: bool = False) -> Loop:
+        """The loop with other expressions in place of `inner`. kept : it must not be unrolled."""
+        step, until = (inner, None) if self.until is None else (inner[:-1], inner[-1])
+        return replace(self, step=tuple(step), until=until, kept=self.kept or kept)
 
     @property
     def is_branch(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -45,7 +45,9 @@ def load(name: str, variants: frozenset[str] = frozenset()) -> Module:
         whole = _folder().joinpath(f"{name}.glsl").read_text(encoding="utf-8").rstrip("\n").split("\n")
     except FileNotFoundError:
         raise KeyError(f"no GLSL module '{name}'") from None
-    numbers, lines = zip(*_settled(whole, variants), strict=True)
+    numbers, lines = zip(
+        *settled(whole, variants, VARIANTS if "CONES" in variants else VARIANTS | {"CONE"}), strict=True
+    )
     text = "\n".join(lines)
     gives = defined(text)
     if not lines[0].startswith("// ") or not gives:
@@ -53,9 +55,11 @@ def load(name: str, variants: frozenset[str] = frozenset()) -> Module:
     return Module(name, gives, lines[0][3:].strip(), lines, numbers)
 
 
-def _settled(lines: list[str], variants: frozenset[str]) -> Iterator[tuple[int, str]]:
-    """The lines that remain when conditions on `VARIANTS` are settled, each with its number."""
-    names = VARIANTS if "CONES" in variants else VARIANTS | {"CONE"}
+def settled(lines: list[str], variants: Collection[str], names: Collection[str]) -> Iterator[tuple[int, str]]:
+    """The lines that remain when conditions on some names are settled, each with its number.
+
+    variants : those of the names whose lines are kept.
+    """
     kept: list[bool | None] = []  # of each open condition; None for one that the driver decides
     for number, line in enumerate(lines, 1):
         word, _, name = line.partition(" ")

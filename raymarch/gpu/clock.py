@@ -143,7 +143,7 @@ def try_timer(context: Context, timer: Timer) -> Trial:
     """
     with ExitStack() as stack:
         target = stack.enter_context(Target(context, _TEST_SIZE))
-        program = stack.enter_context(Program(context, FULL_SCREEN, _TEST_FRAGMENT, _no_location, "clock self-test"))
+        program = stack.enter_context(Program(context, FULL_SCREEN, _TEST_FRAGMENT, None, "clock self-test"))
 
         def draw(iterations: int) -> Callable[[], None]:
             return lambda: program.draw(target, {"iterations": iterations})
@@ -212,7 +212,3 @@ def _both(context: Context, timer: Timer, draw: Callable[[], None]) -> tuple[flo
 def _least_disturbed(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
     impossible = [(wall, claimed) for wall, claimed in pairs if not claimed <= wall * (1 + TOLERANCE)]
     return impossible[0] if impossible else min(pairs)
-
-
-def _no_location(line: int) -> tuple[str, None]:
-    return f"raymarch itself (line {line})", None

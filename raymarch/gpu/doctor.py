@@ -103,14 +103,9 @@ def _examine(backend: str) -> Report:
     except DeviceError as error:
         return Report(backend, works=False, error=error.what, cure=error.legal)
     with context:
-        return Report(
-            backend,
-            works=True,
-            driver=context.driver,
-            limits=context.limits,
-            loops=count_loop(context),
-            clock=_examine_clock(context),
-        )
+        clock = Clock(context)
+        report = ClockReport(clock.kind, clock.verdict)
+        return Report(backend, True, None, None, context.driver, context.limits, count_loop(context), report)
 
 
 def count_loop(context: Context, iterations: int = LOOP_ITERATIONS) -> LoopLimit:
@@ -120,15 +115,8 @@ def count_loop(context: Context, iterations: int = LOOP_ITERATIONS) -> LoopLimit
     """
     with (
         Target(context, (1, 1)) as target,
-        Program(
-            context, FULL_SCREEN, _LOOP_FRAGMENT, lambda line: (f"the loop test (line {line})", None), "loop test"
-        ) as program,
+        Program(context, FULL_SCREEN, _LOOP_FRAGMENT, None, "loop test") as program,
     ):
         # The generator has period 2^32 and reaches 1 last, so the loop never breaks by itself.
         program.draw(target, {"iterations": iterations, "never": 1})
         return LoopLimit(iterations, int(target.read()[0, 0, 0]))
-
-
-def _examine_clock(context: Context) -> ClockReport:
-    clock = Clock(context)
-    return ClockReport(clock.kind, clock.verdict)

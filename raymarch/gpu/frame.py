@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,9 +76,10 @@ class Frame:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what was rendered; the renderer stays behind."""
+        kept = ("size", "time", "timings", "tone", "complete", "pose", "spread")
+        parts: dict[str, Any] = {name: getattr(self, name) for name in kept}
         arrays = {name: self.array(name) for name in {**self._unread, **self._arrays}}
-        shown = (self.size, self.time, self.timings, arrays, self.tone, self.complete, self.pose)
-        return _unpickled, (*shown, list(self.warnings), self.spread)
+        return _unpickled, (parts | {"_arrays": arrays, "warnings": list(self.warnings)},)
 
     def doubts(self, steps: bool = False) -> list[str]:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
@@ -245,26 +246,13 @@ class Frame:
         return Image.fromarray(np.concatenate([rgb, np.rint(255.0 * covered).astype(np.uint8)], axis=-1))
 
 
-def _unpickled(
-    size: tuple[int, int],
-    time: float,
-    timings: list[Timing],
-    arrays: dict[str, NDArray[Any]],
-    tone: ToneMapping,
-    complete: bool,
-    pose: Pose | None,
-    warnings: list[str],
-    spread: bool,
-) -> Frame:
+def _unpickled(parts: dict[str, Any]) -> Frame:
     """A frame without its renderer: the arrays that were rendered before it was pickled."""
 
-    def render(name: str) -> tuple[Mapping[str, Unread], list[Timing]]:
+    def late(name: str = "alpha") -> NoReturn:
         raise not_rendered("this frame was pickled or copied", name)
 
-    def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        raise not_rendered("this frame was pickled or copied", "alpha")
-
-    return Frame(size, time, timings, arrays, render, tone, complete, pose, warnings, None, transparency, spread)
+    return Frame(**parts, _render=late, _transparency=late)
 
 
 def not_rendered(why: str, name: str) -> DeviceError:

@@ -17,7 +17,7 @@ from raymarch.expr.raw import without_twin
 from raymarch.gpu.budget import Pace
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
-from raymarch.plan import OUTPUTS, Plan, plan
+from raymarch.plan import OUTPUTS, Plan, marching, plan
 from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
@@ -74,7 +74,7 @@ def assembled(made: Plan) -> Prepared:
     shader = assemble(made)
     effects = {chosen.name: assemble_effect(chosen) for chosen in made.passes if chosen.effect is not None}
     texts = {chosen.name: effects.get(chosen.name, shader).text(chosen.name) for chosen in made.passes}
-    vertex = RAYS if made.interpolated else FULL_SCREEN
+    vertex = RAYS if marching.interpolated(made.scene) else FULL_SCREEN
     start = made.seen or made.field
     known = not without_twin(start.body)
     distance = evaluator([start.body], start.params) if known else None

@@ -106,7 +106,7 @@ class Program(Releasing):
     context : the context of the program; bound here and by every method.
     vertex : a vertex shader without attributes that makes a triangle of gl_VertexID 0, 1, 2, such as `FULL_SCREEN`.
     fragment : the fragment shader, `#version 330 core`.
-    locate : see `Locate`; called only if the driver refuses the shader.
+    locate : see `Locate`; called only if the driver refuses the shader. None for a text of the package itself.
     name : the pass, for messages.
 
     Raises
@@ -115,7 +115,7 @@ class Program(Releasing):
         the line; `.where` is the user's line.
     """
 
-    def __init__(self, context: Context, vertex: str, fragment: str, locate: Locate, name: str) -> None:
+    def __init__(self, context: Context, vertex: str, fragment: str, locate: Locate | None, name: str) -> None:
         self.context = context
         self.name = name
         self.released = False
@@ -209,7 +209,7 @@ class Program(Releasing):
             unit += 1
 
 
-def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:
+def _refusal(name: str, log: str, fragment: str, locate: Locate | None) -> ShaderError:
     """A ShaderError for the driver's log that names the origin of the line."""
     heading, _, body = log.partition("=\n")
     in_fragment = "fragment_shader" in heading
@@ -223,7 +223,7 @@ def _refusal(name: str, log: str, fragment: str, locate: Locate) -> ShaderError:
     # The driver got the stripped text, so its line 1 is the first line that is not blank.
     blank = fragment[: len(fragment) - len(fragment.lstrip())].count("\n")
     line = first_error.line + blank
-    what, where = locate(line)
+    what, where = locate(line) if locate else ("raymarch itself", None)
     place = f"line {line}" if first_error.column is None else f"line {line}, column {first_error.column}"
     return ShaderError(
         f"pass {name}: the driver refused the fragment shader, {place}, made by {what}: {first_error.text}", where=where

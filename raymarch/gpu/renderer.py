@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 
@@ -239,9 +240,6 @@ class Renderer:
         complete = (scene.quality.steps_per_pass is None or self.history.arrived) and self.history.lighted
         broken = violations(self.prepared(scene, picture.outputs, picture.part).plan.conditions, values)
 
-        def doubts_of(frame: Frame, steps: bool) -> list[str]:
-            return self._doubts(scene, values, frame, steps)
-
         def color_of(scene: Scene) -> NDArray[np.float32]:
             return render_for("color", scene, "alpha")[0]["color"].array("color")
 
@@ -256,8 +254,8 @@ class Renderer:
             return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * behind
 
         frame = Frame(
-            *(size, values.time, timings, {}, render_for, scene.tone, complete, pose, broken, doubts_of),
-            *(transparency, bool(scene.post), unread),
+            *(size, values.time, timings, {}, render_for, scene.tone, complete, pose, broken),
+            *(partial(self._doubts, scene, values), transparency, bool(scene.post), unread),
         )
         if not self.strict:
             vouch.warn(broken)

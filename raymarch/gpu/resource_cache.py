@@ -6,7 +6,7 @@ import os
 import time as clock_time
 from collections import OrderedDict
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import moderngl
 import numpy as np
@@ -70,8 +70,16 @@ def _check_compile_time(plan: Plan, renderer: str) -> None:
     warn(f"{what} on {renderer}; {cure}", where)
 
 
+Kind = TypeVar("Kind", Target, PingPong)
+
+
 def _textures(uniforms: Mapping[str, Any]) -> list[moderngl.Texture]:
     return [value for value in uniforms.values() if isinstance(value, moderngl.Texture)]
+
+
+def _free_lights(uniforms: Mapping[str, Any]) -> None:
+    for texture in _textures(uniforms):
+        texture.release()
 
 
 class ResourceCache:
@@ -89,8 +97,7 @@ class ResourceCache:
         self.kept = KEPT
         self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
         self._drawn: set[Program] = set()
-        self._targets: dict[str, Target] = {}
-        self._pairs: dict[str, PingPong] = {}
+        self._targets: dict[str, Target | PingPong] = {}
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._bytes: dict[str, int] = {}
         self._counter: Program | None = None
@@ -128,24 +135,20 @@ class ResourceCache:
 
     def target(self, name: str, size: tuple[int, int], textures: int = 1) -> Target:
         """The target with a name; replaced if its size or number of textures changed."""
-        found = self._targets.get(name)
-        if found is None or (found.size, found.attachments) != (size, textures):
-            with in_pass(name):
-                fresh = Target(self.context, size, textures)
-            if found is not None:
-                found.release()
-            self._targets[name] = found = fresh
-        return found
+        return self._target(Target, name, size, textures)
 
     def pair(self, name: str, size: tuple[int, int], textures: int = 1) -> PingPong:
         """The pair of targets with a name; replaced if its size or number of textures changed."""
-        found = self._pairs.get(name)
-        if found is None or (found.size, found.front.attachments) != (size, textures):
+        return self._target(PingPong, name, size, textures)
+
+    def _target(self, kind: type[Kind], name: str, size: tuple[int, int], textures: int) -> Kind:
+        found = self._targets.get(name)
+        if not isinstance(found, kind) or (found.size, found.attachments) != (size, textures):
             with in_pass(name):
-                fresh = PingPong(self.context, size, textures)
+                fresh = kind(self.context, size, textures)
             if found is not None:
                 found.release()
-            self._pairs[name] = found = fresh
+            self._targets[name] = found = fresh
         return found
 
     def count_active(self, name: str) -> int:
@@ -154,11 +157,10 @@ class ResourceCache:
 
         name : of its pair of targets.
         """
-        march = self._pairs[name]
+        march = self._targets[name]
+        assert isinstance(march, PingPong)
         if self._counter is None:
-            self._counter = Program(
-                self.context, FULL_SCREEN, _COUNT_ACTIVE, lambda line: ("the count of rays", None), "count of rays"
-            )
+            self._counter = Program(self.context, FULL_SCREEN, _COUNT_ACTIVE, None, "count of rays")
         with self.context.bound():
             query = self.context.gl.query(samples=True)
             with query:
@@ -196,7 +198,7 @@ class ResourceCache:
             return found
         with self.context.bound():
             if len(self._lights) == 2:
-                self._free_lights(self._lights.pop(0)[1])
+                _free_lights(self._lights.pop(0)[1])
             made: dict[str, Any] = {"u_lights": self._texels(rows), "light_rows": rows, "light_turns": len(rows)}
             if balls is not None:
                 cells = light_cells.build(balls, np.asarray(lower), np.asarray(upper))
@@ -209,10 +211,6 @@ class ResourceCache:
         made.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return made
 
-    def _free_lights(self, uniforms: Mapping[str, Any]) -> None:
-        for texture in _textures(uniforms):
-            texture.release()
-
     def has_lights(self, texture: object) -> bool:
         """True if a texture of lights is still cached."""
         return any(kept["u_lights"] is texture for _, kept in self._lights)
@@ -221,16 +219,14 @@ class ResourceCache:
         """Free all targets except those named in `keep`; they are recreated on demand."""
         for name in set(self._targets) - set(keep):
             self._targets.pop(name).release()
-        for name in set(self._pairs) - set(keep):
-            self._pairs.pop(name).release()
 
     @property
     def objects(self) -> dict[str, int]:
         """Numbers of live programs, target textures, and data textures."""
-        pairs = sum(2 * pair.front.attachments for pair in self._pairs.values())
+        targets = [(1 + isinstance(target, PingPong)) * target.attachments for target in self._targets.values()]
         return {
             "programs": len(self._programs),
-            "targets": sum(target.attachments for target in self._targets.values()) + pairs,
+            "targets": sum(targets),
             "data": len(self._textures) + sum(len(_textures(made)) for _, made in self._lights),
         }
 
@@ -244,7 +240,7 @@ class ResourceCache:
                 for texture in self._textures.values():
                     texture.release()
                 for _, made in self._lights:
-                    self._free_lights(made)
+                    _free_lights(made)
         self._lights.clear()
         self._textures.clear()
         self._bytes.clear()

@@ -69,7 +69,7 @@ class Screen:
         with context.bound():
             self.framebuffer: moderngl.Framebuffer = context.gl.detect_framebuffer(0)
         self._samplers: dict[str, Program] = {}
-        self._layer = Program(context, FULL_SCREEN, _LAYER, _ours, "overlay")
+        self._layer = Program(context, FULL_SCREEN, _LAYER, None, "overlay")
 
     def show(
         self,
@@ -121,7 +121,7 @@ class Screen:
         text = _CLIPPED if tone is None else tone.glsl()
         if text not in self._samplers:
             source = _SAMPLE.replace(_CLIPPED, text).replace("LINEAR_TO_SRGB", srgb_glsl())
-            self._samplers[text] = Program(self.context, FULL_SCREEN, source, _ours, "window")
+            self._samplers[text] = Program(self.context, FULL_SCREEN, source, None, "window")
         return self._samplers[text]
 
     def image(self, pixels: NDArray[np.uint8]) -> moderngl.Texture:
@@ -166,7 +166,3 @@ class Screen:
         """Free the programs. Idempotent."""
         for owned in (*self._samplers.values(), self._layer):
             owned.release()
-
-
-def _ours(line: int) -> tuple[str, None]:
-    return f"raymarch's window (line {line})", None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import builtins
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from raymarch.errors import Location
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
-from raymarch.expr.function import Function, Loop, loop
+from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations
 from raymarch.expr.types import FLOAT, VEC3
@@ -240,10 +240,8 @@ class Bounding:
             return make("call", node.type, args, self._skippable(node.data))
         if node.op != "loop" or node.data.is_branch or operations([node]) < ROLLED:
             return rebuild(node, args)
-        old: Loop = node.data
-        inner = [rewrite([e], self._rolled)[e] for e in old.inner]
-        until = inner.pop() if old.until is not None else None
-        return make("loop", node.type, args, replace(old, step=tuple(inner), until=until, kept=True))
+        inner = [rewrite([e], self._rolled)[e] for e in node.data.inner]
+        return make("loop", node.type, args, node.data.with_inner(inner, kept=True))
 
     def _is_costly(self, body: Expr) -> bool:
         return self.asked is True or operations([body]) >= LEAST

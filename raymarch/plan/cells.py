@@ -35,7 +35,6 @@ from raymarch.sdf.rows import Rows
 
 Array: TypeAlias = NDArray[np.float64]
 Whole: TypeAlias = NDArray[np.int64]
-Narrow: TypeAlias = NDArray[np.float32]
 Indices: TypeAlias = NDArray[np.int32]
 
 CROWDED = 4
@@ -270,19 +269,6 @@ class _Builder:
                     result[begin + mine] = form.columns.distance(at[mine], rows[mine] - self.firsts[i], dtype)
         return result
 
-    def bounds(self, points: Array, owner: Whole, items: NDArray[np.integer]) -> tuple[Narrow, Narrow]:
-        """Lower and upper bounds of the distance of each point, by its number, to its object: from the sphere around
-        the object's box, and from the value at the middle of the box. In float32, exact to `ROUNDING`."""
-        away = points.astype(np.float32)[owner]
-        away -= self.spheres[items, :3]
-        reach = np.sqrt(np.einsum("ij,ij->i", away, away))
-        lower = reach - self.spheres[items, 3]
-        if not self.all_exact:
-            lower = np.where(lower > 0.0, lower * self.flatness[items], -np.inf)
-        return lower, reach * self.slopes[items] + self.at_middle[items] if self.sloped else reach + self.at_middle[
-            items
-        ]
-
     def radius(self, size: float) -> float:
         """Half the diagonal of a cell, with an allowance for rounding."""
         return float(0.5 * np.sqrt(3.0) * size + ROUNDING * self.largest)
@@ -300,18 +286,11 @@ class _Builder:
     # Levels
 
     def run(self) -> Cells:
-        halvings = int(np.ceil(np.log2(max(1, self.counts.max()))))
-        halvings = max(0, halvings - 1)
-        coarse = np.ceil(self.counts / 2**halvings).astype(np.int64)
-        grid = np.stack(np.meshgrid(*map(np.arange, coarse), indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int32)
-        ranks = self.ranked if self.blended else np.arange(len(self.rows))
-        items = np.tile(ranks.astype(np.int32), len(grid))
-        level = _Level(grid, np.arange(len(grid) + 1) * len(ranks), items)
+        halvings = max(0, int(np.ceil(np.log2(max(1, self.counts.max())))) - 1)
+        items = self.ranked if self.blended else np.arange(len(self.rows))
+        level = _Level(np.zeros((1, 3), np.int32), np.array([0, len(items)]), items.astype(np.int32))  # one cell of all
         texels = np.zeros((int(np.prod(self.counts)), 2), np.float32)
-        given = level.cells
-        level, _, far, value = self.pruned(level, self.size * 2**halvings, halvings == 0)
-        self.paint(texels, given[far], value, halvings)
-        for left in reversed(range(halvings)):
+        for left in reversed(range(halvings + 1)):
             limit = np.ceil(self.counts / 2**left).astype(np.int64)
             level, _, cells, _, value = self.divided(level, self.size * 2**left, limit, last=left == 0)
             self.paint(texels, cells, value, left)
@@ -350,20 +329,20 @@ class _Builder:
         items = level.items[_ranges(level.starts[parent], counts, starts)]
         return _Level(cells, starts, items)
 
-    def pruned(self, level: _Level, size: float, last: bool = True) -> tuple[_Level, Whole, Whole, Array]:
-        """The near cells with shorter lists, and which they are; which are far, and a lower bound of the field at the
-        centre of each."""
+    def pruned(self, level: _Level, size: float) -> tuple[_Level, Whole, Whole, Array]:
+        """The near cells of a blend with shorter lists, and which they are; which are far, and a lower bound of the
+        field at the centre of each."""
         lengths: list[Whole] = [np.empty(0, np.int64)]
         items: list[NDArray[np.int32]] = [np.empty(0, np.int32)]
         far = [np.empty(0, bool)]
         values = [np.empty(0)]
         for part in _parts(level):
+            owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
             centres = self.low + size * (part.cells + 0.5)
-            kept, floor = self.pruned_part(part, centres, size, last)
+            kept, floor = self.deciding(part, owner, self.values(centres[owner], part.items), self.radius(size))
             lonely = floor >= self.far_from(size)
             far.append(lonely)
             values.append(floor[lonely])
-            owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
             kept &= ~lonely[owner]
             lengths.append(np.bincount(owner[kept], minlength=len(part.cells))[~lonely])
             items.append(part.items[kept])
@@ -473,23 +452,9 @@ class _Builder:
         floor[held] = np.minimum(nearest, self.listed_to(size, False))  # `children` does not list others
         return np.bincount(owner[kept], minlength=len(counts)), items[kept], floor
 
-    def pruned_part(self, part: _Level, centres: Array, size: float, last: bool) -> tuple[NDArray[np.bool_], Array]:
-        """Which entries can decide in their cell, and a lower bound of the field at each centre."""
-        radius = self.radius(size)
-        owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
-        first = part.starts[:-1]
-        if self.blended:
-            value = self.values(centres[owner], part.items)
-            return self.pruned_blend(part, owner, value, radius)
-        allowance = ROUNDING * self.largest
-        lower, upper = self.bounds(centres, owner, part.items)
-        slack: Any = radius if not self.sloped else self.slopes[part.items] * np.float32(radius)
-        limit = np.minimum.reduceat(upper + slack, first) + np.float32(2.0 * allowance)
-        kept = (lower - slack <= limit[owner]) & (lower <= self.listed_to(size, last) + 4.0 * allowance)
-        return kept, np.minimum.reduceat(lower, first).astype(np.float64) - 2.0 * allowance
-
-    def pruned_blend(self, part: _Level, owner: Whole, value: Array, radius: float) -> tuple[NDArray[np.bool_], Array]:
-        """The same for a blend: the losing side of each fold of the balanced tree is left out."""
+    def deciding(self, part: _Level, owner: Whole, value: Array, radius: float) -> tuple[NDArray[np.bool_], Array]:
+        """Which entries can decide the blend in their cell, and a lower bound of the field at each centre: the losing
+        side of each fold of the balanced tree is left out."""
         alive = np.ones(len(owner), bool)
         entry = np.arange(len(owner))
         cell, rank, current = owner, self.order[part.items], value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -42,10 +43,7 @@ def as_dict(plan: Plan, modules: Mapping[str, str]) -> dict[str, Any]:
             {"name": s.name, "value": s.value, "min": s.min, "max": s.max, "where": str(s.where) if s.where else None}
             for s in plan.parameters.values()
         ],
-        "presets": [
-            {"name": m.name, "pixels": m.pixels, "length": m.length, "epsilon": m.epsilon, "own": m.own}
-            for m in meanings(plan.given)
-        ],
+        "presets": [asdict(meaning) for meaning in meanings(plan.given)],
         "warnings": list(plan.warnings),
     }
 

@@ -92,7 +92,7 @@ def gather(root: Node, choice: str, exact: float, live: bool = True, slow: bool 
     unlimited = not math.isfinite(exact)
     if choice != "text" and not unlimited:
         made.node = _Gatherer(made, choice, live, slow).visit(root, exact, 0)
-    largest = max((len(node.children) for node in _unions(root)), default=0)
+    largest = max((len(node.children) for node in all_nodes(root) if node.definition.arity == "many"), default=0)
     if made.rows and choice == "data":
         made.reason = "Quality(objects='data')"
     elif made.rows:
@@ -104,19 +104,6 @@ def gather(root: Node, choice: str, exact: float, live: bool = True, slow: bool 
     else:
         made.reason = f"no union of {AS_DATA} or more objects of few forms; the largest has {largest} operands"
     return made
-
-
-def _unions(root: Node) -> list[Node]:
-    found, pending, seen = [], [root], {id(root)}
-    while pending:
-        node = pending.pop()
-        if node.definition.arity == "many":
-            found.append(node)
-        for child in node.children:
-            if id(child) not in seen:
-                seen.add(id(child))
-                pending.append(child)
-    return found
 
 
 class _Gatherer:
@@ -180,19 +167,12 @@ class _Gatherer:
         return made
 
     def _refuse_instances(self, node: Node) -> None:
-        pending, seen = list(node.children), {id(node)}
-        while pending:
-            each = pending.pop()
-            if rows_of(each) is not None:
-                raise PlanError(
-                    f"{node.name} of instances",
-                    legal="unions, intersections, differences, blends that end at a distance, and rigid transforms",
-                    where=node.where,
-                )
-            for child in each.children:
-                if id(child) not in seen:
-                    seen.add(id(child))
-                    pending.append(child)
+        if any(rows_of(each) is not None for each in all_nodes(node)[1:]):
+            raise PlanError(
+                f"{node.name} of instances",
+                legal="unions, intersections, differences, blends that end at a distance, and rigid transforms",
+                where=node.where,
+            )
 
     # Unions
 

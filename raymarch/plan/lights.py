@@ -59,8 +59,9 @@ class Form:
 class Table:
     """The rows of some lights, of which only values that change are evaluated in each frame.
 
-    forms : by their keys; see `key`. kinds : the kinds of shadow; see `shadows`. headed : see `headed`.
-    fixed : the values that are constant, shape (lights, texels, 4). varied : the row, the first number and the
+    forms : by their keys; see `key`. kinds : the kinds of shadow that the lights cast; their numbers in the texture are
+    their positions, from 1. headed : True if rows begin with a head, because the lights have several forms, or some
+    cast shadows. fixed : the values that are constant, (lights, 4 texels). varied : the row, the first number and the
     expression of each other value. balls, moving : the same of what each light reaches, (lights, 4). limited : number
     of lights that have such a ball.
     """
@@ -73,6 +74,11 @@ class Table:
     balls: NDArray[np.float64]
     moving: list[tuple[int, int, Expr]]
     limited: int
+
+    @property
+    def texels(self) -> int:
+        """The number of texels of a row: the head, and the values of the form that has most."""
+        return self.fixed.shape[1] // 4
 
 
 class _Lights:
@@ -124,11 +130,6 @@ def _table(of: _Lights) -> Table:
     return Table(found, ordered, head, fixed, varied, balls, moving, limited)
 
 
-def forms(scene: Scene) -> dict[tuple[type, tuple[str, ...]], Form]:
-    """The forms of the lights of a scene, by their keys; see `key`."""
-    return table(scene).forms
-
-
 def _forms(lights: Sequence[Light]) -> dict[tuple[type, tuple[str, ...]], Form]:
     found: dict[tuple[type, tuple[str, ...]], Form] = {}
     for light in lights:
@@ -177,18 +178,13 @@ def splittable(scene: Scene) -> int:
 
 def samples_of(scene: Scene, light: Light) -> int:
     """The number of samples of a light for each ray."""
-    several = forms(scene)[key(light)].area or shadow_of(light) == "sampled"
+    several = table(scene).forms[key(light)].area or shadow_of(light) == "sampled"
     return scene.quality.light_samples if several else 1
 
 
 def stride(scene: Scene) -> int:
     """The largest number of samples of a light for each ray. In a loop over rows, each light takes as many places."""
     return max((samples_of(scene, light) for light in scene.lights), default=1)
-
-
-def shadows(scene: Scene) -> list[str]:
-    """The kinds of shadow that the lights cast. Their numbers in the texture are their positions here, from 1."""
-    return table(scene).kinds
 
 
 def shadow_of(light: Light) -> str | None:
@@ -212,16 +208,6 @@ def layout(types: Sequence[Type]) -> list[tuple[int, str]]:
         else:
             found[i] = free.pop(0)
     return [found[i] for i in range(len(types))]
-
-
-def headed(scene: Scene) -> bool:
-    """True if rows begin with a head: if the lights have several forms, or some cast shadows."""
-    return table(scene).headed
-
-
-def texels(scene: Scene) -> int:
-    """The number of texels of a row: the head, and the values of the form that has most."""
-    return table(scene).fixed.shape[1] // 4
 
 
 def rows(scene: Scene, values: Values) -> NDArray[np.float32]:

@@ -10,7 +10,6 @@ The function runs with the uniforms of the PREVIOUS frame. Twins of the paramete
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from raymarch.errors import Location
 from raymarch.expr.derivative import directional_derivatives
@@ -108,9 +107,7 @@ def _exchanged(body: Expr, leaves: Mapping[Expr, Expr], made: dict[Function, Fun
             return make("call", node.type, args, made[old])
         if node.op == "loop" and concerned(node.data.inner):
             inner = [_exchanged(e, leaves, made) for e in node.data.inner]
-            n = len(node.data.step)
-            until = inner[n] if node.data.until is not None else None
-            return make("loop", node.type, args, replace(node.data, step=tuple(inner[:n]), until=until))
+            return make("loop", node.type, args, node.data.with_inner(inner))
         return rebuild(node, args)
 
     return rewrite([body], rule)[body]

@@ -37,9 +37,8 @@ from raymarch.plan.passes import ATTACHMENTS, BEFORE, DRAWN, Pass, joining, pass
 from raymarch.plan.shading import Feature
 from raymarch.plan.unused import unused
 from raymarch.scene.bsdf import BSDF, Phong
-from raymarch.scene.extent import InReach, refuse_extent
 from raymarch.scene.legal import Condition, conditions_of
-from raymarch.scene.origin import origin_of, range_warning, seen_from
+from raymarch.scene.origin import InReach, origin_of, range_warning, refuse_extent, seen_from
 from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, all_nodes, check_scene
@@ -69,18 +68,8 @@ class Plan:
     hoisted: dict[str, Expr]
     scene: Scene
     field: Function
-    gradient: Function | None
-    material: Function | None
-    material_index: Function | None
-    emission: Function | None
-    glass: Function | None
-    relief: Function | None
-    model: str
-    bsdf: BSDF
     origins: dict[Expr, Location]
     passes: list[Pass]
-    choices: dict[str, str]
-    features: list[Feature]
     parameters: dict[str, Spec]
     marching: Marching
     analytic: Analytic
@@ -90,6 +79,16 @@ class Plan:
     located: list[Located]
     nodes: int
     operations: int
+    gradient: Function | None = None
+    material: Function | None = None
+    material_index: Function | None = None
+    emission: Function | None = None
+    glass: Function | None = None
+    relief: Function | None = None
+    model: str = "phong"
+    bsdf: BSDF = default(default_factory=Phong)
+    choices: dict[str, str] = default(default_factory=dict)
+    features: list[Feature] = default(default_factory=list)
     textures: list[Samples | Texels | Table] = default(default_factory=list)
     warnings: list[str] = default(default_factory=list)
     twins: dict[str, Expr] = default(default_factory=dict)
@@ -106,11 +105,6 @@ class Plan:
     """True for a shader that computes the values of a frame itself and marches no cones."""
 
     @property
-    def tracer(self) -> str:
-        """The tracer that marches the rays, one of `raymarch.scene.quality.TRACERS`."""
-        return self.marching.tracer
-
-    @property
     def variants(self) -> frozenset[str]:
         """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
         used = {
@@ -122,11 +116,6 @@ class Plan:
             "UNCOUNTED": self.standalone and all(p.name != "geometry" for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
-
-    @property
-    def interpolated(self) -> bool:
-        """True if ray directions are interpolated between the corners of the picture."""
-        return marching.interpolated(self.scene)
 
     @property
     def certified(self) -> bool:
@@ -196,11 +185,6 @@ class Plan:
     def sky_light(self) -> bool:
         """True if the shader reads the spherical harmonics of the sky."""
         return self.material is not None and shading.ambient_sky(self.scene)
-
-    @property
-    def clipped(self) -> bool:
-        """True if the scene's box is bounded on some side, so that rays are clipped to it."""
-        return marching.clipped(self.scene)
 
 
 def _compile_seconds(field: Function) -> float:
@@ -284,18 +268,8 @@ def plan(
         hoisted=hoisted,
         scene=scene,
         field=definition,
-        gradient=None,
-        material=None,
-        material_index=None,
-        emission=None,
-        glass=None,
-        relief=None,
-        model="phong",
-        bsdf=Phong(),
         origins=lowering.origins,
         passes=drawn,
-        choices={},
-        features=[],
         parameters=scene.parameters,
         marching=chosen,
         analytic=closed,
@@ -396,7 +370,10 @@ def _describe_effects(made: Plan) -> None:
 
     made.features += shading.features(scene)
     feature(
-        "ray clipping", made.clipped, "the scene's box is bounded on some side", "the scene is unbounded on all sides"
+        "ray clipping",
+        marching.clipped(scene),
+        "the scene's box is bounded on some side",
+        "the scene is unbounded on all sides",
     )
     animated = bool(find(scene.expressions(), "time"))
     feature("time", animated, "the scene reads time", "nothing reads time")

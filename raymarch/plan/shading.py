@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from raymarch.errors import Location
 from raymarch.plan import lights
 from raymarch.scene.bsdf import BSDF, bsdf_of
 from raymarch.scene.light import KINDS, Light
-from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 
 
@@ -124,34 +123,34 @@ def features(scene: Scene) -> list[Feature]:
     of_lights("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
     of_lights("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)
     others = scene.materials[1:]
+
+    def of_materials(name: str, some: Iterable[bool], yes: str, no: str, used: bool = True) -> None:
+        """Something that a scene uses if this holds for one of its materials."""
+        first = next((material for material, holds in zip(others, some, strict=True) if holds), None)
+        feature(name, used and first is not None, yes, no, None if first is None else first.where)
+
     feature("materials", bool(others), f"{len(others)} besides the default", "no node has a material")
-    real = next((m for m in others if m.physical), None)
-    feature("microfacets", real is not None, "a material is physical", "no material is physical", _place(real))
-    metal = next((m for m in others if m.metallic), None)
+    of_materials("microfacets", (m.physical for m in others), "a material is physical", "no material is physical")
+    metallic = [m.metallic for m in others]
     why = "Quality(energy_compensation=False)" if not scene.quality.energy_compensation else "metal receives no light"
-    why = "no material is a metal" if metal is None else why
-    feature("multiple scattering", compensated(scene), "a material is a metal", why, _place(metal))
+    why = why if any(metallic) else "no material is a metal"
+    of_materials("multiple scattering", metallic, "a material is a metal", why, compensated(scene))
     for layer in BSDF.__subclasses__():
         if layer.LABEL:
             used = any(isinstance(part, layer) for part in bsdf_of(others, scene.quality).layers)
             feature(layer.LABEL, used, "a material has one", "no material has one")
-    patterned = next((m for m in others if m.patterned), None)
     why = "no material has a value that is a function of the position"
-    feature("patterns", patterned is not None, "a material has one", why, _place(patterned))
-    own = next((m for m in others if m.textured or m.relief), None)
+    of_materials("patterns", (m.patterned for m in others), "a material has one", why)
     why = "no material has a texture or relief"
-    feature("maps", own is not None, "a material has some", why, _place(own))
-    glowing = next((m for m in others if m.emits), None)
-    feature("emission", glowing is not None, "a material has one", "no material has one", _place(glowing))
+    of_materials("maps", (m.textured or m.relief for m in others), "a material has some", why)
+    of_materials("emission", (m.emits for m in others), "a material has one", "no material has one")
     feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")
-    transmitting = next((m for m in others if m.transmits), None)
     why = "no material transmits light"
-    feature("glass", transmitting is not None, "a material transmits light", why, _place(transmitting))
-    rough = next((m for m in others if m.frosted), None)
+    of_materials("glass", (m.transmits for m in others), "a material transmits light", why)
+    frosted = [m.frosted for m in others]
     why = "Quality(integrator='whitted') renders rough glass as smooth" if scene.whitted else "Scene has no bounces"
-    why = "no glass is rough" if rough is None else why
-    used = rough is not None and scene.path_traced
-    feature("frosted glass", used, "a material is rough and transmits light", why, _place(rough))
+    why = why if any(frosted) else "no glass is rough"
+    of_materials("frosted glass", frosted, "a material is rough and transmits light", why, scene.path_traced)
     several = f"one random path of up to {scene.bounces} bounces per sample"
     if scene.whitted:
         several = f"all reflected and refracted rays of up to {scene.bounces} bounces"
@@ -164,7 +163,3 @@ def features(scene: Scene) -> list[Feature]:
     feature("ambient occlusion", dimmed, f"{steps} evaluations per hit", why)
     feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")
     return found
-
-
-def _place(material: Material | None) -> Location | None:
-    return None if material is None else material.where

@@ -11,8 +11,7 @@ from raymarch.scene.pattern import checker, grid_lines, marble, noise, stripes
 from raymarch.scene.post import Bloom
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
-from raymarch.scene.skies import GradientSky, ImageSky, SunSky
-from raymarch.scene.sky import Sky
+from raymarch.scene.sky import GradientSky, ImageSky, Sky, SunSky
 from raymarch.scene.texture import Texture, planar, triplanar
 from raymarch.scene.tone import ToneMapping
 

@@ -46,7 +46,6 @@ class AmbientOcclusion(Part):
     decay: Expr
 
     def __init__(self, steps: int = 5, reach: Scalar = 0.5, strength: Scalar = 1.0, decay: Scalar = 0.75) -> None:
-        self._begin()
         self._set(
             steps=integer("AmbientOcclusion: steps", steps, 1, 32),
             reach=as_number("AmbientOcclusion: reach", reach, low=1e-6),

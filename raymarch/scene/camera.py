@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import product
@@ -176,7 +176,6 @@ class Camera(Part):
         focus: Scalar | None = None,
         shutter: Scalar = 0.0,
     ) -> None:
-        self._begin()
         kind = choice("Camera: projection", projection, PROJECTIONS)
         if height is not None and kind != "orthographic":
             raise SceneError(
@@ -197,17 +196,13 @@ class Camera(Part):
             shutter=as_number("Camera: shutter", shutter),
         )
         values = Values({})
-        if self.fov.is_constant:
-            self._tan_half_fov(values)
-        if self.height is not None and self.height.is_constant:
-            self._half_height(values)
+        for name in _RANGES:
+            given = getattr(self, name)
+            if given is not None and given.is_constant:
+                self._number(name, values)
         if self.near.is_constant and (self.far is None or self.far.is_constant):
             self._clip_planes(values)
-        if self.aperture.is_constant and (self.focus is None or self.focus.is_constant):
-            self._lens(values, 1.0)
-        if self.shutter.is_constant:
-            self.open_seconds(values)
-        if self.position is not None and self.target is not None and self._constant:
+        if self.position is not None and self.target is not None and all(e.is_constant for e in self.expressions):
             self.pose(values, None)
 
     @classmethod
@@ -254,10 +249,6 @@ class Camera(Part):
         return made.replace(position=tuple(position.tolist()), height=height)
 
     @property
-    def _constant(self) -> bool:
-        return all(e.is_constant for e in self.expressions)
-
-    @property
     def orthographic(self) -> bool:
         """True if all rays are parallel."""
         return self.projection == "orthographic"
@@ -265,7 +256,7 @@ class Camera(Part):
     @property
     def cuts(self) -> bool:
         """True if there is a near plane in front of the camera."""
-        return not _is_number(self.near, 0.0)
+        return _may_exceed_0(self.near)
 
     @property
     def clips(self) -> bool:
@@ -275,51 +266,33 @@ class Camera(Part):
     @property
     def lens(self) -> bool:
         """True if rays start at points of a lens."""
-        return not _is_number(self.aperture, 0.0)
+        return _may_exceed_0(self.aperture)
 
     @property
     def opens(self) -> bool:
         """True if the shutter is open for some time."""
-        return not _is_number(self.shutter, 0.0)
+        return _may_exceed_0(self.shutter)
+
+    def _number(self, name: str, values: Values) -> float:
+        """A value in a frame. SceneError if it is out of its range."""
+        number = float(values.of(getattr(self, name)))
+        holds, legal = _RANGES[name]
+        if not holds(number):
+            raise SceneError(f"Camera: {name} = {number:g}", legal=legal, where=self.where)
+        return number
 
     def _tan_half_fov(self, values: Values) -> float:
-        fov = float(values.of(self.fov))
-        if not 0.0 < fov < 180.0:
-            raise SceneError(
-                f"Camera: fov = {fov:g}", legal="degrees between 0 and 180, ends excluded", where=self.where
-            )
-        return float(np.tan(np.radians(fov) / 2))
-
-    def _half_height(self, values: Values) -> float:
-        assert self.height is not None
-        height = float(values.of(self.height))
-        if not 0.0 < height < np.inf:
-            raise SceneError(f"Camera: height = {height:g}", legal="a finite number > 0", where=self.where)
-        return height / 2
+        return float(np.tan(np.radians(self._number("fov", values)) / 2))
 
     def _clip_planes(self, values: Values) -> tuple[float, float]:
-        near, far = float(values.of(self.near)), np.inf if self.far is None else float(values.of(self.far))
-        if not 0.0 <= near < np.inf:
-            raise SceneError(f"Camera: near = {near:g}", legal="a finite number >= 0", where=self.where)
+        near, far = self._number("near", values), np.inf if self.far is None else float(values.of(self.far))
         if not near < far:
             raise SceneError(f"Camera: far = {far:g} with near = {near:g}", legal="near < far", where=self.where)
         return near, far
 
     def open_seconds(self, values: Values) -> float:
         """The seconds for which the shutter is open in a frame."""
-        seconds = float(values.of(self.shutter))
-        if not 0.0 <= seconds < np.inf:
-            raise SceneError(f"Camera: shutter = {seconds:g}", legal="a finite number >= 0", where=self.where)
-        return seconds
-
-    def _lens(self, values: Values, distance: float) -> tuple[float, float]:
-        aperture = float(values.of(self.aperture))
-        focus = distance if self.focus is None else float(values.of(self.focus))
-        if not 0.0 <= aperture < np.inf:
-            raise SceneError(f"Camera: aperture = {aperture:g}", legal="a finite number >= 0", where=self.where)
-        if not 0.0 < focus < np.inf:
-            raise SceneError(f"Camera: focus = {focus:g}", legal="a finite number > 0", where=self.where)
-        return aperture, focus
+        return self._number("shutter", values)
 
     def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0) -> Pose:
         """The camera of one frame.
@@ -340,7 +313,7 @@ class Camera(Part):
             distance, extent = map(float, _framing()(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN))
         half = None
         if self.orthographic:
-            half = extent if self.height is None else self._half_height(values)
+            half = extent if self.height is None else self._number("height", values) / 2
             distance = before_box(float(np.linalg.norm(upper - lower)), half)
         position = target + away * (distance / np.linalg.norm(away)) if given is None else given
         self._refuse_degenerate(position, target, up)
@@ -350,8 +323,8 @@ class Camera(Part):
     def optics(self, values: Values, distance: float) -> dict[str, Any]:
         """The fields of a pose that neither its place nor its projection determine. distance : of the target."""
         near, far = self._clip_planes(values)
-        aperture, focus = self._lens(values, distance)
-        return {"near": near, "far": far, "aperture": aperture, "focus": focus}
+        focus = distance if self.focus is None else self._number("focus", values)
+        return {"near": near, "far": far, "aperture": self._number("aperture", values), "focus": focus}
 
     def _refuse_degenerate(self, position: Any, target: Any, up: Any) -> None:
         if not all(np.all(np.isfinite(v)) for v in (position, target, up)):
@@ -423,8 +396,21 @@ def before_box(size: float, half: float) -> float:
     return 2.0 * max(size, 2.0 * half)
 
 
-def _is_number(value: Expr, number: float) -> bool:
-    return value.is_constant and float(value.data) == number
+_POSITIVE = (lambda number: 0.0 < number < np.inf, "a finite number > 0")
+_NOT_NEGATIVE = (lambda number: 0.0 <= number < np.inf, "a finite number >= 0")
+_RANGES: Mapping[str, tuple[Callable[[float], bool], str]] = {
+    "fov": (lambda number: 0.0 < number < 180.0, "degrees between 0 and 180, ends excluded"),
+    "height": _POSITIVE,
+    "near": _NOT_NEGATIVE,
+    "aperture": _NOT_NEGATIVE,
+    "focus": _POSITIVE,
+    "shutter": _NOT_NEGATIVE,
+}
+"""The ranges of values, checked where they are written if they are constant, else in each frame."""
+
+
+def _may_exceed_0(value: Expr) -> bool:
+    return not (value.is_constant and float(value.data) == 0.0)
 
 
 def _numbers(what: str, value: Any) -> NDArray[np.float64]:

@@ -53,7 +53,6 @@ class Fog(Part):
         falloff: Scalar = 0.0,
         height: Scalar = 0.0,
     ) -> None:
-        self._begin()
         self._set(
             color=None if color is None else as_color("Fog: color", color),
             density=as_number("Fog: density", density, low=0.0),

@@ -5,6 +5,7 @@ OpenEXR files need the package OpenEXR (`pip install 'raymarch[exr]'`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -113,14 +114,19 @@ def exr_package(file: str | PathLike[str]) -> Any:
 
 
 def write_exr(file: str | PathLike[str], color: NDArray[Any]) -> None:
-    """Write linear RGB, (H, W, 3), as a float32 OpenEXR file.
+    """Write linear RGB, (H, W, 3), as a float32 OpenEXR file; see `write_channels`."""
+    write_channels(file, {"RGB": color})
+
+
+def write_channels(file: str | PathLike[str], channels: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays as the channels of a float32 OpenEXR file: (H, W), or (H, W, 3) for "RGB".
 
     Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
     """
     OpenEXR = exr_package(file)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     try:
-        with OpenEXR.File(header, {"RGB": np.ascontiguousarray(color, np.float32)}) as made:
+        with OpenEXR.File(header, {n: np.ascontiguousarray(a, np.float32) for n, a in channels.items()}) as made:
             made.write(fspath(file))
     except RuntimeError as fault:  # the library raises it for every fault of a file
         raise OSError(" ".join(str(fault).split())) from fault

@@ -38,7 +38,7 @@ from raymarch.expr.vocabulary import (
     where,
 )
 from raymarch.scene.parameter import as_color, as_direction, as_number, as_vec3
-from raymarch.scene.value import Value, value
+from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
 
 Range: TypeAlias = tuple[float | None, float | None]
@@ -102,7 +102,7 @@ PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
 
 
 @value
-class Light(Value):
+class Light(Part):
     """Base class of all lights.
 
     Parameters
@@ -138,7 +138,6 @@ class Light(Value):
     """The values that can be edited in the window, with their ranges."""
 
     def __init__(self, color: ColorLike, intensity: Scalar, shadow: bool, softness: Scalar, penumbra: str) -> None:
-        self._begin()
         name = type(self).__name__
         self._set(
             color=as_color(f"{name}: color", color),
@@ -183,12 +182,6 @@ class Light(Value):
     def soft(self) -> bool:
         """True if the shadow has a penumbra."""
         return self.shadow and not _is_zero(self.softness)
-
-    @property
-    def expressions(self) -> list[Expr]:
-        """All values that may depend on parameters or time."""
-        given = (getattr(self, field.name) for field in fields(self))
-        return [e for e in given if isinstance(e, Expr)]
 
 
 @value

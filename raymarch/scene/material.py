@@ -154,7 +154,6 @@ class Material(Value):
         occlusion: FloatOrTexture | None = None,
         bsdf: type[BSDF] | None = None,
     ) -> None:
-        self._begin()
         if isinstance(color, Expr) and color is albedo:  # `replace` of a physical material passes both
             color = None
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}

@@ -99,7 +99,6 @@ class Bloom(PostEffect):
     radius: Expr
 
     def __init__(self, strength: Scalar = 0.1, radius: Scalar = 0.05) -> None:
-        self._begin()
         self._set(
             strength=as_number("Bloom: strength", strength, 0.0, 1.0),
             radius=as_number("Bloom: radius", radius, 0.0, 1.0),

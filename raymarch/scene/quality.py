@@ -197,16 +197,16 @@ class Quality(Value):
     bounding_volumes: bool | None = None
 
     def __post_init__(self) -> None:
-        self._begin()
         self._set(
             **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in _CHOICES.items()},
-            **{n: optional(_whole, n, getattr(self, n), *ends) for n, ends in _WHOLE.items()},
-            lights_per_pass=optional(_samples_per_pass, "lights_per_pass", self.lights_per_pass),
-            **{n: optional(_within, n, getattr(self, n), *ends) for n, ends in _WITHIN.items()},
-            assume_certified=switch("Quality: assume_certified", self.assume_certified),
-            energy_compensation=switch("Quality: energy_compensation", self.energy_compensation),
-            **{n: optional(_switch, n, getattr(self, n)) for n in ("analytic", "bounding_volumes")},
+            **{n: optional(integer, f"Quality: {n}", getattr(self, n), *ends) for n, ends in _WHOLE.items()},
+            **{n: optional(real, f"Quality: {n}", getattr(self, n), *ends) for n, ends in _WITHIN.items()},
+            **{n: switch(f"Quality: {n}", getattr(self, n)) for n in ("assume_certified", "energy_compensation")},
+            **{n: optional(switch, f"Quality: {n}", getattr(self, n)) for n in ("analytic", "bounding_volumes")},
         )
+        several = self.lights_per_pass
+        if not (isinstance(several, str) and several == "auto"):
+            self._set(lights_per_pass=optional(integer, "Quality: lights_per_pass", several, 1, 60000))
         for name in _NEEDED:
             if getattr(self, name) is None:
                 raise SceneError(f"Quality: {name} = None", legal="a number")
@@ -230,7 +230,7 @@ class Quality(Value):
                     f"Quality: omega with tracer = {self.tracer!r}", legal=f"one of {', '.join(RELAXATION)}"
                 )
             low, high = (0, 1) if self.tracer == "enhanced" else (1, 2)
-            self._set(omega=_within("omega", self.omega, low, high))
+            self._set(omega=real("Quality: omega", self.omega, low, high))
 
     @property
     def secondary_steps(self) -> int:
@@ -321,19 +321,3 @@ _WHOLE = {
 }
 _WITHIN = {"epsilon": (1e-3, 10.0), "beta": (1e-3, 1.0), "step_scale": (1e-3, 1.0), "step_variation": (0.0, 0.9)}
 _NEEDED = ("max_steps", "samples", "light_samples", "beta", "step_scale", "step_variation")
-
-
-def _samples_per_pass(name: str, value: Any) -> int | str:
-    return "auto" if isinstance(value, str) and value == "auto" else integer(f"Quality: {name}", value, 1, 60000)
-
-
-def _switch(name: str, value: Any) -> bool:
-    return switch(f"Quality: {name}", value)
-
-
-def _whole(name: str, value: Any, least: int, most: int) -> int:
-    return integer(f"Quality: {name}", value, least, most)
-
-
-def _within(name: str, value: Any, low: float, high: float) -> float:
-    return real(f"Quality: {name}", value, low, high)

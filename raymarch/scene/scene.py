@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, fields
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -36,6 +36,8 @@ from raymarch.sdf.node import all_nodes as all_nodes
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+
+T = TypeVar("T")
 
 HORIZON = 1e4
 """Rays in an unbounded scene are traced to this many times its scale. The horizon is then cut far below a pixel."""
@@ -112,7 +114,6 @@ class Scene(Value):
         bounces: int | None = None,
         post: Iterable[PostEffect] = (),
     ) -> None:
-        self._begin()
         several_nodes = isinstance(node, list | tuple) and node and all(isinstance(part, Node) for part in node)
         solid = _instance("node", node, Node, "rm.union(*nodes)" if several_nodes else "a node such as sphere()")
         if solid.dimension != 3:
@@ -268,32 +269,32 @@ class Scene(Value):
         ]
 
 
-_expressions: WeakKeyDictionary[Node, tuple[Expr, ...]] = WeakKeyDictionary()
-_seen: WeakKeyDictionary[Node, tuple[Any, ...]] = WeakKeyDictionary()
-_moved: WeakKeyDictionary[Node, list[tuple[Facts, Expr]]] = WeakKeyDictionary()
-"""Of solids that were asked before: a plan asks often, and a solid may have thousands of nodes."""
+def _remembered(function: Callable[[Node], T]) -> Callable[[Node], T]:
+    """Decorator: answers are kept as long as the solid. A plan asks often, and a solid may have thousands of nodes."""
+    known: WeakKeyDictionary[Node, T] = WeakKeyDictionary()
+
+    def answer(root: Node) -> T:
+        if root not in known:
+            known[root] = function(root)
+        return known[root]
+
+    return answer
 
 
-def _expressions_of(root: Node) -> tuple[Expr, ...]:
+@_remembered
+def _expressions_of(root: Node) -> list[Expr]:
     """The expressions of a solid, each once."""
-    if root not in _expressions:
-        found: dict[Expr, None] = {}
-        for node in all_nodes(root):
-            found.update((v, None) for v in node.params.values() if isinstance(v, Expr) and not v.is_constant)
-            if node.definition.arity != "many":  # the body of a user's definition may read parameters itself
-                found[node.definition.template(len(node.children), node.params).body] = None
-        _expressions[root] = tuple(found)
-    return _expressions[root]
+    found: dict[Expr, None] = {}
+    for node in all_nodes(root):
+        found.update((v, None) for v in node.params.values() if isinstance(v, Expr) and not v.is_constant)
+        if node.definition.arity != "many":  # the body of a user's definition may read parameters itself
+            found[node.definition.template(len(node.children), node.params).body] = None
+    return list(found)
 
 
-def _labels(root: Node) -> tuple[Any, ...]:
+@_remembered
+def _labels(root: Node) -> list[Any]:
     """The visible labels of a solid, each once."""
-    if root not in _seen:
-        _seen[root] = tuple(_labels_of(root))
-    return _seen[root]
-
-
-def _labels_of(root: Node) -> list[Any]:
     seen = seen_labels(root)
     given: dict[Any, None] = {}
     for node in all_nodes(root):
@@ -346,11 +347,10 @@ def _operands(root: Node) -> Iterator[Node]:
                 pending.append(child)
 
 
+@_remembered
 def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
     """Bounded solids whose translation has no bounds, so that they have none: their box and their offset."""
-    if root in _moved:
-        return _moved[root]
-    found = _moved.setdefault(root, [])
+    found = []
     for node in _operands(root):
         inner, offset = node, const(np.zeros(3))
         while inner.definition.name == "translate" and not inner.facts.bounded:

@@ -60,7 +60,6 @@ class Layout(Value):
         hardness: Any = 1.0,
         what: str = "texture",
     ) -> None:
-        self._begin()
         what = instance("Layout: what", what, str, "the name of the caller, for messages")
         self._set(
             axis=optional(choice, f"{what}: axis", axis, tuple(FACES)),
@@ -108,7 +107,6 @@ class Texture(Value):
         channel: str | None = None,
         green: str = "up",
     ) -> None:
-        self._begin()
         given = stored_of(what, picture)
         channels = "rgba"[: given.pixels.shape[2]]
         legal = f"{', '.join(map(repr, channels))} or None"

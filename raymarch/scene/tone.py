@@ -96,7 +96,6 @@ class ToneMapping(Value):
     dither: bool
 
     def __init__(self, curve: str = "linear", exposure: float = 0.0, dither: bool = False) -> None:
-        self._begin()
         self._set(
             curve=choice("ToneMapping: curve", curve, tuple(CURVES)),
             exposure=real("ToneMapping: exposure", exposure, -30, 30, "a number of stops from -30 to 30"),

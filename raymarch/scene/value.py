@@ -7,8 +7,10 @@ The parameters of the constructor of a class are its fields. They define compari
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
+from functools import wraps
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar, dataclass_transform
 
 import numpy as np
@@ -35,10 +37,6 @@ class Value:
         """Set fields. Only the constructor may call this."""
         for name, value in values.items():
             object.__setattr__(self, name, value)
-
-    def _begin(self) -> None:
-        """Record the user's line. The constructor calls this first."""
-        object.__setattr__(self, "where", user_location())
 
     if not TYPE_CHECKING:  # a type checker would accept any name
 
@@ -129,8 +127,19 @@ def value(cls: type[T]) -> type[T]:
             fields[name].name = name
     for name, field in fields.items():
         field.init = name in names
-    made.__init__ = checked(made.__init__, made.__name__)  # type: ignore[method-assign]
+    made.__init__ = checked(_placed(made.__init__), made.__name__)  # type: ignore[method-assign]
     made.__dataclass_fields__ = fields  # type: ignore[attr-defined]
+    return made
+
+
+def _placed(construct: Callable[..., None]) -> Callable[..., None]:
+    """The constructor, which first records the user's line."""
+
+    @wraps(construct)
+    def made(self: Value, *args: Any, **named: Any) -> None:
+        self._set(where=user_location())
+        construct(self, *args, **named)
+
     return made
 
 

@@ -34,10 +34,8 @@ def marched_range(plan: Plan) -> Chunk:
     text.add("vec2 marched_range(Ray ray, vec2 range) {")
     text.add(f"    vec2 found = vec2({literal(OPEN)}, {literal(-OPEN)});")
     for box in boxes:
-        for line in filled(f"    found = enclosing(found, {_clipped(box)});", "    "):
-            text.add(line)
-    text.add("    return found;")
-    text.add("}")
+        text.add(*filled(f"    found = enclosing(found, {_clipped(box)});", "    "))
+    text.add("    return found;", "}")
     return text.chunk("marched range")
 
 
@@ -45,8 +43,7 @@ def _clip(text: Lines, plan: Plan, name: str, ends: Ends) -> None:
     """A function that clips rays and cones to a box: all at once, or plane by plane if the box is unbounded."""
     text.add(f"vec2 {name}(Ray ray, vec2 range) {{")
     if not any(end is None for _, *pair in ends for end in pair):
-        for line in filled(f"    return {_clipped(ends)};", "    "):
-            text.add(line)
+        text.add(*filled(f"    return {_clipped(ends)};", "    "))
     else:
         for axis, low, high in ends:
             for clip, sign, plane in (("above", "+", low), ("below", "-", high)):
@@ -80,8 +77,7 @@ def scene_cone(plan: Plan) -> Chunk:
             text.add(f"    range = below({at} - width, {literal(high)});")
         if low is not None:
             text.add(f"    range = above({at} + width, {literal(low)});")
-    text.add("    return range;")
-    text.add("}")
+    text.add("    return range;", "}")
     return text.chunk("scene cone")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from functools import partial
 
 from raymarch.expr.function import Function, trace
 from raymarch.expr.node import Expr, const, construct, var
@@ -57,14 +56,13 @@ class Reflection:
 
     def prepare(self) -> list[str]:
         """The lines that compute what depends on the view alone."""
-        lines = []
-        for name, type in self.prepared.items():
-            make = partial(self._prepared, name)
-            lines.append(f"{type} {name} = {self._call(f'prepare_{name}', {}, make)};")
-        return lines
+        return [
+            f"    {type} {n} = {self._call(f'prepare_{n}', {}, self._prepared(n))};"
+            for n, type in self.prepared.items()
+        ]
 
-    def _prepared(self, name: str, symbols: Mapping[str, Expr]) -> Expr:
-        return self.bsdf.prepare(*self._at(symbols))[name]
+    def _prepared(self, name: str) -> Callable[[Mapping[str, Expr]], Expr]:
+        return lambda symbols: self.bsdf.prepare(*self._at(symbols))[name]
 
     def light(self, visibility: str) -> str:
         """Reflected radiance of `light`."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
+from string import Template
 
 from raymarch import glsl
 from raymarch.errors import Location
@@ -53,8 +55,19 @@ class Lines:
     lines: list[Mapped] = field(default_factory=list)
     where: Location | None = None
 
-    def add(self, line: str, *, by: str | None = None, where: Location | None = None) -> None:
-        self.lines.append(Mapped(line, by or self.made_by, where or self.where))
+    def add(self, *lines: str, by: str | None = None, where: Location | None = None) -> None:
+        self.lines += [Mapped(line, by or self.made_by, where or self.where) for line in lines]
+
+    def template(self, name: str, conditions: Mapping[str, bool], **given: object) -> None:
+        """Add the lines of a file of this package.
+
+        conditions : whether the lines between `#ifdef` and `#endif` of a name are added. given : what replaces `$name`;
+            lines of which nothing remains are left out.
+        """
+        whole = files(__package__).joinpath(f"{name}.glsl").read_text(encoding="utf-8").split("\n")
+        chosen = {condition for condition, holds in conditions.items() if holds}
+        kept = "\n".join(line for _, line in glsl.settled(whole, chosen, conditions))
+        self.add(*(line for line in Template(kept).substitute(given).split("\n") if line.strip()))
 
     def chunk(self, name: str) -> Chunk:
         return Chunk.of(name, self.lines)

@@ -50,8 +50,7 @@ def begin_shade(text: Lines, scene: Scene, bounces: bool = False) -> None:
         for p, line in ((ORIGIN, "vec3 eye = ray.origin;"), (DIRECTION, "vec3 view = ray.direction;")):
             if p in read:
                 text.add(f"    {line}", by="Scene(fog=...)", where=scene.where)
-        text.add("    vec3 color = vec3(0.0);")
-        text.add("    float first = hit.t;")
+        text.add("    vec3 color = vec3(0.0);", "    float first = hit.t;")
 
 
 def end_shade(text: Lines, scene: Scene, length: str, origin: str = "eye", direction: str = "view") -> None:
@@ -59,5 +58,4 @@ def end_shade(text: Lines, scene: Scene, length: str, origin: str = "eye", direc
     if scene.fog is not None:
         line = f"    color = {_applied(scene, 'color', origin, direction, length)};"
         text.add(line, by="Scene(fog=...)", where=scene.where)
-    text.add("    return color;")
-    text.add("}")
+    text.add("    return color;", "}")

@@ -30,9 +30,17 @@ def shadow_function(plan: Plan, shadow: str) -> str:
     return SHADOWS[shadow] + "_rays" * bool(plan.hidden)
 
 
-def set_kind(plan: Plan, kind: str, indent: str) -> list[str]:
-    """The line that begins rays of a kind; none where nothing is hidden."""
-    return [f"{indent}{RAY_KIND.data} = {number(kind)};"] if plan.hidden else []
+def set_kind(plan: Plan, kind: str, indent: str) -> str:
+    """The line that begins rays of a kind; "" where nothing is hidden."""
+    return f"{indent}{RAY_KIND.data} = {number(kind)};" if plan.hidden else ""
+
+
+def as_shadow(plan: Plan, indent: str) -> tuple[list[str], list[str]]:
+    """The lines before and after text that evaluates the field as for a shadow ray; none where nothing is hidden."""
+    if not plan.hidden:
+        return [], []
+    kept = f"{indent}float kind = {RAY_KIND.data};"
+    return [kept, set_kind(plan, "shadow", indent)], [f"{indent}{RAY_KIND.data} = kind;"]
 
 
 def chunks() -> dict[str, Callable[[], Chunk]]:

@@ -16,8 +16,9 @@ from raymarch.shader.kinds import shadow_function
 
 def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """Add the light of all sources to the colour of a surface."""
-    values.functions += [form.function for form in lights.forms(plan.scene).values()]
-    if "sampled" in lights.shadows(plan.scene):
+    table = lights.table(plan.scene)
+    values.functions += [form.function for form in table.forms.values()]
+    if "sampled" in table.kinds:
         values.functions.append(sample_disc)
     if lights.as_data(plan.scene):
         _loop(text, plan, reflection)
@@ -36,7 +37,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     def add(line: str) -> None:
         text.add(f"    {line}", by=by, where=where)
 
-    form = lights.forms(plan.scene)[lights.key(light)]
+    form = lights.table(plan.scene).forms[lights.key(light)]
     given = [value(name, of) for name, of in light.emitter_values().items()]
     samples, stride = plan.scene.quality.light_samples, 2 * len(plan.scene.lights)
     disc = light.soft and light.penumbra == "sampled"
@@ -121,8 +122,8 @@ def _visibility(plan: Plan, light: Light, value: Callable[[str, Expr], str]) -> 
 
 def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     """The loop over all lights, which reads their values from the rows of a texture."""
-    scene = plan.scene
-    forms = list(lights.forms(scene).values())
+    scene, table = plan.scene, lights.table(plan.scene)
+    kinds, head, samples = table.kinds, table.headed, plan.scene.quality.light_samples
 
     def add(line: str) -> None:
         text.add(f"        {line}", where=scene.where)
@@ -152,13 +153,11 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
         add(f"int i = light_of(reached.x + {begin});" if plan.lights_in_cells else f"int i = {begin};")
     else:
         text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
-    head = lights.headed(scene)
     if head:
         add(f"vec4 head = {_texel(plan, 0)};  // form, kind of shadow, softness, shadow radius")
-    for k in range(lights.texels(scene) - head):
+    for k in range(table.texels - head):
         add(f"vec4 value_{k} = {_texel(plan, k + head)};")
     add("Light light;")
-    kinds, samples = lights.shadows(scene), scene.quality.light_samples
     limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
     near = "(head.w == 0.0 || light.distance < head.w) && " if limited else ""
     first, stride = f"{_dimension(0)} + 2 * i", 2 * len(scene.lights)
@@ -180,7 +179,7 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     if "hard" in kinds:
         hard = f"{near}head.y == {float(kinds.index('hard') + 1)} ? {traced}(surface, light) : 1.0"
     rest = []
-    for k, form in enumerate(forms):
+    for k, form in enumerate(table.forms.values()):
         values = [f"value_{texel}.{parts}" for texel, parts in lights.layout(form.types)]
         if form.area and samples > 1:
             several(f"head.x == {float(k)}", _sample(form, values, f"{first} + {stride} * k"), hard)
@@ -221,7 +220,7 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
 def _width_of_row(scene: Scene) -> str:
     """The softness of a row. That of a light with a position is a radius, and is divided by the distance."""
     positioned = {lights.key(light): light.has_position for light in scene.lights}
-    far = [f"head.x == {float(k)}" for k, of in enumerate(lights.forms(scene)) if not positioned[of]]
+    far = [f"head.x == {float(k)}" for k, of in enumerate(lights.table(scene).forms) if not positioned[of]]
     if not far:
         return "head.z / light.distance"
     return "head.z" if len(far) == len(positioned) else f"head.z / ({' || '.join(far)} ? 1.0 : light.distance)"
@@ -237,7 +236,7 @@ def light_rows(plan: Plan, constant: bool = False) -> Chunk:
     by = "the scene's lights"
     lines = [Mapped("uniform sampler2D u_lights;  // one row per light", by)]
     if plan.standalone:
-        read = f"u_lights[light * {lights.texels(plan.scene)} + texel]"
+        read = f"u_lights[light * {lights.table(plan.scene).texels} + texel]"
         read = read if constant else "texelFetch(u_lights, ivec2(texel, light), 0)"
         body = ["vec4 light_texel(int texel, int light) {", f"    return {read};", "}"]
         lines += [Mapped(line, by) for line in ["", *body]]

@@ -9,15 +9,13 @@ from raymarch.expr.vocabulary import get
 from raymarch.plan import Plan, lights
 from raymarch.plan.shading import ambient, ambient_sky, occluded, patterned
 from raymarch.scene.ambient_occlusion import NORMAL, POINT
-from raymarch.sdf.visibility import RAY_KIND
+from raymarch.shader.bounces import path_tracing, tree
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade, sky_functions
-from raymarch.shader.kinds import set_kind
+from raymarch.shader.kinds import as_shadow
 from raymarch.shader.lights import all_lights
-from raymarch.shader.path import path_tracing
 from raymarch.shader.surface import material_arguments, surface_interaction_call
-from raymarch.shader.whitted import tree
 
 
 def shading(plan: Plan, values: Values) -> Chunk:
@@ -41,8 +39,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
     begin_shade(text, scene)
     needs_surface = plan.material is not None
     if needs_surface:
-        call = surface_interaction_call(plan, "ray", "hit.t")
-        text.add(f"    Surface surface = {call};")
+        text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};")
     if plan.emission is not None:
         place = material_arguments(plan) if needs_surface and patterned(scene) else "ray.origin + hit.t * ray.direction"
         text.add(f"    vec3 color = emission_at({place});")
@@ -67,14 +64,11 @@ def _split(text: Lines, plan: Plan, values: Values) -> None:
     scene, reflection, samples = plan.scene, Reflection(plan, values), plan.occlusion_samples
     texels = _keep_surface(text, plan)
     text.add("vec4 add_light(Ray ray, vec4 before, int first, int end) {")
-    for line in texels:
-        text.add(f"    {line}")
+    text.add(*texels)
     if ambient_sky(scene) or scene.lights:
-        for line in reflection.prepare():
-            text.add(f"    {line}", by="a metal")
-    text.add("    vec3 color = before.rgb;")
-    text.add("    float ambient_visibility = before.a;")
+        text.add(*reflection.prepare(), by="a metal")
     emitted = "emitted" if plan.emission is not None else "vec3(0.0)"
+    text.add("    vec3 color = before.rgb;", "    float ambient_visibility = before.a;")
     text.add(f"    if (first == 0) color = {emitted};")
     if samples:
         _occlusion_samples(text, plan, values)
@@ -88,8 +82,7 @@ def _split(text: Lines, plan: Plan, values: Values) -> None:
     _dim(text, plan)
     if scene.lights:
         all_lights(text, plan, values, reflection)
-    for line in ("    return vec4(color, ambient_visibility);", "}", ""):
-        text.add(line)
+    text.add("    return vec4(color, ambient_visibility);", "}", "")
     begin_shade(text, scene)
     text.add("    vec3 color = lit().rgb;")
     end_shade(text, scene, "hit.t", "ray.origin", "ray.direction")
@@ -107,30 +100,23 @@ def _keep_surface(text: Lines, plan: Plan) -> list[str]:
     kept = plan.kept_surface
     places = lights.layout([type for _, type in kept])
     count = 1 + max(k for k, _ in places)
-    for k in range(count):
-        text.add(f"uniform sampler2D u_surface_{k};")
-    text.add("")
+    stored = [(name, type, k, parts) for (name, type), (k, parts) in zip(kept, places, strict=True)]
+    text.add(*(f"uniform sampler2D u_surface_{k};" for k in range(count)), "")
     text.add(f"void keep_surface(Ray ray, Hit hit, out vec4 kept[{count}]) {{")
-    for k in range(count):
-        text.add(f"    kept[{k}] = vec4({'0.0, 0.0, 0.0, ' + MISS if k == 0 else '0.0'});")
+    text.add(f"    kept[0] = vec4(0.0, 0.0, 0.0, {MISS});", *(f"    kept[{k}] = vec4(0.0);" for k in range(1, count)))
     text.add("    if (!hit.found) return;")
     text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};")
     if plan.emission is not None:
         text.add(f"    vec3 emitted = emission_at({material_arguments(plan)});")
-    for (name, _), (k, parts) in zip(kept, places, strict=True):
-        text.add(f"    kept[{k}].{parts} = {name};")
-    for line in ("}", "", "Hit kept_hit() {"):
-        text.add(line)
-    text.add("    Hit hit = no_hit(texelFetch(u_surface_0, ivec2(gl_FragCoord.xy), 0).w);")
-    text.add(f"    hit.found = hit.t > {MISS};")
-    for line in ("    return hit;", "}", ""):
-        text.add(line)
-    read = [f"vec4 kept_{k} = texelFetch(u_surface_{k}, ivec2(gl_FragCoord.xy), 0);" for k in range(count)]
-    read += [f"if (kept_0.w == {MISS}) return vec4(0.0);", "Surface surface;"]
-    for (name, type), (k, parts) in zip(kept, places, strict=True):
-        declared = f"{type} " if name == "emitted" else ""
-        read.append(f"{declared}{name} = kept_{k}.{parts};")
-    return [*read, "surface.p = ray.origin + surface.t * ray.direction;", "surface.view = -ray.direction;"]
+    text.add(*(f"    kept[{k}].{parts} = {name};" for name, _, k, parts in stored), "}", "")
+    text.add("Hit kept_hit() {", "    Hit hit = no_hit(texelFetch(u_surface_0, ivec2(gl_FragCoord.xy), 0).w);")
+    text.add(f"    hit.found = hit.t > {MISS};", "    return hit;", "}", "")
+    return [
+        *(f"    vec4 kept_{k} = texelFetch(u_surface_{k}, ivec2(gl_FragCoord.xy), 0);" for k in range(count)),
+        *(f"    if (kept_0.w == {MISS}) return vec4(0.0);", "    Surface surface;"),
+        *(f"    {f'{of} ' * (name == 'emitted')}{name} = kept_{k}.{parts};" for name, of, k, parts in stored),
+        *("    surface.p = ray.origin + surface.t * ray.direction;", "    surface.view = -ray.direction;"),
+    ]
 
 
 def _occlusion_samples(text: Lines, plan: Plan, values: Values) -> None:
@@ -145,22 +131,23 @@ def _occlusion_samples(text: Lines, plan: Plan, values: Values) -> None:
     values.functions.append(Function("ambient_visibility_of", (missing,), remaining, where=scene.where))
     decay = values.text("occlusion_decay", scene.occlusion.decay, scene.where)
     share = "surface.ambient_visibility * " if _occluded_by_map(plan) else ""
-    for line in (
+    begin, end = as_shadow(plan, "        ")
+    text.add(
         f"    if (first < {samples}) {{",
         "        float missing = first == 0 ? 0.0 : ambient_visibility;",
         "        float weight = 1.0;",
-        *([f"        float kind = {RAY_KIND.data};"] if plan.hidden else []),
-        *set_kind(plan, "shadow", "        "),
+        *begin,
         f"        for (int i = 0; i < {samples}; i++) {{",
         "            if (i >= end) break;",
         "            if (i >= first) missing += weight * occlusion_sample(surface.p, surface.normal, float(i));",
         f"            weight *= {decay};",
         "        }",
-        *([f"        {RAY_KIND.data} = kind;"] if plan.hidden else []),
+        *end,
         f"        ambient_visibility = end < {samples} ? missing : {share}ambient_visibility_of(missing);",
         "    }",
-    ):
-        text.add(line, by="Scene(occlusion=...)", where=scene.where)
+        by="Scene(occlusion=...)",
+        where=scene.where,
+    )
 
 
 def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
@@ -191,8 +178,7 @@ def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
         text.add(f"    {changed} = {reflection.over_dielectric(share)};")
     if plan.scene.lights:
         all_lights(text, plan, values, reflection)
-    for line in ("    return color;", "}", ""):
-        text.add(line)
+    text.add("    return color;", "}", "")
 
 
 def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:
@@ -206,8 +192,7 @@ def _ambient(text: Lines, plan: Plan, values: Values, reflection: Reflection) ->
     """Ambient light: that of the sky, and ambient visibility for the ambient term of Phong materials."""
     scene = plan.scene
     if ambient_sky(scene) or scene.lights:
-        for line in reflection.prepare():
-            text.add(f"    {line}", by="a metal")
+        text.add(*reflection.prepare(), by="a metal")
     _visibility(text, plan, values)
     _dim(text, plan)
     _sky(text, plan, reflection, "    ")
@@ -223,14 +208,9 @@ def _visibility(text: Lines, plan: Plan, values: Values) -> None:
         values.variables.add("u_side")
         values.functions.append(Function("ambient_occlusion", (POINT, NORMAL), visibility, where=scene.where))
         share = "surface.ambient_visibility * " if shares else ""
-        call = "ambient_occlusion(surface.p, surface.normal)"
-        for line in (
-            *(["    float kind = ray_kind;"] if plan.hidden else []),
-            *set_kind(plan, "shadow", "    "),
-            f"    float ambient_visibility = {share}{call};",
-            *(["    ray_kind = kind;"] if plan.hidden else []),
-        ):
-            text.add(line, by=by, where=scene.where)
+        call = f"    float ambient_visibility = {share}ambient_occlusion(surface.p, surface.normal);"
+        begin, end = as_shadow(plan, "    ")
+        text.add(*begin, call, *end, by=by, where=scene.where)
     elif shares:
         text.add("    float ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)
 

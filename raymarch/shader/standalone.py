@@ -23,7 +23,7 @@ from raymarch.expr.vocabulary import max, tan
 from raymarch.plan import Plan
 from raymarch.scene.camera import VIEW, corners_of, distance_to_see, framed_box, half_extent
 from raymarch.scene.scene import HORIZON
-from raymarch.shader.chunk import Chunk, Lines, Values
+from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 
 Array = NDArray[Any]
 
@@ -69,6 +69,7 @@ class Setup:
             values.functions.append(Function("camera_half_height", (ASPECT,), half, where=where))
             self._extent = "camera_half_height(u_resolution.x / u_resolution.y)"
         self._clip: dict[str, str] = {}
+        self._lens = ("", "")
         if camera.lens:
             focus = f"distance(u_camera_position, {text('target', target - origin)})"
             self._lens = (
@@ -120,54 +121,40 @@ class Setup:
 
         parameters : GLSL names of the parameters, by name. given : all names that the shader defines.
         """
-
-        def begin_sample() -> Chunk:
-            text = Lines(BY)
-            text.add("void begin_sample(int index) {")
-            if "u_sample" in given:
-                text.add("    u_sample = index;")
-            text.add("}")
-            return text.chunk("begin_sample")
-
-        return {"set_frame": partial(self._frame, parameters, uses_time, given), "begin_sample": begin_sample}
+        begin = ["void begin_sample(int index) {", *["    u_sample = index;"] * ("u_sample" in given), "}"]
+        return {
+            "set_frame": partial(self._frame, parameters, uses_time, given),
+            "begin_sample": lambda: Chunk.of("begin_sample", [Mapped(line, BY) for line in begin]),
+        }
 
     def _frame(self, parameters: Mapping[str, str], uses_time: bool, given: frozenset[str]) -> Chunk:
-        text = Lines(BY)
-        text.add("// Sets the values of the frame.")
-        text.add("void set_frame() {")
-        for name, value in self._inputs.items():
-            if name != TIME or uses_time:
-                text.add(f"    {name} = {value};")
-        for name, value in self._hoisted.items():
-            if name in parameters:
-                text.add(f"    {parameters[name]} = {value};")
-        by_page = any(chosen.name == "samples" for chosen in self._plan.passes)  # the page counts its samples
-        if "u_sample" in given and "begin_sample" not in given and not by_page:
-            text.add("    u_sample = 0;")
-        text.add(f"    {self._size} = {self._extent};")
-        text.add(f"    place_camera({self._position}, {self._target}, {self._up});")
-        text.add(f"    u_pixel = 2.0 * {self._size} / u_resolution.y;")
-        text.add(f"    u_far = {self._far()};")
-        for centre, diameter in self._moved:
-            text.add(f"    u_far = max(u_far, distance(u_camera_position, {centre}) + {literal(diameter)});")
-        if self._plan.given.camera.lens:
-            aperture, focus = self._lens
-            text.add(f"    u_lens = vec2({aperture}, {focus});")
-            text.add("    u_far += u_lens.x;")
-            for i, chosen in enumerate(self._plan.passes):
-                if chosen.sharp:  # as `raymarch.gpu.draw_calls.CENTRE`
-                    text.add(f"    if (PASS == {i}) u_lens = vec2(0.0, 1.0);")
-        for name, value in self._clip.items():
-            text.add(f"    {name} = {value};")
-        if "OWN_START" not in self._plan.variants:
-            call = "ray_field({}, true)" if "ANALYTIC" in self._plan.variants else "field({})"
-            text.add(f"    float at_camera = {call.format('u_camera_position')};")
-            text.add("    u_side = at_camera < 0.0 ? -1.0 : 1.0;")
-        if "u_start" in given:
-            text.add("    vec3 size = abs(u_camera_position);")
-            text.add("    float empty = abs(at_camera) * 0.999999 - 1.0e-6 * max(size.x, max(size.y, size.z));")
-            text.add("    u_start = vec4(0.0, 0.0, 0.0, empty < 1.0e30 ? max(empty, 0.0) : 0.0);")
-        text.add("}")
+        plan, text = self._plan, Lines(BY)
+        by_page = any(chosen.name == "samples" for chosen in plan.passes)  # the page counts its samples
+        first = "u_sample" in given and "begin_sample" not in given and not by_page
+        values = {name: value for name, value in self._inputs.items() if name != TIME or uses_time}
+        values |= {parameters[name]: value for name, value in self._hoisted.items() if name in parameters}
+        sharp = [i for i, chosen in enumerate(plan.passes) if chosen.sharp]  # as `raymarch.gpu.draw_calls.CENTRE`
+        far = "    u_far = max(u_far, distance(u_camera_position, {}) + {});"
+        aperture, focus = self._lens
+        text.template(
+            "set_frame",
+            {
+                **{name: name in plan.variants for name in ("LENS", "OWN_START", "ANALYTIC")},
+                "START": "u_start" in given,
+            },
+            given=_assigned(values | ({"u_sample": "0"} if first else {})),
+            size=self._size,
+            extent=self._extent,
+            position=self._position,
+            target=self._target,
+            up=self._up,
+            far=self._far(),
+            moved="\n".join(far.format(centre, literal(diameter)) for centre, diameter in self._moved),
+            aperture=aperture,
+            focus=focus,
+            sharp="\n".join(f"    if (PASS == {i}) u_lens = vec2(0.0, 1.0);" for i in sharp),
+            clip=_assigned(self._clip),
+        )
         made = text.chunk("set_frame")
         own = {*self._inputs.values(), *parameters.values(), TIME, "PASS", *HOST}
         return replace(made, needs=made.needs - own)
@@ -185,3 +172,8 @@ class Setup:
         scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
         middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2
         return f"{literal(HORIZON)} * ({literal(scale)} + distance(u_camera_position, {constant(const(middle))}))"
+
+
+def _assigned(values: Mapping[str, str]) -> str:
+    """The lines that assign texts to variables."""
+    return "\n".join(f"    {name} = {value};" for name, value in values.items())

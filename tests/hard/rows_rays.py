@@ -286,7 +286,7 @@ def estimates(world: World) -> Iterator[Figure]:
     wrong = 0
     for tracer in REAL:
         made = plan(rm.Scene(rm.mandelbulb(), quality=rm.Quality(tracer=tracer)))
-        wrong += made.tracer != "plain" or (tracer != "plain" and tracer not in made.marching.tracer_reason)
+        wrong += made.marching.tracer != "plain" or (tracer != "plain" and tracer not in made.marching.tracer_reason)
         wrong += not any("estimate" in warning for warning in made.warnings)
     yield Figure("tracers that relax on it, or do not say why not", wrong, 0, "the plan falls back, and says so")
 

@@ -65,7 +65,7 @@ def test_rows_hold_what_their_lights_have_and_no_more() -> None:
     values = set_values(every.parameters, {})
     rows = lights.rows(every, values)
     assert rows.shape == (24, 4, 4) and rows.dtype == np.float32
-    kinds = list(lights.forms(every))
+    kinds = list(lights.table(every).forms)
     for row, light in zip(rows, every.lights, strict=True):
         assert row[0, 0] == kinds.index(lights.key(light)) and (row[0, 1] > 0) == light.shadow
         held = np.concatenate([values.of(value).ravel() for value in light.emitter_values().values()])
