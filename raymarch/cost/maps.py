@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from raymarch.cost.errors import footprints
 from raymarch.cost.reference import Reference
 from raymarch.errors import CostError
-from raymarch.gpu.colormaps import colored
 from raymarch.gpu.frame import srgb
-from raymarch.gpu.scale import Scale
+from raymarch.gpu.scale import Scale, colored
 
 LOWEST, HIGHEST = 1e-4, 10.0
 """Footprints at the two ends of the colour scale."""

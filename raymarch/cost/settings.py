@@ -11,9 +11,8 @@ from typing import Any
 
 from raymarch.cost.variants import VARIANTS, check_values, varied
 from raymarch.errors import CostError, SceneError
-from raymarch.plan.marching import Marching, trusted
+from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, trusted
 from raymarch.plan.plan import plan
-from raymarch.plan.schedule import PIXEL, SCHEDULES
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 

@@ -1,4 +1,7 @@
-"""Still pictures as files. Each PNG file holds a key of all that it shows, so a rerun draws only what is missing."""
+"""Still pictures as files, and all arrays of a frame in one: NumPy's .npz, or OpenEXR with named layers.
+
+Each PNG file holds a key of all that it shows, so a rerun draws only what is missing.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,6 @@ from PIL import Image, PngImagePlugin, UnidentifiedImageError
 
 import raymarch
 from raymarch.errors import RenderError
-from raymarch.export.layers import ARRAYS, write_layers, write_npz
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import Part
@@ -22,8 +24,8 @@ from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.views import light, picture, scale_of
-from raymarch.plan import lights
-from raymarch.scene.images import write_exr
+from raymarch.plan import OUTPUTS, lights
+from raymarch.scene.images import write_channels, write_exr
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 
@@ -43,6 +45,10 @@ FORMATS = {
 
 NUMBERS = (".exr", ".npz")
 """Suffixes of files with floating-point arrays."""
+
+
+ARRAYS = tuple(name for name in OUTPUTS if name not in ("slice", "cycles"))
+"""The arrays of a frame that every driver can draw, and that have no parameter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +156,34 @@ def draw(
     if shot.strict and doubts:
         raise RenderError(doubts)
     return frame, doubts
+
+
+def write_npz(file: Path, frame: Frame) -> None:
+    """A compressed .npz with all arrays by name, the time, and the pose of the camera."""
+    arrays: dict[str, NDArray[np.generic]] = {name: frame.array(name) for name in ARRAYS}
+    arrays["time"] = np.float64(frame.time)  # type: ignore[assignment]
+    if frame.pose is not None:
+        arrays |= {"camera_position": frame.pose.position, "camera_frame": frame.pose.frame}
+        half = frame.pose.half_height
+        name, size = ("tan_half_fov", frame.pose.tan_half_fov) if half is None else ("half_height", half)
+        arrays[f"camera_{name}"] = np.float64(size)  # type: ignore[assignment]
+    with file.open("wb") as out:
+        np.savez_compressed(out, **arrays)  # type: ignore[arg-type]
+
+
+def write_layers(file: Path, frame: Frame) -> None:
+    """An OpenEXR file with linear colour in R, G, B, depth in Z, and the other arrays as layers, float32.
+
+    Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
+    """
+    channels = {"RGB": frame.color, "Z": frame.depth}
+    for name in ARRAYS:
+        if name in ("color", "depth"):
+            continue
+        values = frame.array(name)
+        vector = {f"{name}.{axis}": values[..., k] for k, axis in enumerate("XYZ")} if values.ndim == 3 else None
+        channels |= vector or {f"{name}.Y": values}
+    write_channels(file, channels)
 
 
 def encoder(

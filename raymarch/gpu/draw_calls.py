@@ -17,7 +17,7 @@ from raymarch.gpu.program import Program
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.targets import Target
 from raymarch.plan import Pass
-from raymarch.plan.schedule import Level
+from raymarch.plan.marching import Level
 from raymarch.scene.post import PICTURE, Stage
 
 PLASTIC = 1.3247179572447460
@@ -272,11 +272,6 @@ class Drawing:
         self.carried |= {name: (written, i) for i, name in enumerate(chosen.writes)}
 
 
-def _once(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
-    """One draw of each."""
-    yield Turn({})
-
-
 def _lit(turn: Turn, first: int, end: int) -> Turn:
     """The same turn for some samples of light."""
     return replace(turn, uniforms={**turn.uniforms, "u_first_sample": first, "u_end_sample": end})
@@ -368,16 +363,11 @@ def _content(value: Any) -> Any:
     return id(value)
 
 
-def _scene_values(ready: Prepared) -> set[str]:
-    """Names of the uniforms through which the scene can change, except those of the camera."""
-    names = {uniform for name, uniform in ready.shader.parameters.items() if name not in ready.plan.twins}
-    return names | {"u_lights", "u_sky_light"} | ({"u_time"} if ready.shader.uses_time else set())
-
-
 def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> bool:
-    """True if the scene differs from that of the last picture."""
-    names = _scene_values(ready) & set(uniforms)
-    return any(_content(uniforms[name]) != _content(history.values[name]) for name in names)
+    """True if the scene, except its camera, differs from that of the last picture."""
+    names = {uniform for name, uniform in ready.shader.parameters.items() if name not in ready.plan.twins}
+    names |= {"u_lights", "u_sky_light"} | ({"u_time"} if ready.shader.uses_time else set())
+    return any(_content(uniforms[name]) != _content(history.values[name]) for name in names & set(uniforms))
 
 
 def _earlier(resources: ResourceCache, ready: Prepared, history: History) -> dict[str, Any]:
@@ -468,7 +458,7 @@ def _effect(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[
 
 
 TURNS: Mapping[str, Callable[[Drawing, tuple[Pass, ...], bool], Iterator[Turn]]] = {
-    "once": _once,
+    "once": lambda drawing, passes, kept: iter([Turn({})]),
     "level": _levels,
     "steps": _steps,
     "sample": _samples,

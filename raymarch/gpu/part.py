@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu.prepare import Prepared
-from raymarch.plan.schedule import Level
+from raymarch.plan.marching import Level
 from raymarch.shader.part import part_of
 
 Box = tuple[int, int, int, int]

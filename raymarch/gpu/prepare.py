@@ -21,16 +21,13 @@ from raymarch.plan import OUTPUTS, Plan, marching, plan
 from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
-from raymarch.scene.parameter import Value, Values
+from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
 from raymarch.shader.assemble import assemble_effect
 
 Wanted: TypeAlias = str | Slice
 """An output of a frame: its name, or a view with the parameters of that output."""
-
-VIEWED: Mapping[str, Callable[[Scene, Pose], Slice]] = {"slice": Slice.facing}
-"""The parameters of an output that is wanted by its name alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,22 +134,17 @@ def frame_uniforms(
     uniforms |= _start(ready, values, pose.position, 1e-9 * uniforms["u_far"])
     if ready.plan.sky_light:
         uniforms["u_sky_light"] = Elements(scene.sky.harmonics(values))
-    drawn = {name for chosen in ready.plan.passes for name in chosen.outputs}
-    for name in drawn & VIEWED.keys():
-        own = [output for output in outputs if isinstance(output, Slice) and output.output == name]
-        uniforms |= (own[0] if own else VIEWED[name](ready.plan.given, given)).uniforms(origin)
+    if any(Slice.output in chosen.outputs for chosen in ready.plan.passes):
+        own = next((output for output in outputs if isinstance(output, Slice)), None)
+        uniforms |= (own or Slice.facing(ready.plan.given, given)).uniforms(origin)
     for chosen in ready.plan.passes:
         if chosen.effect is not None:  # no uniforms of a program, but numbers of its stages
             uniforms |= {f"{chosen.name}.{name}": v for name, v in chosen.effect.numbers(values).items()}
     for name, uniform in ready.shader.parameters.items():
-        twin = ready.plan.twins.get(name)
-        uniforms[uniform] = values.params[name] if twin is None else _leaf_value(twin, values)
+        twin = ready.plan.twins.get(name)  # a parameter or time
+        moving = twin is not None and twin.op == "time"
+        uniforms[uniform] = values.time if moving else values.params[name if twin is None else twin.data.name]
     return uniforms
-
-
-def _leaf_value(leaf: Expr, values: Values) -> Value:
-    """The value of a parameter or of time."""
-    return values.time if leaf.op == "time" else values.params[leaf.data.name]
 
 
 def _start(ready: Prepared, values: Values, position: NDArray[Any], step: float) -> dict[str, Any]:

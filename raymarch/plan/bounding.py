@@ -77,9 +77,7 @@ class Bounded:
         (value,) = self.walk(p, None, names)
         self.field = Function("nearest", (p,), value, names, self.where)
         value, slope = self.walk(p, lambda _i, pair: (pair[1],), names)
-        made = Function("nearest_gradient", (p,), construct(slope, value), names, self.where)
-        made.derived["gradient of"] = self.field
-        self.field.derived["companion", 0] = made
+        state_gradient(self.field, construct(slope, value))
 
     def walk(self, p: Expr, carried: Carried | None, names: dict[Expr, str] | None = None) -> tuple[Expr, ...]:
         """The distance, and what is carried of the nearest operand; None carries nothing.
@@ -95,8 +93,7 @@ class Bounded:
             function = self.operands[i][1]
             if carried is None:
                 return [function(p)]
-            both = companion(function)(p)
-            pair = (swizzle(both, "w"), swizzle(both, "xyz"))
+            pair = value_and_gradient(function, p)
             return [pair[0], *carried(i, pair)]
 
         state: Sequence[Expr] = values(0)
@@ -105,9 +102,7 @@ class Bounded:
         for i, bound in enumerate(bounds):
 
             def evaluated(_turn: Expr, *best: Expr, i: int = i) -> Sequence[Expr]:
-                found = values(i + beside)
-                nearer = found[0] < best[0]
-                return [where(nearer, one, other) for one, other in zip(found, best, strict=True)]
+                return nearer(values(i + beside), best)
 
             def skipped(_turn: Expr, best: Expr, *_: Expr, bound: Expr = bound) -> Expr:
                 reach = max(best, SOME)  # inside of its box, an operand may be less than any other
@@ -118,6 +113,25 @@ class Bounded:
         if names is not None:
             names |= {value: str(name.data).partition(" ")[0] for name, value in known.items()}
         return tuple(substitute(state, known))
+
+
+def value_and_gradient(field: Function, *args: Expr) -> tuple[Expr, Expr]:
+    """The value of a field and its gradient, computed together."""
+    both = companion(field)(*args)
+    return swizzle(both, "w"), swizzle(both, "xyz")
+
+
+def state_gradient(field: Function, both: Expr) -> None:
+    """State the gradient of a field, which is then not derived. both : gradient and value."""
+    made = Function(f"{field.name}_gradient", field.params, both, field.names, field.where)
+    made.derived["gradient of"] = field
+    field.derived["companion", 0] = made
+
+
+def nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:
+    """The values of the nearer of two objects; distances come first."""
+    is_nearer = found[0] < best[0]
+    return [where(is_nearer, one, other) for one, other in zip(found, best, strict=True)]
 
 
 def distance_to_box(facts: Facts, p: Expr) -> Expr:

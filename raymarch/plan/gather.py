@@ -24,7 +24,7 @@ from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.instancing import of_rows
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.placing import labelled
 from raymarch.sdf.rows import Form, Moving, Rows, Slot
 from raymarch.sdf.solids import sphere
@@ -272,17 +272,9 @@ class _Gatherer:
 
     def signature(self, node: Node) -> Signature | None:
         """The form of a tree; None if it cannot be a row."""
-        if id(node) in self.known:
-            return self.known[id(node)]
-        stack = [node]
-        while stack:
-            each = stack[-1]
-            waiting = [child for child in each.children if id(child) not in self.known]
-            if waiting:
-                stack += waiting
-                continue
-            stack.pop()
-            self.known[id(each)] = self._signature(each)
+        for each in () if id(node) in self.known else children_first(node):
+            if id(each) not in self.known:
+                self.known[id(each)] = self._signature(each)
         return self.known[id(node)]
 
     def _signature(self, node: Node) -> Signature | None:

@@ -1,12 +1,15 @@
-"""The marching of a scene: its tracer, its schedule, and the choices of GLSL modules that follow."""
+"""The marching of a scene: its tracer, its schedule, and the choices of GLSL modules that follow.
+
+A schedule has coarse levels of cones that are marched first, so that rays start where their cones ended.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from raymarch.plan.schedule import PIXEL, SCHEDULES, SINGLE, Schedule
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 
@@ -21,6 +24,56 @@ where the floor is solved in closed form, cones save little. On llvmpipe, frames
 of the time with cones if all solids were marched, 106 % with closed-form hits (115 % at 1.6e9, 1280x720), and its first
 frame .5 s more. Frames of costly (7.5e9) took 82 %.
 """
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A level of cones.
+
+    Attributes
+    ----------
+    scale : width and height relative to the final picture, above 0 and up to 1.
+    share : fraction of the steps that its cones may take; 1 marches them until they stop.
+    """
+
+    scale: float
+    share: float = 1.0
+
+    def size(self, picture: tuple[int, int]) -> tuple[int, int]:
+        """(width, height) of the level in cells."""
+        return max(1, round(picture[0] * self.scale)), max(1, round(picture[1] * self.scale))
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Levels from coarse to fine, and the fraction of the steps that remains for the rays."""
+
+    levels: tuple[Level, ...] = ()
+    share: float = 1.0
+
+
+def _published(scales: tuple[float, ...]) -> Schedule:
+    """Bálint and Valasek 2018: an eighth of the steps for each level, the rest for the rays.
+
+    Their table for six resolutions leaves 3/8 after four eighths. It omits one of the five levels.
+    """
+    return Schedule(tuple(Level(scale, 1 / 8) for scale in scales), 1 - len(scales) / 8)
+
+
+SINGLE: Final = Schedule()
+
+SCHEDULES: Final = {
+    "single": SINGLE,
+    "two": _published((1 / 2,)),
+    "four": _published((1 / 4, 1 / 2, 3 / 4)),
+    "six": _published((1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)),
+    "cone": Schedule((Level(1 / 4),)),
+    "cones": Schedule((Level(1 / 16), Level(1 / 4), Level(1 / 2))),
+}
+"""Schedules by their names in `Quality`."""
+
+PIXEL: Final = Level(1.0)
+"""One cone around each whole pixel; all samples of the pixel start where it ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +128,7 @@ def choose(
     cells : True if objects are found through cells. closed : True if some solids have closed-form hits.
     """
     quality = scene.quality
-    certified = trusted(scene)
+    certified, several = trusted(scene), quality.samples > 1 or quality.temporal != "off"
     tracer, tracer_reason = _choose_tracer(quality, certified)
     schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size, closed)
     if cells and schedule is SINGLE and certified and quality.schedule == "auto" and not quality.shortened:
@@ -84,12 +137,7 @@ def choose(
         schedule, schedule_reason = SINGLE, "a standalone shader draws the picture in one pass"
     elif scene.motion_blur:
         schedule, schedule_reason = SINGLE, "the scene moves while the shutter is open, and cones hold one moment"
-    elif (
-        certified
-        and not quality.shortened
-        and quality.steps_per_pass is None
-        and (quality.samples > 1 or quality.temporal != "off")
-    ):
+    elif certified and not (quality.shortened or quality.steps_per_pass) and several:
         schedule = Schedule((*schedule.levels, PIXEL), schedule.share)
         schedule_reason += "; the samples of a pixel start where its cone ended"
     steps = max(1, round(schedule.share * quality.max_steps))
@@ -125,12 +173,9 @@ def _choose_schedule(
 ) -> tuple[Schedule, str]:
     asked = quality.schedule
     if not certified:
-        if asked in ("auto", "single"):
-            return SINGLE, "the field is an estimate, so no cone is certain to be empty"
-        return (
-            SINGLE,
-            f"the field is an estimate, so the cones of Quality(schedule={asked!r}) are not certain to be empty",
-        )
+        cones = f"the cones of Quality(schedule={asked!r}) are not certain to be empty"
+        none = "no cone is certain to be empty"
+        return SINGLE, f"the field is an estimate, so {none if asked in ('auto', 'single') else cones}"
     if quality.shortened:
         return SINGLE, "Quality(step_scale=..., step_variation=...) shortens steps, so no cone is certain to be empty"
     if asked != "auto":

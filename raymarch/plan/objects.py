@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.arrays import Remembered, bound
-from raymarch.expr.derivative import companion, gradient
+from raymarch.expr.derivative import gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
@@ -19,6 +19,7 @@ from raymarch.expr.tables import MOST, LiveTable, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import substitute
+from raymarch.plan.bounding import nearer, state_gradient, value_and_gradient
 from raymarch.plan.cells import Cells, build
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
@@ -130,10 +131,7 @@ class Located:
         (value,) = self.walk(place, p, None)
         self.field = Function("objects", (p,), value)
         value, slope = self.walk(place, p, lambda i, entry, pair, read: (pair[1],))
-        both = construct(slope, value)
-        made = Function("objects_gradient", (p,), both)
-        made.derived["gradient of"] = self.field
-        self.field.derived["companion", 0] = made
+        state_gradient(self.field, construct(slope, value))
 
     def _divide(self, cells: Cells) -> None:
         """Tables of the lists and the cells. Float32 numbers `MOST` entries: longer lists are divided into pages, which
@@ -185,8 +183,7 @@ class Located:
             if carried is None:
                 per_form.append([field(p, *columns)])
             else:
-                both = companion(field)(p, *columns)
-                pair = (swizzle(both, "w"), swizzle(both, "xyz"))
+                pair = value_and_gradient(field, p, *columns)
                 per_form.append([pair[0], *carried(i, entry, pair, read)])
         last = per_form[-1]
         for i, values in zip(reversed(forms[:-1]), reversed(per_form[:-1]), strict=True):
@@ -207,7 +204,7 @@ class Located:
 
             def step(_turn: Expr, at: Expr, *best: Expr) -> Sequence[Expr]:
                 found = self._leaf(p, self.entry(place, at), carried, groups[0])
-                return at + 1.0, *_nearer(found, best)
+                return at + 1.0, *nearer(found, best)
 
             return loop(max_turns(self.cells), (place.start, *zeros), step, lambda _turn, at, *_: at >= place.end)[1:]
         state: tuple[Expr, ...] = (place.start, self.entry(place, place.start), *zeros)
@@ -216,7 +213,7 @@ class Located:
 
             def turn(_turn: Expr, at: Expr, entry: Expr, *best: Expr, group: Sequence[int] = group) -> Sequence[Expr]:
                 found = self._leaf(p, entry, carried, group)
-                return at + 1.0, self.entry(place, at + 1.0), *_nearer(found, best)
+                return at + 1.0, self.entry(place, at + 1.0), *nearer(found, best)
 
             def until(_turn: Expr, at: Expr, entry: Expr, *_: Expr, most: float = most) -> Expr:
                 return (at >= place.end) | (entry >= most)
@@ -285,12 +282,6 @@ def _listed(rows: Rows, cells: Cells) -> NDArray[np.float32]:
 def _live(rows: Rows, exact: float, texels: Callable[[], NDArray[np.float32]], label: str) -> LiveTable:
     """A table of rows that are live."""
     return LiveTable(Remembered(lambda: Table(texels(), label), rows.live), label, rows.name(label, exact))
-
-
-def _nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:
-    """The values of the nearer of two objects; distances come first."""
-    nearer = found[0] < best[0]
-    return [where(nearer, one, other) for one, other in zip(found, best, strict=True)]
 
 
 def max_turns(cells: Cells) -> int:

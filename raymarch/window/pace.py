@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from raymarch.plan.schedule import Level
+from raymarch.plan.marching import Level
 
 STEPS_PER_HALVING = 4
 SMALLEST = 1 / 8

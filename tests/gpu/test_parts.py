@@ -8,7 +8,7 @@ import pytest
 import raymarch as rm
 from raymarch.gpu.context import Context
 from raymarch.gpu.part import Part, covering, split
-from raymarch.plan.schedule import SCHEDULES
+from raymarch.plan.marching import SCHEDULES
 
 SIZE = (70, 53)
 SCENE = rm.Scene(

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from raymarch.gpu.colormaps import MAPS, colored
-from raymarch.gpu.scale import INK, MARGIN, PAPER, Scale, nice, with_bar
+from raymarch.gpu.scale import INK, MAPS, MARGIN, PAPER, Scale, colored, nice, with_bar
 
 
 @pytest.mark.parametrize("name", MAPS)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.gpu.colormaps import colored
 from raymarch.gpu.frame import Frame
+from raymarch.gpu.scale import colored
 from raymarch.gpu.views import VIEWS, picture, scale_of
 from raymarch.plan import OUTPUTS
 

@@ -12,7 +12,7 @@ from raymarch.gpu.context import Context
 from raymarch.gpu.draw_calls import cells, widest
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
-from raymarch.plan.schedule import PIXEL, SCHEDULES, Level
+from raymarch.plan.marching import PIXEL, SCHEDULES, Level
 from raymarch.scene.quality import TRACERS
 
 SIZE = (161, 90)  # no level divides it

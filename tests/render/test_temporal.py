@@ -19,7 +19,7 @@ from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.targets import Target
 from raymarch.plan import marching
-from raymarch.plan.schedule import SINGLE
+from raymarch.plan.marching import SINGLE
 
 SIZE = (48, 32)
 KEPT = ("accumulate", "reproject")

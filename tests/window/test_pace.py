@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from raymarch.plan.schedule import SCHEDULES
+from raymarch.plan.marching import SCHEDULES
 from raymarch.window.pace import SMALLEST, Pace, scaled
 from raymarch.window.timeline import Timeline
 
