@@ -265,7 +265,7 @@ def examine(
     draw(scene, setting, renderer, time, params, (output,))  # the warm-up
     return Point(
         setting=setting,
-        tracer=planned.tracer,
+        tracer=planned.marching.tracer,
         errors=measure(known, depth, normal, color, reach, difference),
         evaluations=float(evaluations.mean()),
         iterations=float(geometry.array("iterations").mean()),
