@@ -155,7 +155,6 @@ class Display:
 
 
 def _text(output: Output, color: Expr, shown: str, alpha: Expr) -> tuple[str, Mapping[str, Any]]:
-    """The fragment shader that colours an array, and its tables."""
     value = VECTOR if isinstance(output.channels, slice) else VALUE
     colored = Function("view_color", (value, HIT, LOW, HIGH), color)
     printed = print_functions([colored, Function("view_alpha", (value,), alpha)])

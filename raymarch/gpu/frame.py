@@ -223,7 +223,6 @@ class Frame:
             return int(np.sum(np.logical_not(finite))), int(np.count_nonzero(finite & red & green & blue))
 
     def _repr_png_(self) -> bytes:
-        """The picture as a PNG file, for notebooks."""
         out = BytesIO()
         self.image().save(out, "PNG")
         return out.getvalue()

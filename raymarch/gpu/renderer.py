@@ -264,7 +264,6 @@ class Renderer:
         return frame
 
     def _doubts(self, scene: Scene, values: Values, frame: Frame, steps: bool) -> list[str]:
-        """See `Frame.doubts`."""
         pose = frame.pose
         assert pose is not None
         pixels = frame.size[0] * frame.size[1]
@@ -431,7 +430,6 @@ class Renderer:
     def _passes(
         self, picture: _Picture, progress: Progress | None = None, within: float = np.inf
     ) -> tuple[dict[str, Unread], list[Timing]]:
-        """Draw all passes of a frame."""
         self._refuse_while_drawing("render")
         self._is_drawing = True
         try:
@@ -530,7 +528,6 @@ def _silhouette(
 
 
 def _key(scene: Scene, outputs: Sequence[Wanted]) -> tuple[Any, ...]:
-    """The cache key of a plan."""
     return scene.planned, tuple(passes_for(outputs))
 
 

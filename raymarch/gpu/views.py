@@ -175,7 +175,6 @@ def fill(surface: Surface, frame: Frame, view: str, scale: Scale | None = None) 
 
 
 def _colored(color: Expr, values: NDArray[Any], ends: tuple[Any, Any]) -> NDArray[np.float64]:
-    """The colours of an array by NumPy, (H, W, 3)."""
     vector = values.ndim == 3
     compute = _evaluator(color, vector)
     made = np.empty((*values.shape[:2], 3))

@@ -187,7 +187,6 @@ def _placed(node: Node, transform: Node) -> Node:
 
 
 def _around(boxes: Sequence[Facts]) -> Facts:
-    """The box around some boxes."""
     lower = reduce(lambda a, b: a.clip(max=b), [box.lower for box in boxes])
     upper = reduce(lambda a, b: a.clip(min=b), [box.upper for box in boxes])
     return Facts("bound", 1.0, lower, upper)

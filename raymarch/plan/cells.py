@@ -486,44 +486,38 @@ class _Builder:
         place = self.index(level.cells)
         blocks: list[NDArray[np.float32]] = [texels]
         written: list[tuple[Whole, Whole, NDArray[np.int32]]] = []
-        total, size, depth, entries = len(texels), self.size, 0, len(level.items)
+        total, depth, entries = len(texels), 0, len(level.items)
         while True:
             counts = np.diff(level.starts)
             crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED) << depth
-            split = np.zeros(len(counts), bool)
-            if depth < self.finest and crowded.any() and total < CELLS and entries < ENTRIES:
-                parents = np.nonzero(crowded)[0]
-                crowd = _taken(level, parents)
-                near, near_at, _, far_at, value = self.divided(crowd, 0.5 * size, None, last=True)
-                lengths = np.zeros(8 * len(parents), np.int64)
-                lengths[near_at] = np.diff(near.starts)
-                gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
-                split[parents[gain]] = True
-                block = np.zeros((8 * len(parents), 2), np.float32)
-                block[far_at, 0] = self.rounded_down(value)
-                block[far_at, 1] = FAR
-                wins = np.repeat(gain, 8)
-                at = total + np.cumsum(wins) - 1
-                _write(blocks, place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
-                del crowd
-                rest = _taken(level, np.nonzero(~split)[0])
-                written.append((place[~split], np.diff(rest.starts), rest.items))
-                blocks.append(block[wins])
-                chosen = np.nonzero(wins[near_at])[0]
-                level = _taken(near, chosen)
-                place = at[near_at[chosen]]
-                del near, rest
-                total += int(wins.sum())
-                entries += len(level.items) - int(counts[split].sum())
-                size *= 0.5
-                depth += 1
-                if len(level.cells):
-                    continue
-                depth_used = depth
+            if depth == self.finest or not crowded.any() or total >= CELLS or entries >= ENTRIES:
+                written.append((place, counts, level.items))
                 break
-            written.append((place, counts, level.items))
-            depth_used = depth
-            break
+            depth += 1
+            parents = np.nonzero(crowded)[0]
+            crowd = _taken(level, parents)
+            near, near_at, _, far_at, value = self.divided(crowd, self.size * 0.5**depth, None, last=True)
+            lengths = np.zeros(8 * len(parents), np.int64)
+            lengths[near_at] = np.diff(near.starts)
+            gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
+            split = np.zeros(len(counts), bool)
+            split[parents[gain]] = True
+            block = np.zeros((8 * len(parents), 2), np.float32)
+            block[far_at, 0] = self.rounded_down(value)
+            block[far_at, 1] = FAR
+            wins = np.repeat(gain, 8)
+            at = total + np.cumsum(wins) - 1
+            _write(blocks, place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
+            del crowd
+            rest = _taken(level, np.nonzero(~split)[0])
+            written.append((place[~split], np.diff(rest.starts), rest.items))
+            blocks.append(block[wins])
+            chosen = np.nonzero(wins[near_at])[0]
+            level = _taken(near, chosen)
+            place = at[near_at[chosen]]
+            del near, rest
+            total += int(wins.sum())
+            entries += len(level.items) - int(counts[split].sum())
         places = np.concatenate([w[0] for w in written])
         counts = np.concatenate([w[1] for w in written])
         items = np.concatenate([w[2] for w in written])
@@ -544,7 +538,7 @@ class _Builder:
             self.low,
             self.size,
             self.counts,
-            depth_used,
+            depth,
             np.concatenate(blocks),
             begins,
             items,

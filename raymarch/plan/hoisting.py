@@ -169,7 +169,6 @@ def _turned(phase: Expr, period: float, moving: set[Expr]) -> Expr:
 
 
 def _factor(term: Expr) -> Expr | None:
-    """The constant factor of a product, None if there is none."""
     if term.op != "mul":
         return None
     return next((arg for arg in term.args if arg.is_constant and arg.type is FLOAT and arg.data != 0), None)

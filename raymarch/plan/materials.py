@@ -113,8 +113,6 @@ Term: TypeAlias = tuple[Expr, Expr]
 
 
 def _fields(name: str, names: Sequence[str]) -> Wanted:
-    """Some values as a struct."""
-
     def wanted(values: dict[str, Expr]) -> Expr:
         chosen = [values[n] for n in names]
         type = struct(name, tuple((n, value.type) for n, value in zip(names, chosen, strict=True)))
@@ -539,7 +537,6 @@ def _mean(terms: Sequence[Term]) -> Expr:
 
 
 def _largest(terms: Sequence[Term]) -> Expr:
-    """The value with the largest weight."""
     best, result = const(-1.0), const(0.0)
     for weight, value in _summed(terms):
         result = where(best < weight, value, result)

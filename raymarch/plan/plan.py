@@ -188,7 +188,6 @@ class Plan:
 
 
 def _compile_seconds(field: Function) -> float:
-    """See `Plan.compile_seconds`."""
     return sum(1.2e-3 * n + 1.3e-6 * n * n for n in straight_lines([field.body]))
 
 

@@ -414,7 +414,6 @@ def _may_exceed_0(value: Expr) -> bool:
 
 
 def _numbers(what: str, value: Any) -> NDArray[np.float64]:
-    """Three constant numbers."""
     given = as_vec3(what, value)
     if not given.is_constant:
         raise SceneError(f"{what} depends on a parameter or time", legal="3 numbers")

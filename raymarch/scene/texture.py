@@ -258,7 +258,6 @@ class _Frame:
 
 
 def _pair(what: str, value: Any, legal: str, low: float) -> tuple[Expr, Expr]:
-    """Two lengths."""
     if not isinstance(value, tuple | list | np.ndarray) or np.ndim(np.asarray(value, object)) < 1 or len(value) != 2:
         raise SceneError(f"{what} = {short(value)}", legal=legal)
     across, up = (as_number(what, v, low, 1e6, cells=low < 0.0) for v in value)

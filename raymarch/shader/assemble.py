@@ -300,7 +300,6 @@ def _records(roots: Sequence[Function]) -> frozenset[Type]:
 
 
 def _declared(type: Type) -> Chunk:
-    """The declaration of a struct."""
     lines = [f"struct {type.name} {{", *(f"    {inner} {name};" for name, inner in type.fields), "};"]
     return Chunk.of(f"struct {type.name}", [Mapped(line, f"struct {type.name}") for line in lines])
 
