@@ -19,6 +19,7 @@ from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import Plan, lights, plan
 from raymarch.scene.parameter import Spec, Values
+from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.shader import Shader, assemble
 from raymarch.shader.standalone import FRAME
@@ -46,14 +47,7 @@ class Text:
 
 def alone(scene: Scene) -> Scene:
     """The scene with a quality that draws one picture in one pass, without earlier frames."""
-    single = {
-        "schedule": "single",
-        "steps_per_pass": None,
-        "lights_per_pass": None,
-        "temporal": "off",
-        "rays": "computed",
-    }
-    return scene.replace(quality=scene.quality.replace(**single))
+    return scene.replace(quality=scene.quality.replace(**SINGLE_PASS, rays="computed"))
 
 
 def planned(scene: Scene, chosen: str) -> Plan:

@@ -36,7 +36,7 @@ from raymarch.scene.fog import Fog
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
-from raymarch.scene.quality import MOST_SAMPLES
+from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.scene.sky import Sky
 
@@ -287,7 +287,7 @@ class Renderer:
         """The geometry arrays of a sparse, even subset of the picture's rays, with the pixel footprint of the
         picture."""
         small = vouch.sparse_size(self.size)
-        plain = replace(scene.quality, schedule="single", steps_per_pass=None, samples=1, temporal="off")
+        plain = scene.quality.replace(**SINGLE_PASS, samples=1)
         ready, uniforms = self._ready(_Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
         uniforms["u_resolution"] = small
         draw_calls = list(_named(Drawing(self.resources, ready, uniforms, small, History())))

@@ -13,6 +13,7 @@ from raymarch.expr.node import Expr, const
 from raymarch.expr.vocabulary import parts_of
 from raymarch.plan.passes import Pass
 from raymarch.plan.plan import Plan, plan
+from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
@@ -32,11 +33,7 @@ class Probing:
 
 def single_sample(scene: Scene) -> Scene:
     """The scene with one sample per pixel, marched in one pass without cones."""
-    return scene.replace(
-        quality=scene.quality.replace(
-            samples=1, temporal="off", schedule="single", steps_per_pass=None, lights_per_pass=None, analytic=False
-        )
-    )
+    return scene.replace(quality=scene.quality.replace(**SINGLE_PASS, samples=1, analytic=False))
 
 
 def plan_faults(scene: Scene) -> Probing:

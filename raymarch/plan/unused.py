@@ -12,6 +12,7 @@ from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
 from raymarch.scene.light import Light, RectLight
 from raymarch.scene.material import SMOOTH, Material
+from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
 
 
@@ -48,7 +49,7 @@ def _shadows(scene: Scene) -> Iterator[str]:
     casting = [light for light in scene.lights if light.shadow]
     for light in scene.lights:
         name = type(light).__name__
-        given = {"softness": _may_differ(light.softness, 0.0) and not hasattr(light, "radius")}
+        given = {"softness": not is_zero(light.softness) and not hasattr(light, "radius")}
         given |= {"penumbra": light.penumbra != "two-sided" and not isinstance(light, RectLight)}
         given |= {"shadow_radius": getattr(light, "shadow_radius", None) is not None}
         for option in (option for option, is_given in given.items() if is_given):
@@ -71,7 +72,7 @@ def _camera(scene: Scene) -> Iterator[str]:
 
 
 def _fog(scene: Scene) -> Iterator[str]:
-    if scene.fog is not None and _may_differ(scene.fog.height, 0.0) and not scene.fog.layered:
+    if scene.fog is not None and not is_zero(scene.fog.height) and not scene.fog.layered:
         yield _at(scene.fog, "Fog(height=...) has no effect without a falloff")
 
 
@@ -103,7 +104,3 @@ def _sampled(light: Light) -> bool:
 
 def _constant(value: Expr) -> float | None:
     return float(value.data) if value.is_constant else None
-
-
-def _may_differ(value: Expr, usual: float) -> bool:
-    return _constant(value) != usual

@@ -19,7 +19,7 @@ from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, instance, real, short
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import FLOAT, VEC3
-from raymarch.scene.parameter import Values, as_number, as_vec3
+from raymarch.scene.parameter import Values, as_number, as_vec3, is_zero
 from raymarch.scene.value import Part, value
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.domain import Scalar, Vec3Like
@@ -256,7 +256,7 @@ class Camera(Part):
     @property
     def cuts(self) -> bool:
         """True if there is a near plane in front of the camera."""
-        return _may_exceed_0(self.near)
+        return not is_zero(self.near)
 
     @property
     def clips(self) -> bool:
@@ -266,12 +266,12 @@ class Camera(Part):
     @property
     def lens(self) -> bool:
         """True if rays start at points of a lens."""
-        return _may_exceed_0(self.aperture)
+        return not is_zero(self.aperture)
 
     @property
     def opens(self) -> bool:
         """True if the shutter is open for some time."""
-        return _may_exceed_0(self.shutter)
+        return not is_zero(self.shutter)
 
     def _number(self, name: str, values: Values) -> float:
         """A value in a frame. SceneError if it is out of its range."""
@@ -407,10 +407,6 @@ _RANGES: Mapping[str, tuple[Callable[[float], bool], str]] = {
     "shutter": _NOT_NEGATIVE,
 }
 """The ranges of values, checked where they are written if they are constant, else in each frame."""
-
-
-def _may_exceed_0(value: Expr) -> bool:
-    return not (value.is_constant and float(value.data) == 0.0)
 
 
 def _numbers(what: str, value: Any) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, exp, max, min, mix, where
-from raymarch.scene.parameter import as_color, as_number
+from raymarch.scene.parameter import as_color, as_number, is_zero
 from raymarch.scene.sky import DIRECTION
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar
@@ -63,7 +63,7 @@ class Fog(Part):
     @property
     def layered(self) -> bool:
         """True if the density may depend on the height."""
-        return not (self.falloff.is_constant and float(self.falloff.data) == 0.0)
+        return not is_zero(self.falloff)
 
     @property
     def covers_sky(self) -> bool:

@@ -37,7 +37,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.scene.parameter import as_color, as_direction, as_number, as_vec3
+from raymarch.scene.parameter import as_color, as_direction, as_number, as_vec3, is_zero
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
 
@@ -181,7 +181,7 @@ class Light(Part):
     @property
     def soft(self) -> bool:
         """True if the shadow has a penumbra."""
-        return self.shadow and not _is_zero(self.softness)
+        return self.shadow and not is_zero(self.softness)
 
 
 @value
@@ -270,7 +270,7 @@ class PointLight(Light):
             shadow_radius=_length(f"{name}: shadow_radius", shadow_radius),
             attenuation=None if attenuation is None else as_vec3(f"{name}: attenuation", attenuation, low=0.0),
         )
-        if self.attenuation is not None and _is_zero(self.attenuation):
+        if self.attenuation is not None and is_zero(self.attenuation):
             raise SceneError(f"{name}: attenuation = {short(attenuation)}", legal="3 numbers >= 0, not all zero")
         if self.attenuation is not None:
             limit = Limit(f"{name}: attenuation", "3 numbers >= 0, not all zero", nonzero=True)
@@ -547,10 +547,6 @@ def _window(distance: Expr, range: Expr) -> Expr:
     ratio = distance / range
     window = max(1.0 - ratio * ratio * ratio * ratio, 0.0)
     return window * window
-
-
-def _is_zero(value: Expr) -> bool:
-    return value.is_constant and not np.any(value.data)
 
 
 def _length(what: str, value: Any) -> Expr | None:

@@ -17,6 +17,7 @@ from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import free_variables, rebuild, rewrite
 from raymarch.scene.material_values import ColorOrTexture, FloatOrTexture, check_map_sizes, material_value
+from raymarch.scene.parameter import is_zero
 from raymarch.scene.relief import FLAT, bump_gradient, height_field
 from raymarch.scene.texture import Texture
 from raymarch.scene.value import Value, value
@@ -186,7 +187,7 @@ class Material(Value):
         }
         made["color"] = material_value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
-            made["roughness"] = expr(0.0 if _may_exceed_0(made["transmission"]) else 0.5)
+            made["roughness"] = expr(0.5 if is_zero(made["transmission"]) else 0.0)
         relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
         others = {**relief, "bsdf": bsdf}
         fields = {
@@ -224,27 +225,27 @@ class Material(Value):
     @property
     def metallic(self) -> bool:
         """True if the metalness may be above 0 somewhere."""
-        return self.physical and _may_exceed_0(self.metalness)
+        return self.physical and not is_zero(self.metalness)
 
     @property
     def emits(self) -> bool:
         """True if the surface may emit light somewhere."""
-        return _may_exceed_0(self.emission)
+        return not is_zero(self.emission)
 
     @property
     def transmits(self) -> bool:
         """True if the transmission may be above 0 somewhere."""
-        return _may_exceed_0(self.transmission)
+        return not is_zero(self.transmission)
 
     @property
     def coated(self) -> bool:
         """True if the weight of the clear coat may be above 0 somewhere."""
-        return _may_exceed_0(self.clearcoat)
+        return not is_zero(self.clearcoat)
 
     @property
     def frosted(self) -> bool:
         """True if the material transmits and may be rough somewhere."""
-        return self.transmits and _may_exceed_0(self.roughness)
+        return self.transmits and not is_zero(self.roughness)
 
     def without_maps(self) -> Material:
         """The same material with each texture replaced by its mean, without normal, height and occlusion maps."""
@@ -377,11 +378,6 @@ def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
             f"Material: {one} together with {other}",
             legal="Phong's shininess, specular, ambient; or the physical albedo, metalness, roughness, f0",
         )
-
-
-def _may_exceed_0(value: Expr) -> bool:
-    """True if a value >= 0 may be above 0 somewhere."""
-    return not value.is_constant or bool(np.any(value.data))
 
 
 def _or(value: Any, otherwise: Any) -> Any:

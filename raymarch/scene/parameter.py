@@ -201,6 +201,11 @@ def _seconds(time: Any, where: Location | None) -> float:
         raise SceneError(fault.what, legal=legal, where=where) from None
 
 
+def is_zero(value: Expr) -> bool:
+    """True for the constant 0, and a vector of them."""
+    return value.is_constant and not np.any(value.data)
+
+
 def as_vec3(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:
     """A position, direction or colour, checked. Expressions must be vec3.
 

@@ -41,6 +41,14 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 }
 """The settings of each preset that differ from the defaults."""
 
+SINGLE_PASS: Mapping[str, Any] = {
+    "schedule": "single",
+    "steps_per_pass": None,
+    "lights_per_pass": None,
+    "temporal": "off",
+}
+"""The settings of a picture that is drawn in one pass, without earlier frames."""
+
 NOT_MARCHING = (
     "assume_certified",
     "samples",

@@ -60,29 +60,27 @@ class Setup:
         self._size = "u_half_height" if camera.orthographic else "u_tan_half_fov"
         half = None if camera.height is None else camera.height * 0.5
         if not camera.orthographic:
-            self._extent = text("tan_half_fov", tan(camera.fov * (np.pi / 360.0)))
+            extent = text("tan_half_fov", tan(camera.fov * (np.pi / 360.0)))
         elif half is not None:
-            self._extent = text("half_height", half)
+            extent = text("half_height", half)
         else:
             away = const(VIEW) if camera.position is None else camera.position - target
             half = half_extent(corners_of(low, high, target, away, camera.up), ASPECT)
             values.functions.append(Function("camera_half_height", (ASPECT,), half, where=where))
-            self._extent = "camera_half_height(u_resolution.x / u_resolution.y)"
+            extent = "camera_half_height(u_resolution.x / u_resolution.y)"
         self._clip: dict[str, str] = {}
-        self._lens = ("", "")
+        aperture = focus = ""
         if camera.lens:
             focus = f"distance(u_camera_position, {text('target', target - origin)})"
-            self._lens = (
-                text("aperture", camera.aperture),
-                focus if camera.focus is None else text("focus", camera.focus),
-            )
+            aperture = text("aperture", camera.aperture)
+            focus = focus if camera.focus is None else text("focus", camera.focus)
         if camera.clips:
             self._clip["u_near"] = text("near", camera.near)
             self._clip["u_clip_far"] = "1.0e30" if camera.far is None else text("far", camera.far)
-        self._target = text("target", target - origin)
-        self._up = text("up", camera.up)
+        place = text("target", target - origin)
+        up = text("up", camera.up)
         if camera.position is not None:
-            self._position = text("position", camera.position - origin)
+            position = text("position", camera.position - origin)
         else:
             backward = constant(const(VIEW / np.linalg.norm(VIEW)))
             if half is None:
@@ -91,7 +89,9 @@ class Setup:
             else:
                 distance = 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
             values.functions.append(Function("camera_distance", (ASPECT,), distance, where=where))
-            self._position = f"{self._target} + {backward} * camera_distance(u_resolution.x / u_resolution.y)"
+            position = f"{place} + {backward} * camera_distance(u_resolution.x / u_resolution.y)"
+        self._camera = {"size": self._size, "extent": extent, "position": position, "target": place, "up": up}
+        self._camera |= {"aperture": aperture, "focus": focus}
         self._hoisted = {
             name: values.text(name.replace(" ", "_"), value, where) for name, value in plan.hoisted.items()
         }
@@ -135,7 +135,6 @@ class Setup:
         values |= {parameters[name]: value for name, value in self._hoisted.items() if name in parameters}
         sharp = [i for i, chosen in enumerate(plan.passes) if chosen.sharp]  # as `raymarch.gpu.draw_calls.CENTRE`
         far = "    u_far = max(u_far, distance(u_camera_position, {}) + {});"
-        aperture, focus = self._lens
         text.template(
             "set_frame",
             {
@@ -143,15 +142,9 @@ class Setup:
                 "START": "u_start" in given,
             },
             given=_assigned(values | ({"u_sample": "0"} if first else {})),
-            size=self._size,
-            extent=self._extent,
-            position=self._position,
-            target=self._target,
-            up=self._up,
+            **self._camera,
             far=self._far(),
             moved="\n".join(far.format(centre, literal(diameter)) for centre, diameter in self._moved),
-            aperture=aperture,
-            focus=focus,
             sharp="\n".join(f"    if (PASS == {i}) u_lens = vec2(0.0, 1.0);" for i in sharp),
             clip=_assigned(self._clip),
         )
