@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
+from raymarch.cost.settings import differences
 from raymarch.cost.sweep import Point, Sweep
-from raymarch.scene.quality import Quality
 
 BOUNDS = (0.5, 0.05, 0.005)
 """Errors in pixels that the answer is given for."""
@@ -15,9 +15,7 @@ METRIC = "pixels_p99"
 REST = 10.0
 """Of the other hits, all but one in a thousand lie within this many times the bound. So a whole face that is wrong is
 not hidden by a large floor that is right."""
-MARCHING = {
-    *("tracer", "max_steps", "epsilon", "omega", "beta", "step_scale", "schedule", "refinement", "steps_per_pass"),
-}
+MARCHING = set("tracer max_steps epsilon omega beta step_scale schedule refinement steps_per_pass".split())
 """Fields of `Quality` that change where hits lie and nothing else of the picture."""
 
 
@@ -45,13 +43,12 @@ def candidates(made: Sweep) -> list[Point]:
     not show.
     """
     base = made.base.setting.quality
-    kept = [f.name for f in fields(Quality) if f.name not in MARCHING]
     return [
         p
         for p in made.comparable(METRIC)
         if p.error(METRIC) < float("inf")
         and (p.setting.frames, p.setting.scale, p.setting.variations) == (1, 1.0, ())
-        and all(getattr(p.setting.quality, name) == getattr(base, name) for name in kept)
+        and MARCHING.issuperset(differences(p.setting.quality, base))
     ]
 
 

@@ -25,20 +25,10 @@ from raymarch.sdf.lower import Lowering
 PACKAGES = ("expr", "sdf", "scene", "truth")
 """Packages whose code determines the reference of a scene."""
 
-MARCHING = {
-    *("tracer", "max_steps", "epsilon", "normals", "omega", "beta", "step_scale", "step_variation", "schedule"),
-    *(
-        "refinement",
-        "assume_certified",
-        "samples",
-        "temporal",
-        "steps_per_pass",
-        "lights_per_pass",
-        "rays",
-        "shadow_steps",
-        "light_samples",
-    ),
-}
+MARCHING = set(
+    "tracer max_steps epsilon normals omega beta step_scale step_variation schedule refinement assume_certified samples "
+    "temporal steps_per_pass lights_per_pass rays shadow_steps light_samples".split()
+)
 """Fields of Quality that do not change the reference. The reference depends on all others, such as a shading model."""
 
 _IGNORED = {"where", "quality", "node"}

@@ -5,37 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from time import perf_counter
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.cost.settings import Setting
+from raymarch.gpu.frame import Frame
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.scene import Scene
-
-
-class Drawn(Protocol):
-    """The required interface of a frame."""
-
-    @property
-    def timings(self) -> Any: ...
-    @property
-    def milliseconds(self) -> float: ...
-    def array(self, name: str) -> NDArray[Any]: ...
-
-
-class Draws(Protocol):
-    """The required interface of a renderer; `raymarch.Renderer` implements it."""
-
-    kept: int
-    clock: Any
-    context: Any
-
-    def forget(self) -> None: ...
-    def render(
-        self, scene: Scene, time: float = ..., params: Mapping[str, Any] | None = ..., outputs: Sequence[str] = ...
-    ) -> Drawn: ...
 
 
 class Renderers:
@@ -44,12 +22,12 @@ class Renderers:
     given : an open renderer of the picture's size; it stays open.
     """
 
-    def __init__(self, given: Draws, size: tuple[int, int]) -> None:
+    def __init__(self, given: Renderer, size: tuple[int, int]) -> None:
         self._given, self._size = given, size
         self._others: dict[tuple[int, int], Renderer] = {}
         self._stack = ExitStack()
 
-    def of(self, setting: Setting) -> Draws:
+    def of(self, setting: Setting) -> Renderer:
         """The renderer for a setting."""
         size = setting.size(self._size)
         if size == self._size:
@@ -70,11 +48,11 @@ class Renderers:
 def draw(
     scene: Scene,
     setting: Setting,
-    renderer: Draws,
+    renderer: Renderer,
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
     outputs: Sequence[str] = ("color",),
-) -> tuple[Drawn, list[Drawn]]:
+) -> tuple[Frame, list[Frame]]:
     """Render all frames of a setting; returns the last one, and the list of all."""
     made = setting.of(scene)
     if setting.frames > 1:
@@ -86,7 +64,7 @@ def draw(
 def timed(
     scene: Scene,
     setting: Setting,
-    renderer: Draws,
+    renderer: Renderer,
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
     output: str = "color",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any
 
 from raymarch.cost.answer import answers, finest
@@ -11,10 +10,10 @@ from raymarch.cost.effects import Effect
 from raymarch.cost.location import location
 from raymarch.cost.maps import flip_map, footprint_map, under_map
 from raymarch.cost.pictures import Pictures, Pixels
+from raymarch.cost.settings import differences
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.cost.text import held_against, labelled
 from raymarch.gpu.frame import srgb
-from raymarch.scene.quality import Quality
 
 ERRORS = {
     "pixels_p99": ("distance from the true hit, 99 % of the hits", "px"),
@@ -108,7 +107,7 @@ def _point(
 def changes(point: Point, base: Point) -> list[str]:
     """The axes in which a setting differs from the scene's own, in words."""
     own, others = point.setting, base.setting
-    names = [f.name for f in fields(Quality) if getattr(own.quality, f.name) != getattr(others.quality, f.name)]
+    names = differences(own.quality, others.quality)
     names += [name for name in ("frames", "scale") if getattr(own, name) != getattr(others, name)]
     if "frames" in names and "temporal" in names:
         names.remove("temporal")

@@ -9,6 +9,7 @@ from typing import Any
 
 from raymarch.cost.answer import figures
 from raymarch.cost.maps import plotting
+from raymarch.cost.settings import differences
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.cost.text import labelled, worth
 
@@ -190,8 +191,7 @@ def by_steps(made: Sweep) -> dict[str, list[Point]]:
         quality = point.setting.quality
         if point is not made.base and (point.setting.preset or quality.tracer == "auto"):
             continue
-        others = [n for n in type(base).__dataclass_fields__ if n not in ("tracer", "max_steps", "omega")]
-        if all(getattr(quality, n) == getattr(base, n) for n in others):
+        if {"tracer", "max_steps", "omega"}.issuperset(differences(quality, base)):
             found.setdefault(point.tracer, []).append(point)
     for points in found.values():
         points.sort(key=lambda p: p.setting.quality.max_steps)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from raymarch.cost.drawing import Draws, timed
+from raymarch.cost.drawing import timed
 from raymarch.cost.errors import check_followed, picture_doubt
 from raymarch.cost.reference import Reference, reference
-from raymarch.cost.settings import Setting, named, settled
+from raymarch.cost.settings import Setting, differences, named, settled
 from raymarch.cost.statistics import Median, median
 from raymarch.cost.sweep import Point, Progress, sweep
 from raymarch.errors import CostError
@@ -134,27 +134,10 @@ def for_error(
         check_followed(scene)
     counts = TRUTH_SAMPLES if metric == "flip_p99" else (0,)
     for samples in counts:
-        with _Bench(scene, size, time, params, backend, renderer, progress, samples) as bench:
+        with _bench(scene, size, time, params, backend, renderer, progress, samples) as bench:
             if samples == counts[-1] or bench.doubt <= SURE * target:
-                return _fastest(scene, bench, size, metric, target)
+                return bench.fastest(metric, target)
     raise AssertionError("unreachable: no reference was computed")
-
-
-def _fastest(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, target: float) -> Found:
-    """The fastest contender within the target."""
-    doubt = bench.doubt
-    if doubt >= target:
-        raise CostError(f"the reference picture has a noise of FLIP {doubt:.2g}", legal="a larger error")
-    contenders = [
-        Setting(_named(scene, quality, size), quality)
-        for rung in _rungs(scene, bench, size, metric, target)
-        for quality in _contenders(scene, rung.setting.quality, size)
-    ]
-    keeping = [p for p in bench.sweep(contenders) if p.error(metric) + doubt <= target]
-    if not keeping:
-        raise AssertionError("a setting was within the error bound and, rendered again, is not")
-    best = min(keeping, key=lambda p: p.time.value)
-    return Found(best.setting.quality, best.name, best, best.time, metric, bench.tried, doubt)
 
 
 def for_time(
@@ -184,9 +167,8 @@ def for_time(
     check_scene("for_time", scene)
     target = parse_time(within)
     metric = "pixels_p99"
-    with _Bench(scene, size, moment, params, backend, renderer, progress, 0) as bench:
-        qualities = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, scene.quality.samples)))
-        made = bench.sweep([Setting(_named(scene, q, size), q) for q in qualities])
+    with _bench(scene, size, moment, params, backend, renderer, progress, 0) as bench:
+        made = bench.sweep(bench.settings(_ladder(scene.quality, scene.quality.samples)))
         sound = sorted((p for p in made if p.errors.sound), key=lambda p: (p.error(metric), p.time.value))
         for point in sound:
             if point.time.value > target:
@@ -197,7 +179,7 @@ def for_time(
                 halves.append(bench.time(point))
             worse = max(halves, key=lambda t: t.value)
             if worse.value <= target:
-                return Found(point.setting.quality, point.name, point, worse, metric, bench.tried)
+                return Found(point.setting.quality, point.name, point, worse, metric, len(bench.tried))
     if not sound:
         raise CostError("no setting finds every hit of this scene", legal="a field that is certified; see explain")
     fastest = min(sound, key=lambda p: p.time.value)
@@ -207,88 +189,92 @@ def for_time(
     )
 
 
+@dataclass(slots=True)
 class _Bench:
-    """Measures candidates: a renderer, the reference, and the settings measured so far."""
+    """Measures candidates: a scene, its reference, a renderer, and the qualities measured so far."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        size: tuple[int, int],
-        time: float,
-        params: Mapping[str, Any] | None,
-        backend: str,
-        renderer: Any,
-        progress: Progress | None,
-        samples: int,
-    ) -> None:
-        self._scene, self._time, self._params = scene, time, params
-        self._progress = progress or (lambda _what, _share: None)
-        self._stack = ExitStack()
-        self._tried: set[Quality] = set()
-        self._known_of: Callable[[], Reference] = lambda: reference(
-            scene, size, time, params, samples, lambda what: self._progress(what, 0.0)
-        )
-        self._open: Callable[[], Draws] = lambda: renderer or self._stack.enter_context(Renderer(size, backend))
+    scene: Scene
+    known: Reference
+    renderer: Renderer
+    moment: float
+    params: Mapping[str, Any] | None
+    progress: Progress
+    tried: set[Quality] = field(default_factory=set)
 
     @property
     def doubt(self) -> float:
         """Uncertainty of the reference picture; 0 for other errors."""
-        return picture_doubt(self._known) if self._known.samples > 1 else 0.0
+        return picture_doubt(self.known) if self.known.samples > 1 else 0.0
 
-    @property
-    def tried(self) -> int:
-        """Number of settings measured."""
-        return len(self._tried)
+    def settings(self, qualities: Iterable[Quality]) -> list[Setting]:
+        """Qualities as settings; those that are the same for this scene are dropped."""
+        scene, size = self.scene, self.known.size
+        base = settled(scene, scene.quality, size)
+        found = []
+        for quality in dict.fromkeys(settled(scene, q, size) for q in qualities):
+            changed = {name: getattr(quality, name) for name in differences(quality, base)}
+            found.append(Setting(named(changed or {"epsilon": quality.epsilon}), quality))
+        return found
 
     def sweep(self, settings: Sequence[Setting], repeats: int = REPEATS) -> list[Point]:
         """Errors and times of some settings."""
-        self._tried.update(s.quality for s in settings)
-        return sweep(
-            self._scene,
-            settings,
-            self._known,
-            self._renderer,
-            time=self._time,
-            params=self._params,
-            repeats=repeats,
-            progress=self._progress,
-        ).points
+        self.tried.update(s.quality for s in settings)
+        how: dict[str, Any] = {"time": self.moment, "params": self.params, "repeats": repeats}
+        return sweep(self.scene, settings, self.known, self.renderer, progress=self.progress, **how).points
 
     def time(self, point: Point) -> Median:
         """Time one setting by itself, as it will be used."""
-        return median(
-            [timed(self._scene, point.setting, self._renderer, self._time, self._params)[0] for _ in range(AGAIN)]
-        )
+        where = (self.scene, point.setting, self.renderer, self.moment, self.params)
+        return median([timed(*where)[0] for _ in range(AGAIN)])
 
-    def __enter__(self) -> _Bench:
-        self._known = self._known_of()
-        self._renderer = self._open()
-        return self
+    def fastest(self, metric: str, target: float) -> Found:
+        """The fastest contender within the target."""
+        if self.doubt >= target:
+            raise CostError(f"the reference picture has a noise of FLIP {self.doubt:.2g}", legal="a larger error")
+        contenders = [s for rung in self._rungs(metric, target) for s in self.settings(_pairs(rung.setting.quality))]
+        keeping = [p for p in self.sweep(contenders) if p.error(metric) + self.doubt <= target]
+        if not keeping:
+            raise AssertionError("a setting was within the error bound and, rendered again, is not")
+        best = min(keeping, key=lambda p: p.time.value)
+        return Found(best.setting.quality, best.name, best, best.time, metric, len(self.tried), self.doubt)
 
-    def __exit__(self, *fault: Any) -> None:
-        self._stack.close()
+    def _rungs(self, metric: str, target: float) -> list[Point]:
+        """The coarsest settings within an error bound, and the next finer ones, with the fewest rays per pixel."""
+        tried: list[Point] = []
+        for samples in _sample_counts(self.scene.quality, metric):
+            settings = self.settings(_ladder(self.scene.quality, samples))
+            if metric == "flip_p99":  # if the finest epsilon fails, only more rays can help
+                tried += self.sweep(settings[-1:], 1)
+                if tried[-1].error(metric) + self.doubt > target:
+                    continue
+            found: list[Point] = []
+            for setting in settings:
+                tried += self.sweep([setting], 1)
+                if tried[-1].error(metric) + self.doubt <= target:
+                    found.append(tried[-1])
+                if len(found) == CONTENDERS:
+                    break
+            if found:
+                return found
+        raise _nothing_keeps(metric, min(tried, key=lambda p: p.error(metric)), self.doubt)
 
 
-def _rungs(scene: Scene, bench: _Bench, size: tuple[int, int], metric: str, target: float) -> list[Point]:
-    """The coarsest settings within an error bound, and the next finer ones, with the fewest rays per pixel."""
-    tried: list[Point] = []
-    for samples in _sample_counts(scene.quality, metric):
-        rungs = list(dict.fromkeys(settled(scene, q, size) for q in _ladder(scene.quality, samples)))
-        settings = [Setting(_named(scene, q, size), q) for q in rungs]
-        if metric == "flip_p99":  # if the finest epsilon fails, only more rays can help
-            tried += bench.sweep(settings[-1:], 1)
-            if tried[-1].error(metric) + bench.doubt > target:
-                continue
-        found: list[Point] = []
-        for setting in settings:
-            tried += bench.sweep([setting], 1)
-            if tried[-1].error(metric) + bench.doubt <= target:
-                found.append(tried[-1])
-            if len(found) == CONTENDERS:
-                break
-        if found:
-            return found
-    raise _nothing_keeps(metric, min(tried, key=lambda p: p.error(metric)), bench.doubt)
+@contextmanager
+def _bench(
+    scene: Scene,
+    size: tuple[int, int],
+    moment: float,
+    params: Mapping[str, Any] | None,
+    backend: str,
+    renderer: Any,
+    progress: Progress | None,
+    samples: int,
+) -> Iterator[_Bench]:
+    """The reference, and the given renderer or a new one."""
+    tell = progress or (lambda _what, _share: None)
+    known = reference(scene, size, moment, params, samples, lambda what: tell(what, 0.0))
+    with nullcontext(renderer) if renderer else Renderer(size, backend) as drawing:
+        yield _Bench(scene, known, drawing, moment, params, tell)
 
 
 def _nothing_keeps(metric: str, best: Point, doubt: float) -> CostError:
@@ -316,16 +302,9 @@ def _ladder(base: Quality, samples: int) -> Iterator[Quality]:
         )
 
 
-def _contenders(scene: Scene, quality: Quality, size: tuple[int, int]) -> list[Quality]:
-    """A quality with every tracer, with and without cones; duplicates for this scene are dropped."""
-    pairs = [replace(quality, tracer=tracer, schedule=schedule) for tracer in TRACERS for schedule in SCHEDULES]
-    return list(dict.fromkeys(settled(scene, q, size) for q in pairs))
-
-
-def _named(scene: Scene, quality: Quality, size: tuple[int, int]) -> str:
-    base = settled(scene, scene.quality, size)
-    change = {f.name: getattr(quality, f.name) for f in fields(Quality)}
-    return named({n: v for n, v in change.items() if v != getattr(base, n)} or {"epsilon": quality.epsilon})
+def _pairs(quality: Quality) -> list[Quality]:
+    """A quality with every tracer, with and without cones."""
+    return [replace(quality, tracer=tracer, schedule=schedule) for tracer in TRACERS for schedule in SCHEDULES]
 
 
 def _quality_for_error(scene: Scene, error: str, **where: Any) -> Quality:

@@ -171,22 +171,18 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
 
     size : of the picture; the plan chooses the schedule by it.
     """
-    planned = plan(with_quality(scene, quality), size=size)
-    marching = planned.marching
-    tracer = marching.tracer
-    certified = trusted(with_quality(scene, quality))
-    schedule = schedule_of(marching)
+    made = with_quality(scene, quality)
+    planned = plan(made, size=size)
+    tracer = planned.marching.tracer
     shadowed = any(light.shadow for light in scene.lights)
     discs = any(light.soft and light.penumbra == "sampled" for light in scene.lights)
-    omega = quality.omega if tracer == quality.tracer else None
-    beta = quality.beta if tracer in ("auto_relaxed", "bracketing") else 0.3
     return replace(
         quality,
-        schedule=schedule,
+        schedule=schedule_of(planned.marching),
         tracer=tracer,
-        epsilon=quality.near(certified),
-        omega=omega,
-        beta=beta,
+        epsilon=quality.near(trusted(made)),
+        omega=quality.omega if tracer == quality.tracer else None,
+        beta=quality.beta if tracer in ("auto_relaxed", "bracketing") else 0.3,
         shadow_steps=quality.shadow_steps if shadowed and quality.shadow_steps != quality.secondary_steps else None,
         light_samples=quality.light_samples if discs else 1,
         analytic=planned.analytic.used,
@@ -204,6 +200,11 @@ def schedule_of(marching: Marching) -> str:
 def with_quality(scene: Scene, quality: Quality) -> Scene:
     """The same scene with another quality; the given one stays as it is."""
     return scene.replace(quality=quality)
+
+
+def differences(quality: Quality, other: Quality) -> list[str]:
+    """The names of the fields in which two qualities differ."""
+    return [f.name for f in fields(Quality) if getattr(quality, f.name) != getattr(other, f.name)]
 
 
 def named(change: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.cost.drawing import Draws, Renderers, brought_to, draw, nearest, timed
+from raymarch.cost.drawing import Renderers, brought_to, draw, nearest, timed
 from raymarch.cost.environment import environment
 from raymarch.cost.errors import Errors, measure
 from raymarch.cost.flip import flip
@@ -18,6 +18,7 @@ from raymarch.cost.reference import Reference
 from raymarch.cost.settings import Setting, schedule_of
 from raymarch.cost.statistics import Median, median
 from raymarch.expr.walk import find
+from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.shader import assemble
@@ -169,7 +170,7 @@ def sweep(
     scene: Scene,
     settings: Sequence[Setting],
     known: Reference,
-    renderer: Draws,
+    renderer: Renderer,
     name: str = "scene",
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
@@ -246,7 +247,7 @@ def examine(
     scene: Scene,
     setting: Setting,
     known: Reference,
-    renderer: Draws,
+    renderer: Renderer,
     time: float,
     params: Mapping[str, Any] | None,
     output: str,
