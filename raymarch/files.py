@@ -1,20 +1,58 @@
-"""Output files: written whole, or not at all."""
+"""Files: which ones are read, and output files, which are written whole or not at all."""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from raymarch.errors import RaymarchError, SceneError
+from raymarch.errors import RaymarchError, SceneError, is_users
+
+_read: dict[str, None] | None = None
+_hooked = False
 
 
 def reads(file: str | os.PathLike[str]) -> None:
     """Raise Python's audit event "open" for a file that a C library reads, which raises none of its own."""
     sys.audit("open", os.fspath(file), "rb", 0)
+
+
+@contextmanager
+def recorded() -> Iterator[dict[str, None]]:
+    """The absolute paths of the files that are opened to be read in the block, in order; of a compiled module, its
+    source. Also those that do not exist."""
+    global _read, _hooked
+    if not _hooked:
+        sys.addaudithook(_record)  # cannot be removed; does nothing outside of the block
+        _hooked = True
+    found = _read = {}
+    try:
+        yield found
+    finally:
+        _read = None
+
+
+def _record(event: str, arguments: tuple[Any, ...]) -> None:
+    if _read is None or event != "open":
+        return
+    path, mode = arguments[0], arguments[1]
+    if isinstance(path, int) or (isinstance(mode, str) and not mode.startswith("r")):
+        return
+    name = os.path.abspath(os.fsdecode(path))
+    if name.endswith(".pyc"):
+        with suppress(ValueError):
+            name = importlib.util.source_from_cache(name)
+    _read[name] = None
+
+
+def may_belong(file: str) -> bool:
+    """True if a file that was read may belong to a scene, not to Python or to the system."""
+    return is_users(file) and not file.startswith(("/proc/", "/sys/", "/dev/"))
 
 
 @contextmanager

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from raymarch.cli.common import CommandError, errors
+from raymarch.cli.progress import watched
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
@@ -40,20 +40,5 @@ def _found(
 ) -> Quality:
     with watched() as tell:
         found = search(scene, target, renderer.size, time, params, renderer=renderer, progress=tell)
-    errors.print(f"{target}: {found.words}", markup=False)
+    errors.print(f"{target}: {found.words}")
     return found.quality
-
-
-@contextmanager
-def watched() -> Iterator[Callable[[str, float], None]]:
-    """A transient progress bar with a description of the current step, on the error stream."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    percent, step = TextColumn("{task.percentage:>3.0f} %"), TextColumn("{task.fields[what]}")
-    with Progress(BarColumn(), percent, TimeElapsedColumn(), step, console=errors, transient=True) as bar:
-        task = bar.add_task("", total=1.0, what="")
-
-        def tell(what: str, share: float) -> None:
-            bar.update(task, completed=share, what=what)
-
-        yield tell

@@ -66,7 +66,7 @@ def main(args: Sequence[str] | None = None) -> None:
         try:
             code = app(args=args, prog_name="raymarch", standalone_mode=False)
         except RaymarchError as fault:
-            errors.print(f"raymarch: {fault}", markup=False)
+            errors.print(f"raymarch: {fault}")
             sys.exit(2)
         except KeyboardInterrupt:
             sys.exit(startup.INTERRUPTED)
@@ -89,9 +89,9 @@ def _show_usage(fault: Any) -> None:
     scene = re.fullmatch(r"No such command '(.+\.py)'", text)
     if scene:
         shown = f"{scene[1]} is no command (raymarch render {scene[1]}, or raymarch view {scene[1]})"
-        errors.print(f"raymarch: {shown}", markup=False)
+        errors.print(f"raymarch: {shown}")
         return
-    errors.print(f"raymarch: {text} ({command} --help)", markup=False)
+    errors.print(f"raymarch: {text} ({command} --help)")
 
 
 def _version(asked: bool) -> None:

@@ -23,7 +23,7 @@ class Errors(Console):
 
     def __init__(self) -> None:
         # Without emoji=False rich turns the line number in "scene.py:100:" into an emoji.
-        super().__init__(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+        super().__init__(stderr=True, highlight=False, soft_wrap=True, emoji=False, markup=False)
 
     def _write_buffer(self) -> None:
         try:
@@ -41,6 +41,16 @@ SIZE = "640x360"
 """Default size of a picture, of `render` and `explain`."""
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.py", help="Python file that defines a module-level `scene`.")]
+
+
+Settings = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
+]
+Backend = Annotated[str, typer.Option(help="auto, egl, osmesa or window.")]
+Device = Annotated[
+    int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
+]
+OptionalTime = Annotated[float | None, typer.Option(help="Value of `time` in seconds.", show_default="0")]
 
 
 class CommandError(RaymarchError):
@@ -97,7 +107,7 @@ def piped() -> Iterator[None]:
         if fault.errno not in DISK or fault.filename is not None:
             raise
         _forget_output()
-        errors.print(f"raymarch: cannot write the output: {fault.strerror} (a disk with space)", markup=False)
+        errors.print(f"raymarch: cannot write the output: {fault.strerror} (a disk with space)")
         sys.exit(2)
     except SystemExit as stop:
         if stop.code != 1 or not _reader_is_gone(output):  # typer and rich exit with 1 then

@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import json as json_format
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from raymarch.cli.choice import watched
-from raymarch.cli.common import CommandError, Output, SceneFile, parse_settings, parse_size, written
+from raymarch.cli.common import (
+    Backend,
+    CommandError,
+    Device,
+    OptionalTime,
+    Output,
+    SceneFile,
+    Settings,
+    parse_settings,
+    parse_size,
+    written,
+)
+from raymarch.cli.progress import watched
 from raymarch.cost import baseline
 from raymarch.cost.answer import sentence
 from raymarch.cost.checks import check
@@ -24,7 +37,7 @@ from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting, axes, grid, parse_values
-from raymarch.cost.sweep import METRICS, Point, Sweep, sweep
+from raymarch.cost.sweep import METRICS, Point, Progress, Sweep, sweep
 from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
 from raymarch.cost.variants import ideal_of
 from raymarch.gpu.renderer import Renderer
@@ -51,10 +64,8 @@ def run(
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="Width and height in pixels.", show_default=SIZE)
     ] = None,
-    time: Annotated[float | None, typer.Option(help="Value of `time` in seconds.", show_default="0")] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
-    ] = None,
+    time: OptionalTime = None,
+    set_: Settings = None,
     axis: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=V,V,...", help="Values to try on an axis; may be repeated."),
@@ -91,10 +102,8 @@ def run(
     mixed_drivers: Annotated[
         bool, typer.Option("--mixed-drivers", help="--cluster: accept workers with different drivers.")
     ] = False,
-    backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
-    device: Annotated[
-        int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
-    ] = None,
+    backend: Backend = "auto",
+    device: Device = None,
 ) -> None:
     _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html, "--write-baseline": write_baseline})
     if by not in METRICS:
@@ -110,6 +119,7 @@ def run(
     asked = axes(_names(cross), _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
     found = load(scene)
+    bench = _Bench(found, scene.stem, pixels, time or 0.0, params, backend, device)
     outputs = {"--json": json, "--csv": csv, "--plot": plot, "--html": html}
     baselines = {"--check": check_, "--write-baseline": write_baseline}
     if check_ is not None or write_baseline is not None:
@@ -118,17 +128,16 @@ def run(
         if others or effects:
             raise CommandError(f"{first} together with {others[0] if others else '--effects'}", legal="one of them")
         if write_baseline is not None:
-            _write_baseline(found, scene.stem, write_baseline, pixels, time or 0.0, params, backend, device)
+            _write_baseline(bench, write_baseline)
         elif check_ is not None:
             given = {"--size": size and pixels, "--time": time, "--set": params or None}
-            _check_baseline(found, scene.stem, check_, given, backend, device)
+            _check_baseline(bench, check_, given)
         return
-    time = time or 0.0
     if effects:
         for option, file in (outputs | {"--json": None}).items():
             if file is not None:
                 raise CommandError(f"--effects together with {option}", legal="--json")
-        _effects(found, scene.stem, pixels, time, params, repeats, seed, json, backend, device)
+        _effects(bench, repeats, seed, json)
         return
     if by.startswith("flip_"):
         check_followed(found)
@@ -139,13 +148,12 @@ def run(
         with watched() as tell:
             where = (cluster, mixed_drivers, backend, device)
             costs: list[Effect] = []
-            made = cost_on_cluster(scene, settings, (pixels, time, params, samples), repeats, seed, where, tell)
+            moment = (pixels, bench.time, params, samples)
+            made = cost_on_cluster(scene, settings, moment, repeats, seed, where, tell)
         if made.untimed and (plot is not None or html is not None):
             raise CommandError(f"--plot or --html without times: {made.untimed}", legal="--json or --csv")
     else:
-        made, costs = _sweep_here(
-            scene, found, settings, pixels, time, params, samples, repeats, seed, backend, device, html is not None
-        )
+        made, costs = bench.sweep(settings, samples, repeats, seed, html is not None)
     show(made, by, everything)
     for file, text in ((json, as_json), (csv, as_csv), (html, partial(as_html, effects=costs))):
         if file is not None:
@@ -156,85 +164,77 @@ def run(
             target.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
 
 
-def _sweep_here(
-    scene: Path,
-    found: Scene,
-    settings: Sequence[Setting],
-    pixels: tuple[int, int],
-    time: float,
-    params: dict[str, Any],
-    samples: int,
-    repeats: int,
-    seed: int,
-    backend: str,
-    device: int | None,
-    effects: bool,
-) -> tuple[Sweep, list[Effect]]:
-    """The sweep of a scene on this machine with its checks; with `effects`, also the cost of each effect."""
-    with watched() as tell, Renderer(pixels, backend, device) as renderer:
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """What is measured on this machine: a scene, its picture, and the device."""
 
-        def say(what: str) -> None:
-            tell(what, 0.0)
+    scene: Scene
+    name: str
+    size: tuple[int, int]
+    time: float
+    params: dict[str, Any]
+    backend: str
+    device: int | None
 
-        known = reference(found, pixels, time, params, samples, say)
+    @contextmanager
+    def opened(self) -> Iterator[tuple[Progress, Renderer]]:
+        """A progress bar and a renderer."""
+        with watched() as tell, Renderer(self.size, self.backend, self.device) as renderer:
+            yield tell, renderer
 
-        def judge(setting: Setting) -> Reference:
-            ideal = ideal_of(found, setting.variations)
-            return known if ideal is found else reference(ideal, pixels, time, params, samples, say)
+    def reference(self, scene: Scene, samples: int, tell: Progress) -> Reference:
+        """The reference of a variant of the scene."""
+        return reference(scene, self.size, self.time, self.params, samples, lambda what: tell(what, 0.0))
 
-        made = sweep(
-            found,
-            settings,
-            known,
-            renderer,
-            scene.stem,
-            time,
-            params,
-            repeats,
-            seed,
-            tell,
-            judge=judge,
-            count=evaluations_of,
-        )
-        made.checks = check(made, found, renderer, time, params)
-        costs: list[Effect] = []
-        if effects and any(ablations(found)):
-            costs = ablate(found, renderer, time, params, repeats, seed, tell)
-    return made, costs
+    def sweep(
+        self, settings: Sequence[Setting], samples: int, repeats: int, seed: int, effects: bool
+    ) -> tuple[Sweep, list[Effect]]:
+        """The sweep of the scene with its checks; with `effects`, also the cost of each effect."""
+        scene, moment = self.scene, (self.time, self.params)
+        with self.opened() as (tell, renderer):
+            known = self.reference(scene, samples, tell)
+
+            def judge(setting: Setting) -> Reference:
+                ideal = ideal_of(scene, setting.variations)
+                return known if ideal is scene else self.reference(ideal, samples, tell)
+
+            how: dict[str, Any] = {"judge": judge, "count": evaluations_of}
+            made = sweep(scene, settings, known, renderer, self.name, *moment, repeats, seed, tell, **how)
+            made.checks = check(made, scene, renderer, *moment)
+            costs: list[Effect] = []
+            if effects and any(ablations(scene)):
+                costs = ablate(scene, renderer, *moment, repeats, seed, tell)
+        return made, costs
+
+    def rows(self) -> dict[str, baseline.Row]:
+        """The figures of a baseline."""
+        with self.opened() as (tell, renderer):
+            known = self.reference(self.scene, 0, tell)
+            return baseline.measured(self.scene, known, renderer, self.time, self.params)
 
 
-def _write_baseline(
-    scene: Scene,
-    name: str,
-    file: Path,
-    size: tuple[int, int],
-    time: float,
-    params: dict[str, Any],
-    backend: str,
-    device: int | None,
-) -> None:
+def _write_baseline(bench: _Bench, file: Path) -> None:
     """Measure a scene and record it in a baseline."""
     records = baseline.read(file) if file.exists() else {}
-    rows = _measured(scene, size, time, params, backend, device)
-    records[name] = baseline.Record(size, time, params, rows)
+    rows = bench.rows()
+    record = records[bench.name] = baseline.Record(bench.size, bench.time, bench.params, rows)
     with written(file) as target:
         target.write_text(baseline.as_text(records), encoding="utf-8")
-    Output().print(baseline.summary(name, records[name], rows, 0).replace("nothing grew", "recorded"), markup=False)
+    Output().print(baseline.summary(bench.name, record, rows, 0).replace("nothing grew", "recorded"), markup=False)
 
 
-def _check_baseline(
-    scene: Scene, name: str, file: Path, given: dict[str, Any], backend: str, device: int | None
-) -> None:
+def _check_baseline(bench: _Bench, file: Path, given: dict[str, Any]) -> None:
     """Measure a scene as its baseline was; print what grew. Exit code 1 if something did."""
-    records = baseline.read(file)
+    records, name = baseline.read(file), bench.name
     if name not in records:
         raise CommandError(f"--check {file}: no scene '{name}'", legal=", ".join(records) or baseline.LEGAL)
     known = records[name]
+    bench = replace(bench, size=known.size, time=known.time, params=dict(known.params))
+    recorded = {"--size": bench.size, "--time": bench.time, "--set": bench.params}
     for option, value in given.items():
-        recorded = {"--size": known.size, "--time": known.time, "--set": dict(known.params)}[option]
-        if value is not None and value != recorded:
-            raise CommandError(f"{option} {value} with --check", legal=f"{recorded}, as in the baseline")
-    now = _measured(scene, known.size, known.time, dict(known.params), backend, device)
+        if value is not None and value != recorded[option]:
+            raise CommandError(f"{option} {value} with --check", legal=f"{recorded[option]}, as in the baseline")
+    now = bench.rows()
     faults = [f for row, figures in known.rows.items() for f in baseline.grown(f"{name} {row}", figures, now[row])]
     out = Output()
     for line in (*faults, baseline.summary(name, known, now, len(faults))):
@@ -243,44 +243,29 @@ def _check_baseline(
         raise typer.Exit(1)
 
 
-def _measured(
-    scene: Scene, size: tuple[int, int], time: float, params: dict[str, Any], backend: str, device: int | None
-) -> dict[str, baseline.Row]:
-    with watched() as tell, Renderer(size, backend, device) as renderer:
-        known = reference(scene, size, time, params, 0, lambda what: tell(what, 0.0))
-        return baseline.measured(scene, known, renderer, time, params)
-
-
-def _effects(
-    scene: Scene,
-    name: str,
-    size: tuple[int, int],
-    time: float,
-    params: dict[str, Any],
-    repeats: int,
-    seed: int,
-    json: Path | None,
-    backend: str,
-    device: int | None,
-) -> None:
+def _effects(bench: _Bench, repeats: int, seed: int, json: Path | None) -> None:
     """Measure the cost of each effect; print a table and write JSON."""
-    with watched() as tell, Renderer(size, backend, device) as renderer:
-        found = ablate(scene, renderer, time, params, repeats, seed, tell)
+    with bench.opened() as (tell, renderer):
+        found = ablate(bench.scene, renderer, bench.time, bench.params, repeats, seed, tell)
         measured_on = environment(renderer)
-    out = Output(soft_wrap=False)
-    out.width = max(out.width, WIDTH)
-    out.print(effects_table(found, name))
+    _wide().print(effects_table(found, bench.name))
     if json is not None:
-        data = {"format": FORMAT, "scene": name, "size": list(size), "seed": seed, "repeats": repeats}
+        data = {"format": FORMAT, "scene": bench.name, "size": list(bench.size), "seed": seed, "repeats": repeats}
         data |= {"environment": measured_on, "effects": [e.as_dict() for e in found]}
         with written(json) as target:
             target.write_text(json_format.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def show(made: Sweep, metric: str, everything: bool) -> None:
-    """Print the table and the findings."""
+def _wide() -> Output:
+    """The output stream, wide enough for tables."""
     out = Output(soft_wrap=False)
     out.width = max(out.width, WIDTH)
+    return out
+
+
+def show(made: Sweep, metric: str, everything: bool) -> None:
+    """Print the table and the findings."""
+    out = _wide()
     shown = made.points if everything else points_shown(made, metric)
     out.print(table(made, metric, shown))
     left = len(in_table(made, metric)) - len(in_table(made, metric, shown))

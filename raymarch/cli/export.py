@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings
+from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse_settings
 from raymarch.cli.progress import bar
 from raymarch.export.forms import CELLS, GLSL, SUFFIXES, TEXTURES, export
 from raymarch.scene.file import load
@@ -20,9 +20,7 @@ def run(
         Path, typer.Option("-o", "--output", help=f"File to write; the suffix selects the form: {' '.join(SUFFIXES)}.")
     ],
     time: Annotated[float, typer.Option(help="Value of `time` in seconds.")] = 0.0,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
-    ] = None,
+    set_: Settings = None,
     shadertoy: Annotated[bool, typer.Option("--shadertoy", help=".glsl: write a shader for Shadertoy.")] = False,
     cells: Annotated[
         int | None,
@@ -49,10 +47,10 @@ def run(
             progress=progress,
         )
     spent = clock_time.perf_counter() - start
-    errors.print(f"{output}  {output.stat().st_size / 1e3:,.0f} kB  {spent:.1f} s", markup=False)
+    errors.print(f"{output}  {output.stat().st_size / 1e3:,.0f} kB  {spent:.1f} s")
     beside = output.with_suffix(TEXTURES)
     if output.suffix.lower() in GLSL and beside.exists() and beside.stat().st_mtime >= began:
-        errors.print(f"{beside}  {beside.stat().st_size / 1e3:,.0f} kB  its textures", markup=False)
+        errors.print(f"{beside}  {beside.stat().st_size / 1e3:,.0f} kB  its textures")
 
 
 Corner = tuple[float, float, float]

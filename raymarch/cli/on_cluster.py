@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time as clock_time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from raymarch.cli.common import CommandError, errors
+from raymarch.cli.progress import counted
 from raymarch.cluster.connect import check_address, connected
 from raymarch.cluster.frames import TIMEOUT, Options, check, draw_items, failures
 from raymarch.cluster.source import of_file
@@ -70,10 +70,10 @@ def render_on_cluster(
     start = clock_time.perf_counter()
     with connected(where.address, options.timeout) as client:
         cluster: Cluster[Any] = Cluster(client, resources)
-        errors.print(f"{where.address}: {client.dashboard_link}", markup=False)
+        errors.print(f"{where.address}: {client.dashboard_link}")
         if what == "tiles" or target.suffix.lower() in FILMS:
             items[0].file.parent.mkdir(exist_ok=True)
-        with _progress(len(items), what) as advance:
+        with counted(len(items), what) as advance:
             for item, outcome in draw_items(cluster, source, scene, shot, items, options, _say, CommandError):
                 advance(cluster.log.workers)
                 if isinstance(outcome, Done):
@@ -84,9 +84,9 @@ def render_on_cluster(
                         _say(failures([(item, outcome)])[0])
                     failed.append((item, outcome))
                 elif what == "frames":
-                    errors.print(f"{item.file}  is already drawn", markup=False)
+                    errors.print(f"{item.file}  is already drawn")
     for line in cluster.log.lines(what, clock_time.perf_counter() - start):
-        errors.print(line, markup=False)
+        errors.print(line)
     for line in failures(failed):
         if " more cannot" in line:
             _say(line)
@@ -119,11 +119,11 @@ def cost_on_cluster(
     start = clock_time.perf_counter()
     with connected(address, TIMEOUT) as client:
         cluster: Cluster[Any] = Cluster(client)
-        errors.print(f"{address}: {client.dashboard_link}", markup=False)
+        errors.print(f"{address}: {client.dashboard_link}")
         how = (path.stem, repeats, seed, TIMEOUT, mixed, backend, device)
         made = sweep_on(cluster, source, scene, settings, Moment(*moment), *how, tell, _say)
     spent = clock_time.perf_counter() - start
-    errors.print(f"{len(settings)} settings in {spent:.1f} s on {cluster.log.workers} workers", markup=False)
+    errors.print(f"{len(settings)} settings in {spent:.1f} s on {cluster.log.workers} workers")
     return made
 
 
@@ -131,30 +131,11 @@ def _print(item: Item, done: Done) -> None:
     width, height = item.size
     errors.print(
         f"{item.file}  {width}x{height}  {done.milliseconds:.1f} ms to draw, {1e3 * done.seconds:.0f} ms in all, "
-        f"{done.worker}",
-        markup=False,
+        f"{done.worker}"
     )
     for doubt in done.doubts:
-        errors.print(f"raymarch: {doubt}", markup=False)
+        errors.print(f"raymarch: {doubt}")
 
 
 def _say(note: str) -> None:
-    errors.print(f"raymarch: {note}", markup=False)
-
-
-@contextmanager
-def _progress(total: int, what: str) -> Iterator[Any]:
-    """A progress bar with counts, workers and the time left, if the error stream is a terminal."""
-    if not errors.is_interactive:
-        yield lambda workers: None
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
-    with Progress(*columns, console=errors, transient=True) as shown:
-        task = shown.add_task(what, total=total)
-
-        def advance(workers: int) -> None:
-            shown.update(task, advance=1, description=f"{what}, {workers} workers")
-
-        yield advance
+    errors.print(f"raymarch: {note}")

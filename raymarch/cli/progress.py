@@ -1,12 +1,24 @@
-"""A progress bar on the error stream."""
+"""Progress bars on the error stream. They vanish at the end."""
 
 from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from typing import Any
 
 from raymarch.cli.common import errors
+
+
+@contextmanager
+def _shown(total: float, *columns: str, **fields: Any) -> Iterator[Callable[..., None]]:
+    """A bar with columns of `rich.progress` by name, or their text; yields what updates it."""
+    from rich import progress  # takes time, and most work ends before it is needed
+
+    made = (getattr(progress, name)() if name.isalpha() else progress.TextColumn(name) for name in columns)
+    with progress.Progress(*made, console=errors, transient=True) as bar:
+        task = bar.add_task(fields.pop("description", ""), total=total, **fields)
+        yield lambda **changes: bar.update(task, **changes)
 
 
 @contextmanager
@@ -14,24 +26,34 @@ def bar(what: str, total: float) -> Iterator[Callable[[float], None]]:
     """A progress bar on the error stream, if that is a terminal; it appears after one second of work."""
     start = clock_time.perf_counter()
     with ExitStack() as stack:
-        update: Callable[[float], None] | None = None
+        update: Callable[..., None] | None = None
 
         def report(done: float) -> None:
             nonlocal update
             slow = clock_time.perf_counter() - start > 1.0 and done < total
             if update is None and slow and errors.is_interactive:
-                update = stack.enter_context(_shown(what, total))
+                columns = ("{task.description}", "BarColumn", "{task.percentage:>3.0f}%", "{task.elapsed:.0f} s")
+                update = stack.enter_context(_shown(total, *columns, description=what))
             if update is not None:
-                update(done)
+                update(completed=done)
 
         yield report
 
 
 @contextmanager
-def _shown(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    from rich.progress import Progress, TextColumn  # takes time, and most work ends before it is needed
+def watched() -> Iterator[Callable[[str, float], None]]:
+    """A progress bar with a description of the current step."""
+    columns = ("BarColumn", "{task.percentage:>3.0f} %", "TimeElapsedColumn", "{task.fields[what]}")
+    with _shown(1.0, *columns, what="") as update:
+        yield lambda what, share: update(completed=share, what=what)
 
-    columns = (*Progress.get_default_columns()[:-1], TextColumn("{task.elapsed:.0f} s"))
-    with Progress(*columns, console=errors, transient=True) as shown:
-        task = shown.add_task(what, total=total)
-        yield lambda done: shown.update(task, completed=done)
+
+@contextmanager
+def counted(total: int, what: str) -> Iterator[Callable[[int], None]]:
+    """A progress bar with counts, workers and the time left, if the error stream is a terminal."""
+    if not errors.is_interactive:
+        yield lambda workers: None
+        return
+    columns = ("BarColumn", "MofNCompleteColumn", "{task.description}", "TimeRemainingColumn")
+    with _shown(total, *columns, description=what) as update:
+        yield lambda workers: update(advance=1, description=f"{what}, {workers} workers")

@@ -15,7 +15,19 @@ from typing import Annotated
 import typer
 
 from raymarch.cli.choice import choose_quality
-from raymarch.cli.common import SIZE, CommandError, SceneFile, errors, parse_settings, parse_size, written
+from raymarch.cli.common import (
+    SIZE,
+    Backend,
+    CommandError,
+    Device,
+    OptionalTime,
+    SceneFile,
+    Settings,
+    errors,
+    parse_settings,
+    parse_size,
+    written,
+)
 from raymarch.cli.progress import bar
 from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.errors import RenderWarning
@@ -51,15 +63,13 @@ def run(
         ),
     ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = SIZE,
-    time: Annotated[float | None, typer.Option(help="Value of `time` in seconds.", show_default="0")] = None,
+    time: OptionalTime = None,
     frames: Annotated[
         str | None,
         typer.Option(metavar="A:B", help="Render frames A to B-1: to a film, or to names with a field such as {:04d}."),
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames per second, with --frames.")] = 30.0,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
-    ] = None,
+    set_: Settings = None,
     view: Annotated[str, typer.Option(help=f"What to show: {', '.join(CHOICES)}.")] = "final",
     slice_: Annotated[
         str | None,
@@ -115,10 +125,8 @@ def run(
             metavar="SECONDS", min=1, help="--cluster: end a worker whose task takes longer.", show_default="900"
         ),
     ] = None,
-    backend: Annotated[str, typer.Option(help="auto, egl, osmesa or window.")] = "auto",
-    device: Annotated[
-        int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
-    ] = None,
+    backend: Backend = "auto",
+    device: Device = None,
 ) -> None:
     outputs = check_view(view, slice_)
     width, height = parse_size(size)
@@ -193,7 +201,7 @@ def run(
                 key = key_of(contents.of(item), renderer.context.driver)
                 if (frames is not None or large) and key is not None and is_whole(file, [key]):
                     if not large:
-                        later(partial(errors.print, f"{file}  is already drawn", markup=False))
+                        later(partial(errors.print, f"{file}  is already drawn"))
                     if add is not None:
                         add(file)
                     continue
@@ -231,15 +239,15 @@ def _save(file: Path, write: Callable[[Path], None], tell_end: Callable[[], None
 
 def _report(file: Path, drawn: str, start: float, by: str, doubts: list[str], lines: Sequence[str]) -> None:
     spent = 1e3 * (clock_time.perf_counter() - start)
-    errors.print(f"{file}  {drawn}, {spent:.0f} ms in all, {by}", markup=False)
+    errors.print(f"{file}  {drawn}, {spent:.0f} ms in all, {by}")
     for doubt in doubts:
-        errors.print(f"raymarch: {doubt}", markup=False)
+        errors.print(f"raymarch: {doubt}")
     for line in lines:
         typer.echo(line)
 
 
 def _report_joined(target: Path, what: str, start: float) -> None:
-    errors.print(f"{target}  {what}, {clock_time.perf_counter() - start:.1f} s to encode", markup=False)
+    errors.print(f"{target}  {what}, {clock_time.perf_counter() - start:.1f} s to encode")
 
 
 def join(target: Path, items: list[Item], fps: float, size: tuple[int, int], key: str | None = None) -> None:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from raymarch.cli.common import CommandError, SceneFile, errors, parse_settings, parse_size
+from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse_settings, parse_size
 from raymarch.errors import SceneError
 
 SLOW = 2.0
@@ -22,7 +22,7 @@ SLOW = 2.0
 @contextmanager
 def _said_if_slow(text: str) -> Iterator[None]:
     """Print a line on the error stream if the block takes longer than `SLOW`."""
-    timer = Timer(SLOW, lambda: errors.print(f"raymarch: {text}", markup=False))
+    timer = Timer(SLOW, lambda: errors.print(f"raymarch: {text}"))
     timer.daemon = True
     timer.start()
     try:
@@ -34,9 +34,7 @@ def _said_if_slow(text: str) -> Iterator[None]:
 def run(
     scene: SceneFile,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height of the window.")] = "960x540",
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
-    ] = None,
+    set_: Settings = None,
     budget: Annotated[
         float, typer.Option(metavar="MS", help="Frame time while something moves, in milliseconds.")
     ] = 33.0,
@@ -73,7 +71,7 @@ def run(
         viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops)
     code = viewer.run(demo_seconds)
     if code == 2 and viewer.fault is not None:  # the message in the window is gone
-        errors.print(f"raymarch: {viewer.fault.text()}", markup=False)
+        errors.print(f"raymarch: {viewer.fault.text()}")
     sys.exit(code)
 
 

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import os
 import pickle
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import chdir, contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import chdir, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from raymarch.errors import Location, RaymarchError, SceneError, is_users
+from raymarch.errors import Location, RaymarchError, SceneError
+from raymarch.files import may_belong, recorded
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene, check_scene
-
-SYSTEM = ("/proc/", "/sys/", "/dev/")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +67,7 @@ class Source:
 
 def of_file(path: str | os.PathLike[str]) -> tuple[Source, Scene]:
     """The scene of a file, and all that workers need to make it again. Raises the errors of `load`."""
-    with _opened() as names:
+    with recorded() as names:
         scene = load(path)
     name = os.fspath(path)
     files = {}
@@ -95,38 +92,4 @@ def _inside(root: str, path: str) -> Path:
 def _is_asset(file: str) -> bool:
     """True if a file belongs to the scene, not to Python, the system or the cache of sampled shapes."""
     cache = os.environ.get("RAYMARCH_CACHE") or os.path.join(os.path.expanduser("~"), ".cache")
-    return is_users(file) and not file.startswith((*SYSTEM, os.path.abspath(cache) + os.sep, sys.prefix + os.sep))
-
-
-# Files that a scene reads
-
-_recording: dict[str, None] | None = None
-_hooked = False
-
-
-@contextmanager
-def _opened() -> Iterator[dict[str, None]]:
-    """The absolute paths of the files that are opened to be read in the block, in order."""
-    global _recording, _hooked
-    if not _hooked:
-        sys.addaudithook(_hook)  # cannot be removed; does nothing outside of the block
-        _hooked = True
-    found: dict[str, None] = {}
-    _recording = found
-    try:
-        yield found
-    finally:
-        _recording = None
-
-
-def _hook(event: str, arguments: tuple[Any, ...]) -> None:
-    if _recording is None or event != "open":
-        return
-    path, mode = arguments[0], arguments[1]
-    if isinstance(path, int) or (isinstance(mode, str) and not mode.startswith("r")):
-        return
-    name = os.path.abspath(os.fsdecode(path))
-    if name.endswith(".pyc"):
-        with suppress(ValueError):
-            name = importlib.util.source_from_cache(name)
-    _recording[name] = None
+    return may_belong(file) and not file.startswith((os.path.abspath(cache) + os.sep, sys.prefix + os.sep))

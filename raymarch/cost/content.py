@@ -26,8 +26,8 @@ PACKAGES = ("expr", "sdf", "scene", "truth")
 """Packages whose code determines the reference of a scene."""
 
 MARCHING = set(
-    "tracer max_steps epsilon normals omega beta step_scale step_variation schedule refinement assume_certified samples "
-    "temporal steps_per_pass lights_per_pass rays shadow_steps light_samples".split()
+    "tracer max_steps epsilon normals omega beta step_scale step_variation schedule refinement assume_certified "
+    "samples temporal steps_per_pass lights_per_pass rays shadow_steps light_samples".split()
 )
 """Fields of Quality that do not change the reference. The reference depends on all others, such as a shading model."""
 

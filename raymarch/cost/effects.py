@@ -70,10 +70,9 @@ class Effect:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        time = self.milliseconds
         return {
             "name": self.name,
-            "milliseconds": {"median": time.value, "low": time.low, "high": time.high, "confidence": time.confidence},
+            "milliseconds": self.milliseconds.as_dict(),
             "evaluations": self.evaluations,
             "texture_bytes": self.texture_bytes,
             "shader_bytes": self.shader_bytes,

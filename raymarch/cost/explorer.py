@@ -11,18 +11,12 @@ from raymarch.cost.location import location
 from raymarch.cost.maps import flip_map, footprint_map, under_map
 from raymarch.cost.pictures import Pictures, Pixels
 from raymarch.cost.settings import differences
-from raymarch.cost.sweep import Point, Sweep
+from raymarch.cost.sweep import METRICS, Point, Sweep
 from raymarch.cost.text import held_against, labelled
 from raymarch.gpu.frame import srgb
 
-ERRORS = {
-    "pixels_p99": ("distance from the true hit, 99 % of the hits", "px"),
-    "pixels_max": ("distance from the true hit, largest", "px"),
-    "normal_p99": ("angle of the normals, 99 % of the hits", "°"),
-    "flip_p99": ("FLIP of the picture, 99 % of the pixels", ""),
-    "wrong": ("missed and false hits", ""),
-}
-"""Errors that the page plots: description and unit."""
+PLOTTED = ("pixels_p99", "pixels_max", "normal_p99", "flip_p99")
+"""Errors that the page plots, and the one that the front is computed by."""
 COSTS = {
     "ms": ("time of a frame", "ms"),
     "evaluations": ("evaluations of the field per pixel", ""),
@@ -30,14 +24,6 @@ COSTS = {
     "first_ms": ("first frame after compilation", "ms"),
 }
 """Costs that the page plots: description and unit."""
-OTHERS = {
-    "depth_rms": ("depth, root mean square", ""),
-    "depth_p99": ("depth, 99 % of the hits", ""),
-    "p1": ("sum of squared depth errors", ""),
-    "flip_mean": ("FLIP of the picture, mean", ""),
-    "flip_max": ("FLIP of the picture, largest", ""),
-}
-"""Errors that are plotted if the front is computed by them."""
 
 
 def page_data(made: Sweep, metric: str, effects: Sequence[Effect]) -> dict[str, Any]:
@@ -45,7 +31,8 @@ def page_data(made: Sweep, metric: str, effects: Sequence[Effect]) -> dict[str, 
     pictures = Pictures()
     reference = pictures.add(srgb(made.known.picture))
     under = under_map(made.known)
-    errors = ERRORS | ({metric: OTHERS[metric]} if metric in OTHERS else {})
+    errors = {name: METRICS[name] for name in PLOTTED} | {"wrong": ("missed and false hits", "")}
+    errors |= {metric: METRICS[metric]}
     bounds = {id(a.point): a.bound for a in reversed(answers(made))}
     matter = {id(p) for p in made.front(metric)} | set(bounds) | {id(p) for p in made.points if p.setting.preset}
     best = finest(made)

@@ -10,7 +10,7 @@ from typing import Any
 from raymarch.cost.answer import figures
 from raymarch.cost.maps import plotting
 from raymarch.cost.settings import differences
-from raymarch.cost.sweep import Point, Sweep
+from raymarch.cost.sweep import METRICS, Point, Sweep
 from raymarch.cost.text import labelled, worth
 
 COLORS = {
@@ -31,18 +31,6 @@ MARKERS = {
     "bracketing": "*",
 }
 """Mark of each tracer, so that no colour is needed to tell them apart."""
-
-LABELS = {
-    "pixels_p99": "distance from the true hit in pixels, 99th percentile",
-    "pixels_max": "distance from the true hit in pixels, largest",
-    "depth_rms": "depth error, rms, units of the scene",
-    "depth_p99": "depth error, 99th percentile, units of the scene",
-    "p1": "sum of squared depth errors",
-    "normal_p99": "angle of the normals, degrees, 99th percentile",
-    "flip_p99": "FLIP, 99th percentile",
-    "flip_mean": "FLIP, mean",
-    "flip_max": "FLIP, largest",
-}
 
 
 def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
@@ -104,7 +92,8 @@ def draw_front(axes: Any, made: Sweep, metric: str) -> None:
     front = made.front(metric)
     axes.step([p.time.value for p in front], [at(p) for p in front], where="post", color="black", lw=1, label="front")
     axes.plot(*_own(made.base, sound, at), "o", ms=13, mfc="none", mec="black", label="the scene's own")
-    axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame, median and 95 % interval", ylabel=LABELS[metric])
+    words = ", ".join(filter(None, METRICS[metric]))
+    axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame, median and 95 % interval", ylabel=words)
     plain_ticks(axes.xaxis)
     plain_ticks(axes.yaxis)
     named = [p for p in sound if p.setting.preset] + [p for p in worth(front, metric) if not p.setting.preset]

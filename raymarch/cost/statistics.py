@@ -27,6 +27,11 @@ class Median:
         """True if the two intervals intersect."""
         return self.low <= other.high and other.low <= self.high
 
+    def as_dict(self) -> dict[str, float | None]:
+        """Plain data for JSON; None for nan."""
+        found = {"median": self.value, "low": self.low, "high": self.high, "confidence": self.confidence}
+        return {name: None if value != value else value for name, value in found.items()}
+
     def __str__(self) -> str:
         return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
 

@@ -26,18 +26,18 @@ from raymarch.shader import assemble
 T = TypeVar("T")
 
 
-METRICS = (
-    "pixels_p99",
-    "pixels_max",
-    "depth_rms",
-    "depth_p99",
-    "p1",
-    "normal_p99",
-    "flip_p99",
-    "flip_mean",
-    "flip_max",
-)
-"""The errors that settings can be ordered by."""
+METRICS = {
+    "pixels_p99": ("distance from the true hit, 99 % of the hits", "px"),
+    "pixels_max": ("distance from the true hit, largest", "px"),
+    "depth_rms": ("depth error in units of the scene, root mean square", ""),
+    "depth_p99": ("depth error in units of the scene, 99 % of the hits", ""),
+    "p1": ("sum of squared depth errors", ""),
+    "normal_p99": ("angle of the normals, 99 % of the hits", "°"),
+    "flip_p99": ("FLIP of the picture, 99 % of the pixels", ""),
+    "flip_mean": ("FLIP of the picture, mean", ""),
+    "flip_max": ("FLIP of the picture, largest", ""),
+}
+"""The errors that settings can be ordered by: description and unit."""
 
 UNTIMED = Median(float("nan"), float("nan"), float("nan"), 0.0, 0)
 """The time of a setting that was not timed."""

@@ -48,7 +48,6 @@ def as_dict(made: Sweep, metric: str = "pixels_p99") -> dict[str, Any]:
 
 
 def _point(point: Point, made: Sweep, on_front: bool) -> dict[str, Any]:
-    time = point.time
     return {
         "name": point.name,
         "quality": asdict(point.setting.quality),
@@ -65,13 +64,7 @@ def _point(point: Point, made: Sweep, on_front: bool) -> dict[str, Any]:
         "frames": point.setting.frames,
         "scale": point.setting.scale,
         "variations": dict.fromkeys(VARIANTS) | dict(point.setting.variations),
-        "milliseconds": {
-            "median": _number(time.value),
-            "low": _number(time.low),
-            "high": _number(time.high),
-            "confidence": time.confidence,
-            "all": point.times,
-        },
+        "milliseconds": {**point.time.as_dict(), "all": point.times},
         "error_time": _number(point.error_time),
         "first_frame_milliseconds": _number(point.first_ms),
         "compile_milliseconds": _number(point.compile_ms),

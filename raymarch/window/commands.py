@@ -375,7 +375,7 @@ def continue_sequence(model: Model) -> None:
         model.request(SavePicture(file, series.first + series.done / series.fps))
 
 
-def saved(model: Model, file: Path, fault: OSError | None) -> None:
+def saved(model: Model, file: Path, fault: OSError | None = None) -> None:
     """A picture was saved, or could not be."""
     series = model.sequence if model.sequence is not None and model.sequence.folder == file.parent else None
     if fault is not None:
@@ -399,8 +399,8 @@ def save_settings(model: Model) -> None:
         file.write_text(json.dumps(model.state.settings(), indent=2) + "\n", encoding="utf-8")
     except OSError as fault:
         saved(model, file, fault)
-        return
-    saved(model, file, None)
+    else:
+        saved(model, file)
 
 
 def _free(model: Model, ending: str) -> Path:

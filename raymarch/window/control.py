@@ -78,20 +78,9 @@ class View:
         optics = {name: getattr(self, name) for name in ("near", "far", "aperture", "focus")}
         return replace(made, half_height=half, **optics)
 
-    def ray(self, x: float, y: float, size: tuple[int, int]) -> Vector:
-        """Unit direction of the ray through a point of a picture, in pixels; x to the right, y down."""
-        return self.forward if self.height is not None else _unit(self.forward + self._beside(x, y, size))
-
-    def origin(self, x: float, y: float, size: tuple[int, int]) -> Vector:
-        """Origin of the ray through a point of a picture; parameters as of `ray`."""
-        return self.position if self.height is None else self.position + self._beside(x, y, size)
-
-    def _beside(self, x: float, y: float, size: tuple[int, int]) -> Vector:
-        """From the centre of the picture to a point of it, at distance 1 or in an orthographic camera's plane."""
-        width, height = size
-        half = self.tan_half_fov if self.height is None else self.height / 2
-        across, upward = (2.0 * x - width) / height * half, (height - 2.0 * y) / height * half
-        return np.asarray(across * self.right + upward * np.cross(self.right, self.forward), np.float64)
+    def ray(self, x: float, y: float, size: tuple[int, int]) -> tuple[Vector, Vector]:
+        """Origin and unit direction of the ray through a point of a picture, in pixels; x to the right, y down."""
+        return self.pose().rays(np.float64(x - 0.5), np.float64(y - 0.5), size)
 
 
 def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
@@ -106,26 +95,13 @@ def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:
 
 def orbit(view: View, dx: float, dy: float, height: int) -> View:
     """Orbit the target. A drag by the height of the window is half a turn; the scene follows the cursor."""
-    away = view.position - view.target
-    away = _turned(away, view.up, -np.pi * dx / height)
-    elevation = np.pi / 2 - _angle(away, view.up)
-    limit = np.pi / 2 - POLE
-    # A view that starts closer to a pole than the limit does not jump at its first movement.
-    limit = max(limit, abs(elevation))
-    rise = np.clip(elevation + np.pi * dy / height, -limit, limit) - elevation
-    side = _unit(np.cross(view.up, away))
-    return replace(view, position=view.target + _turned(away, side, -rise))
+    return replace(view, position=view.target + _swung(view.position - view.target, view.up, -np.pi / height, dx, dy))
 
 
 def turn(view: View, dx: float, dy: float, height: int) -> View:
     """Rotate the view about the camera; the point under the cursor stays nearly under it."""
     angle = 2 * np.arctan(0.5 * view.extent / view.distance) / height
-    ahead = _turned(view.target - view.position, view.up, angle * dx)
-    elevation = np.pi / 2 - _angle(ahead, view.up)
-    limit = max(np.pi / 2 - POLE, abs(elevation))
-    rise = np.clip(elevation + angle * dy, -limit, limit) - elevation
-    side = _unit(np.cross(ahead, view.up))
-    return replace(view, target=view.position + _turned(ahead, side, rise))
+    return replace(view, target=view.position + _swung(view.target - view.position, view.up, angle, dx, dy))
 
 
 def pan(view: View, dx: float, dy: float, height: int) -> View:
@@ -197,6 +173,17 @@ def _unit(vector: Vector) -> Vector:
 def _angle(a: Vector, b: Vector) -> float:
     """The angle between two vectors, accurate also near 0 and pi."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+
+
+def _swung(arm: Vector, up: Vector, angle: float, dx: float, dy: float) -> Vector:
+    """An arm turned by an angle for each pixel of a drag: by dx about `up`, and by dy towards it, whatever the sign of
+    the angle. It stays `POLE` away from `up`."""
+    arm = _turned(arm, up, angle * dx)
+    elevation = np.pi / 2 - _angle(arm, up)
+    # A view that starts closer to a pole than the limit does not jump at its first movement.
+    limit = max(np.pi / 2 - POLE, abs(elevation))
+    rise = np.clip(elevation + abs(angle) * dy, -limit, limit) - elevation
+    return _turned(arm, _unit(np.cross(arm, up)), rise)
 
 
 def _turned(vector: Vector, axis: Vector, angle: float) -> Vector:

@@ -6,18 +6,19 @@ leaves as a request, which the main loop carries out.
 
 from __future__ import annotations
 
+import json
 import time as clock_time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TextIO, TypeAlias
 
+from raymarch.errors import SceneError
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.scale import Scale
 from raymarch.plan import Plan
 from raymarch.window.accuracy import Stop, preset_stops
-from raymarch.window.log import Log
 from raymarch.window.news import Fault, Loaded
 from raymarch.window.pick import Pick
 from raymarch.window.shot import Shot
@@ -34,6 +35,26 @@ PANEL = 300
 
 SIDES = ("off", "exact", "truth")
 """What the right side of a split picture shows: the most exact setting, or the float64 reference."""
+
+
+class Log:
+    """Writes the window's events as lines of JSON, for scripts, and flushes each; without a file it writes nothing."""
+
+    def __init__(self, file: Path | None) -> None:
+        self._out: TextIO | None = None
+        if file is not None:
+            try:
+                self._out = file.open("w", encoding="utf-8", buffering=1)
+            except OSError as fault:
+                raise SceneError(f"cannot write '{file}': {fault.strerror}", legal="a writable file") from None
+
+    def say(self, event: str, **facts: Any) -> None:
+        if self._out is not None:
+            self._out.write(json.dumps({"event": event, **facts}, default=str) + "\n")
+
+    def close(self) -> None:
+        if self._out is not None:
+            self._out.close()
 
 
 @dataclass(frozen=True, slots=True)

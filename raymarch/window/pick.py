@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, RaymarchError
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.scene.camera import Camera, Pose
+from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.placing import with_label
 from raymarch.sdf.weights import weights_of
-from raymarch.truth import truth
-from raymarch.window.control import View
+from raymarch.truth.rays import Rays
+from raymarch.truth.tracer import trace
 from raymarch.window.news import near
 from raymarch.window.shot import Shot
 
@@ -109,64 +109,37 @@ def picked(number: int, pixel: tuple[int, int], texels: Mapping[str, Any], origi
 
 
 class Inquiry:
-    """Computes the reference values of picks in its own thread; a newer pick replaces waiting ones."""
+    """Computes the reference values of picks, each in a thread of its own."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self._wake = wake
-        self._asked: SimpleQueue[tuple[Pick, Shot, Values, Vector, Vector] | None] = SimpleQueue()
         self._found: SimpleQueue[Pick] = SimpleQueue()
-        self._thread = threading.Thread(target=self._work, name="truth", daemon=True)
-        self._thread.start()
 
     def ask(self, pick: Pick, shot: Shot, values: Values, origin: Vector, ray: Vector) -> None:
-        self._asked.put((pick, shot, values, origin, ray))
+        """Begin with a pick."""
+        arguments = (pick, shot.scene, values, origin, ray, shot.pose)
+        threading.Thread(target=self._work, args=arguments, name="truth", daemon=True).start()
 
-    def latest(self) -> Pick | None:
-        """The last result since the last call."""
-        found = None
-        while not self._found.empty():
-            found = self._found.get()
-        return found
+    def latest(self) -> list[Pick]:
+        """The results since the last call."""
+        return [self._found.get() for _ in range(self._found.qsize())]
 
-    def stop(self) -> None:
-        self._asked.put(None)
-        self._thread.join(2)
-
-    def _work(self) -> None:
-        while True:
-            asked = self._asked.get()
-            try:
-                while True:
-                    asked = self._asked.get_nowait()
-            except Empty:
-                pass
-            if asked is None:
-                return
-            pick, shot, values, origin, ray = asked
-            try:
-                self._found.put(verified(pick, shot.scene, values, origin, ray, shot.pose))
-            except RaymarchError as fault:
-                self._found.put(replace(pick, trouble=str(fault)))
-            except Exception as fault:
-                self._found.put(replace(pick, trouble=f"{type(fault).__name__}: {fault}"))
-            self._wake()
+    def _work(self, pick: Pick, *where: Any) -> None:
+        try:
+            self._found.put(verified(pick, *where))
+        except RaymarchError as fault:
+            self._found.put(replace(pick, trouble=str(fault)))
+        except Exception as fault:
+            self._found.put(replace(pick, trouble=f"{type(fault).__name__}: {fault}"))
+        self._wake()
 
 
-def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector, pose: Pose | None = None) -> Pick:
-    """The pick with the reference values of its ray and the shape at the hit. pose : of the clip planes, if any."""
-    up = (0.0, 1.0, 0.0) if abs(ray[1]) < 0.9 else (1.0, 0.0, 0.0)
-    rate = 1.0 if pose is None else float(ray @ pose.view)
-    near, far = (0.0, np.inf) if pose is None else (pose.near / rate, pose.far / rate)
-    end = far if far < np.inf else None
-    camera = Camera(tuple(origin), tuple(origin + ray), up, fov=1.0, near=near, far=end)
-    alone = scene.replace(camera=camera, lights=[])
-    params = {name: value for name, value in values.params.items() if name in alone.parameters}
-    found = truth(alone, (1, 1), values.time, params, ("depth", "normal"))
+def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector, pose: Pose) -> Pick:
+    """The pick with the reference values of its ray and the shape at the hit. pose : of the clip planes."""
+    found = trace(scene, values, pose, Rays(origin[None], ray[None]), (1, 1), pose.pixel(1))
     depth = float(found.depth[0, 0])
-    node = None
     distance = depth if np.isfinite(depth) else pick.distance
-    if np.isfinite(distance):
-        node = part_at(scene, values, origin + distance * ray)
+    node = part_at(scene, values, origin + distance * ray) if np.isfinite(distance) else None
     return replace(
         pick,
         true=depth,
@@ -207,12 +180,6 @@ def _labelled(root: Node) -> Node:
         else:
             made[id(node)] = with_label(node, node)
     return made[id(root)]
-
-
-def ray_through(view: View, pixel: tuple[int, int], size: tuple[int, int]) -> tuple[Vector, Vector]:
-    """Origin and direction of the ray through the centre of a pixel."""
-    at = pixel[0] + 0.5, pixel[1] + 0.5, size
-    return view.origin(*at), view.ray(*at)
 
 
 def _triple(vector: Vector) -> str:

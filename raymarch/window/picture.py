@@ -22,12 +22,13 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import Scale
 from raymarch.gpu.screen import Screen
 from raymarch.gpu.targets import Target
-from raymarch.gpu.tiles import Tile, tiles_of
+from raymarch.gpu.tiles import Tile
 from raymarch.gpu.unread import unread_of
 from raymarch.gpu.views import VIEWS, fill, scale_of
 from raymarch.gpu.views import picture as picture_of
 from raymarch.window.model import Drawn
 from raymarch.window.pace import Pace, scaled
+from raymarch.window.reference import from_centre
 from raymarch.window.shot import Shot
 
 
@@ -54,8 +55,10 @@ class Picture:
         self.pace, self.samples = pace, samples
         self.drawn = Drawn()
         self._renderer, self._screen = renderer, screen
-        self._canvas: Target | None = None
-        self._shot: Shot | None = None
+        self.canvas: Target | None = None
+        """The picture, at the window's size; None before the first."""
+        self.shot: Shot | None = None
+        """The shot on the canvas."""
         self._rest: list[_Part] | None = None
         self._drawing: list[DrawCall] = []
         self._done = self._pixels = 0
@@ -65,16 +68,6 @@ class Picture:
         """The colour scale of the view; None for views without one."""
         self.frame: float | None = None
         """Milliseconds of the last complete sample at full size; None before the first of a shot."""
-
-    @property
-    def canvas(self) -> Target | None:
-        """The picture, at the window's size; None before the first."""
-        return self._canvas
-
-    @property
-    def shot(self) -> Shot | None:
-        """The shot on the canvas."""
-        return self._shot
 
     @property
     def whole(self) -> bool:
@@ -87,7 +80,7 @@ class Picture:
         still : True if nothing has moved for a while, so that the picture may be refined.
         Raises the errors of `Renderer.draw_calls`; the canvas then keeps its content.
         """
-        if not shot.same(self._shot) or self._canvas is None or self._canvas.size != size:
+        if not shot.same(self.shot) or self.canvas is None or self.canvas.size != size:
             self._coarse(shot, size)
             return True
         if self.drawn.whole or not still:
@@ -101,13 +94,13 @@ class Picture:
         spent, compiled, draw_calls, share = self._sketch(shot, small)
         if compiled == 0.0:  # the first draw of a program includes driver work
             self.pace.drawn(spent / share, small[0] * small[1])
-        if self._canvas is None or self._canvas.size != size:
+        if self.canvas is None or self.canvas.size != size:
             fresh = Target(self._renderer.context, size)
-            if self._canvas is not None:
-                self._canvas.release()
-            self._canvas = fresh
+            if self.canvas is not None:
+                self.canvas.release()
+            self.canvas = fresh
         self._put(shot, draw_calls, None)
-        self._shot, self._rest, self._pixels, self._done = shot, None, 0, 1 if small == size else 0
+        self.shot, self._rest, self._pixels, self._done = shot, None, 0, 1 if small == size else 0
         self.frame = spent if small == size and not compiled else None
         self._say(spent, small, compiled, moving=True)
 
@@ -152,7 +145,8 @@ class Picture:
         """Draw tiles of the full picture from the centre outwards, then further samples, until the budget is spent."""
         compiled = 0.0
         if self._rest is None:
-            draw_calls = self._draw_calls(shot, size)
+            self._fit(size)
+            draw_calls = self._renderer.draw_calls(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
             compiled = sum(call.compile for call in draw_calls)
             self._spent = 0.0
             self._rest, self._drawing = self._parts(draw_calls), draw_calls
@@ -183,7 +177,7 @@ class Picture:
         self._say(spent, size, compiled, moving=False)
 
     def _say(self, spent: float, size: tuple[int, int], compiled: float, *, moving: bool) -> None:
-        shot = self._shot
+        shot = self.shot
         assert shot is not None
         wanted = max(self.samples, shot.samples) if shot.view == "final" else 1
         whole = self._done >= wanted
@@ -195,8 +189,7 @@ class Picture:
     def _tiles(self, size: tuple[int, int]) -> list[Tile]:
         """Tiles that take about half of the budget each, from the centre outwards."""
         edge = int(np.clip(np.sqrt(self.pace.pixels(self.pace.budget / 2)), 16, 512))
-        middle = np.array(size) / 2
-        return sorted(tiles_of(size, edge), key=lambda t: float(np.hypot(*(np.array(t[:2]) + edge / 2 - middle))))
+        return from_centre(size, edge)
 
     def _parts(self, draw_calls: list[DrawCall]) -> list[_Part]:
         """The tiles of passes. Those that add lights are drawn together, so that finished tiles are shown at once."""
@@ -204,10 +197,6 @@ class Picture:
             list(group) for _, group in groupby(draw_calls, key=lambda call: bool(call.chosen.lights) or id(call))
         ]
         return [_Part(calls, self._tiles(calls[0].target.size)) for calls in groups]
-
-    def _draw_calls(self, shot: Shot, size: tuple[int, int]) -> list[DrawCall]:
-        self._fit(size)
-        return self._renderer.draw_calls(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
 
     def _fit(self, size: tuple[int, int]) -> None:
         if self._renderer.size != size:
@@ -220,21 +209,21 @@ class Picture:
 
     def _put(self, shot: Shot, draw_calls: list[DrawCall], tile: Tile | None) -> None:
         """Copy the result of draw calls to the canvas, as linear colour."""
-        assert self._canvas is not None
+        assert self.canvas is not None
         last = draw_calls[-1]
         if shot.view == "final":
             self.scale = None
-            self._screen.copy(last.target, self._canvas, tile)
+            self._screen.copy(last.target, self.canvas, tile)
             return
         drawn = {call.chosen.name: (call.chosen, call.target) for call in draw_calls}
         unread = unread_of(drawn)
         size, tone = last.target.size, shot.scene.tone
         frame = Frame(size, shot.time, [], {}, _nothing, tone, pose=shot.pose, _unread=unread)
         self.scale = scale_of(frame, shot.view)
-        if fill(self._canvas, frame, shot.view, self.scale):
+        if fill(self.canvas, frame, shot.view, self.scale):
             return
-        shown = picture_of(frame, shot.view, shot.scene, self.scale).convert("RGB").resize(self._canvas.size, 0)
-        self._canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
+        shown = picture_of(frame, shot.view, shot.scene, self.scale).convert("RGB").resize(self.canvas.size, 0)
+        self.canvas.write(np.dstack([linear(np.asarray(shown)), np.ones(shown.size[::-1], np.float32)]))
 
     def probe(self, shot: Shot, size: tuple[int, int], x: int, row: int) -> dict[str, NDArray[Any]]:
         """Depth, normal, counts and material of one pixel, each of shape (1, 1, ...)."""
@@ -255,9 +244,9 @@ class Picture:
 
     def release(self) -> None:
         """Free the canvas. The renderer belongs to the caller."""
-        if self._canvas is not None:
-            self._canvas.release()
-            self._canvas = None
+        if self.canvas is not None:
+            self.canvas.release()
+            self.canvas = None
 
 
 def linear(srgb: NDArray[np.uint8]) -> NDArray[np.float32]:

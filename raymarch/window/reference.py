@@ -50,7 +50,6 @@ class Reference:
         self.shot: Shot | None = None
         self.size = (0, 0)
         self.depth, self.color = np.empty((0, 0)), np.empty((0, 0, 3))
-        self._thread: threading.Thread | None = None
 
     @property
     def share(self) -> float:
@@ -74,8 +73,7 @@ class Reference:
         self.shot, self.size = shot, size
         self.depth, self.color = np.full(size[::-1], np.nan), np.full((*size[::-1], 3), np.nan)
         arguments = (self._number, shot, values, size)
-        self._thread = threading.Thread(target=self._work, args=arguments, name="reference", daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._work, args=arguments, name="reference", daemon=True).start()
 
     def stop(self) -> None:
         """Forget the shot; the thread ends after its tile."""
@@ -85,8 +83,7 @@ class Reference:
     def latest(self) -> list[TracedTile]:
         """The tiles since the last call. They are in `depth` and `color` from then on."""
         found = []
-        while not self._found.empty():
-            made = self._found.get()
+        for made in [self._found.get() for _ in range(self._found.qsize())]:
             if made.number == self._number:
                 x, y, width, height = made.tile
                 rows = slice(self.size[1] - y - height, self.size[1] - y)

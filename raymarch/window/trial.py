@@ -13,12 +13,10 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import faulthandler
-import importlib.util
 import json
 import os
 import signal
 import sys
-import threading
 import time
 import traceback
 import warnings
@@ -27,7 +25,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from raymarch.errors import DeviceError, RaymarchError, SceneError, ShaderError, is_users
+from raymarch.errors import DeviceError, RaymarchError, SceneError, ShaderError
+from raymarch.files import may_belong, recorded
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
@@ -108,31 +107,30 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
         trace = open(request["trace"], "a")  # noqa: SIM115  (stays open for the signal)
         faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
     say({"id": number, "begun": True})
-    read: set[str] = set()
-    _note_files(read)
     times: dict[str, float] = {}
     error: Fault | None = None
     found: Scene | None = None
     baked = False
-    try:
-        with _limited_memory(), _timed(times, "import"):
-            found = progressive(load(scene))
-        size = tuple(request["size"])
-        with _timed(times, "plan"):
-            ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size))
-        if fresh:
-            with _timed(times, "compile"):
-                baked = _compiled(found, ready, size, request["params"])
-    except RaymarchError as fault:
-        error = Fault.of(fault)
-    except MemoryError as fault:
-        error = Fault(f"out of memory: {fault}", "a smaller scene", scene, 1)
-    except Exception as fault:
-        traceback.print_exc()
-        error = Fault(f"a fault of raymarch: {type(fault).__name__}: {fault}")
-    folder = str(Path(scene).absolute().parent)
-    sources = {_source_of(f) for f in read}
-    files = sorted({str(Path(scene).absolute()), *(f for f in sources if _watchable(f, folder))})
+    with recorded() as read:
+        try:
+            with _limited_memory(), _timed(times, "import"):
+                found = progressive(load(scene))
+            size = tuple(request["size"])
+            with _timed(times, "plan"):
+                ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size))
+            if fresh:
+                with _timed(times, "compile"):
+                    baked = _compiled(found, ready, size, request["params"])
+        except RaymarchError as fault:
+            error = Fault.of(fault)
+        except MemoryError as fault:
+            error = Fault(f"out of memory: {fault}", "a smaller scene", scene, 1)
+        except Exception as fault:
+            traceback.print_exc()
+            error = Fault(f"a fault of raymarch: {type(fault).__name__}: {fault}")
+    main = Path(scene).absolute()
+    inputs = (f for f in read if may_belong(f) and (os.path.isfile(f) or Path(f).parent == main.parent))
+    files = sorted({str(main), *inputs})  # a missing file may appear beside the scene
     described = None if error is None else asdict(error)
     say({"id": number, "ok": error is None, "ms": times, "files": files, "error": described, "baked": baked})
     if error is None and found is not None:
@@ -217,39 +215,6 @@ def _limited_memory() -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, before)
-
-
-def _note_files(read: set[str]) -> None:
-    """Record every file that Python opens from now on: modules, images, meshes and other inputs of a scene."""
-    busy = threading.local()
-
-    def note(event: str, args: tuple[Any, ...]) -> None:
-        if event != "open" or getattr(busy, "now", False) or not isinstance(args[0], str | bytes):
-            return
-        busy.now = True
-        try:
-            read.add(os.path.abspath(os.fsdecode(args[0])))
-        finally:
-            busy.now = False
-
-    sys.addaudithook(note)
-
-
-def _watchable(file: str, folder: str) -> bool:
-    """True for a file that the user may edit, or that may appear beside the scene."""
-    if not is_users(file) or file.startswith(("/proc/", "/sys/", "/dev/")):
-        return False
-    return os.path.isfile(file) or os.path.dirname(file) == folder
-
-
-def _source_of(file: str) -> str:
-    """The source file of a compiled module; other files unchanged."""
-    if file.endswith(".pyc"):
-        try:
-            return importlib.util.source_from_cache(file)
-        except ValueError:
-            return file
-    return file
 
 
 if __name__ == "__main__":

@@ -21,15 +21,26 @@ from raymarch.window.comparison import Comparison
 from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.events import Drop, Event
 from raymarch.window.interrupt import Interrupt as CtrlC
-from raymarch.window.log import Log
 from raymarch.window.messages import Message, messages_of
-from raymarch.window.model import Close, Copy, Inspect, Interrupt, Measure, Model, Open, Request, SavePicture, Show
+from raymarch.window.model import (
+    Close,
+    Copy,
+    Inspect,
+    Interrupt,
+    Log,
+    Measure,
+    Model,
+    Open,
+    Request,
+    SavePicture,
+    Show,
+)
 from raymarch.window.mouse import Mouse, flying
 from raymarch.window.news import Fault
 from raymarch.window.overlay import Bar, Overlay
 from raymarch.window.pace import Pace, scaled
 from raymarch.window.panel import Panel
-from raymarch.window.pick import Inquiry, picked, ray_through
+from raymarch.window.pick import Inquiry, picked
 from raymarch.window.picture import Picture
 from raymarch.window.reload import Reloader
 from raymarch.window.state import opened, read_settings
@@ -167,7 +178,7 @@ class Viewer:
         passed, self._at = now - self._at, now
         for news in self.reloader.latest():
             do.take_news(model, news)
-        if (found := self._inquiry.latest()) is not None:
+        for found in self._inquiry.latest():
             do.take_truth(model, found)
         do.advance(model, min(passed, 0.25))
         if any(speeds := self._flying()):
@@ -361,7 +372,7 @@ class Viewer:
             self.renderer.adopt(shot.scene, ready, CLICKED)
             self._clicked = shot.scene
         texels = self.picture.probe(shot, size, column, row)
-        origin, ray = ray_through(view, (column, row), size)
+        origin, ray = view.ray(column + 0.5, row + 0.5, size)
         self._picks += 1
         pick = picked(self._picks, (column, row), texels, origin, ray)
         self._inquiry.ask(pick, shot, values, origin, ray)
@@ -379,7 +390,7 @@ class Viewer:
             partial.unlink(missing_ok=True)
             do.saved(self.model, file, fault)
             return
-        do.saved(self.model, file, None)
+        do.saved(self.model, file)
 
     def _measure(self) -> None:
         """Measure the mean evaluations per pixel from a picture of a quarter of the size."""
@@ -391,7 +402,6 @@ class Viewer:
     def release(self) -> None:
         """Close everything."""
         self.reloader.stop()
-        self._inquiry.stop()
         if self._toolkit is not None:
             self._toolkit.release()
         self._overlay.release()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from raymarch.cli.choice import watched
+from raymarch.cli.progress import watched
 from raymarch.cost.maps import plotting
 from raymarch.cost.plots import save
 from raymarch.cost.statistics import Median
