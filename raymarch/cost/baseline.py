@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -136,10 +136,7 @@ def _record(values: Any) -> Record:
 
 def as_text(records: Mapping[str, Record]) -> str:
     """The text of a baseline."""
-    scenes = {
-        name: {"size": list(r.size), "time": r.time, "params": dict(r.params), "rows": dict(r.rows)}
-        for name, r in sorted(records.items())
-    }
+    scenes = {name: asdict(record) for name, record in sorted(records.items())}
     return json.dumps({"format": FORMAT, "scenes": scenes}, indent=1, allow_nan=False) + "\n"
 
 

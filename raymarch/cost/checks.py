@@ -44,18 +44,15 @@ def check(
     """Run all checks of a sweep of a scene; `renderer`, `time` and `params` are those of the measurement. None for the
     renderer leaves out the check of its clock."""
     found = [*([] if renderer is None else [check_clock(renderer)]), check_times(made)]
-    field = Field(scene, set_values(scene.parameters, params, time))
-    pose = scene.pose(set_values(scene.parameters, params, time), made.known.size[0] / made.known.size[1])
+    values = set_values(scene.parameters, params, time)
+    field, pose = Field(scene, values), scene.pose(values, made.known.size[0] / made.known.size[1])
     full_size = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # at other scales the rays are unknown
-    found += [check_hits(p, scene, made, field, pose) for p in full_size]
-    failed = [c for c in found if not c.holds]
-    hits = [c for c in found if c.name.startswith("hits")]
-    if hits and all(c.holds for c in hits):
-        found = [c for c in found if c not in hits]
-        worst = "hits lie where each setting promises, by the field in float64"
-        found.append(Check("hits", True, f"{worst}: {len(hits)} settings"))
-        return found
-    return [c for c in found if c not in hits] + [c for c in failed if c in hits]
+    hits = [check_hits(p, scene, made, field, pose) for p in full_size]
+    failed = [c for c in hits if not c.holds]
+    if failed or not hits:
+        return found + failed
+    words = f"hits lie where each setting promises, by the field in float64: {len(hits)} settings"
+    return [*found, Check("hits", True, words)]
 
 
 def check_clock(renderer: Any, trial: Callable[..., Trial] = try_timer) -> Check:
@@ -111,11 +108,8 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, pose: Pose
         reach = LAST_STEP * quality.near(certified) * known.footprint(depth[beyond])
         beyond[beyond] = ~rays.comes_near(depth[beyond], np.flatnonzero(beyond), allowed, reach)
     fraction = float(beyond.mean())
-    lie = (
-        "come no nearer to the surface before them than"
-        if quality.refinement == "slope"
-        else "lie farther from it than"
-    )
+    before = "come no nearer to the surface before them than"
+    lie = before if quality.refinement == "slope" else "lie farther from it than"
     words = f"{fraction:.2%} of the hits {lie} the {promised:g} pixel widths promised"
     return Check(f"hits of {point.name}", fraction <= SHARE, words)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import random
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,10 +12,11 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from raymarch.cost.drawing import timed
-from raymarch.cost.flip import BAD, flip, largest_region
+from raymarch.cost.errors import picture_errors
+from raymarch.cost.flip import flip
 from raymarch.cost.settings import Setting, with_quality
 from raymarch.cost.statistics import Median, median
-from raymarch.cost.sweep import Progress
+from raymarch.cost.sweep import Progress, turns
 from raymarch.errors import CostError
 from raymarch.expr.node import Expr
 from raymarch.gpu.prepare import prepare
@@ -171,24 +171,17 @@ def ablate(
     for i, (name, made) in enumerate(variants):
         tell(f"without {name}", 0.5 * i / len(variants))
         without = _figures(made, renderer, time, params, counted)
-        values = flip(complete["color"], without["color"])
-        p99, largest = (float(v) for v in np.percentile(values, (99, 100)))
+        differences = picture_errors(flip(complete["color"], without["color"]))
         costs = {n: complete[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
-        found.append(Effect(name, **costs, flip_mean=float(values.mean()), flip_p99=p99, flip_max=largest,
-                            flip_region=largest_region(values > BAD),
-                            color=complete["color"], color_without=without["color"]))  # fmt: skip
-    turns = random.Random(seed)
+        found.append(Effect(name, color=complete["color"], color_without=without["color"], **costs, **differences))
     scenes = [scene, *(made for _, made in variants)]
-    for turn in range(repeats):
-        tell("time", 0.5 + 0.5 * turn / repeats)
-        order = list(range(len(scenes)))
-        turns.shuffle(order)
-        spent = dict.fromkeys(order, 0.0)
-        for k in order:
-            spent[k] = timed(scenes[k], Setting("", scenes[k].quality), renderer, time, params)[0]
-        for k, effect in enumerate(found, 1):
-            effect._differences.append(spent[0] - spent[k])
-            effect._frames.append(spent[0])
+    times: list[list[float]] = [[] for _ in scenes]
+    for done, k in enumerate(turns(len(scenes), repeats, seed)):
+        tell("time", 0.5 + 0.5 * done / (repeats * len(scenes)))
+        times[k].append(timed(scenes[k], Setting("", scenes[k].quality), renderer, time, params)[0])
+    for effect, without in zip(found, times[1:], strict=True):
+        effect._frames = times[0]
+        effect._differences = [a - b for a, b in zip(times[0], without, strict=True)]
     return sorted(found, key=lambda e: -e.milliseconds.value)
 
 

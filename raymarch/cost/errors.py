@@ -130,20 +130,15 @@ def measure(
             vectors = shaped("errors: normal", normal, known.normal.shape)
             found |= _ranks("normal", _angles(vectors[compared], known.normal[compared]), 50, 99, 100)
     if color is not None:
-        found |= picture_errors(known, color, difference)
+        picture = shaped("errors: color", color, known.picture.shape)
+        found |= picture_errors(flip(known.picture, picture) if difference is None else difference)
     return Errors(**found)
 
 
-def picture_errors(known: Reference, color: ArrayLike, difference: Array | None = None) -> dict[str, float | int]:
-    """Errors of the picture alone; color (H, W, 3), linear RGB; difference : its FLIP if it is known already."""
-    values = (
-        flip(known.picture, shaped("errors: color", color, known.picture.shape)) if difference is None else difference
-    )
-    return {
-        "flip_mean": float(values.mean()),
-        **_ranks("flip", values.ravel(), 99, 100),
-        "flip_region": largest_region(values > BAD),
-    }
+def picture_errors(difference: Array) -> dict[str, Any]:
+    """Errors of a picture from its FLIP, (H, W)."""
+    ranks = _ranks("flip", difference.ravel(), 99, 100)
+    return {"flip_mean": float(difference.mean()), **ranks, "flip_region": largest_region(difference > BAD)}
 
 
 def check_followed(scene: Scene) -> None:

@@ -69,7 +69,8 @@ def _webp(pixels: Pixels) -> bytes:
 
 
 def _mean(pixels: Pixels, size: float) -> Pixels:
-    return np.asarray(_reduced(pixels, size, Image.Resampling.BOX))
+    width, height = (max(1, round(n * size)) for n in (pixels.shape[1], pixels.shape[0]))
+    return np.asarray(Image.fromarray(pixels).resize((width, height), Image.Resampling.BOX))
 
 
 def _peaks(pixels: Pixels, size: float) -> Pixels:
@@ -82,8 +83,3 @@ def _peaks(pixels: Pixels, size: float) -> Pixels:
     best = (cells.sum(axis=-1, dtype=np.int64) + 1000 * wrong).argmax(axis=-1)
     found: Any = np.take_along_axis(cells, best[..., None, None], axis=2)[:, :, 0]
     return np.asarray(found, np.uint8)
-
-
-def _reduced(pixels: Pixels, size: float, by: Any) -> Image.Image:
-    width, height = (max(1, round(n * size)) for n in (pixels.shape[1], pixels.shape[0]))
-    return Image.fromarray(pixels).resize((width, height), by)

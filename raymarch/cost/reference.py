@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raymarch import cache
 from raymarch.cost.content import content_key
+from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene, check_scene
 from raymarch.truth import Truth, silhouettes, truth
@@ -115,7 +116,7 @@ def reference(
     file = None if (folder := cache_folder()) is None else folder / f"{key}.npz"
     found = None if file is None else _load(file)
     if found is None:
-        found = _compute(scene, size, time, params, edge, progress or (lambda _: None))
+        found = _compute(scene, size, values, edge, progress or (lambda _: None))
         if file is not None:
             _save(file, found)
     return found
@@ -127,17 +128,17 @@ def cache_folder() -> Path | None:
     return None if found is None else found / "truth"
 
 
-def _compute(scene: Scene, size: Any, time: float, params: Any, edge: int, progress: Progress) -> Reference:
+def _compute(scene: Scene, size: Any, values: Values, edge: int, progress: Progress) -> Reference:
     progress("reference: depth, normals, colour")
+    time, params = values.time, values.params
     known = truth(scene.replace(quality=scene.quality.replace(samples=1)), size, time, params, ("normal", "material"))
-    values = set_values(scene.parameters, params, time)
     width, height = known.depth.shape[1], known.depth.shape[0]
     pose = scene.pose(values, width / height)
     color = known.color if edge else np.zeros((height, width, 3))
     picture, spread, half = color, np.zeros(known.depth.shape), color
     if edge > 1:
         progress(f"reference: the picture from {edge * edge} rays per pixel")
-        picture, spread, half = _averaged(scene, (width, height), time, params, edge)
+        picture, spread, half = _averaged(scene, pose, values, (width, height), edge)
     edges, edge_width = _edges(scene, known, time, params, progress)
     floor = np.full(known.depth.shape, -1, np.int64)
     if edge and scene.node.exactness != "estimate":
@@ -180,14 +181,12 @@ def _edges(scene: Scene, known: Truth, time: float, params: Any, progress: Progr
     return edges, width
 
 
-def _averaged(scene: Scene, size: tuple[int, int], time: float, params: Any, edge: int) -> tuple[Any, Any, Any]:
+def _averaged(scene: Scene, pose: Pose, values: Values, size: tuple[int, int], edge: int) -> tuple[Any, Any, Any]:
     """Mean, standard error, and mean of one half, over a grid of `edge` x `edge` rays in each pixel.
 
     The half is every other ray, as on a chessboard; the larger half of an odd number.
     """
     width, height = size
-    values = set_values(scene.parameters, params, time)
-    pose = scene.pose(values, width / height)
     if pose.aperture > 0.0 or scene.motion_blur:
         return _averaged_over_lens_and_time(scene, values, size, edge * edge)
     black = np.indices((edge, edge)).sum(axis=0).ravel() % 2 == 0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
-from raymarch.cost.variants import VARIANTS, check_values, varied
+from raymarch.cost.variants import VARIANTS, varied
 from raymarch.errors import CostError, SceneError
 from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, trusted
 from raymarch.plan.plan import plan
@@ -239,23 +239,23 @@ def parse_values(name: str, text: str) -> tuple[Any, ...]:
 
 
 def _check_value(name: str, given: Any) -> None:
+    """Raise CostError for a value that an axis does not take."""
+    legal = ""
     if name in VARIANTS:
-        check_values(name, (given,))
-        return
-    if name in DRAWN:
-        low, high = DRAWN[name]
-        legal_type = name == "scale" or isinstance(given, int)
-        if not isinstance(given, int | float) or isinstance(given, bool) or not low <= given <= high or not legal_type:
-            number = "a number" if name == "scale" else "an integer"
-            raise CostError(f"axis {name} = {given!r}", legal=f"{number} from {low:g} to {high:g}")
-        return
-    try:
-        replace(Quality(), **{name: given})
-    except SceneError as fault:
-        if name != "omega":  # whose range depends on the tracer
-            raise CostError(f"axis {name} = {given!r}", legal=fault.legal) from None
-    except TypeError:
-        raise CostError(f"axis {name!r}", legal=", ".join(_known())) from None
+        legal = "" if VARIANTS[name].is_legal(given) else VARIANTS[name].legal
+    elif name in DRAWN:
+        (low, high), scale = DRAWN[name], name == "scale"
+        if type(given) not in ((int, float) if scale else (int,)) or not low <= given <= high:
+            legal = f"{'a number' if scale else 'an integer'} from {low:g} to {high:g}"
+    else:
+        try:
+            replace(Quality(), **{name: given})
+        except SceneError as fault:
+            legal = "" if name == "omega" else fault.legal  # the range of omega depends on the tracer
+        except TypeError:
+            raise CostError(f"axis {name!r}", legal=", ".join(_known())) from None
+    if legal:
+        raise CostError(f"axis {name} = {given!r}", legal=legal)
 
 
 def _known() -> list[str]:

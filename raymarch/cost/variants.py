@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from raymarch.errors import CostError
 from raymarch.expr.vocabulary import max, pow, sqrt
 from raymarch.scene.light import PENUMBRAS, Light, hard
 from raymarch.scene.material import Material
@@ -20,15 +19,24 @@ class Variant:
 
     make : returns the scene with one of the values; None if the value would change nothing.
     ideal : returns the scene whose reference all values are compared with; None is the scene itself.
-    legal : description of the legal values. is_legal : whether a value is legal.
+    ends : of the range of integers that are legal; None for the values alone.
     """
 
     name: str
     values: tuple[Any, ...]
     make: Callable[[Scene, Any], Scene | None]
-    legal: str
-    is_legal: Callable[[Any], bool]
+    ends: tuple[int, int] | None = None
     ideal: Callable[[Scene], Scene] | None = None
+
+    @property
+    def legal(self) -> str:
+        """Description of the legal values."""
+        return ", ".join(self.values) if self.ends is None else "an integer from {} to {}".format(*self.ends)
+
+    def is_legal(self, value: Any) -> bool:
+        if self.ends is None:
+            return value in self.values
+        return type(value) is int and self.ends[0] <= value <= self.ends[1]
 
 
 def with_penumbra(scene: Scene, form: str) -> Scene | None:
@@ -84,29 +92,12 @@ def _as_model(material: Material, physical: bool) -> Material:
     )
 
 
-def _integers(low: int, high: int) -> Callable[[Any], bool]:
-    return lambda value: type(value) is int and low <= value <= high
-
-
 VARIANTS: dict[str, Variant] = {
     v.name: v
     for v in (
-        Variant(
-            "penumbra",
-            ("hard", *PENUMBRAS),
-            with_penumbra,
-            ", ".join(("hard", *PENUMBRAS)),
-            lambda value: value in ("hard", *PENUMBRAS),
-            with_disc,
-        ),
-        Variant("occlusion_samples", (2, 5, 10), with_occlusion_samples, "an integer from 1 to 32", _integers(1, 32)),
-        Variant(
-            "model",
-            ("phong", "physical"),
-            with_model,
-            "phong, physical",
-            lambda value: value in ("phong", "physical"),
-        ),
+        Variant("penumbra", ("hard", *PENUMBRAS), with_penumbra, ideal=with_disc),
+        Variant("occlusion_samples", (2, 5, 10), with_occlusion_samples, (1, 32)),
+        Variant("model", ("phong", "physical"), with_model),
     )
 }
 """Variants by axis name."""
@@ -128,11 +119,3 @@ def ideal_of(scene: Scene, variations: tuple[tuple[str, Any], ...]) -> Scene:
         ideal = VARIANTS[name].ideal
         scene = ideal(scene) if ideal is not None else scene
     return scene
-
-
-def check_values(name: str, values: tuple[Any, ...]) -> None:
-    """Raise CostError for an illegal value of an axis."""
-    variant = VARIANTS[name]
-    for value in values:
-        if not variant.is_legal(value):
-            raise CostError(f"axis {name} = {value!r}", legal=variant.legal)
