@@ -6,7 +6,7 @@ import importlib.util
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,12 @@ _hooked = False
 def reads(file: str | os.PathLike[str]) -> None:
     """Raise Python's audit event "open" for a file that a C library reads, which raises none of its own."""
     sys.audit("open", os.fspath(file), "rb", 0)
+
+
+def write(file: Path, writer: Callable[[Path], object], error: type[RaymarchError] = SceneError) -> None:
+    """`written` with a function that writes."""
+    with written(file, error) as partial:
+        writer(partial)
 
 
 @contextmanager

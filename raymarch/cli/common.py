@@ -8,7 +8,7 @@ import select
 import stat
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -156,10 +156,3 @@ class Output(Console):
 
     def on_broken_pipe(self) -> NoReturn:
         raise BrokenPipeError(errno.EPIPE, "the reader has closed the pipe")
-
-
-def written(file: Path) -> AbstractContextManager[Path]:
-    """`raymarch.files.written` for a file that was named on the command line."""
-    from raymarch import files  # `raymarch --help` does not need it
-
-    return files.written(file, CommandError)

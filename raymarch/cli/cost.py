@@ -22,7 +22,6 @@ from raymarch.cli.common import (
     Settings,
     parse_settings,
     parse_size,
-    written,
 )
 from raymarch.cli.progress import watched
 from raymarch.cost import baseline
@@ -30,16 +29,16 @@ from raymarch.cost.answer import sentence
 from raymarch.cost.checks import check
 from raymarch.cost.effects import Effect, ablate, ablations, evaluations_of
 from raymarch.cost.effects import table as effects_table
-from raymarch.cost.environment import environment
 from raymarch.cost.errors import check_followed
 from raymarch.cost.html import as_html, templates
 from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting, axes, grid, parse_values
-from raymarch.cost.sweep import METRICS, Point, Progress, Sweep, sweep
+from raymarch.cost.sweep import METRICS, Point, Progress, Sweep, environment, sweep
 from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
 from raymarch.cost.variants import ideal_of
+from raymarch.files import write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
@@ -157,11 +156,10 @@ def run(
     show(made, by, everything)
     for file, text in ((json, as_json), (csv, as_csv), (html, partial(as_html, effects=costs))):
         if file is not None:
-            with written(file) as target:
-                target.write_text(text(made, by), encoding="utf-8")
+            _write(file, text(made, by))
     if plot is not None:
-        with written(plot) as target:
-            target.write_bytes(save(figure(made, by), plot.suffix[1:].lower()))
+        made_plot = save(figure(made, by), plot.suffix[1:].lower())
+        write(plot, lambda target: target.write_bytes(made_plot), CommandError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,8 +216,7 @@ def _write_baseline(bench: _Bench, file: Path) -> None:
     records = baseline.read(file) if file.exists() else {}
     rows = bench.rows()
     record = records[bench.name] = baseline.Record(bench.size, bench.time, bench.params, rows)
-    with written(file) as target:
-        target.write_text(baseline.as_text(records), encoding="utf-8")
+    _write(file, baseline.as_text(records))
     Output().print(baseline.summary(bench.name, record, rows, 0).replace("nothing grew", "recorded"), markup=False)
 
 
@@ -252,8 +249,11 @@ def _effects(bench: _Bench, repeats: int, seed: int, json: Path | None) -> None:
     if json is not None:
         data = {"format": FORMAT, "scene": bench.name, "size": list(bench.size), "seed": seed, "repeats": repeats}
         data |= {"environment": measured_on, "effects": [e.as_dict() for e in found]}
-        with written(json) as target:
-            target.write_text(json_format.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        _write(json, json_format.dumps(data, indent=2, allow_nan=False) + "\n")
+
+
+def _write(file: Path, text: str) -> None:
+    write(file, lambda target: target.write_text(text, encoding="utf-8"), CommandError)
 
 
 def _wide() -> Output:

@@ -5,16 +5,15 @@ from __future__ import annotations
 import shutil
 import time as clock_time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from raymarch.cli.choice import choose_quality
 from raymarch.cli.common import (
     SIZE,
     Backend,
@@ -26,9 +25,8 @@ from raymarch.cli.common import (
     errors,
     parse_settings,
     parse_size,
-    written,
 )
-from raymarch.cli.progress import bar
+from raymarch.cli.progress import bar, watched
 from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.errors import RenderWarning
 from raymarch.export import behind
@@ -48,10 +46,12 @@ from raymarch.export.sequence import (
     tiles_of,
 )
 from raymarch.export.stills import FORMATS, Shot, draw, encoder, is_whole, key_of
+from raymarch.files import write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.images import exr_package
-from raymarch.scene.quality import PRESETS
+from raymarch.scene.quality import PRESETS, Quality
+from raymarch.scene.scene import Scene
 
 
 def run(
@@ -208,7 +208,7 @@ def run(
             frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
             view_result = shown(renderer, frame, view, found, params, tell)
             image = cache(view_result.image)
-            write = encoder(shot, frame, image, view_result.numbers, key)
+            writer = encoder(shot, frame, image, view_result.numbers, key)
             if film or large:
                 file.parent.mkdir(exist_ok=True)
             if add is not None:
@@ -219,7 +219,7 @@ def run(
                 by = f"{renderer.context.backend}: {renderer.context.driver.renderer}"
                 words = f"{width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind})"
                 tell_end = partial(_report, file, words, start, by, doubts, view_result.lines)
-            later(partial(_save, file, write, tell_end))
+            later(partial(_save, file, writer, tell_end))
             del frame, view_result, image  # the next frame then reads no arrays of this one
         drawn_at = clock_time.perf_counter()
         if large:
@@ -231,9 +231,8 @@ def run(
         join(target, items, fps, (width, height), key)
 
 
-def _save(file: Path, write: Callable[[Path], None], tell_end: Callable[[], None]) -> None:
-    with written(file) as unfinished:
-        write(unfinished)
+def _save(file: Path, writer: Callable[[Path], None], tell_end: Callable[[], None]) -> None:
+    write(file, writer, CommandError)
     tell_end()
 
 
@@ -293,3 +292,38 @@ def _items(target: Path, time: float | None, frames: str | None, fps: float, siz
     if not 0 < fps < float("inf"):
         raise CommandError(f"--fps {fps}", legal="a number > 0")
     return frames_of(target, range(int(first), int(last)), fps, size, "--frames", CommandError)
+
+
+# The quality: the scene's, a preset, or one found by measurement
+
+Chooser: TypeAlias = Callable[[Scene, Renderer, float, Mapping[str, Any]], Quality]
+"""A function that returns the quality for a scene, a renderer, a time and parameters."""
+
+
+def choose_quality(preset: str | None, error: str | None, within: str | None) -> Chooser:
+    """The chooser for --quality, --error and --within. CommandError for invalid options, before anything is drawn."""
+    given = [name for name, value in (("--quality", preset), ("--error", error), ("--within", within)) if value]
+    if len(given) > 1:
+        raise CommandError(" together with ".join(given), legal="one of them")
+    if preset is not None:
+        if preset not in PRESETS:
+            raise CommandError(f"--quality {preset}", legal=", ".join(PRESETS))
+        return lambda scene, *_: scene.quality.to_preset(preset)
+    if error is None and within is None:
+        return lambda scene, *_: scene.quality
+    from raymarch.cost import search  # only a search uses the reference
+
+    if error is not None:
+        search.parse_error(error)
+        return lambda *where: _found(search.for_error, error, *where)
+    search.parse_time(str(within))
+    return lambda *where: _found(search.for_time, str(within), *where)
+
+
+def _found(
+    search: Callable[..., Any], target: str, scene: Scene, renderer: Renderer, time: float, params: Mapping[str, Any]
+) -> Quality:
+    with watched() as tell:
+        found = search(scene, target, renderer.size, time, params, renderer=renderer, progress=tell)
+    errors.print(f"{target}: {found.words}")
+    return found.quality

@@ -76,13 +76,13 @@ def _probed(
 
 
 def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:
-    from raymarch.cost import error_view  # only this view uses the reference
+    from raymarch.cost import maps  # only this view uses the reference
 
     def image() -> Image.Image:
-        return with_bar(error_view.error_picture(error_view.errors_of(frame, scene, params)), error_view.error_scale())
+        return with_bar(maps.error_picture(maps.errors_of(frame, scene, params)), maps.error_scale())
 
     def numbers() -> NDArray[np.float32]:
-        errors = error_view.errors_of(frame, scene, params)
+        errors = maps.errors_of(frame, scene, params)
         return np.repeat(errors[..., None], 3, axis=-1).astype(np.float32)
 
     return Shown(image, numbers)

@@ -28,7 +28,7 @@ from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import described, integer, optional, real, short, switch
-from raymarch.files import written
+from raymarch.files import write, written
 from raymarch.gpu.part import Part
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.views import VIEWS
@@ -314,11 +314,6 @@ def _draw_here(
             except RaymarchError as fault:
                 failed.append((item, Refused(str(fault))))
                 continue
-            later(partial(_write, item.file, stills.view_encoder(shot, frame, scene, key)))
+            later(partial(write, item.file, stills.view_encoder(shot, frame, scene, key)))
             del frame
     return failed
-
-
-def _write(file: Path, write: Callable[[Path], None]) -> None:
-    with written(file) as unfinished:
-        write(unfinished)

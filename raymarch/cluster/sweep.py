@@ -19,10 +19,9 @@ from raymarch.cluster.worker import STATE, Job, Refused, drawing
 from raymarch.cost.checks import Check, check, check_clock
 from raymarch.cost.drawing import Renderers, draw, timed
 from raymarch.cost.effects import evaluations_of
-from raymarch.cost.environment import environment
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting
-from raymarch.cost.sweep import Point, Progress, Sweep, examine, facts_of, turns
+from raymarch.cost.sweep import Point, Progress, Sweep, environment, examine, facts_of, turns
 from raymarch.cost.variants import ideal_of
 from raymarch.errors import CostError, RaymarchError
 from raymarch.export.stills import Shot
@@ -145,7 +144,7 @@ def _times(
 
 
 def _environment(machines: Sequence[Machine], found: Times | None) -> dict[str, Any]:
-    """See `raymarch.cost.environment`. Without times there is no clock."""
+    """See `raymarch.cost.sweep.environment`. Without times there is no clock."""
     if found is not None:
         return found.environment
     context = SimpleNamespace(driver=machines[0].driver, backend="cluster")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from raymarch.cost.errors import footprints
+from raymarch.cost.errors import apart, footprints
 from raymarch.cost.reference import Reference
 from raymarch.errors import CostError
-from raymarch.gpu.frame import srgb
+from raymarch.gpu.frame import Frame, srgb
 from raymarch.gpu.scale import Scale, colored
+from raymarch.scene.scene import Scene
+from raymarch.truth import truth
 
 LOWEST, HIGHEST = 1e-4, 10.0
 """Footprints at the two ends of the colour scale."""
@@ -49,10 +53,10 @@ def footprint_map(known: Reference, depth: NDArray[Any], under: NDArray[np.uint8
 
     under : the result of `under_map`, if it is known already.
     """
-    apart = footprints(known, depth)
+    off = footprints(known, depth)
     pixels = under_map(known) if under is None else under.copy()
-    _draw_bands(pixels, FOOTPRINT_SCALE, np.where(np.isfinite(apart), apart, HIGHEST), apart > LOWEST)
-    pixels[~np.isfinite(apart)] = WRONG
+    _draw_bands(pixels, FOOTPRINT_SCALE, np.where(np.isfinite(off), off, HIGHEST), off > LOWEST)
+    pixels[~np.isfinite(off)] = WRONG
     return pixels
 
 
@@ -73,3 +77,29 @@ def _draw_bands(pixels: NDArray[np.uint8], scale: Scale, values: NDArray[Any], s
     """Draw the bands of the shown values into a picture."""
     band = np.minimum(scale.normalized(values[shown]) * BANDS, BANDS - 1).astype(int)
     pixels[shown] = band_colors(scale)[band]
+
+
+# The view of the errors of a frame
+
+
+def errors_of(frame: Frame, scene: Scene, params: Mapping[str, Any] | None = None) -> NDArray[np.float64]:
+    """abs(depth - reference) in pixel footprints, (H, W): inf where a hit is missed or false, 0 where neither hits.
+
+    Traces the reference at the frame's time with the scene's own camera; params : those of the frame.
+    """
+    assert frame.pose is not None
+    known = truth(scene, frame.size, frame.time, params, outputs=())
+    return apart(frame.depth, known.depth, frame.pose.footprint(known.depth, frame.size[1]))
+
+
+def error_scale() -> Scale:
+    """The colour scale of `error_picture`."""
+    quantity = "pixel footprints from the true hit; magenta: a missed or false hit"
+    return Scale(quantity, LOWEST, HIGHEST, "log")
+
+
+def error_picture(errors: NDArray[np.float64]) -> Image.Image:
+    """The result of `errors_of` as an 8-bit image of the same size; missed and false hits are magenta."""
+    pixels = np.asarray(np.rint(255 * error_scale().colored(errors)), np.uint8)
+    pixels[~np.isfinite(errors)] = WRONG
+    return Image.fromarray(pixels)

@@ -13,24 +13,17 @@ from raymarch.cost.settings import differences
 from raymarch.cost.sweep import METRICS, Point, Sweep
 from raymarch.cost.text import labelled, worth
 
-COLORS = {
-    "plain": "#5f6770",
-    "relaxed": "#d98a00",
-    "relaxed_again": "#806400",
-    "enhanced": "#00795a",
-    "auto_relaxed": "#0066a8",
-    "bracketing": "#b4387f",
+STYLES = {
+    "plain": ("#5f6770", "s"),
+    "relaxed": ("#d98a00", "^"),
+    "relaxed_again": ("#806400", "v"),
+    "enhanced": ("#00795a", "D"),
+    "auto_relaxed": ("#0066a8", "o"),
+    "bracketing": ("#b4387f", "*"),
 }
-"""Colour of each tracer in all figures; they differ for colour-blind readers too."""
-MARKERS = {
-    "plain": "s",
-    "relaxed": "^",
-    "relaxed_again": "v",
-    "enhanced": "D",
-    "auto_relaxed": "o",
-    "bracketing": "*",
-}
-"""Mark of each tracer, so that no colour is needed to tell them apart."""
+"""Colour and mark of each tracer in all figures. They differ for colour-blind readers too, and no colour is needed to
+tell them apart."""
+COLORS = {tracer: color for tracer, (color, _) in STYLES.items()}
 
 
 def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
@@ -86,9 +79,9 @@ def draw_front(axes: Any, made: Sweep, metric: str) -> None:
         some = [p for p in sound if p.tracer == tracer]
         x = [p.time.value for p in some]
         spread = [[p.time.value - p.time.low for p in some], [p.time.high - p.time.value for p in some]]
-        style = {"lw": 0.5, "alpha": 0.8, "color": COLORS.get(tracer), "label": tracer}
-        mark = {"fmt": MARKERS.get(tracer, "o"), "ms": 8 if MARKERS.get(tracer) == "*" else 5}
-        axes.errorbar(x, [at(p) for p in some], xerr=spread, **style, **mark)
+        color, mark = STYLES.get(tracer, (None, "o"))
+        style = {"lw": 0.5, "alpha": 0.8, "color": color, "label": tracer, "fmt": mark, "ms": 8 if mark == "*" else 5}
+        axes.errorbar(x, [at(p) for p in some], xerr=spread, **style)
     front = made.front(metric)
     axes.step([p.time.value for p in front], [at(p) for p in front], where="post", color="black", lw=1, label="front")
     axes.plot(*_own(made.base, sound, at), "o", ms=13, mfc="none", mec="black", label="the scene's own")

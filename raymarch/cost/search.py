@@ -307,12 +307,7 @@ def _pairs(quality: Quality) -> list[Quality]:
     return [replace(quality, tracer=tracer, schedule=schedule) for tracer in TRACERS for schedule in SCHEDULES]
 
 
-def _quality_for_error(scene: Scene, error: str, **where: Any) -> Quality:
-    return for_error(scene, error, **where).quality
-
-
-def _quality_for_time(scene: Scene, within: str | float, **where: Any) -> Quality:
-    return for_time(scene, within, **where).quality
-
-
-provide_searches(_quality_for_error, _quality_for_time)
+provide_searches(
+    lambda scene, error, **where: for_error(scene, error, **where).quality,
+    lambda scene, within, **where: for_time(scene, within, **where).quality,
+)

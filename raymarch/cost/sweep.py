@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import platform
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+import raymarch
 from raymarch.cost.drawing import Renderers, brought_to, draw, nearest, timed
-from raymarch.cost.environment import environment
 from raymarch.cost.errors import Errors, measure
 from raymarch.cost.flip import flip
 from raymarch.cost.reference import Reference
@@ -121,7 +124,7 @@ class Sweep:
     ----------
     name : of the scene. known : its reference. floor : mean of N* over the pixels; nan for an estimate.
     seed, repeats : seed of the frame order, and number of frames of each setting.
-    environment : see `raymarch.cost.environment`.
+    environment : see `raymarch.cost.sweep.environment`.
     checks : results of the self-checks; see `raymarch.cost.checks`.
     untimed : why no times were taken; "" if they were. The front is then by evaluations.
     moment : the time of the frames in seconds, for a scene that reads it; else None.
@@ -281,6 +284,27 @@ def examine(
         difference=None if difference is None else difference.astype(np.float32),
         schedule=schedule_of(planned.marching),
     )
+
+
+def environment(renderer: Any) -> dict[str, Any]:
+    """The environment of a measurement: driver, clock, machine, versions and date, as plain data.
+
+    renderer : has `context` (with `driver` and `backend`) and `clock` (with `kind` and `verdict`).
+    """
+    driver = renderer.context.driver
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "driver": {"renderer": driver.renderer, "vendor": driver.vendor, "version": driver.version},
+        "draws_on": "CPU" if driver.is_software else "GPU",
+        "backend": renderer.context.backend,
+        "clock": {"kind": renderer.clock.kind, "verdict": renderer.clock.verdict},
+        "machine": {"processor": platform.machine(), "cores": os.cpu_count(), "system": platform.system()},
+        "versions": {
+            "raymarch": raymarch.__version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+        },
+    }
 
 
 def pareto(points: Sequence[T], cost: Callable[[T], float], error: Callable[[T], float]) -> list[T]:

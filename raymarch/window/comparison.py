@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.cost.error_view import error_scale
 from raymarch.cost.errors import apart
-from raymarch.cost.maps import WRONG
+from raymarch.cost.maps import WRONG, error_scale
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import Scale
 from raymarch.gpu.screen import Screen

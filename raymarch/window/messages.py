@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import Values
-from raymarch.window import commands, keys
+from raymarch.window import commands, inputs
 from raymarch.window.model import Model
 from raymarch.window.news import near
 
@@ -34,7 +34,7 @@ class Message:
 def messages_of(model: Model, now: float) -> list[Message]:
     """The messages to show now. Removes expired notices."""
     if model.help:
-        return [Message(keys.help_text(), "note", "middle")]
+        return [Message(inputs.help_text(), "note", "middle")]
     messages = _sides(model)
     if model.fault is not None:
         messages.append(Message(model.fault.text(), "error", "bottom left"))

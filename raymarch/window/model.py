@@ -16,7 +16,6 @@ from typing import Any, TextIO, TypeAlias
 
 from raymarch.errors import SceneError
 from raymarch.gpu.prepare import Prepared
-from raymarch.gpu.scale import Scale
 from raymarch.plan import Plan
 from raymarch.window.accuracy import Stop, preset_stops
 from raymarch.window.news import Fault, Loaded
@@ -176,8 +175,8 @@ class Model:
     help, notices, fault, pick : messages: notices with the time at which they end.
     trial : file and start of the running trial of a changed scene file.
     sequence : the sequence that is being saved.
-    drawn, frame, plan, scale, evaluations, frames, driver, compiled : what the views report: the last step; ms of the
-        last complete sample; the plan; the colour scale of the view; mean evaluations per pixel of a shot; the times of
+    drawn, frame, plan, evaluations, frames, driver, compiled : what the views report: the last step; ms of the
+        last complete sample; the plan; mean evaluations per pixel of a shot; the times of
         the last frames (scene, window, compile); the driver; the number of compiled programs.
     requests : what commands leave to the main loop.
     changed_at : time of the last change of the picture, which is refined after it.
@@ -202,7 +201,6 @@ class Model:
     drawn: Drawn = field(default_factory=Drawn)
     frame: float | None = None
     plan: Plan | None = None
-    scale: Scale | None = None
     evaluations: tuple[Shot, float] | None = None
     frames: deque[tuple[float, float, float]] = field(default_factory=lambda: deque([(0.0, 0.0, 0.0)] * FRAMES, FRAMES))
     driver: str = ""

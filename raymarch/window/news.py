@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import linecache
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
@@ -29,7 +30,9 @@ class Fault:
     def text(self) -> str:
         """The text for the overlay: location, source line, message."""
         place = f"{near(self.file)}:{self.line}\n" if self.file else ""
-        source = _line_of(self.file, self.line) if self.file and self.line else ""
+        linecache.checkcache(self.file)
+        line = linecache.getline(self.file or "", self.line or 0).strip()
+        source = f"{self.line} | {line}\n" if line else ""
         cure = f"\n({self.legal})" if self.legal else ""
         return f"{place}{source}{self.what}{cure}"
 
@@ -72,13 +75,3 @@ def near(file: str) -> str:
     """The path of a file, relative to the current folder if it is inside it."""
     path = Path(file)
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else file
-
-
-def _line_of(file: str, line: int) -> str:
-    """A source line with its number, for an error message."""
-    try:
-        with open(file, encoding="utf-8", errors="replace") as lines:
-            text = next(text for number, text in enumerate(lines, 1) if number == line)
-    except (OSError, StopIteration):
-        return ""
-    return f"{line} | {text.strip()}\n" if text.strip() else ""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time as clock_time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, Self
 
 from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import prepare
@@ -20,7 +23,7 @@ from raymarch.window.accuracy import Stop, preset_stops
 from raymarch.window.comparison import Comparison
 from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.events import Drop, Event
-from raymarch.window.interrupt import Interrupt as CtrlC
+from raymarch.window.inputs import Mouse, flying
 from raymarch.window.messages import Message, messages_of
 from raymarch.window.model import (
     Close,
@@ -35,7 +38,6 @@ from raymarch.window.model import (
     SavePicture,
     Show,
 )
-from raymarch.window.mouse import Mouse, flying
 from raymarch.window.news import Fault
 from raymarch.window.overlay import Bar, Overlay
 from raymarch.window.pace import Pace, scaled
@@ -54,6 +56,32 @@ IDLE = 0.25
 
 SHORTEST = 1 / 120
 """Minimum duration of a frame in seconds."""
+
+
+class CtrlC:
+    """Handles Ctrl+C in the shell. In its context, the first Ctrl+C sets `asked`, which the loop checks; the second raises KeyboardInterrupt.
+
+    An exception at the first could occur at any line: in a callback of glfw, which swallows it, or while a lock is
+    held.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._before: Any = None
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():  # other threads cannot handle signals
+            self._before = signal.signal(signal.SIGINT, self._handle)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
 
 
 class Viewer:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.cost.error_view import error_picture, error_scale, errors_of
-from raymarch.cost.maps import WRONG
+from raymarch.cost.maps import WRONG, error_picture, error_scale, errors_of
 from raymarch.gpu.frame import Frame
 from raymarch.scene.parameter import set_values
 from tests.cost.cost_samples import make_scene

@@ -13,7 +13,7 @@ import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -582,30 +582,41 @@ class Court:
 
 def smaller(spec: Spec) -> Iterator[Spec]:
     """Simpler scenes."""
+    plain: dict[str, Any] = {"near": 0.0, "far": math.inf, "height": None}
+    plain |= {"moving": 0, "fog": None, "occlusion": None, "sky_light": False}
+    if not any("mirror" in m for m in spec.materials):
+        plain["bounces"] = 0
+    yield from with_less(spec, plain, ("color", "range", "attenuation", "shadow"))
+    for name in spec.quality:
+        yield spec.changed(quality={key: value for key, value in spec.quality.items() if key != name})
+    used = {i for tree in spec.trees for i in painted(tree)}
+    yield from with_plain_materials(spec, [i for i in sorted(used) if "mirror" not in spec.materials[i]])
+
+
+def with_less(spec: Any, plain: dict[str, Any], keys: Sequence[str]) -> Iterator[Any]:
+    """Scenes with a tree, a light, an operator or a value of a light less, or with a plain value. keys : of lights."""
     for i in range(len(spec.trees) if len(spec.trees) > 1 else 0):
         yield spec.changed(trees=spec.trees[:i] + spec.trees[i + 1 :])
     for i in range(len(spec.lights)):
         yield spec.changed(lights=spec.lights[:i] + spec.lights[i + 1 :])
-    for name in spec.quality:
-        yield spec.changed(quality={key: value for key, value in spec.quality.items() if key != name})
-    plain: dict[str, Any] = {"near": 0.0, "far": math.inf, "height": None}
-    plain |= {"moving": 0, "fog": None, "occlusion": None, "sky_light": False, "bounces": 0}
     for name, value in plain.items():
-        if getattr(spec, name) != value and (name != "bounces" or not any("mirror" in m for m in spec.materials)):
+        if getattr(spec, name) != value:
             yield spec.changed(**{name: value})
     for i, tree in enumerate(spec.trees):
         for other in simpler(tree):
             yield spec.changed(trees=[*spec.trees[:i], other, *spec.trees[i + 1 :]])
     for i, light in enumerate(spec.lights):
-        for key in ("color", "range", "attenuation", "shadow"):
-            if key in light and light[key] is not False:
+        for key in keys:
+            if light.get(key):
                 made = {k: v for k, v in light.items() if k != key}
                 yield spec.changed(lights=[*spec.lights[:i], made, *spec.lights[i + 1 :]])
-    used = {i for tree in spec.trees for i in painted(tree)}
-    for i, material in enumerate(spec.materials):
-        if i in used and "mirror" not in material and material != {"color": (0.8, 0.8, 0.8)}:
-            made = [*spec.materials[:i], {"color": (0.8, 0.8, 0.8)}, *spec.materials[i + 1 :]]
-            yield spec.changed(materials=made)
+
+
+def with_plain_materials(spec: Any, numbers: Sequence[int]) -> Iterator[Any]:
+    """Scenes in which one of some materials is plain."""
+    for i in numbers:
+        if spec.materials[i] != {"color": (0.8, 0.8, 0.8)}:
+            yield spec.changed(materials=[*spec.materials[:i], {"color": (0.8, 0.8, 0.8)}, *spec.materials[i + 1 :]])
 
 
 def painted(tree: Tree) -> list[int]:

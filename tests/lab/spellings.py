@@ -29,7 +29,7 @@ from raymarch.errors import RaymarchError, SceneWarning
 from raymarch.expr.arrays import bound
 from raymarch.gpu import Frame, Renderer
 from raymarch.gpu.context import Context
-from tests.lab.lit import simpler
+from tests.lab.lit import with_less, with_plain_materials
 
 SIZE = (48, 36)
 TIME = 2.0
@@ -1055,25 +1055,9 @@ class Court:
 
 
 def smaller(spec: Spec) -> Iterator[Spec]:
-    for i in range(len(spec.trees) if len(spec.trees) > 1 else 0):
-        yield spec.changed(trees=spec.trees[:i] + spec.trees[i + 1 :])
-    for i in range(len(spec.lights)):
-        yield spec.changed(lights=spec.lights[:i] + spec.lights[i + 1 :])
-    rest: dict[str, Any] = {"near": 0.0, "far": None, "height": None, "fog": None, "occlusion": None, "bounces": 0}
-    for name, value in {**rest, "sky_light": False}.items():
-        if getattr(spec, name) != value:
-            yield spec.changed(**{name: value})
-    for i, material in enumerate(spec.materials):
-        if material != {"color": (0.8, 0.8, 0.8)}:
-            yield spec.changed(materials=[*spec.materials[:i], {"color": (0.8, 0.8, 0.8)}, *spec.materials[i + 1 :]])
-    for i, light in enumerate(spec.lights):
-        for key in ("shadow", "softness", "penumbra"):
-            if light.get(key):
-                made = {k: v for k, v in light.items() if k != key}
-                yield spec.changed(lights=[*spec.lights[:i], made, *spec.lights[i + 1 :]])
-    for i, tree in enumerate(spec.trees):
-        for other in simpler(tree):
-            yield spec.changed(trees=[*spec.trees[:i], other, *spec.trees[i + 1 :]])
+    plain: dict[str, Any] = {"near": 0.0, "far": None, "height": None, "fog": None, "occlusion": None, "bounces": 0}
+    yield from with_less(spec, {**plain, "sky_light": False}, ("shadow", "softness", "penumbra"))
+    yield from with_plain_materials(spec, range(len(spec.materials)))
 
 
 def shrunk(court: Court, spec: Spec, variant: Variant, tries: int = 80) -> tuple[Spec, Variant]:

@@ -16,9 +16,10 @@ from raymarch.errors import Location, SceneError
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.views import VIEWS
 from raymarch.window import commands as do
-from raymarch.window import keys
+from raymarch.window import inputs
 from raymarch.window.edits import Edits, editable_lights
 from raymarch.window.events import Button, Drop, Key, Move, Scroll
+from raymarch.window.inputs import Mouse, flying
 from raymarch.window.messages import messages_of
 from raymarch.window.model import (
     Close,
@@ -32,7 +33,6 @@ from raymarch.window.model import (
     SavePicture,
     Show,
 )
-from raymarch.window.mouse import Mouse, flying
 from raymarch.window.news import Failed, Fault, Loaded, Started, Watching
 from raymarch.window.pick import Pick
 from raymarch.window.state import opened
@@ -58,7 +58,7 @@ def model_of(text: str = SCENE, **changes: Any) -> Model:
 
 def press(model: Model, *names: str, shift: bool = False, control: bool = False) -> None:
     for name in names:
-        keys.press(model, Key(name, True, False, shift, control, 0))
+        inputs.press(model, Key(name, True, False, shift, control, 0))
 
 
 def carried_out(model: Model) -> Show:

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.cost.error_view import error_scale, errors_of
-from raymarch.cost.maps import WRONG
+from raymarch.cost.maps import WRONG, error_scale, errors_of
 from raymarch.window import comparison
 from raymarch.window.reference import Reference, from_centre, traced
 from tests.window.test_commands import model_of
