@@ -179,9 +179,9 @@ def ablate(
     for done, k in enumerate(turns(len(scenes), repeats, seed)):
         tell("time", 0.5 + 0.5 * done / (repeats * len(scenes)))
         times[k].append(timed(scenes[k], Setting("", scenes[k].quality), renderer, time, params)[0])
-    for effect, without in zip(found, times[1:], strict=True):
+    for effect, others in zip(found, times[1:], strict=True):
         effect._frames = times[0]
-        effect._differences = [a - b for a, b in zip(times[0], without, strict=True)]
+        effect._differences = [a - b for a, b in zip(times[0], others, strict=True)]
     return sorted(found, key=lambda e: -e.milliseconds.value)
 
 

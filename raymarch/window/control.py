@@ -80,7 +80,7 @@ class View:
 
     def ray(self, x: float, y: float, size: tuple[int, int]) -> tuple[Vector, Vector]:
         """Origin and unit direction of the ray through a point of a picture, in pixels; x to the right, y down."""
-        return self.pose().rays(np.float64(x - 0.5), np.float64(y - 0.5), size)
+        return self.pose().rays(np.array(x - 0.5), np.array(y - 0.5), size)
 
 
 def view_of(pose: Pose, target: Vector | None, up: Vector) -> View:

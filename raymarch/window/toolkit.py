@@ -167,11 +167,6 @@ def shade(imgui: Any, color: tuple[float, float, float], alpha: float = 1.0) -> 
 
 def _font() -> Path | None:
     """A TrueType font from the toolkit's package; None if it has none, to use its built-in font."""
-    font = (
-        Path(importlib.import_module("imgui_bundle").__file__ or "").parent
-        / "assets"
-        / "fonts"
-        / "Roboto"
-        / "Roboto-Regular.ttf"
-    )
+    package = importlib.import_module("imgui_bundle").__file__ or ""
+    font = Path(package).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
     return font if font.is_file() else None

@@ -59,10 +59,10 @@ SHORTEST = 1 / 120
 
 
 class CtrlC:
-    """Handles Ctrl+C in the shell. In its context, the first Ctrl+C sets `asked`, which the loop checks; the second raises KeyboardInterrupt.
+    """Handles Ctrl+C in the shell.
 
-    An exception at the first could occur at any line: in a callback of glfw, which swallows it, or while a lock is
-    held.
+    In its context, the first sets `asked`, which the loop checks; the second raises KeyboardInterrupt. An exception at
+    the first could occur at any line: in a callback of glfw, which swallows it, or while a lock is held.
     """
 
     def __init__(self) -> None:
