@@ -264,7 +264,6 @@ def join(target: Path, items: list[Item], fps: float, size: tuple[int, int], key
 
 
 def _check_alpha(target: Path, view: str) -> None:
-    """Refuse --alpha for files that cannot hold it."""
     if view != "final":
         raise CommandError(f"--alpha with --view {view}", legal="the final picture")
     if target.suffix.lower() not in (".png", ".webp", ".tif", ".tiff"):
@@ -276,7 +275,6 @@ def _later(progress: Callable[[float], None], before: int, share: float) -> None
 
 
 def _items(target: Path, time: float | None, frames: str | None, fps: float, size: tuple[int, int]) -> list[Item]:
-    """The pictures to render."""
     check_suffix(target, CommandError)
     if frames is None:
         if target.suffix.lower() in FILMS:

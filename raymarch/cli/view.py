@@ -76,7 +76,6 @@ def run(
 
 
 def _read(file: Path) -> Any:
-    """The content of a JSON file."""
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as fault:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from raymarch.cost.settings import differences
 from raymarch.cost.sweep import Point, Sweep
@@ -17,23 +16,6 @@ REST = 10.0
 not hidden by a large floor that is right."""
 MARCHING = set("tracer max_steps epsilon omega beta step_scale schedule refinement steps_per_pass".split())
 """Fields of `Quality` that change where hits lie and nothing else of the picture."""
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """The fastest setting of a sweep that is within an error bound.
-
-    bound : the error bound in pixels; for the last answer it may be the error itself, if it is the most accurate.
-    point : its measurement.
-    """
-
-    bound: float
-    point: Point
-
-    @property
-    def error(self) -> float:
-        """The measured error in pixels: 99 % of the hits are within it."""
-        return self.point.error(METRIC)
 
 
 def candidates(made: Sweep) -> list[Point]:
@@ -58,23 +40,23 @@ def reach(point: Point) -> float:
     return max(point.error(METRIC), 0.0 if rest != rest else rest)
 
 
-def answers(made: Sweep, bounds: Sequence[float] = BOUNDS) -> list[Answer]:
-    """The fastest setting within each bound, coarsest first; bounds that no setting meets are left out."""
+def answers(made: Sweep, bounds: Sequence[float] = BOUNDS) -> list[tuple[float, Point]]:
+    """The bounds in pixels, coarsest first, each with the fastest setting within it; bounds that no setting meets are
+    left out."""
     able = [made.base] if closed(made) else candidates(made)
     found = []
     for bound in bounds:
         within = [p for p in able if reach(p) <= bound]
         if within:
-            found.append(Answer(bound, min(within, key=lambda p: (p.time.value, reach(p)))))
+            found.append((bound, min(within, key=lambda p: (p.time.value, reach(p)))))
     return found
 
 
-def finest(made: Sweep) -> Answer | None:
+def finest(made: Sweep) -> Point | None:
     """The most accurate setting; None if no setting finds every hit."""
     if closed(made):
-        return Answer(made.base.error(METRIC), made.base)
-    best = min(candidates(made), key=lambda p: (reach(p), p.time.value), default=None)
-    return None if best is None else Answer(best.error(METRIC), best)
+        return made.base
+    return min(candidates(made), key=lambda p: (reach(p), p.time.value), default=None)
 
 
 def closed(made: Sweep) -> bool:
@@ -92,33 +74,34 @@ def sentence(made: Sweep) -> str:
     found, best = answers(made), finest(made)
     if best is None:
         return f"{where}, no setting finds every hit of {made.name}: see the table."
+    error = figures(best.error(METRIC))
     if not found:
         doubt = " Its field is an estimate, which proves neither these hits nor those of the reference."
         return (
-            f"{where}, no setting draws {made.name} within half a pixel: the most accurate one, {best.point.name}, is "
-            f"within {figures(best.error)} px and takes {_time(best.point)} a frame.{doubt if made.estimate else ''}"
+            f"{where}, no setting draws {made.name} within half a pixel: the most accurate one, {best.name}, is "
+            f"within {error} px and takes {_time(best)} a frame.{doubt if made.estimate else ''}"
         )
     if closed(made):
         return (
-            f"{where}, a frame of {made.name} takes {_time(best.point)}, and marching settings change neither time nor "
-            f"error: every ray is solved in closed form, within {figures(best.error)} px."
+            f"{where}, a frame of {made.name} takes {_time(best)}, and marching settings change neither time nor "
+            f"error: every ray is solved in closed form, within {error} px."
         )
     parts = [f"{phrase(bounds)} takes {_time(point)}" for bounds, point in grouped(found)]
     parts[0] = f"a frame of {made.name} {parts[0]}"
-    if best.point is found[-1].point:
-        end = f"; no setting is more exact than that one, {figures(best.error)} px."
+    if best is found[-1][1]:
+        end = f"; no setting is more exact than that one, {error} px."
     else:
-        end = f"; the most exact setting, {figures(best.error)} px, takes {_time(best.point)}."
+        end = f"; the most exact setting, {error} px, takes {_time(best)}."
     return f"{where}, {', '.join(parts)}{end}"
 
 
 PHRASES = {0.5: "within half a pixel", 0.05: "ten times as exact", 0.005: "a hundred times as exact"}
 
 
-def grouped(found: Sequence[Answer]) -> list[tuple[tuple[float, ...], Point]]:
+def grouped(found: Sequence[tuple[float, Point]]) -> list[tuple[tuple[float, ...], Point]]:
     """The answers by their settings: one setting may be the fastest within several bounds."""
-    points = {id(a.point): a.point for a in found}
-    return [(tuple(a.bound for a in found if a.point is p), p) for p in points.values()]
+    points = {id(point): point for _, point in found}
+    return [(tuple(bound for bound, p in found if p is point), point) for point in points.values()]
 
 
 def phrase(bounds: Sequence[float]) -> str:

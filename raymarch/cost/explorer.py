@@ -33,13 +33,13 @@ def page_data(made: Sweep, metric: str, effects: Sequence[Effect]) -> dict[str, 
     under = under_map(made.known)
     errors = {name: METRICS[name] for name in PLOTTED} | {"wrong": ("missed and false hits", "")}
     errors |= {metric: METRICS[metric]}
-    bounds = {id(a.point): a.bound for a in reversed(answers(made))}
+    bounds = {id(point): bound for bound, point in reversed(answers(made))}
     matter = {id(p) for p in made.front(metric)} | set(bounds) | {id(p) for p in made.points if p.setting.preset}
     best = finest(made)
     points = [_point(p, made, pictures, errors, under, p is made.base or id(p) in matter) for p in made.points]
     for given, point in zip(made.points, points, strict=True):
         point["bound"] = bounds.get(id(given))
-        point["finest"] = best is not None and best.point is given
+        point["finest"] = best is given
     return {
         "name": made.name,
         "size": list(made.known.size),

@@ -88,8 +88,8 @@ def _cards(made: Sweep) -> list[dict[str, Any]]:
     if cards and closed(made):
         cards = [("solved in closed form", made.base)]
     best = finest(made)
-    if best is not None and all(point is not best.point for _, point in cards):
-        cards.append(("the most exact setting", best.point))
+    if best is not None and all(point is not best for _, point in cards):
+        cards.append(("the most exact setting", best))
     index = {id(p): k for k, p in enumerate(made.points)}
     return [
         {

@@ -104,7 +104,6 @@ def _own(base: Point, sound: Sequence[Point], at: Callable[[Point], float]) -> t
 
 
 def _legend_below(axes: Any) -> None:
-    """A legend outside of the axes, where it hides nothing."""
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, frameon=False)
 
 

@@ -259,5 +259,4 @@ def _check_value(name: str, given: Any) -> None:
 
 
 def _known() -> list[str]:
-    """The names of all axes."""
     return [*(f.name for f in fields(Quality)), *DRAWN, *VARIANTS]

@@ -185,10 +185,12 @@ class Mouse:
         return {0: "pan" if event.shift else "orbit", 1: "turn", 2: "pan"}.get(event.button, "orbit")
 
 
-def flying(held: Callable[[str], bool], shift: bool, command: bool) -> tuple[float, float, float]:
-    """Speeds forward, right and up from the held keys; none with Control, Alt or the system key."""
-    if command:
+def flying(held: Callable[[str], bool]) -> tuple[float, float, float]:
+    """Speeds forward, right and up from the held keys, named as in glfw; none with Control, Alt or the system key."""
+    sides = ("left", "right")
+    if any(held(f"{side}_{key}") for side in sides for key in ("control", "alt", "super")):
         return 0.0, 0.0, 0.0
+    speed = FAST if any(held(f"{side}_shift") for side in sides) else 1.0
     pairs = (("w", "s"), ("d", "a"), ("e", "q"))
-    forward, right, up = ((FAST if shift else 1.0) * (held(plus) - held(minus)) for plus, minus in pairs)
+    forward, right, up = (speed * (held(plus) - held(minus)) for plus, minus in pairs)
     return forward, right, up

@@ -81,19 +81,6 @@ class Window:
         """True if a key is down; `name` as in glfw, without KEY_."""
         return bool(self.glfw.get_key(self.handle, getattr(self.glfw, f"KEY_{name.upper()}")) == self.glfw.PRESS)
 
-    @property
-    def shift_held(self) -> bool:
-        """True if a Shift key is down."""
-        return self._any_held("LEFT_SHIFT", "RIGHT_SHIFT")
-
-    @property
-    def command_held(self) -> bool:
-        """True if Control, Alt or the system key is down."""
-        return self._any_held("LEFT_CONTROL", "RIGHT_CONTROL", "LEFT_ALT", "RIGHT_ALT", "LEFT_SUPER", "RIGHT_SUPER")
-
-    def _any_held(self, *names: str) -> bool:
-        return any(self.held(name) for name in names)
-
     def wait(self, seconds: float) -> list[Event]:
         """The events since the last call. Waits up to `seconds` for the first one; 0 does not wait."""
         if seconds > 0:

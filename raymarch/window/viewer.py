@@ -209,7 +209,7 @@ class Viewer:
         for found in self._inquiry.latest():
             do.take_truth(model, found)
         do.advance(model, min(passed, 0.25))
-        if any(speeds := self._flying()):
+        if any(speeds := flying(self.window.held)):
             do.move(model, control.fly, *speeds, min(passed, 0.1))
         do.continue_sequence(model)
         self._carry_out_all()
@@ -223,14 +223,11 @@ class Viewer:
         if not taken or self._mouse.pressed:
             self._mouse.take(event)
 
-    def _flying(self) -> tuple[float, float, float]:
-        return flying(self.window.held, self.window.shift_held, self.window.command_held)
-
     def _pause(self) -> float:
         """How long to wait for the next event."""
         model, line = self.model, self.model.state.timeline
         busy = (model.state.animated and line.playing) or model.sequence is not None or bool(model.requests)
-        if busy or not self.picture.whole or not self._comparison.whole(model) or any(self._flying()):
+        if busy or not self.picture.whole or not self._comparison.whole(model) or any(flying(self.window.held)):
             return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
         return IDLE
 
@@ -317,7 +314,6 @@ class Viewer:
                 model.notice(f"the panel failed, the window goes on: {fault}")
 
     def _tell_frame(self) -> None:
-        """Log the frame."""
         drawn = self.picture.drawn
         facts = {"size": drawn.size, "whole": drawn.whole, "moving": drawn.moving, "samples": drawn.samples}
         times = {"ms": round(drawn.milliseconds, 2), "rest": round(self._rest, 2)}
@@ -442,5 +438,4 @@ class Viewer:
 
 
 def _title(file: Path) -> str:
-    """The title of the window."""
     return f"raymarch: {file.name} (H: keys)"
