@@ -6,7 +6,6 @@ Each edit breaks the scene; the window must keep its picture, go on moving it, a
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import tempfile
 from dataclasses import dataclass, field
@@ -41,29 +40,26 @@ def run(display: str, folder: Path, count: int, seed: int = 1) -> Score:
     (folder / "parts.py").write_text(PARTS)
     scene = folder / "scene.py"
     scene.write_text(GOOD)
-    session = Session(display, folder, scene, "--size", "200x120")
     score = Score()
-    try:
+    with Session(display, folder, scene, "--size", "200x120") as session:
         session.settled()
         session.wait("watching")
         for i, broken in enumerate(breaks(count, seed)):
             _break(session, broken, score, i)
         mark = session.mark()
-        _write(folder, GOOD.encode(), PARTS)
+        _write(session, GOOD.encode(), PARTS)
         session.wait("loaded", since=mark)
         session.hand.key("r")
         session.settled()
         session.hand.key("Control_L", "q")
         if session.end() != 0 or session.complaints():
             score.lost.append(f"at the end: {session.complaints()}")
-    finally:
-        session.kill()
     return score
 
 
 def _break(session: Session, broken: Break, score: Score, number: int) -> None:
     mark = session.mark()
-    _write(session.folder, broken.scene, broken.parts)
+    _write(session, broken.scene, broken.parts)
     failed = session.wait("failed", since=mark)
     score.edits += 1
     if broken.file is not None:
@@ -80,13 +76,11 @@ def _break(session: Session, broken: Break, score: Score, number: int) -> None:
         score.lost.append(f"{broken.kind}: the picture did not move")
 
 
-def _write(folder: Path, scene: bytes, parts: str) -> None:
-    """Save what is to change, by renaming as editors do; one change at a time."""
-    for file, text in (("parts.py", parts.encode()), ("scene.py", scene)):
-        if (folder / file).read_bytes() != text:
-            fresh = folder / f"{file}.new"
-            fresh.write_bytes(text)
-            os.replace(fresh, folder / file)
+def _write(session: Session, scene: bytes, parts: str) -> None:
+    """Save what is to change; one change at a time."""
+    for file, data in (("parts.py", parts.encode()), ("scene.py", scene)):
+        if (session.folder / file).read_bytes() != data:
+            session.save(data, file)
 
 
 def main() -> None:

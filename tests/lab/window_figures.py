@@ -15,7 +15,6 @@ Each bar gets a verdict; the exit code is 1 if one is missed. What moves by itse
 from __future__ import annotations
 
 import argparse
-import os
 import random
 import statistics
 import sys
@@ -46,10 +45,7 @@ def reloads(session: Session, text: str, edit: Callable[[int], str], edits: int)
     """Milliseconds of the parts of so many reloads."""
     found: list[dict[str, float]] = []
     for i in range(edits):
-        mark = session.mark()
-        fresh = session.folder / "scene.py.new"
-        fresh.write_text(f"{text}\nimport raymarch as rm\n{edit(i)}")
-        os.replace(fresh, session.folder / "scene.py")
+        mark = session.save(f"{text}\nimport raymarch as rm\n{edit(i)}")
         loaded = session.wait("loaded", since=mark)
         ms = loaded["ms"]
         own = {name: ms[name] for name in ("import", "plan", "compile", "first frame")}
@@ -125,8 +121,8 @@ def measure(display: str, example: Path, edits: int, seconds: float) -> list[str
                 (folder / beside.name).write_bytes(beside.read_bytes())
         text = example.read_text()
         (folder / "scene.py").write_text(text)
-        session = Session(display, folder, folder / "scene.py", "--size", f"{SIZE[0]}x{SIZE[1]}", moving=True)
-        try:
+        size = f"{SIZE[0]}x{SIZE[1]}"
+        with Session(display, folder, folder / "scene.py", "--size", size, moving=True) as session:
             session.wait("watching")
             session.hand.key("space")
             session.settled()
@@ -141,8 +137,6 @@ def measure(display: str, example: Path, edits: int, seconds: float) -> list[str
             print(
                 f"{example.name}: a shape saved: {told(reloads(session, text, shape, max(edits // 2, 1)))}", flush=True
             )
-        finally:
-            session.kill()
     return missed
 
 

@@ -66,11 +66,9 @@ def main() -> None:
         scene = Path(name) / "scene.py"
         scene.write_text(SCENE)
         size = f"{SIZE[0]}x{SIZE[1]}"
-        session = Session(display, Path(name), scene, "--size", size, "--panel", "--samples", "16", moving=True)
-        try:
+        options = ("--size", size, "--panel", "--samples", "16")
+        with Session(display, Path(name), scene, *options, moving=True) as session:
             work(session, folder)
-        finally:
-            session.kill()
 
 
 if __name__ == "__main__":

@@ -110,10 +110,9 @@ def run(display: str, folder: Path, minutes: float, seed: int) -> list[dict[str,
     scene = folder / "scene.py"
     scene.write_text(GOOD)
     command = [sys.executable, "-m", "tests.lab.window_soak", "--inside", str(scene), str(folder / "log.jsonl")]
-    session = Session(display, folder, scene, command=command)
     draw, end = random.Random(seed), time.monotonic() + 60 * minutes
     acts = 0
-    try:
+    with Session(display, folder, scene, command=command) as session:
         while time.monotonic() < end:
             act(session, draw)
             acts += 1
@@ -124,8 +123,6 @@ def run(display: str, folder: Path, minutes: float, seed: int) -> list[dict[str,
         session.hand.close_window()
         session.end()
         errors = session.errors.read_text()
-    finally:
-        session.kill()
     print(f"{acts} acts, {sum(e['event'] == 'loaded' for e in session.events())} loaded, ", end="")
     print(f"{sum(e['event'] == 'failed' for e in session.events())} failed")
     if "Traceback" in errors:

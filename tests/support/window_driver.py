@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -292,6 +292,20 @@ class Session:
     def end(self) -> int:
         """Wait for the window's end; its exit code."""
         return self.process.wait(PATIENCE)
+
+    def save(self, data: str | bytes, name: str = "scene.py") -> int:
+        """Save as editors do: a new file is renamed over the old one. The log's mark before that."""
+        mark = self.mark()
+        fresh = self.folder / f"{name}.new"
+        fresh.write_bytes(data.encode() if isinstance(data, str) else data)
+        os.replace(fresh, self.folder / name)
+        return mark
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
 
     def kill(self) -> None:
         self.hand.done()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -25,15 +24,6 @@ scene = rm.Scene(
 """
 SIZE = (320, 200)
 MIDDLE = (160, 100)
-
-
-def save(session: Session, text: str) -> int:
-    """Save as editors do: a new file is renamed over the old one. The log's mark before that."""
-    mark = session.mark()
-    fresh = session.folder / "scene.py.new"
-    fresh.write_text(text)
-    os.replace(fresh, session.folder / "scene.py")
-    return mark
 
 
 def drawn(scene: rm.Scene, radius: float | None = 1.0) -> Any:

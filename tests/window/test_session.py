@@ -12,7 +12,7 @@ from PIL import Image
 
 import raymarch as rm
 from tests.support.window_driver import Session, alike
-from tests.window.ball import MIDDLE, SCENE, SIZE, drawn, save, scene_of
+from tests.window.ball import MIDDLE, SCENE, SIZE, drawn, scene_of
 
 View = Callable[..., Session]
 BELOW = slice(110, None)
@@ -53,13 +53,13 @@ def test_a_session(view: View) -> None:
     # Edit: camera and parameter stay.
     marched = "    ball | floor, quality=rm.Quality(analytic=False),"  # so that a picked ray evaluates the field
     edited = SCENE.replace("(0.8, 0.2, 0.1)", "(0.1, 0.3, 0.9)").replace("    ball | floor,", marched)
-    mark = save(session, edited)
+    mark = session.save(edited)
     session.wait("loaded", since=mark)
     seen = session.settled()
     assert alike(seen[BELOW], drawn(scene_of(edited, camera), value)[BELOW])
 
     # Break: the picture stays, goes on moving, and the message says where.
-    mark = save(session, edited.replace("(4, 0.2, 4)", "(4, -0.2, 4)"))
+    mark = session.save(edited.replace("(4, 0.2, 4)", "(4, -0.2, 4)"))
     failed = session.wait("failed", since=mark)
     assert (Path(failed["file"]).name, failed["line"]) == ("scene.py", 5)
     assert "size" in failed["what"] and "-0.2" in failed["what"]
@@ -69,7 +69,7 @@ def test_a_session(view: View) -> None:
     assert np.any(np.all(broken[-40:] == (92, 14, 14), axis=-1)), "no message lies over the picture"
 
     # Mend: the message goes.
-    mark = save(session, edited)
+    mark = session.save(edited)
     session.wait("loaded", since=mark)
     assert not np.any(np.all(session.settled() == (92, 14, 14), axis=-1))
 
@@ -209,6 +209,6 @@ def test_an_edit_that_leaves_the_shader_alone_compiles_nothing(view: View) -> No
         (SCENE.replace("-1.2", "-1.35").replace("(0, 0, 0)", "(0, 0.25, 0)"), False),
         (SCENE.replace("ball | floor", "ball"), True),
     ):
-        mark = save(session, edited)
+        mark = session.save(edited)
         assert bool(session.wait("loaded", since=mark)["compiled"]) == compiles, edited
         assert alike(session.settled(), drawn(scene_of(edited), None))
