@@ -57,7 +57,7 @@ def _point(
     point: Point, made: Sweep, pictures: Pictures, errors: Any, under: Pixels, important: bool
 ) -> dict[str, Any]:
     where, time = location(point), point.time
-    values = {name: getattr(point.errors, name) for name in errors if name != "wrong"}
+    known = point.errors.as_dict() | {"wrong": point.errors.missed + point.errors.false}
     found: dict[str, Any] = {
         "name": labelled(point),
         "preset": point.setting.preset,
@@ -70,7 +70,7 @@ def _point(
         "comparable": point.known is made.known,
         "against": held_against(point, made),
         "code": code(point),
-        "errors": {name: None if value != value else value for name, value in values.items()},
+        "errors": {name: known[name] for name in errors},
         "costs": {
             "ms": time.value,
             "evaluations": point.evaluations,
@@ -84,7 +84,6 @@ def _point(
         "picture": None,
         "flip": None,
     }
-    found["errors"]["wrong"] = point.errors.missed + point.errors.false
     if point.color is not None and point.difference is not None:
         found["picture"] = pictures.add(srgb(point.color), important)
         found["flip"] = pictures.add(flip_map(point.known, point.difference, under), important, peaks=True)

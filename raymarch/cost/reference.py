@@ -145,12 +145,8 @@ def _compute(scene: Scene, size: Any, values: Values, edge: int, progress: Progr
         progress("floor: the fewest evaluations")
         floor = floor_evaluations(scene, (width, height), time, params)
     return Reference(
-        depth=known.depth,
-        hit=known.hit,
-        normal=known.normal,
-        material=known.material,
+        **{name: getattr(known, name) for name in ("depth", "hit", "normal", "material", "direction")},
         color=color,
-        direction=known.direction,
         edges=edges,
         edge_width=edge_width,
         picture=picture,
