@@ -1,11 +1,11 @@
-"""File watching by watchfiles, and by polling once a second where that does not work (some network drives)."""
+"""File watching by watchfiles, and by polling where that does not work (some network drives, a missing folder)."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import watchfiles
@@ -57,10 +57,24 @@ class Watch:
     def _work(self) -> None:
         while not self._stop.is_set():
             self._again.clear()
-            for _ in self._hints():
-                self._compare()
-                if self._again.is_set() or self._stop.is_set():
-                    break
+            self._compare()
+            folders = {os.path.dirname(file) for file in self._files}
+            with contextlib.suppress(OSError, RuntimeError):  # a folder is missing
+                for _ in watchfiles.watch(
+                    *folders,
+                    watch_filter=None,
+                    debounce=100,
+                    step=20,
+                    stop_event=self._again,
+                    rust_timeout=int(1e3 * LOOK),
+                    yield_on_timeout=True,
+                    recursive=False,
+                    raise_interrupt=False,
+                ):
+                    self._compare()
+                    if self._stop.is_set() or not all(map(os.path.isdir, folders)):
+                        break
+            self._again.wait(LOOK / 4)
 
     def _compare(self) -> None:
         with self._lock:
@@ -69,32 +83,6 @@ class Watch:
                 return
             self._last = now
         self._changed()
-
-    def _hints(self) -> Iterator[None]:
-        """Yields whenever a file may have changed, at least once in `LOOK` seconds."""
-        folders = sorted({os.path.dirname(file) for file in self._files})
-        there = [folder for folder in folders if os.path.isdir(folder)]
-        if there != folders:
-            self._again.wait(LOOK)
-            yield
-            return
-        with contextlib.suppress(OSError, RuntimeError):  # a folder vanished; the next round handles it
-            for _ in watchfiles.watch(
-                *there,
-                watch_filter=None,
-                debounce=100,
-                step=20,
-                stop_event=self._again,
-                rust_timeout=int(1e3 * LOOK),
-                yield_on_timeout=True,
-                recursive=False,
-                raise_interrupt=False,
-            ):
-                yield
-                if any(not os.path.isdir(folder) for folder in there):
-                    return
-        yield
-        self._again.wait(LOOK / 4)
 
 
 def _signature(files: Sequence[str]) -> Signature:
