@@ -39,31 +39,25 @@ UNSET: Mapping[str, tuple[Any, Range]] = {
 OPTIONS: Mapping[str, tuple[Any, ...]] = {"shadow": (False, True), "penumbra": PENUMBRAS}
 """Values of lights that are chosen, not moved."""
 
-PHONG: dict[str, Range] = {
-    "color": (0.0, 1.0),
+RANGES: dict[str, Range] = {
+    **dict.fromkeys(("color", "specular", "ambient", "albedo", "metalness", "roughness", "f0"), (0.0, 1.0)),
+    **dict.fromkeys(("transmission", "clearcoat", "clearcoat_roughness", "occlusion"), (0.0, 1.0)),
+    **dict.fromkeys(("emission", "absorption"), (0.0, None)),
     "shininess": (1.0, 500.0),
-    "specular": (0.0, 1.0),
-    "ambient": (0.0, 1.0),
-    "emission": (0.0, None),
+    "ior": (1.0, 4.0),
+    "normal_strength": (0.0, 4.0),
+    "height_scale": (-0.2, 0.2),
 }
-PHYSICAL: dict[str, Range] = {
-    "albedo": (0.0, 1.0),
-    "metalness": (0.0, 1.0),
-    "roughness": (0.0, 1.0),
-    "f0": (0.0, 1.0),
-    "emission": (0.0, None),
-}
-GLASS: dict[str, tuple[Any, Range]] = {
-    "transmission": (0.5, (0.0, 1.0)),
-    "ior": (1.5, (1.0, 4.0)),
-    "absorption": ((0.1, 0.1, 0.1), (0.0, None)),
-    "clearcoat": (0.5, (0.0, 1.0)),
-    "clearcoat_roughness": (0.1, (0.0, 1.0)),
-}
-MAPS: dict[str, tuple[Any, Range]] = {"normal_strength": (1.0, (0.0, 4.0)), "height_scale": (0.02, (-0.2, 0.2))}
-OCCLUSION: dict[str, tuple[Any, Range]] = {"occlusion": (1.0, (0.0, 1.0))}
-"""Values that a material may lack, which then cost nothing: what they start with when they are set, and their
-ranges."""
+"""Ranges of the values of materials."""
+
+PHONG = ("color", "shininess", "specular", "ambient", "emission")
+PHYSICAL = ("albedo", "metalness", "roughness", "f0", "emission")
+"""Values that every material has."""
+
+GLASS = {"transmission": 0.5, "ior": 1.5, "absorption": (0.1, 0.1, 0.1), "clearcoat": 0.5, "clearcoat_roughness": 0.1}
+MAPS = {"normal_strength": 1.0, "height_scale": 0.02}
+OCCLUSION = {"occlusion": 1.0}
+"""Values that a material may lack, which then cost nothing, and what they start with when they are set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,25 +216,23 @@ def editable_material(material: Material) -> dict[str, Any]:
     """The values of a material by name: numbers, and expressions that cannot be edited. Values that it lacks, such as
     a clear coat, are not among them, because each costs time; see `unset_values`."""
     given = material.arguments()
-    base = [*(PHYSICAL if material.physical else PHONG)]
     more = [name for name in _optional(material) if given.get(name) is not None]
-    return {name: _plain(material_value(material, name)) for name in (*base, *more)}
+    return {name: _plain(material_value(material, name)) for name in (*_base(material), *more)}
 
 
 def unset_values(material: Material, values: Mapping[str, Any]) -> dict[str, Any]:
     """The values that an edited material lacks, with those that they start with when they are set."""
-    return {name: start for name, (start, _) in _optional(material).items() if name not in values}
+    return {name: start for name, start in _optional(material).items() if name not in values}
 
 
-def _optional(material: Material) -> dict[str, tuple[Any, Range]]:
+def _base(material: Material) -> tuple[str, ...]:
+    return PHYSICAL if material.physical else PHONG
+
+
+def _optional(material: Material) -> dict[str, Any]:
     maps = {"normal_strength": material.normal, "height_scale": material.height}
     scales = {name: MAPS[name] for name, map in maps.items() if map is not None}
     return {**(GLASS if material.physical else {}), **OCCLUSION, **scales}
-
-
-def _ranges(material: Material) -> dict[str, Range]:
-    base = PHYSICAL if material.physical else PHONG
-    return {**base, **{name: range for name, (_, range) in _optional(material).items()}}
 
 
 def material_value(material: Material, name: str) -> Any:
@@ -282,11 +274,11 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
     for index, values in materials.items():
         if index < len(scene.materials):
             old = scene.materials[index]
-            ranges = _ranges(old)
+            names = {*_base(old), *_optional(old)}
             new = {
-                name: _param(material_name(index, name), value, ranges[name])
+                name: _param(material_name(index, name), value, RANGES[name])
                 for name, value in values.items()
-                if name in ranges and _number(value)  # a pattern or an image is not editable
+                if name in names and _number(value)  # a pattern or an image is not editable
             }
             exchanged[old] = old.replace(**new)
     root = relabelled(scene.node, lambda material: exchanged.get(material, material))
