@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from raymarch.window.theme import apply_theme
+from raymarch.window.toolkit import apply_theme
 
 import raymarch as rm
 from raymarch.gpu.prepare import prepare
