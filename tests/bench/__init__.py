@@ -1,0 +1,1 @@
+"""Shaders that others would write, measured beside raymarch."""
