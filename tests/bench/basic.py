@@ -13,7 +13,6 @@ os.environ.setdefault("LP_NUM_THREADS", "1")
 
 import argparse
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +27,7 @@ from raymarch.gpu.context import Context
 from raymarch.gpu.draw_calls import DrawCall
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
+from tests.support.timing import cpu_time
 
 TEXT = (Path(__file__).parent / "basic.glsl").read_text(encoding="utf-8")
 EPSILONS = {"epsilon 1e-4 t": "0.0001 * t", "epsilon 1e-3": "0.001"}
@@ -128,15 +128,6 @@ def ours(renderer: rm.Renderer) -> Iterator[Entry]:
             lambda made=made: renderer.render(made),
             lambda made=made: renderer.render(made, outputs=("depth",)).depth,
         )
-
-
-def cpu_time(context: Context, draw: Callable[[], object]) -> float:
-    """Milliseconds of CPU time until the device is idle."""
-    context.finish()
-    begin = time.process_time()
-    draw()
-    context.finish()
-    return 1e3 * (time.process_time() - begin)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """How much faster the default is than the enhanced tracer of 2018 at one resolution, at equal rms error of depth.
 
-python -m tests.lab.equal_error [NAME ...] [WIDTHxHEIGHT]      examples by name; primitives and village without one
+python -m tests.lab.equal_error [NAME ...] [WIDTHxHEIGHT]      examples by name; the three of the paper without one
 
 The enhanced tracer ends where its ray came within epsilon, as published; its epsilon is made smaller until its error
-is that of the default. Beside it stands the enhanced tracer with our last steps. Times are of the passes that march
-(`steps_per_pass` of all steps makes that a pass of its own), interleaved in one run; medians of the ratios, with their
-quartiles.
+is that of the default. Beside it stands the enhanced tracer with our last steps. Errors are those of depth away from
+silhouettes. Times are CPU time of the passes that march (`steps_per_pass` of all steps makes that a pass of its own),
+interleaved in one run; medians of the ratios, with their quartiles.
 """
 
 from __future__ import annotations
@@ -14,18 +14,20 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter
 
 import raymarch as rm
+from raymarch.cost.errors import measure
+from raymarch.cost.reference import reference
 from raymarch.scene import load
+from tests.support.timing import cpu_time
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-TURNS = 15
+TURNS = 11
 
 
 def main() -> None:
     sizes = [a for a in sys.argv[1:] if "x" in a and a[0].isdigit()]
-    names = [a for a in sys.argv[1:] if a not in sizes] or ["primitives", "village"]
+    names = [a for a in sys.argv[1:] if a not in sizes] or ["primitives", "village", "mandelbulb"]
     width, height = map(int, (sizes or ["320x180"])[0].split("x"))
     with rm.Renderer((width, height)) as renderer:
         for name in names:
@@ -34,22 +36,18 @@ def main() -> None:
 
 def compare(renderer: rm.Renderer, name: str) -> None:
     scene = load(EXAMPLES / f"{name}.py")
-    truth = rm.truth(scene, renderer.size).depth
-    far = maximum_filter(truth, 3)
-    inner = np.isfinite(far) & (far < 1.05 * minimum_filter(truth, 3))  # silhouettes apart
+    known = reference(scene, renderer.size, samples=0)
 
-    def draw(quality: rm.Quality) -> tuple[float, float, float]:
-        whole = scene.replace(quality=quality.replace(steps_per_pass=quality.max_steps))
-        frame = renderer.render(whole, outputs=("depth",))
-        both = inner & np.isfinite(frame.depth)
-        error = float(np.sqrt(np.mean((frame.depth[both] - truth[both]) ** 2)))
-        marched = sum(t.draw for t in frame.timings if t.name in ("cone", "march"))
-        return error, float(frame.evaluations.mean()), marched
+    def with_quality(quality: rm.Quality) -> rm.Scene:
+        return scene.replace(quality=quality.replace(steps_per_pass=quality.max_steps))
 
-    ours = rm.Quality(schedule="cones")
-    reached = draw(ours)[0]
+    def rms(quality: rm.Quality) -> float:
+        return measure(known, renderer.render(with_quality(quality), outputs=("depth",)).depth).depth_rms
+
+    ours = rm.Quality()
+    reached = rms(ours)
     epsilon = 0.1
-    while epsilon > 1e-3 and draw(published(epsilon))[0] > reached:
+    while epsilon > 1e-3 and rms(published(epsilon)) > reached:
         epsilon = max(0.7 * epsilon, 1e-3)
     settings = {
         "default": ours,
@@ -57,18 +55,26 @@ def compare(renderer: rm.Renderer, name: str) -> None:
         f"enhanced, as published, epsilon {epsilon:.2g}": published(epsilon),
         "enhanced, proven, all solids marched": rm.Quality(tracer="enhanced", schedule="single", analytic=False),
     }
-    first = {label: draw(quality) for label, quality in settings.items()}
+    frames = {label: renderer.render(with_quality(quality), outputs=("depth",)) for label, quality in settings.items()}
+    errors = {label: measure(known, frame.depth) for label, frame in frames.items()}
+    counts = {label: float(frame.evaluations.mean()) for label, frame in frames.items()}
+    passes = {
+        label: [c for c in renderer.draw_calls(with_quality(quality)) if c.chosen.name in ("cone", "march")]
+        for label, quality in settings.items()
+    }
     times: dict[str, list[float]] = {label: [] for label in settings}
-    for _ in range(TURNS):
-        for label, quality in settings.items():
-            times[label].append(draw(quality)[2])
-    print(f"{name} {renderer.size[0]}x{renderer.size[1]}, {renderer.clock.kind}, {renderer.context.driver.renderer}")
-    for label, (error, evaluations, _) in first.items():
-        ratio = np.array(times[label]) / np.array(times["default"])
-        low, middle, high = np.quantile(ratio, [0.25, 0.5, 0.75])
+    for turn in range(TURNS + 1):
+        for label, calls in passes.items():
+            milliseconds = cpu_time(renderer.context, lambda calls=calls: [call.draw() for call in calls])
+            if turn > 0:
+                times[label].append(milliseconds)
+    print(f"{name} {renderer.size[0]}x{renderer.size[1]}, {renderer.context.driver.renderer}")
+    for label, found in times.items():
+        low, middle, high = np.quantile(np.array(found) / np.array(times["default"]), [0.25, 0.5, 0.75])
+        error = errors[label]
         print(
-            f"  {label:<44} rms {error:.2e}  {evaluations:6.2f} evaluations  {np.median(times[label]):7.1f} ms"
-            f"  {middle:5.2f} times [{low:.2f}, {high:.2f}]"
+            f"  {label:<44} rms {error.depth_rms:.2e}  {error.missed} missed  {counts[label]:6.2f} evaluations"
+            f"  {np.median(found):7.1f} ms  {middle:5.2f} times [{low:.2f}, {high:.2f}]"
         )
 
 
