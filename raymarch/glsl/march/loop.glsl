@@ -13,20 +13,16 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
     for (int i = 0; i < march_steps; i++) {
         float width = at.passing ? widths.z : widths.y;
+        float leap = at.refining ? at.t - at.kept_t : 0.0;
 #ifdef ORTHOGRAPHIC
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);
+        leap = leap_pixels * u_pixel + leap;
 #else
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x + width * at.t);
+        leap = leap_pixels * u_pixel * at.t + leap;
 #endif
-        float z = step_length(at, far);
-        if (aiming) {
-#ifdef ORTHOGRAPHIC
-            float leap = leap_pixels * u_pixel + (at.refining ? at.t - at.kept_t : 0.0);
-#else
-            float leap = leap_pixels * u_pixel * at.t + (at.refining ? at.t - at.kept_t : 0.0);
-#endif
-            z = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.r + leap) : at.r;
-        }
+        float secant = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.r + leap) : at.r;
+        float z = aiming ? secant : step_length(at, far);
         escaped = !at.refining && at.t + min(z, at.r) > far;
         if (escaped) break;
 #ifndef UNCOUNTED
@@ -36,25 +32,23 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         float next = march_distance(ray, t);
         float derivative = z != 0.0 ? (next - at.r) / z : at.derivative;
         bool empty = z <= at.r + abs(next);  // else the step may have passed a surface
-        if (at.refining) {
-            bool closer = abs(next) < abs(at.r);
-            at.t = closer ? t : at.kept_t;
-            at.r = closer ? next : at.kept_r;
-            at.last_derivative = closer ? derivative : 0.0;
-            at.kept_t = closer ? at.kept_t : 0.0;
-            at.passing = at.passing || !closer;
-            at.refining = closer;
+        bool closer = abs(next) < abs(at.r);
+        bool passed = at.refining && !closer;
 #ifdef ORTHOGRAPHIC
-        } else if (next < widths.x * t + width && (empty || aiming)) {
+        bool near = at.refining ? closer : next < widths.x * t + width && (empty || aiming);
 #else
-        } else if (next < widths.x + width * t && (empty || aiming)) {
+        bool near = at.refining ? closer : next < widths.x + width * t && (empty || aiming);
 #endif
-            at.kept_t = empty ? t : at.t;
-            at.kept_r = empty ? next : at.r;
-            at.t = t;
-            at.r = next;
-            at.last_derivative = derivative;
-            at.refining = true;
+        float kept_t = at.refining ? at.kept_t : empty ? t : at.t;
+        float kept_r = at.refining ? at.kept_r : empty ? next : at.r;
+        at.refining = near;
+        at.passing = at.passing || passed;
+        if (near || passed) {
+            at.t = near ? t : kept_t;
+            at.r = near ? next : kept_r;
+            at.last_derivative = near ? derivative : 0.0;
+            at.kept_t = near ? kept_t : 0.0;
+            at.kept_r = kept_r;
         } else {
             move(at, empty, t, next, derivative);
 #ifndef UNCOUNTED
@@ -62,9 +56,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         }
 #ifdef ORTHOGRAPHIC
-        found = at.refining && abs(at.r) <= widths.x * at.t + hit_width(widths);
+        found = near && abs(next) <= widths.x * t + hit_width(widths);
 #else
-        found = at.refining && abs(at.r) <= widths.x + hit_width(widths) * at.t;
+        found = near && abs(next) <= widths.x + hit_width(widths) * t;
 #endif
         if (found) break;
     }
