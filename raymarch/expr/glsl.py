@@ -27,7 +27,7 @@ from raymarch.expr.tables import glsl_helper as table_helper
 from raymarch.expr.texels import Texels
 from raymarch.expr.textures import atlas_helper, glsl_helper, helper_of
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
-from raymarch.expr.walk import depends_on, find, substitute, topological
+from raymarch.expr.walk import depends_on, find, inner_order, substitute, topological
 
 WIDTH = 118
 DEPTH = 16
@@ -653,18 +653,17 @@ def _callees_first(roots: Sequence[Function]) -> list[Function]:
         elif definition not in open_:
             open_.add(definition)
             stack.append((definition, True))
-            callees = [call.data for call in _direct_calls(definition.inner)]
+            callees = [call.data for call in _direct_calls(definition)]
             stack.extend((callee, False) for callee in reversed(callees))
     return list(order)
 
 
-def _direct_calls(roots: Iterable[Expr]) -> list[Expr]:
+def _direct_calls(definition: Function) -> list[Expr]:
     calls: list[Expr] = []
-    pending = list(roots)
-    while pending:
-        nodes = topological(pending)
+    nodes = inner_order(definition)
+    while nodes:
         calls += [n for n in nodes if n.op == "call"]
-        pending = [inner for n in nodes if n.op == "loop" for inner in n.data.inner]
+        nodes = topological([inner for n in nodes if n.op == "loop" for inner in n.data.inner])
     return calls
 
 

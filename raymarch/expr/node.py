@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from os.path import abspath, dirname, sep
 from types import FrameType
 from typing import Any, TypeAlias, overload
@@ -220,14 +221,24 @@ def _operations() -> set[str]:
 def _creation_line() -> Location | None:
     """The source line outside of this package that created the expression."""
     frame: FrameType | None = sys._getframe(2)
-    while frame is not None and frame.f_code.co_filename.startswith(_HERE):
+    while frame is not None:
+        file = frame.f_code.co_filename
+        if not file.startswith(_HERE):
+            return _location(file, frame.f_lineno)
         frame = frame.f_back
-    return Location(frame.f_code.co_filename, frame.f_lineno) if frame else None
+    return None
+
+
+_location = lru_cache(4096)(Location)
+"""One object for the many expressions of a line."""
 
 
 def const(value: Any, type: Type | None = None) -> Expr:
     """A constant, float64. Non-finite values are allowed here (facts use them) and refused by the GLSL printer."""
-    array = np.array(value, dtype=bool if np.asarray(value).dtype == bool and np.ndim(value) == 0 else np.float64)
+    if type is not FLOAT and np.ndim(value) == 0 and np.asarray(value).dtype == bool:
+        array: NDArray[Any] = np.array(value, bool)
+    else:
+        array = np.array(value, np.float64)
     array.setflags(write=False)
     if type is None:
         type = _type_of_shape(array)

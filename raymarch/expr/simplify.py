@@ -19,8 +19,11 @@ _RULES = FLOAT64.rules
 
 @simplifier
 def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
-    if not args or op == "record" or any(arg.op != "const" for arg in args):
+    if not args or op == "record":
         return None
+    for arg in args:
+        if arg.op != "const":
+            return None
     node = make(op, type, args, data)
     with np.errstate(all="ignore"):
         value = _RULES[op](node, *[arg.data for arg in args])
@@ -32,9 +35,11 @@ def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Ex
 
 
 def _is(node: Expr, number: float) -> bool:
-    return (
-        node.op == "const" and node.type is not BOOL and not node.type.is_matrix and bool(np.all(node.data == number))
-    )
+    if node.op != "const" or node.type is BOOL or node.type.is_matrix:
+        return False
+    if node.type is FLOAT:
+        return bool(node.data == number)
+    return bool((node.data == number).all())
 
 
 def _widen(node: Expr, type: Type) -> Expr:

@@ -19,6 +19,9 @@ class Type:
     def __repr__(self) -> str:
         return self.name
 
+    def __hash__(self) -> int:  # a part of the key of every expression
+        return hash(self.name)
+
     @property
     def is_vector(self) -> bool:
         return len(self.shape) == 1

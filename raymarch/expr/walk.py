@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Hashable, Iterable, Mapping
+from collections.abc import Callable, Generator, Hashable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar, overload
 
 from raymarch.expr.node import Expr, make, simplify
@@ -20,9 +20,7 @@ def topological(
     roots: Iterable[Below], arguments: Callable[[Below], tuple[Below, ...]], limit: float = ...
 ) -> list[Below]: ...
 def topological(
-    roots: Iterable[Any],
-    arguments: Callable[[Any], tuple[Any, ...]] = lambda node: node.args,
-    limit: float = math.inf,
+    roots: Iterable[Any], arguments: Callable[[Any], tuple[Any, ...]] | None = None, limit: float = math.inf
 ) -> list[Any]:
     """All expressions below the roots (or other graph nodes), each once, arguments before their users.
 
@@ -38,14 +36,18 @@ def topological(
             order.append(stack.pop())
         elif node not in seen:
             seen.add(node)
-            if len(seen) > limit:
-                return []
-            below = arguments(node)
-            if below:
-                stack += (node, None)
-                stack += below[::-1]
+            if arguments is None:
+                below = node.args
             else:
+                below = arguments(node)
+                if len(seen) > limit:
+                    return []
+            if not below:
                 order.append(node)
+            elif len(below) == 1:
+                stack += (node, None, below[0])
+            else:
+                stack += (node, None, *below[::-1])
     return order
 
 
@@ -140,13 +142,27 @@ def free_variables(roots: Iterable[Expr]) -> list[Expr]:
 def find(roots: Iterable[Expr], *ops: str) -> list[Expr]:
     """The distinct expressions of some operations below the roots, also inside called functions and loops."""
     found: dict[Expr, None] = {}
-    pending, seen = list(roots), set[object]()
+    pending: list[Sequence[Expr]] = [topological(roots)]
+    seen = set[object]()
     while pending:
-        nodes = topological(pending)
-        found.update((node, None) for node in nodes if node.op in ops)
-        pending = []
-        for node in nodes:
-            if node.op in ("call", "loop") and node.data not in seen:
-                seen.add(node.data)
-                pending.extend(node.data.inner)
+        inner: list[Sequence[Expr]] = []
+        for nodes in pending:
+            for node in nodes:
+                op = node.op
+                if op in ops:
+                    found[node] = None
+                if op in ("call", "loop") and node.data not in seen:
+                    seen.add(node.data)
+                    inner.append(inner_order(node.data))
+        pending = inner
     return list(found)
+
+
+def inner_order(owner: Any) -> Sequence[Expr]:
+    """The expressions of a function, which remembers their order, or of a loop; arguments before their users."""
+    known: dict[Any, Sequence[Expr]] | None = getattr(owner, "derived", None)
+    if known is None:
+        return topological(owner.inner)
+    if "order" not in known:
+        known["order"] = tuple(topological(owner.inner))
+    return known["order"]

@@ -42,7 +42,7 @@ class Facts:
     @property
     def bounded(self) -> bool:
         """True if the box is finite on every side."""
-        return bool(np.all(np.isfinite(self.lower)) and np.all(np.isfinite(self.upper)))
+        return bool(np.isfinite(self.lower).all() and np.isfinite(self.upper).all())
 
     @property
     def empty(self) -> bool:

@@ -25,9 +25,17 @@ class Linked:
 def module(name: str, variants: frozenset[str] = frozenset()) -> Chunk:
     """The chunk of a module of `raymarch.glsl`. variants : see `raymarch.glsl.load`."""
     found = glsl.load(name, variants)
-    numbered = zip(found.lines, found.numbers, strict=True)
-    lines = tuple(Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl") for text, i in numbered)
-    return Chunk(name, found.needs, found.gives, lines)
+    read, chunk = _chunks.get((name, variants), (None, None))
+    if read is not found or chunk is None:
+        numbered = zip(found.lines, found.numbers, strict=True)
+        lines = tuple(Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl") for text, i in numbered)
+        chunk = Chunk(name, found.needs, found.gives, lines)
+        _chunks[name, variants] = found, chunk
+    return chunk
+
+
+_chunks: dict[tuple[str, frozenset[str]], tuple[glsl.Module, Chunk]] = {}
+"""The chunks of modules that were linked before, each with the text that it was made of."""
 
 
 def link(
