@@ -14,13 +14,12 @@ from raymarch.expr import glsl as printer
 from raymarch.expr import vocabulary as v
 from raymarch.plan import plan
 from raymarch.shader import assemble
-from tests.support.shader_samples import PASSES, assembled, scenes
+from tests.support.shader_samples import PASSES, assembled, passes_of, scenes
 
 SCENES = scenes()
 
 
-@pytest.mark.parametrize("passes", PASSES, ids="+".join)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "passes"), [(name, passes) for name in SCENES for passes in passes_of(name)])
 def test_every_line_says_what_made_it(name: str, passes: tuple[str, ...]) -> None:
     shader = assembled(name, passes)
     for version in ("330 core", "300 es"):

@@ -9,7 +9,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.expr.vocabulary import sin
-from raymarch.plan import explain, plan
+from raymarch.plan import Plan, explain, plan
 from raymarch.scene.light import PENUMBRAS
 from raymarch.scene.quality import NORMALS, TRACERS
 from raymarch.shader import Shader, assemble
@@ -79,9 +79,15 @@ def maps() -> dict[str, rm.Scene]:
 
 
 @cache
+def planned(name: str, passes: tuple[str, ...] = ("color",)) -> Plan:
+    """The plan of a scene, by its name; a process makes it once."""
+    return plan(scenes()[name], passes)
+
+
+@cache
 def assembled(name: str, passes: tuple[str, ...] = ("color",)) -> Shader:
     """The shader of a scene, by its name; a process assembles it once."""
-    return assemble(plan(scenes()[name], passes))
+    return assemble(planned(name, passes))
 
 
 @cache
@@ -173,9 +179,15 @@ def scenes() -> dict[str, rm.Scene]:
 PASSES = (("color",), ("geometry",), ("color", "geometry"))
 
 
+def passes_of(name: str) -> tuple[tuple[str, ...], ...]:
+    """Both passes in one text, and one of them alone: the one for every second scene, the other for the rest."""
+    return PASSES[list(scenes()).index(name) % 2], PASSES[2]
+
+
 def line(name: str, scene: rm.Scene) -> str:
     """A name and the hashes of what is written of a scene: its two passes, and how it is explained."""
-    made = plan(scene, PASSES[2])
-    shader = assemble(made)
+    known = scenes().get(name) is scene
+    made = planned(name, PASSES[2]) if known else plan(scene, PASSES[2])
+    shader = assembled(name, PASSES[2]) if known else assemble(made)
     told = repr(explain.as_dict(made, shader.modules))
     return " ".join([name, *[sha256(t.encode()).hexdigest() for t in (shader.text(), shader.text("geometry"), told)]])
