@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 from raymarch.gpu.context import Context
 from tests.support.required import opened
@@ -21,6 +22,9 @@ settings.register_profile(
     "repeatable", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("repeatable")
+# Hypothesis also draws numbers that it reads in all modules imported so far: two seconds, and other examples for a test
+# that runs alone.
+providers.is_local_module_file = lambda file: False
 
 
 LONG = Path(__file__).parent / "long.txt"
@@ -32,7 +36,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests of long.txt, and leave long ones out, but for those that the command line names by their id."""
+    """Mark the tests of long.txt, and leave long ones out, but for those that the command line names by their id.
+
+    Those of the cluster come last: the audit hook by which it notes the files that a scene reads stays for good, and
+    makes the expressions of all later tests slower.
+    """
+    items.sort(key=lambda item: item.path.parent.name == "cluster")
     lines = LONG.read_text(encoding="utf-8").splitlines()
     patterns = [line for line in lines if line and not line.startswith("#")]
     whole = not config.args or config.args == config.getini("testpaths")

@@ -58,6 +58,10 @@ def each(compute: Callable[..., Array]) -> Maker:
         if not any(lifted):
             return compute
         axes = (..., *(None,) * len(node.type.shape))
+        if lifted == [True, False]:
+            return lambda a, b: compute(np.asarray(a)[axes], b)
+        if lifted == [False, True]:
+            return lambda a, b: compute(a, np.asarray(b)[axes])
         return lambda *values: compute(
             *[np.asarray(v)[axes] if scalar else v for v, scalar in zip(values, lifted, strict=True)]
         )

@@ -70,10 +70,16 @@ class Program:
         slots = self._start.copy()
         slots[: len(inputs)] = inputs
         for step, arguments, result, dead in self._steps:
-            slots[result] = step(*[slots[i] for i in arguments])
+            count = len(arguments)  # nearly always one or two
+            if count == 2:
+                slots[result] = step(slots[arguments[0]], slots[arguments[1]])
+            elif count == 1:
+                slots[result] = step(slots[arguments[0]])
+            else:
+                slots[result] = step(*[slots[i] for i in arguments])
             for i in dead:  # frees intermediate arrays; large graphs over many points would otherwise keep all
                 slots[i] = None
-        return tuple(slots[i] for i in self._results)
+        return tuple([slots[i] for i in self._results])
 
 
 def _rule(node: Expr, reading: Reading, rules: Mapping[str, Rule]) -> Rule:

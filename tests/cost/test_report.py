@@ -53,7 +53,7 @@ def drawn(made_once):
 def test_a_figure_is_drawn(drawn, made):
     with Image.open(io.BytesIO(save(drawn))) as picture:
         assert picture.size[0] > 1500
-        colors = len(np.unique(np.asarray(picture.convert("RGB")).reshape(-1, 3), axis=0))
+        colors = len(picture.convert("RGB").getcolors(picture.width * picture.height))
     assert colors > 50
     assert save(figure(made, "flip_p99"), "svg").lstrip().startswith(b"<?xml")
 

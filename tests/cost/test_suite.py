@@ -39,13 +39,14 @@ TIMES = {"single": 10.0, "two": 8.0, "four": 12.0, "six": 13.0, "cone": 6.0}
 def known_suite(scene, known) -> Suite:
     """Errors by tracer and steps, times by schedule, each frame 10 % slower than the one before it."""
     found = []
+    marched = sweep(scene, march_settings(SCALE), known, FakeRenderer(known), repeats=6, output="depth")
+    produced = sweep(scene, product_settings(scene, SCALE.size), known, FakeRenderer(known), repeats=6)
     for k, name in enumerate(SCENES):
-        march = sweep(scene, march_settings(SCALE), known, FakeRenderer(known), name=name, repeats=6, output="depth")
+        march, product = (replace(deepcopy(one), name=name) for one in (marched, produced))
         for p in march.points:
             quality = p.setting.quality
             p.errors = replace(p.errors, p1_apart=(k + 1) * ERRORS[quality.tracer] / quality.max_steps)
             p.times = [TIMES[quality.schedule] * 1.1**turn for turn in range(6)]
-        product = sweep(scene, product_settings(scene, SCALE.size), known, FakeRenderer(known), name=name, repeats=6)
         product.checks = [Check("clock", True, "agrees")]
         undone = {t: np.full(known.depth.shape, s) for t, s in (("relaxed_again", 0.5), ("enhanced", 0.1))}
         found.append(Measured(name, march, product, undone))

@@ -16,8 +16,8 @@ from raymarch.truth import Truth, compare, silhouettes, truth
 
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(p.stem for p in FOLDER.glob("*.py"))
-SIZE = (112, 63)
-SIZES = {"village": (96, 54), "primitives": (96, 54), "mandelbulb": (48, 27), "csg": (240, 135)}
+SIZE = (80, 45)
+SIZES = {"village": (64, 36), "primitives": (64, 36), "mandelbulb": (48, 27), "csg": (240, 135)}
 """Smaller where the truth takes long; larger where much of the picture is silhouettes."""
 ESTIMATES = ["mandelbulb"]
 PROVEN = [name for name in EXAMPLES if name not in ESTIMATES]

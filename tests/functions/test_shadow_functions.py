@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -103,6 +104,32 @@ def test_what_stands_in_the_way_leaves_nothing(egl: Context, kind: str) -> None:
 def test_a_bound_that_is_flat_where_the_ray_starts_is_no_obstacle(egl: Context) -> None:
     """A twentieth of the distance is less than contact there, and a ray that stopped at that would see no light."""
     assert shadows(egl, "light/shadow", "0.05 * p.z", UP)[0] == 1.0
+
+
+def evaluations(body: Callable[[float], float], far: float) -> int:
+    """How often a hard shadow asks a field along the normal: steps to the expected tangent point of the spheres, at
+    0.3 of the last slope and 0.7 of those before, of which the first is that of a plane."""
+    t, r, slope, count = 2 * PIXEL, 0.0, 0.999, 0
+    while True:
+        step = max(r, min(2 * r / (1 - slope), far - t + r))
+        if t + min(step, r) >= far:
+            return count
+        ahead, count = body(t + step), count + 1
+        if step > r + abs(ahead):
+            slope = -1.0
+            continue
+        if step > 0:
+            slope = min(max(0.7 * slope + 0.3 * (ahead - r) / step, -1.0), 0.999)
+        t, r = t + step, ahead
+
+
+@pytest.mark.parametrize("slope", [1.0, 0.6, 0.0, -0.2])
+def test_steps_follow_the_slope_of_the_field(egl: Context, slope: float) -> None:
+    """A wall beside the ray comes nearer, stays or leaves."""
+    body = f"min(p.z, 0.5 + {slope} * p.z)"
+    for far in (2.0, 1.3, 0.9):
+        _, asked = shadows(egl, "light/shadow", body, UP, far)
+        assert asked[0] == evaluations(lambda t: min(t, 0.5 + slope * t), far)
 
 
 def test_a_ray_out_of_steps_is_lit_unless_it_comes_nearer(egl: Context) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -99,8 +100,8 @@ class Errors:
     still_alone: float
 
 
-def errors_of(renderer: Renderer, name: str, frames: int = 10, samples: int = 256) -> Errors:
-    """Of the last of some frames against the mean of many samples of the same moment.
+def errors_of(renderer: Renderer, name: str, frames: Sequence[int] = (10,), samples: int = 256) -> list[Errors]:
+    """Of the last of some frames, for each of their numbers, against the mean of many samples of the same moment.
 
     The single picture has its samples in the middles of pixels. Pixels around one that changes count as changing: those
     of a silhouette are of both.
@@ -111,18 +112,18 @@ def errors_of(renderer: Renderer, name: str, frames: int = 10, samples: int = 25
         scene = motion.scene(quality_of(name, **parts))
         return renderer.render(scene, time=0.4 + frame * STEP, params=motion.params(frame)).color
 
+    def errors(frame: int, joined: NDArray[np.float32]) -> Errors:
+        alone, truth = draw(frame), draw(frame, samples=samples)
+        changes = np.abs(several(frame) - several(frame - 1)).max(axis=2) > CHANGE
+        wide = np.pad(changes, 1)
+        h, w = changes.shape
+        still = ~np.any([wide[y : y + h, x : x + w] for y in range(3) for x in range(3)], axis=0)
+        return Errors(*(rms(picture, truth, where) for where in (~still, still) for picture in (joined, alone)))
+
+    several = cache(partial(draw, samples=16))
     renderer.forget()
-    for frame in range(frames):
-        joined = draw(frame, temporal="reproject")
-    alone = draw(frames - 1)
-    truth = draw(frames - 1, samples=samples)
-    changes = np.abs(draw(frames - 1, samples=16) - draw(frames - 2, samples=16)).max(axis=2) > CHANGE
-    wide = np.pad(changes, 1)
-    h, w = changes.shape
-    moving = np.any([wide[y : y + h, x : x + w] for y in range(3) for x in range(3)], axis=0)
-    return Errors(
-        rms(joined, truth, moving), rms(alone, truth, moving), rms(joined, truth, ~moving), rms(alone, truth, ~moving)
-    )
+    joined = [draw(frame, temporal="reproject") for frame in range(max(frames))]
+    return [errors(count - 1, joined[count - 1]) for count in frames]
 
 
 @case(75, "history of what moves", "rms .024 where .020 is without any")
@@ -132,7 +133,7 @@ def moved(world: World) -> Iterator[Figure]:
     if world.renderer.size != (96, 72):
         world.renderer.resize((96, 72))
     for name in ("translated", "blended", "shadow of what is out of sight", "mirrored"):
-        each = [errors_of(world.renderer, name, frames, samples=64) for frames in (8, 9, 10, 11)]
+        each = errors_of(world.renderer, name, (8, 9, 10, 11), samples=64)
         share = np.sqrt(sum(e.moving**2 for e in each) / sum(e.moving_alone**2 for e in each))
         quantity = f"error in what changes over that of single frames, {name}"
         yield Figure(quantity, float(share), 1.0, "never worse than alone")

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtr
 
 import raymarch as rm
 
@@ -78,9 +77,9 @@ def _probability(ours: Array, theirs: Array) -> Array:
     each = [(batches.var(axis=0, ddof=1) + (1e-3 * free) ** 2) / len(batches) for batches in (ours, theirs)]
     variance = each[0] + each[1]
     freedom = variance**2 / (each[0] ** 2 / (len(ours) - 1) + each[1] ** 2 / (len(theirs) - 1))
-    return np.asarray(2.0 * student.sf(off / np.sqrt(variance), freedom))
+    return np.asarray(2.0 * stdtr(freedom, -off / np.sqrt(variance)))
 
 
 def _deviations(probability: Any) -> float:
     """How far out a normal law is so improbable on both sides."""
-    return float(norm.isf(max(float(probability), 1e-300) / 2.0))
+    return float(-ndtri(max(float(probability), 1e-300) / 2.0))

@@ -27,14 +27,14 @@ def renderer(egl: Context) -> Iterator[Renderer]:
 
 @pytest.mark.parametrize("name", [name for name in MOTIONS if name != "shadow of what is out of sight"])
 def test_what_moves_is_never_worse_than_in_a_single_frame(renderer: Renderer, name: str) -> None:
-    found = errors_of(renderer, name, frames=9)
+    (found,) = errors_of(renderer, name, (9,))
     assert found.moving <= 0.95 * found.moving_alone
     assert found.still <= 1.05 * found.still_alone + 0.5 / 255
 
 
 def test_a_shadow_that_sweeps_over_still_ground_is_not_worse_either(renderer: Renderer) -> None:
     """Over several frames: where edges lie in their pixels makes much of the error of one."""
-    each = [errors_of(renderer, "shadow of what is out of sight", frames=n) for n in range(8, 13)]
+    each = errors_of(renderer, "shadow of what is out of sight", range(8, 13))
     assert sum(e.moving**2 for e in each) <= 0.95 * sum(e.moving_alone**2 for e in each)
 
 

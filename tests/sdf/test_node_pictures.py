@@ -17,7 +17,7 @@ from raymarch.sdf.definition import REGISTRY
 from raymarch.truth import compare, silhouettes, truth
 from tests.support.node_samples import NodeSample, definitions, samples
 
-SIZE, SMALL = (64, 64), (32, 32)
+SIZE, SMALL = (48, 48), (32, 32)
 """The smaller for estimates, whose truth takes long."""
 FOOTPRINT = 0.25
 """How far a hit may be from the surface, in widths of its pixel."""

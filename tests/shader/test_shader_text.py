@@ -186,7 +186,8 @@ def test_one_text_is_valid_on_the_desktop_and_on_the_web(name: str, tmp_path: Pa
 def test_every_number_is_written_for_both_languages(name: str) -> None:
     """A float literal carries a decimal point; a whole number stands in a counting loop, an int
     a texel's place or an index alone."""
-    code = re.sub(r"//.*|#.*|layout\(location = \d\)|const int .*|for \(int .*\{", "", assembled(name, PASSES[2]).text())
+    made = assembled(name, PASSES[2]).text()
+    code = re.sub(r"//.*|#.*|layout\(location = \d\)|const int .*|for \(int .*\{", "", made)
     hashes = (r"uint pcg\(.*?\n}", ">> 8", r"random_of_pixel\(\d+\)")
     dimensions = (r"dimension \+ \d", r"16 \+ 8 \* bounce", r"\b10\d\d\b(?: \+ 2 \* i(?: \+ 1)?)?")
     bounces = (r"bounce (?:==|<|>) \d+", r"count ==? 0", r"1\.0, 0\)")
