@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -119,6 +119,10 @@ def _fields(name: str, names: Sequence[str]) -> Wanted:
         return record(type, *chosen)
 
     return wanted
+
+
+_gradient = lru_cache(8)(raw_gradient)
+"""The gradients of the last fields: a scene is often planned again with other settings."""
 
 
 @dataclass(slots=True)
@@ -237,7 +241,7 @@ class _Parts:
             material = self._body(marked, wanted, of_group, of_many, inner)
             material = opened(material, p)
             replaced = rewrite([field.body], with_stand_in)[field.body]
-            slope = raw_gradient(replaced, p)
+            slope = _gradient(replaced, p)
             slope = rewrite([slope], with_part)[slope]
             roots = merge_calls([slope, material], lambda f: operations_of(f) if f in made.values() else saving(f))
             slope, material = share_values(roots)
