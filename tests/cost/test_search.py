@@ -118,6 +118,14 @@ def test_a_node_is_no_scene(use, what):
 # With errors and times that are known
 
 
+@pytest.fixture
+def few_tracers(monkeypatch):
+    """Known errors and times are those of an epsilon; all tracers and schedules are tried in earnest below."""
+    monkeypatch.setattr(searching, "TRACERS", ("auto", "plain"))
+    monkeypatch.setattr(searching, "SCHEDULES", ("single",))
+
+
+@pytest.mark.usefixtures("few_tracers")
 @pytest.mark.parametrize(("target", "epsilon"), [("2.1px", 2.0), ("0.3px", 0.2), ("0.05px", 0.05), ("0.003px", 0.002)])
 def test_the_fastest_that_keeps_the_error(scene, known, target, epsilon):
     found = for_error(scene, target, SIZE, renderer=FakeRenderer(known))
@@ -126,6 +134,7 @@ def test_the_fastest_that_keeps_the_error(scene, known, target, epsilon):
     assert found.time.value == pytest.approx(1 / epsilon)
 
 
+@pytest.mark.usefixtures("few_tracers")
 @pytest.mark.parametrize(("target", "epsilon"), [("0.5ms", 2.0), ("12ms", 0.1), ("999ms", 0.002)])
 def test_the_most_exact_that_keeps_the_time(scene, known, target, epsilon):
     found = for_time(scene, target, SIZE, renderer=FakeRenderer(known))
@@ -133,6 +142,7 @@ def test_the_most_exact_that_keeps_the_time(scene, known, target, epsilon):
     assert found.time.value <= parse_time(target)
 
 
+@pytest.mark.usefixtures("few_tracers")
 def test_what_nothing_keeps_is_refused_with_the_best(scene, known):
     with pytest.raises(CostError, match=r"within 0\.002 px"):
         for_error(scene, "0.001px", SIZE, renderer=FakeRenderer(known))
@@ -140,6 +150,7 @@ def test_what_nothing_keeps_is_refused_with_the_best(scene, known):
         for_time(scene, "0.4ms", SIZE, renderer=FakeRenderer(known))
 
 
+@pytest.mark.usefixtures("few_tracers")
 def test_a_picture_must_keep_the_error_with_what_the_truth_may_be_off_by(scene, known, monkeypatch):
     """The renderer draws the true picture itself, so that all of the error is the truth's."""
     renderer = FakeRenderer(known)
@@ -156,6 +167,7 @@ def test_a_picture_must_keep_the_error_with_what_the_truth_may_be_off_by(scene, 
         for_error(scene, "flip:0.09", SIZE, renderer=renderer)
 
 
+@pytest.mark.usefixtures("few_tracers")
 @pytest.mark.parametrize(("search", "target"), [(for_error, "0.3px"), (for_time, "12ms")])
 def test_the_rays_a_pixel_of_the_scene_are_measured_and_kept(scene, known, search, target):
     renderer = FakeRenderer(known)
@@ -165,6 +177,7 @@ def test_the_rays_a_pixel_of_the_scene_are_measured_and_kept(scene, known, searc
     assert "samples" not in found.name
 
 
+@pytest.mark.usefixtures("few_tracers")
 def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known, monkeypatch):
     monkeypatch.setattr(searching, "TRUTH_SAMPLES", (4,))  # how many the reference takes is tested above
     renderer = FakeRenderer(known)
@@ -174,6 +187,7 @@ def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known, monkeypatch)
         for_error(with_quality(scene, rm.Quality(steps_per_pass=64)), "flip:1e-9", SIZE, renderer=renderer)
 
 
+@pytest.mark.usefixtures("few_tracers")
 def test_there_is_no_true_picture_of_light_that_goes_random_ways(known):
     def glass(integrator):
         return rm.Scene(rm.sphere().material(rm.Material(transmission=1.0)), quality=rm.Quality(integrator=integrator))
@@ -193,6 +207,7 @@ class Blind(FakeRenderer):
         return super().render(seen, time, params, outputs)
 
 
+@pytest.mark.usefixtures("few_tracers")
 def test_missed_hits_are_never_traded(scene, known):
     assert for_error(scene, "2px", SIZE, renderer=Blind(known)).quality.epsilon == 0.1
     assert for_time(scene, "20ms", SIZE, renderer=Blind(known)).quality.epsilon in (0.1, 0.05)
@@ -210,6 +225,7 @@ class Late(FakeRenderer):
         return frame
 
 
+@pytest.mark.usefixtures("few_tracers")
 def test_a_time_that_is_not_kept_a_second_time_is_given_up(scene, known):
     found = for_time(scene, "12ms", SIZE, renderer=Late(known))
     assert found.quality.epsilon == 0.2

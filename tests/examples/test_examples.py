@@ -80,8 +80,14 @@ def test_color_against_truth(name, renderer):
     assert np.percentile(difference, 95) <= 1 / 255
 
 
-@pytest.mark.parametrize("tracer", TRACERS)
-@pytest.mark.parametrize("name", PROVEN)
+def pairs():
+    """Each example with every second tracer, and each tracer with every second example; the others are long."""
+    for i, name in enumerate(PROVEN):
+        for k, tracer in enumerate(TRACERS):
+            yield pytest.param(name, tracer, marks=[pytest.mark.long] if (i + k) % 2 else [])
+
+
+@pytest.mark.parametrize(("name", "tracer"), pairs())
 def test_no_tracer_misses_a_hit(name, tracer, renderer):
     scene = load(FOLDER / f"{name}.py")
     scene = scene.replace(quality=type(scene.quality)(tracer=tracer))
