@@ -57,6 +57,7 @@ class History:
 
     Attributes
     ----------
+    name : put before the names of its targets.
     view : the inputs of the cones that were drawn last.
     shown : the same of the last picture, which frames without a picture do not change. text : its shader text.
     samples : number of samples per pixel that were averaged since the picture changed.
@@ -70,6 +71,7 @@ class History:
         already have the next samples of light, if a pass takes several frames. adding : number of these samples.
     """
 
+    name: str = ""
     view: Any = None
     shown: Any = None
     text: str | None = None
@@ -246,10 +248,14 @@ class Drawing:
         own = frozenset(self.ready.shader.parameters.values()) if chosen.effect is None else frozenset[str]()
         return {name: value for name, value in self.carried.items() if name not in own}
 
+    def pair_of(self, chosen: Pass) -> str:
+        """The name of the pair of targets of a pass with a history."""
+        return f"{self.history.name}{chosen.name} history"
+
     def _drawn(self, chosen: Pass, turn: Turn) -> Iterator[DrawCall]:
         """The draw call of a pass in a turn, if there is one. Later passes then read what it writes."""
         size = turn.size or self.size
-        pair = self.resources.pair(f"{chosen.name} history", size, chosen.textures) if chosen.history else None
+        pair = self.resources.pair(self.pair_of(chosen), size, chosen.textures) if chosen.history else None
         target = pair.back if pair else self.resources.target(turn.target or chosen.name, size, chosen.textures)
         if not (turn.kept or (chosen.changed and turn.before is None)):
             program, compiling = self.resources.program(self.ready, chosen.name)
@@ -294,7 +300,7 @@ def _steps(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[T
         yield Turn({"march_steps": steps, "u_begin": begin, "u_end": end})
         history.marched += 1
         if drawing.budget is not None and history.marched < count:
-            if not drawing.resources.count_active(f"{passes[0].name} history"):
+            if not drawing.resources.count_active(drawing.pair_of(passes[0])):
                 history.marched = count
             elif drawing.budget.over:
                 break

@@ -220,8 +220,9 @@ class Renderer:
 
         def passes(picture: _Picture, *limits: Any) -> tuple[dict[str, Unread], list[Timing]]:
             nonlocal samples
-            found = self._passes(picture, *limits)
-            if "color" in found[0] and picture.scene is scene and scene.quality.temporal != "off":
+            own = picture.scene is scene
+            found = self._passes(picture, self.history if own else History("silhouette "), *limits)
+            if "color" in found[0] and own and scene.quality.temporal != "off":
                 samples = min(max(samples, self.history.samples), MOST_SAMPLES)
             return found
 
@@ -237,8 +238,10 @@ class Renderer:
                 return passes(replace(picture, scene=scene, outputs=outputs))
 
         unread, timings = passes(picture, progress, within)
-        complete = (scene.quality.steps_per_pass is None or self.history.arrived) and self.history.lighted
-        broken = violations(self.prepared(scene, picture.outputs, picture.part).plan.conditions, values)
+        ready, history = self.prepared(scene, picture.outputs, picture.part), self.history
+        complete = scene.quality.steps_per_pass is None or history.arrived
+        complete = complete and (history.lighted or "color" not in ready.texts)
+        broken = violations(ready.plan.conditions, values)
 
         def color_of(scene: Scene) -> NDArray[np.float32]:
             return render_for("color", scene, "alpha")[0]["color"].array("color")
@@ -310,7 +313,8 @@ class Renderer:
         Parameters and errors are those of `render`. A texture keeps its content until a later draw call uses the same
         target.
         """
-        return list(self.iterate_draw_calls(scene, time, params, outputs, pose))
+        with self.resources.keep_textures():  # samples of an open shutter have their own
+            return list(self.iterate_draw_calls(scene, time, params, outputs, pose))
 
     def iterate_draw_calls(
         self,
@@ -327,16 +331,16 @@ class Renderer:
             each draw call to it. What does not fit is left to the next frame; `history.arrived` then tells whether all
             rays have terminated, and `history.lighted` whether all light is added.
         """
-        yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), budget))
+        yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), self.history, budget))
 
-    def _drawing(self, picture: _Picture, budget: Budget | None) -> Drawing:
+    def _drawing(self, picture: _Picture, history: History, budget: Budget | None) -> Drawing:
         ready, uniforms = self._ready(picture)
         at = self._shutter(ready, picture)
         if at is not None:  # samples depend on values that may have no effect at the frame's time
             values = picture.values
             uniforms |= {f"shutter.{name}": value for name, value in values.params.items()}
             uniforms["shutter"] = (ready.plan.given.camera.open_seconds(values), values.time)
-        return Drawing(self.resources, ready, uniforms, self.size, self.history, budget, at, picture.part)
+        return Drawing(self.resources, ready, uniforms, self.size, history, budget, at, picture.part)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[Wanted] = ("color",)) -> None:
         """Cache a scene that was prepared elsewhere, for example in another thread."""
@@ -428,12 +432,12 @@ class Renderer:
                 )
 
     def _passes(
-        self, picture: _Picture, progress: Progress | None = None, within: float = np.inf
+        self, picture: _Picture, history: History, progress: Progress | None = None, within: float = np.inf
     ) -> tuple[dict[str, Unread], list[Timing]]:
         self._refuse_while_drawing("render")
         self._is_drawing = True
         try:
-            return self._drawn(picture, self._lent(progress), within)
+            return self._drawn(picture, history, self._lent(progress), within)
         except BaseException:
             self.forget()  # the history already counts draws that were not made
             raise
@@ -441,13 +445,13 @@ class Renderer:
             self._is_drawing = False
 
     def _drawn(
-        self, picture: _Picture, progress: Progress | None, within: float
+        self, picture: _Picture, history: History, progress: Progress | None, within: float
     ) -> tuple[dict[str, Unread], list[Timing]]:
         timings: list[Timing] = []
         last: dict[str, DrawCall] = {}
         limited = within < np.inf or picture.scene.quality.steps_per_pass is not None
         budget = Budget(within) if limited else None
-        drawing = self._drawing(picture, budget)
+        drawing = self._drawing(picture, history, budget)
         most = count_draws(drawing)
         for call in _named(drawing):
             first = self.resources.first_draw(call.program)

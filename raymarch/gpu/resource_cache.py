@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import time as clock_time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import moderngl
@@ -102,6 +103,16 @@ class ResourceCache:
         self._bytes: dict[str, int] = {}
         self._counter: Program | None = None
         self._lights: list[tuple[Any, Mapping[str, Any]]] = []
+        self._all_kept = False
+
+    @contextmanager
+    def keep_textures(self) -> Iterator[None]:
+        """Inside, textures are added and none is freed: for the draw calls of a frame that are drawn later."""
+        self._all_kept = True
+        try:
+            yield
+        finally:
+            self._all_kept = False
 
     def program(self, ready: Prepared, chosen: str) -> tuple[Program, float]:
         """The program of a pass, and the time that the driver took to compile it in milliseconds; 0 if cached."""
@@ -176,12 +187,14 @@ class ResourceCache:
             made = upload_pyramid(self.context, data) if isinstance(data, Texels) else upload(self.context, data)
             self._textures[data.key] = made
             self._bytes[data.key] = data.nbytes
-            while len(self._textures) > KEPT or (len(self._textures) > UNITS and sum(self._bytes.values()) > HELD):
-                key, oldest = self._textures.popitem(last=False)
-                del self._bytes[key]
-                with self.context.bound():
-                    oldest.release()
         self._textures.move_to_end(data.key)
+        while not self._all_kept and (
+            len(self._textures) > KEPT or (len(self._textures) > UNITS and sum(self._bytes.values()) > HELD)
+        ):
+            key, oldest = self._textures.popitem(last=False)
+            del self._bytes[key]
+            with self.context.bound():
+                oldest.release()
         return self._textures[data.key]
 
     def lights(
@@ -197,7 +210,7 @@ class ResourceCache:
         if found is not None:
             return found
         with self.context.bound():
-            if len(self._lights) == 2:
+            while len(self._lights) >= 2 and not self._all_kept:
                 _free_lights(self._lights.pop(0)[1])
             made: dict[str, Any] = {"u_lights": self._texels(rows), "light_rows": rows, "light_turns": len(rows)}
             if balls is not None:

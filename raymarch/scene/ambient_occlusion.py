@@ -10,7 +10,7 @@ from raymarch.expr.function import loop, sum_of
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp
-from raymarch.scene.parameter import as_number
+from raymarch.scene.parameter import LEAST_LENGTH, as_number
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import Scalar
 
@@ -48,7 +48,7 @@ class AmbientOcclusion(Part):
     def __init__(self, steps: int = 5, reach: Scalar = 0.5, strength: Scalar = 1.0, decay: Scalar = 0.75) -> None:
         self._set(
             steps=integer("AmbientOcclusion: steps", steps, 1, 32),
-            reach=as_number("AmbientOcclusion: reach", reach, low=1e-6),
+            reach=as_number("AmbientOcclusion: reach", reach, low=LEAST_LENGTH),
             strength=as_number("AmbientOcclusion: strength", strength, low=0.0),
             decay=as_number("AmbientOcclusion: decay", decay, 1e-3, 1.0),
         )

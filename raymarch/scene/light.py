@@ -37,7 +37,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.scene.parameter import as_color, as_direction, as_number, as_vec3, is_zero
+from raymarch.scene.parameter import LEAST_LENGTH, as_color, as_direction, as_number, as_vec3, is_zero
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
 
@@ -471,8 +471,8 @@ class RectLight(Light):
         self._set(
             range=_length("RectLight: range", range),
             position=as_vec3("RectLight: position", position),
-            width=as_number("RectLight: width", width, low=1e-6),
-            height=as_number("RectLight: height", height, low=1e-6),
+            width=as_number("RectLight: width", width, low=LEAST_LENGTH),
+            height=as_number("RectLight: height", height, low=LEAST_LENGTH),
             direction=as_direction("RectLight: direction", direction),
         )
         upright = where(abs(self.direction.y) > 0.999, const((0.0, 0.0, 1.0)), const((0.0, 1.0, 0.0)))
@@ -536,7 +536,7 @@ def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> Directi
 def hard(light: Light) -> Light:
     """The same light with hard shadows. A SphereLight becomes a PointLight at its centre, and a RectLight tiny."""
     if isinstance(light, RectLight):
-        return light.replace(width=1e-6, height=1e-6)
+        return light.replace(width=LEAST_LENGTH, height=LEAST_LENGTH)
     if isinstance(light, SphereLight):
         return PointLight(**{name: value for name, value in light.arguments().items() if name != "radius"})
     return light.replace(softness=0.0)
@@ -550,4 +550,4 @@ def _window(distance: Expr, range: Expr) -> Expr:
 
 
 def _length(what: str, value: Any) -> Expr | None:
-    return None if value is None else as_number(what, value, low=1e-6)
+    return None if value is None else as_number(what, value, low=LEAST_LENGTH)

@@ -81,7 +81,7 @@ class Material(Value):
     normal_strength : factor of the slopes of the normal map, in [0, 100].
     height : a height map, or a function of the point that gives heights. The normal is perturbed as if the surface were
         raised by height * `height_scale`. The surface does not move; see `displace_by_image` for displacement.
-    height_scale : factor of the heights, in units of length, in [-1000, 1000].
+    height_scale : factor of the heights, in units of length.
     occlusion : fraction of ambient light and sky light that reaches the surface, in [0, 1]. Default 1. Ignored by
         path-traced light.
 

@@ -219,6 +219,10 @@ def as_color(what: str, value: Any, low: float = 0.0, high: float = np.inf, cell
     return as_vec3(what, linear_color(what, value), low, high, cells)
 
 
+LEAST_LENGTH, MOST_LENGTH = 1e-18, 1e18
+"""Limits of the lengths of parts of a scene: beyond the sizes of scenes, and their squares are float32."""
+
+
 def as_number(what: str, value: Any, low: float = -np.inf, high: float = np.inf, cells: bool = False) -> Expr:
     """A number, checked. Expressions must be scalar. cells : see `as_vec3`."""
     return _checked(what, value, 1, low, high, cells)

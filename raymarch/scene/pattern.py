@@ -15,7 +15,7 @@ from raymarch.expr.function import function
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, clamp, dot, floor, length, max, mix, mod, sin, vec2, where
-from raymarch.scene.parameter import as_number
+from raymarch.scene.parameter import LEAST_LENGTH, as_number
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
 from raymarch.sdf.lower import DPDX, DPDY, POSITION
 from raymarch.sdf.noise import value_noise
@@ -45,7 +45,7 @@ def checker(a: Scalar | ColorLike, b: Scalar | ColorLike, size: Scalar = 1.0, ax
     pieces of the footprint.
     """
     first, second = _pair("checker", a, b)
-    edge = as_number("checker: size", size, low=1e-6)
+    edge = as_number("checker: size", size, low=LEAST_LENGTH)
     if axis is not None:
         across = _across("checker", axis)
 
@@ -83,7 +83,7 @@ def grid_lines(
     axis : "x", "y" or "z": the grid is at right angles to it.
     """
     first, second = _pair("grid_lines", a, b)
-    spacing = as_number("grid_lines: size", size, low=1e-6)
+    spacing = as_number("grid_lines: size", size, low=LEAST_LENGTH)
     thick = as_number("grid_lines: width", width, low=0.0)
     if spacing.is_constant and thick.is_constant and thick.data > spacing.data:
         raise SceneError(f"grid_lines: width = {short(width)} with size = {short(size)}", legal="at most the size")
@@ -109,7 +109,7 @@ def stripes(a: Scalar | ColorLike, b: Scalar | ColorLike, width: Scalar = 0.5, a
     """
     axis = choice("stripes: axis", axis, AXES, "'x', 'y' or 'z'")
     first, second = _pair("stripes", a, b)
-    thick = as_number("stripes: width", width, low=1e-6)
+    thick = as_number("stripes: width", width, low=LEAST_LENGTH)
     return lambda p: where(mod(floor(p["xyz".index(axis)] / thick), 2.0) < 0.5, first, second)
 
 
@@ -125,7 +125,7 @@ def noise(a: Scalar | ColorLike, b: Scalar | ColorLike, scale: Scalar = 1.0, oct
     """
     octaves = integer("noise: octaves", octaves, 1, 8)
     first, second = _pair("noise", a, b)
-    size = as_number("noise: scale", scale, low=1e-6)
+    size = as_number("noise: scale", scale, low=LEAST_LENGTH)
     return lambda p: mix(first, second, clamp(0.5 + 0.25 * _fractal(p / size, octaves), 0.0, 1.0))
 
 
@@ -151,7 +151,7 @@ def marble(
     axis = choice("marble: axis", axis, AXES, "'x', 'y' or 'z'")
     octaves = integer("marble: octaves", octaves, 1, 8)
     first, second = _pair("marble", a, b)
-    size = as_number("marble: scale", scale, low=1e-6)
+    size = as_number("marble: scale", scale, low=LEAST_LENGTH)
     strength = as_number("marble: turbulence", turbulence, low=0.0)
 
     def pattern(p: Expr) -> Expr:

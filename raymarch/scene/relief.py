@@ -17,7 +17,7 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, cross, dot, length, max, normalize, vec3, where
 from raymarch.expr.walk import find, free_variables
-from raymarch.scene.parameter import as_number
+from raymarch.scene.parameter import MOST_LENGTH, as_number
 from raymarch.scene.texture import Texture
 from raymarch.sdf.domain import as_operand
 from raymarch.sdf.lower import DPDN, DPDX, DPDY, NORMAL, POSITION, SCENE_INTERACTION
@@ -55,7 +55,7 @@ def bump_gradient(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
     if normal is None and height is None and type(strength) is type(scale) is float and strength == 1.0 > scale > 0.0:
         return FLAT  # the usual case: a scene may have thousands of materials
     normal_factor = as_number("Material: normal_strength", strength, 0.0, 100.0, cells=True)
-    height_factor = as_number("Material: height_scale", scale, -1e3, 1e3, cells=True)
+    height_factor = as_number("Material: height_scale", scale, -MOST_LENGTH, MOST_LENGTH, cells=True)
     total = FLAT
     if normal is not None:
         if not isinstance(normal, Texture):
@@ -96,6 +96,6 @@ def _in_scene(slope: Expr) -> Expr:
     """
     _, dpdx, dpdy = SCENE_INTERACTION
     perturbed = NORMAL - (slope - dot(slope, NORMAL) * NORMAL)
-    n_component = max(dot(perturbed, DPDN), 1e-6)
+    n_component = max(dot(perturbed, DPDN), 1e-6 * length(DPDN))
     parts = [axis * (dot(slope, local) / dot(axis, axis)) for axis, local in ((dpdx, DPDX), (dpdy, DPDY))]
     return (parts[0] + parts[1]) / n_component

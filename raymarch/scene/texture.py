@@ -19,7 +19,7 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.texels import WRAPS, Texels, Wrap
 from raymarch.expr.textures import texture
 from raymarch.expr.vocabulary import abs, cos, max, pow, sin, vec2, vec3, where
-from raymarch.scene.parameter import as_number
+from raymarch.scene.parameter import LEAST_LENGTH, MOST_LENGTH, as_number
 from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
@@ -63,8 +63,8 @@ class Layout(Value):
         what = instance("Layout: what", what, str, "the name of the caller, for messages")
         self._set(
             axis=optional(choice, f"{what}: axis", axis, tuple(FACES)),
-            extents=_pair(f"{what}: size", extents, "a length > 0, or two", 1e-6),
-            shift=_pair(f"{what}: offset", shift, "two lengths", -1e6),
+            extents=_pair(f"{what}: size", extents, "a length > 0, or two", LEAST_LENGTH),
+            shift=_pair(f"{what}: offset", shift, "two lengths", -MOST_LENGTH),
             turn=as_number(f"{what}: rotation", turn, -1e6, 1e6, cells=True),
             hardness=as_number(f"{what}: hardness", hardness, 1.0, 64.0),
             what=what,
@@ -260,7 +260,7 @@ class _Frame:
 def _pair(what: str, value: Any, legal: str, low: float) -> tuple[Expr, Expr]:
     if not isinstance(value, tuple | list | np.ndarray) or np.ndim(np.asarray(value, object)) < 1 or len(value) != 2:
         raise SceneError(f"{what} = {short(value)}", legal=legal)
-    across, up = (as_number(what, v, low, 1e6, cells=low < 0.0) for v in value)
+    across, up = (as_number(what, v, low, MOST_LENGTH, cells=low < 0.0) for v in value)
     return across, up
 
 
@@ -270,7 +270,7 @@ def _projected(
     """A texture. If only its width is given, its height follows from the aspect ratio of the picture."""
     stored = stored_of(what, picture)
     if not (isinstance(size, tuple | list) or (isinstance(size, np.ndarray) and size.ndim)):
-        width = as_number(f"{what}: size", size, 1e-6, 1e6)
+        width = as_number(f"{what}: size", size, LEAST_LENGTH, MOST_LENGTH)
         size = (width, width * (stored.pixels.shape[0] / stored.pixels.shape[1]))
     return Texture(what, stored, Layout(axis, size, offset, rotation, hardness, what), **parts)
 

@@ -14,6 +14,7 @@ from raymarch.expr.arrays import bound, value_of
 from raymarch.gpu.context import Context
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.resource_cache import KEPT
 from raymarch.gpu.tiles import tiles_of
 from raymarch.scene.parameter import Values
 
@@ -35,6 +36,21 @@ def test_draw_calls_draw_what_render_gives(renderer: Renderer) -> None:
     for tile in tiles_of(SIZE):
         call.draw(tile)
     assert np.array_equal(call.target.read()[..., :3], frame.color)
+
+
+def test_calls_of_an_open_shutter_keep_the_textures_of_all_samples(renderer: Renderer) -> None:
+    """Lights as data, and more versions of moving rows than are kept between frames."""
+    balls = [rm.sphere(0.1).translate((0.3 * k - 1, 0.3 * rm.time, 0)) for k in range(8)]
+    lights = [rm.PointLight((rm.time + k, 3, 1), intensity=2) for k in range(10)]
+    quality = rm.Quality(samples=40, objects="data")
+    scene = rm.Scene(rm.union(*balls), rm.Camera((0, 0, 4), (0, 0, 0), shutter=0.5), lights, quality=quality)
+    expected = renderer.render(scene).color
+    calls = renderer.draw_calls(scene)
+    for call in calls:
+        call.draw()
+    assert np.array_equal(calls[-1].target.read()[..., :3], expected)
+    renderer.render(scene)
+    assert renderer.resources.objects["data"] <= KEPT + 2
 
 
 def test_a_pose_takes_the_place_of_the_camera(renderer: Renderer) -> None:

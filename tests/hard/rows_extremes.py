@@ -23,7 +23,7 @@ UNIT = 2.0**40
 
 
 def _scenes(s: float) -> list[rm.Scene]:
-    """The same scenes in units of s: hard and soft shadows, blends, bounces, a lamp, a Param, copies and a grid."""
+    """The same scenes in units of s: hard and soft shadows, blends, bounces, lights, a Param, a grid, patterns."""
     axis = np.linspace(-1.0, 1.0, 24)
     x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
     camera = rm.Camera((1.0 * s, 0.8 * s, 2.0 * s), (0, 0, 0))
@@ -31,6 +31,13 @@ def _scenes(s: float) -> list[rm.Scene]:
     blend = rm.union(rm.box((s, s, s)), rm.torus(0.8 * s, 0.2 * s), k=0.2 * s)
     lamp = rm.PointLight((s, 2.0 * s, s), intensity=4.0 * s * s, shadow=True)
     soft = [rm.Sun(shadow=True, softness=0.1)]
+    area = {"intensity": 4.0 * s * s, "range": 9.0 * s, "shadow": True}
+    wide = [rm.SphereLight((s, 2.0 * s, s), 0.2 * s, **area), rm.RectLight((-s, 2.0 * s, s), s, s, **area)]
+    tiles = rm.Material(rm.checker((0.9, 0.5, 0.3), (0.2, 0.2, 0.6), 0.3 * s, axis="y"))
+    picture = np.linspace(0.2, 0.8, 48).reshape(4, 4, 3)
+    waves = rm.Material(rm.planar(picture, s, "x"), height=lambda p: rm.sin(6.0 * p.x / s), height_scale=0.05 * s)
+    bumps = rm.Material(rm.noise("red", "blue", 0.2), height=lambda p: rm.sin(6.0 * p.x), height_scale=0.05)
+    ambient = {"sky": rm.Sky((0.4, 0.5, 0.7), light=True), "occlusion": rm.AmbientOcclusion(3, 0.3 * s)}
     return [
         rm.Scene(rm.sphere(s)),
         rm.Scene(blend, lights=[rm.Sun(shadow=True)]),
@@ -39,6 +46,8 @@ def _scenes(s: float) -> list[rm.Scene]:
         rm.Scene(rm.sphere(rm.Param("radius", s, 0.5 * s, 2.0 * s))),
         rm.Scene(rm.grid((np.sqrt(x * x + y * y + z * z) - 0.8) * s, size=2.0 * s)),
         rm.Scene((rm.box((s, s, s)) - rm.sphere(0.6 * s)).shell(0.02 * s).rotate(0.5, (1, 2, 3))),
+        rm.Scene(rm.sphere(0.5 * s).material(waves) | floor.material(tiles), camera, wide, **ambient),
+        rm.Scene(rm.box((1, 1, 1)).material(bumps).scale(s), camera, [rm.Sun()]),
     ]
 
 

@@ -45,6 +45,20 @@ def test_the_sky_is_transparent_and_not_in_the_colours(samples: int, sky: str, e
     assert np.all(picture[alpha == 0][:, :3] == 0)
 
 
+@pytest.mark.parametrize("samples", [1, 2])
+def test_transparency_does_not_restart_the_mean_of_frames(samples: int, egl: Context) -> None:
+    quality = rm.Quality(samples=samples, temporal="accumulate")
+    scene = scene_of().replace(quality=quality)
+    with rm.Renderer((24, 18), context=egl) as renderer:
+        expected = [renderer.render(scene).color for _ in range(3)]
+        renderer.forget()
+        for color in expected:
+            frame = renderer.render(scene)
+            frame.image(alpha=True)
+            np.testing.assert_array_equal(frame.color, color)
+    assert np.any(expected[0] != expected[2])
+
+
 def test_without_a_hit_all_is_transparent(egl: Context) -> None:
     away = scene_of().replace(camera=rm.Camera((0, 0, 4), (0, 0, 8)))
     with rm.Renderer((16, 9), context=egl) as renderer:

@@ -212,6 +212,12 @@ def test_cells_find_the_lights_that_the_loop_over_all_adds(renderer: Renderer, m
     assert np.abs(found[0] - found[1]).max() > 0.01
 
 
+def test_a_frame_without_a_picture_is_complete_although_light_is_left(renderer: Renderer) -> None:
+    scene = street(lights_per_pass=1, temporal="accumulate")
+    found = [renderer.render(scene, outputs=(name,), within=0.0).complete for name in ("color", "depth", "color")]
+    assert found == [False, True, False]
+
+
 def test_lights_without_a_budget_are_one_pass(renderer: Renderer) -> None:
     made = renderer.render(street(lights_per_pass=4))
     assert [t.name for t in made.timings] == ["surface", "light", "color"] and made.complete
