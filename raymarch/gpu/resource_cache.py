@@ -102,7 +102,7 @@ class ResourceCache:
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._bytes: dict[str, int] = {}
         self._counter: Program | None = None
-        self._lights: list[tuple[Any, Mapping[str, Any]]] = []
+        self._lights: list[tuple[Any, dict[str, Any]]] = []
         self._all_kept = False
 
     @contextmanager
@@ -207,17 +207,17 @@ class ResourceCache:
         """
         content = (rows.shape, rows.tobytes(), b"" if balls is None else balls.tobytes())
         found = next((uniforms for known, uniforms in self._lights if known == content), None)
-        if found is not None:
-            return found
+        others = [kept for kept in self._lights if kept[1] is not found]
         with self.context.bound():
-            while len(self._lights) >= 2 and not self._all_kept:
-                _free_lights(self._lights.pop(0)[1])
-            made: dict[str, Any] = {"u_lights": self._texels(rows), "light_rows": rows, "light_turns": len(rows)}
-            if balls is not None:
-                cells = light_cells.build(balls, np.asarray(lower), np.asarray(upper))
-                made |= {"u_light_cells": self._texels(cells.texels), "light_turns": cells.most}
-        self._lights.append((content, made))
-        return made
+            if found is None:
+                found = {"u_lights": self._texels(rows), "light_rows": rows, "light_turns": len(rows)}
+                if balls is not None:
+                    cells = light_cells.build(balls, np.asarray(lower), np.asarray(upper))
+                    found |= {"u_light_cells": self._texels(cells.texels), "light_turns": cells.most}
+            while len(others) > 1 and not self._all_kept:
+                _free_lights(others.pop(0)[1])
+        self._lights = [*others, (content, found)]
+        return found
 
     def _texels(self, rows: NDArray[np.float32]) -> moderngl.Texture:
         made = self.context.gl.texture(rows.shape[1::-1], 4, rows.tobytes(), dtype="f4")
