@@ -258,7 +258,7 @@ class Renderer:
 
         frame = Frame(
             *(size, values.time, timings, {}, render_for, scene.tone, complete, pose, broken),
-            *(partial(self._doubts, scene, values), transparency, bool(scene.post), unread),
+            *(partial(self._doubts, scene, ready, values), transparency, bool(scene.post), unread),
         )
         if not self.strict:
             vouch.warn(broken)
@@ -266,13 +266,14 @@ class Renderer:
             raise RenderError(doubts)
         return frame
 
-    def _doubts(self, scene: Scene, values: Values, frame: Frame, steps: bool) -> list[str]:
+    def _doubts(self, scene: Scene, ready: Prepared, values: Values, frame: Frame, steps: bool) -> list[str]:
+        """See `Frame.doubts`."""
         pose = frame.pose
         assert pose is not None
         pixels = frame.size[0] * frame.size[1]
         lost, above = frame._count_odd()
         found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(lost, pixels)]
-        found += [vouch.noisy(scene), *unused(scene)]
+        found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *unused(scene)]
         white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from raymarch.errors import RenderWarning, user_location
 from raymarch.expr.arrays import bound
+from raymarch.gpu.prepare import Prepared
+from raymarch.plan.unused import is_sampled
 from raymarch.scene.camera import Pose
+from raymarch.scene.light import RectLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.sampled_facts import quick_contradictions, stated_by_user
@@ -90,8 +93,8 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
 
 
 def noisy(scene: Scene) -> str:
-    """The doubt of path-traced light, a lens or an open shutter with one random path a pixel; empty if there are more,
-    or none."""
+    """The doubt of path-traced light, a lens, an open shutter or a light of some size with one random path or point a
+    pixel; empty if there are more, or none."""
     quality = scene.quality
     if quality.samples > 1 or quality.temporal != "off":
         return ""
@@ -100,10 +103,28 @@ def noisy(scene: Scene) -> str:
     if scene.motion_blur:
         return "Camera(shutter=...) shows one moment with one ray a pixel (--samples 64 or Quality(samples=64))"
     if not scene.path_traced:
-        return ""
+        sampled = [light for light in scene.lights if is_sampled(light)]
+        if not sampled or quality.light_samples > 1:
+            return ""
+        name = type(sampled[0]).__name__ + ("" if isinstance(sampled[0], RectLight) else "(penumbra='sampled')")
+        return f"{name} is noisy with one random point a pixel (--samples 16, or Quality(light_samples=16))"
     if not any(m.transmits for m in scene.materials):
         return "path-traced light is noisy with one random path a pixel (--samples 64 or Quality(samples=64))"
     return "glass is noisy with one random path a pixel (--samples 64 or Quality(samples=64); or integrator='whitted')"
+
+
+def inside(ready: Prepared, values: Values, pose: Pose) -> str:
+    """The doubt of a camera in a solid; empty in glass, and if rays start at points of their own."""
+    scene = ready.plan.given
+    own_starts = pose.half_height or pose.near or pose.aperture
+    if ready.distance is None or own_starts or any(m.transmits for m in scene.materials):
+        return ""
+    with bound(values.params, values.time):
+        depth = -float(np.ravel(ready.distance((pose.position - ready.plan.origin)[None])[0])[0])
+    if not depth > 0.0:
+        return ""
+    what = f"the camera is {depth:.3g} deep inside a solid, whose inner side is shown"
+    return f"{what} (move it, or hide the solid: node.visible(camera=False))"
 
 
 def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:

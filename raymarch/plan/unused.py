@@ -59,7 +59,7 @@ def _shadows(scene: Scene) -> Iterator[str]:
                 yield _at(light, f"{name}(penumbra=...) has no effect without softness")
     if scene.quality.shadow_steps is not None and not casting:
         yield "Quality(shadow_steps=...) has no effect: no light has shadow=True"
-    if scene.quality.light_samples > 1 and not any(_sampled(light) for light in scene.lights):
+    if scene.quality.light_samples > 1 and not any(is_sampled(light) for light in scene.lights):
         yield "Quality(light_samples=...) has no effect: no RectLight, and no soft shadow with penumbra='sampled'"
 
 
@@ -98,7 +98,8 @@ def _at(part: Material | Light | object, sentence: str) -> str:
     return f"{where}: {sentence}" if where else sentence
 
 
-def _sampled(light: Light) -> bool:
+def is_sampled(light: Light) -> bool:
+    """True if random points of a light give its light or its shadow."""
     return isinstance(light, RectLight) or (light.soft and light.penumbra == "sampled")
 
 

@@ -122,6 +122,35 @@ def test_glass_of_one_path_a_pixel_is_noise(context):
         assert not renderer.render(whitted).doubts()
 
 
+@pytest.mark.parametrize(
+    ("light", "name"),
+    [(rm.RectLight((0, 3, 0)), "RectLight"), (rm.Sun(shadow=True, softness=0.1, penumbra="sampled"), "Sun(penumbra=")],
+)
+def test_one_random_point_of_a_light_is_noise(context, light, name):
+    scene = rm.Scene(rm.sphere(), rm.Camera((0, 0, 4)), [light])
+    with rm.Renderer((24, 18), context=context) as renderer:
+        (doubt,) = renderer.render(scene).doubts()
+        assert doubt.startswith(name) and "noisy with one random point" in doubt
+        for quality in (rm.Quality(samples=4), rm.Quality(light_samples=4), rm.Quality(temporal="accumulate")):
+            assert not renderer.render(scene.replace(quality=quality)).doubts()
+
+
+def test_a_camera_inside_a_solid(context):
+    away = (100, 0, 0)
+    ball, camera = rm.sphere().translate(away), rm.Camera((100, 0.2, 0), (100, 0, -3))
+    with rm.Renderer((24, 18), context=context) as renderer:
+        (doubt,) = renderer.render(rm.Scene(ball, camera)).doubts()
+        assert doubt.startswith("the camera is 0.8 deep inside a solid")
+        wall = rm.box().translate((100, 0, -4))
+        for node in (ball.visible(camera=False) | wall, ball.complement(), ball.shell(0.1)):
+            assert not renderer.render(rm.Scene(node, camera)).doubts()
+        water = rm.Material(transmission=1)
+        for other in (camera.replace(near=0.1), camera.replace(projection="orthographic", height=1.0)):
+            assert not renderer.render(rm.Scene(ball, other)).doubts()
+        scene = rm.Scene(ball.material(water), camera, quality=rm.Quality(samples=4))
+        assert not any("inside" in doubt for doubt in renderer.render(scene).doubts())
+
+
 def lit_floor(intensity, color=(0.8, 0.8, 0.8), **parts):
     node = (rm.plane(offset=-1) | rm.sphere()).material(rm.Material(color, specular=0, **parts))
     return rm.Scene(node, rm.Camera((0, 1, 5), (0, 0, 0)), [rm.Sun((0, 1, 0), intensity=intensity)], sky=(9, 9, 9))
