@@ -24,7 +24,7 @@ _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary
 """All functions by content, so that unpickling returns the existing object."""
 
 
-@dataclass(eq=False, slots=True, weakref_slot=True)
+@dataclass(eq=False, repr=False, slots=True, weakref_slot=True)
 class Function:
     """A named function of typed parameters. `names` keeps the author's own names for intermediate values."""
 
@@ -41,6 +41,9 @@ class Function:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _function, (self.name, self.params, self.body, list(self.names.items()), self.where)
+
+    def __repr__(self) -> str:
+        return f"<function {self.name}({', '.join(f'{p.type} {p.data}' for p in self.params)}) -> {self.type}>"
 
     def __copy__(self) -> Function:
         return self
@@ -147,15 +150,17 @@ def _code_family(code: CodeType) -> set[CodeType]:
     return {code}.union(*(_code_family(c) for c in code.co_consts if isinstance(c, CodeType)))
 
 
-def function(**types: Type) -> Callable[[Callable[..., Any]], Function]:
+def function(called: str = "", /, **types: Type) -> Callable[[Callable[..., Any]], Function]:
     """Decorator: define a helper as a GLSL function; the types of its parameters are given by name.
+
+    called : the name of the GLSL function, if it is not that of the definition.
 
     The definition runs once on symbolic parameters: a user's at once, so that its errors are raised there, and one of
     this package when the function is first used, because together they would take most of the time of the import.
     """
 
     def decorate(definition: Callable[..., Any]) -> Function:
-        name, code = definition.__name__, definition.__code__
+        name, code = called or definition.__name__, definition.__code__
         if is_users(code.co_filename):
             return trace(name, definition, list(types.items()))
         return _Deferred(name, lambda: _trace(name, definition, list(types.items()), code))

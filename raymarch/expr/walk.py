@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Generator, Hashable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar, overload
 
 from raymarch.expr.node import Expr, make, simplify
@@ -139,8 +139,11 @@ def free_variables(roots: Iterable[Expr]) -> list[Expr]:
     return [node for node in topological(roots) if node.op == "var"]
 
 
-def find(roots: Iterable[Expr], *ops: str) -> list[Expr]:
-    """The distinct expressions of some operations below the roots, also inside called functions and loops."""
+def find(roots: Iterable[Expr], *ops: str, outside: Container[object] = ()) -> list[Expr]:
+    """The distinct expressions of some operations below the roots, also inside called functions and loops.
+
+    outside : functions that are not looked into.
+    """
     found: dict[Expr, None] = {}
     pending: list[Sequence[Expr]] = [topological(roots)]
     seen = set[object]()
@@ -151,7 +154,7 @@ def find(roots: Iterable[Expr], *ops: str) -> list[Expr]:
                 op = node.op
                 if op in ops:
                     found[node] = None
-                if op in ("call", "loop") and node.data not in seen:
+                if op in ("call", "loop") and node.data not in seen and node.data not in outside:
                     seen.add(node.data)
                     inner.append(inner_order(node.data))
         pending = inner

@@ -29,7 +29,10 @@ __all__ = ["instances"]
 
 Array = NDArray[np.float64]
 
-LEGAL = "(N, 3) positions, (N, 4, 4) matrices for row vectors, or (N, 3, 4) matrices for column vectors"
+LEGAL = (
+    "(N, 3) positions, (N, 4) positions and factors, (N, 4, 4) matrices for row vectors, or (N, 3, 4) matrices for "
+    "column vectors"
+)
 RIGID = "rotations times one factor > 0, and an offset"
 
 
@@ -38,6 +41,8 @@ def _placements(transforms: ArrayLike) -> tuple[Array | None, Array]:
     given = numbers("instances: transforms", transforms, LEGAL)
     if given.ndim == 2 and given.shape[1] == 3:
         linear, offsets = None, given
+    elif given.ndim == 2 and given.shape[1] == 4:
+        linear, offsets = given[:, 3, None, None] * np.eye(3), given[:, :3]
     elif given.ndim == 3 and given.shape[1:] == (4, 4):
         if not np.array_equal(given[:, :, 3], np.broadcast_to((0.0, 0.0, 0.0, 1.0), given.shape[:2])):
             row = int(np.argmax(np.any(given[:, :, 3] != (0.0, 0.0, 0.0, 1.0), axis=1)))
@@ -218,9 +223,10 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     Parameters
     ----------
     node : the solid: bounded, exact or a bound, without `Param` and `time`.
-    transforms : shape (N, 3): positions, in units of length; or (N, 4, 4): matrices for row vectors, as `transform`
-        takes them, the offset in the last row; or (N, 3, 4): matrices for column vectors, the offset in the last
-        column. A matrix is a rotation times one factor > 0, and an offset. N is 1 or more.
+    transforms : shape (N, 3): positions, in units of length; or (N, 4): x, y, z and a factor > 0 of the size, such as
+        the radius of a `sphere(1)`: `np.column_stack([positions, radii])`; or (N, 4, 4): matrices for row vectors, as
+        `transform` takes them, the offset in the last row; or (N, 3, 4): matrices for column vectors, the offset in
+        the last column. A matrix is a rotation times one factor > 0, and an offset. N is 1 or more.
     materials : of the instances; parts of the node that have their own material keep it. None leaves it to the node.
 
         - a Material for all, or a sequence of N.

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import called, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
@@ -21,7 +22,7 @@ from raymarch.expr.function import Function, function, sum_of, trace
 from raymarch.expr.hashing import hash
 from raymarch.expr.intervals import INTERVALS, interval_of
 from raymarch.expr.node import Expr, Operand, expr
-from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import Child, operator
@@ -39,8 +40,25 @@ def _displaced(distance: Expr, displacement: Expr, amplitude: Scalar, slope: Sca
     return max((distance + displacement) / (1.0 + slope), distance - amplitude)
 
 
-@function(q=VEC3)
-def value_noise(q: Expr) -> Expr:
+@checked
+def value_noise(p: Operand) -> Expr:
+    """Smooth noise of a point, from -1 to 1: random values at the points with integer coordinates, and between them.
+
+    p : a vec3, or a vec2 for the plane z = 0. `value_noise(p * 4)` has features a quarter as wide.
+
+    No slope exceeds pi, so `node.displace_by` derives its step length from noise too. Octaves of it are a terrain:
+    `rm.plane().displace_by(lambda p: sum(0.5**i * rm.value_noise(p.xz * 2.0**i) for i in range(5)))`.
+    """
+    q = expr(p)
+    if q.type is VEC2:
+        q = vec3(q, 0.0)
+    if q.type is not VEC3:
+        raise SceneError(f"value_noise({q.type})", legal="a point, a vec3 or a vec2")
+    return lattice_noise(q)
+
+
+@function("value_noise", q=VEC3)
+def lattice_noise(q: Expr) -> Expr:
     """Value noise: random values from -1 to 1 at integer lattice points, interpolated by cosines; pi-Lipschitz.
 
     The constant: with the weights w = (1 - cos(pi t)) / 2 along each axis, the noise is the mean of a function v of the
@@ -78,7 +96,7 @@ def noisy(
     """Displace along the normals by noise."""
     first = _share(octaves)
     layers = [
-        first * 0.5**i * value_noise(frequency * 2.0**i * p + tuple(i * o for o in OFFSET)) for i in range(octaves)
+        first * 0.5**i * lattice_noise(frequency * 2.0**i * p + tuple(i * o for o in OFFSET)) for i in range(octaves)
     ]
     slope = amplitude * frequency * (math.pi * first * octaves)
     return _displaced(child(p), amplitude * sum_of(layers), amplitude, slope)
@@ -137,7 +155,7 @@ def displace_by(
 
     A bound: near the surface divided by 1 + lipschitz, farther away not divided. Derived values hold over all space if
     possible (sines). Else they hold over the solid's box grown by the displacement, which needs a bounded solid. A
-    function with steps (floor, mod, where, noise) needs `lipschitz` as a number.
+    function with steps (floor, mod, where) needs `lipschitz` as a number; `rm.value_noise` and `rm.noise` do not.
     """
     if not callable(function):
         raise SceneError(f"displace_by: function = {short(function)}", legal="a function of a point")
@@ -167,6 +185,9 @@ JUMPS = ("sign", "floor", "ceil", "round", "fract", "mod", "step", "where", "loo
 """Operations that may be discontinuous, or whose slopes intervals cannot bound."""
 
 
+NOISE_LIMITS = (np.array([-math.pi, -math.pi, -math.pi, -1.0]), np.array([math.pi, math.pi, math.pi, 1.0]))
+"""Gradient and value of `lattice_noise` anywhere: less than intervals find, which take its corners as independent."""
+
 LARGEST = 2.0**23
 """A field divided by more than this has no precision left in float32."""
 
@@ -175,11 +196,11 @@ def _measured(
     node: Node, function: Function, amplitude: Scalar | None, lipschitz: Scalar | None
 ) -> tuple[Function, Scalar, Scalar]:
     """The function with its amplitude and slope. If they hold only in a box, the function is constant outside of it."""
-    jumps = find([function.body], *JUMPS)
+    jumps = find([function.body], *JUMPS, outside=(lattice_noise,))
     if lipschitz is None and jumps:
         raise SceneError(
             f"displace_by: the function uses '{jumps[0].op}', so its Lipschitz constant cannot be derived",
-            legal="lipschitz = the most by which it changes a unit of length",
+            legal="lipschitz = the most by which it changes a unit of length; that of rm.value_noise(p) is known",
         )
 
     def over(lower: Any, upper: Any) -> tuple[Any, Any]:
@@ -212,7 +233,8 @@ def _measured(
 
 def _steepest(function: Function, lower: Any, upper: Any) -> tuple[float, float]:
     """The largest size and slope of a function over a box, by intervals; infinite if unknown."""
-    whole = companion(function)
+    whole, noise = companion(function), companion(lattice_noise)
+    noise.derived["program", INTERVALS] = lambda _q: (NOISE_LIMITS,)
     with np.errstate(all="ignore"):
         ((low, high),) = Program([whole.body], whole.params, INTERVALS)((lower, upper))
     largest = np.maximum(np.abs(low), np.abs(high))

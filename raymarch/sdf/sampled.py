@@ -22,15 +22,19 @@ from raymarch import cache as disk
 from raymarch.errors import SceneError, warn
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
+from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
+from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
-from raymarch.sdf.definition import Child, operator, shape
-from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, Vector
+from raymarch.sdf.definition import Child, ChildFacts, operator, shape
+from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node, method
+from raymarch.sdf.profiles import offset
+from raymarch.sdf.solids import box
 
-__all__ = ["grid", "heightmap", "mesh"]
+__all__ = ["grid", "heightmap", "isosurface", "mesh"]
 
 Progress = Callable[[float], None]
 
@@ -97,20 +101,65 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     Interpolated linearly. A bound: the field is divided by its steepest slope. Outside the box it combines the distance
     to the box and the sample at the nearest point of the box.
     """
-    array = numbers("grid: values", values, "distances, (nx, ny, nz), each 2 to 2048")
+    array = _finite("grid", values, "distances")
+    if (least := _least_on_faces(array)) < 0.0:
+        raise SceneError(
+            f"grid: the solid reaches the box, a distance on its faces is {least:g}",
+            legal="samples on the faces of the box >= 0: a larger box, or grid(...) & box(...) of padded samples; "
+            "rm.isosurface(values, level) for values that are no distances",
+        )
+    return sampled_grid(Samples(array.transpose(2, 1, 0)), size, centre)
+
+
+@checked
+def isosurface(
+    values: ArrayLike, level: Scalar, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vector = (0.0, 0.0, 0.0)
+) -> Node:
+    """The solid where values on a regular grid are at least a level: of a density, a CT scan, a potential.
+
+    Parameters
+    ----------
+    values : shape (nx, ny, nz), each 2 to 2048: values[i, j, k] is that at the i-th x, j-th y and k-th z, in any unit.
+        The outermost samples lie on the faces of the box. Where they are above the level, the solid ends at the box.
+    level : a number in the unit of the values, or an expression of a `Param` with min and max, which changes without a
+        recompile. `isosurface(-values, -level)` is the solid below a level.
+    size : full extents of the box, numbers > 0.
+    centre : centre of the box.
+
+    Interpolated linearly. A bound: the values are divided by their steepest slope, so noise in them makes rays slow.
+    """
+    array = _finite("isosurface", values, "numbers")
+    given = numbers("isosurface: size", size, "1 or 3 numbers > 0")
+    if given.shape not in ((), (3,)) or not np.all((given > 0.0) & np.isfinite(given)):
+        raise SceneError(f"isosurface: size = {short(size)}", legal="1 or 3 numbers > 0")
+    extents, legal = np.broadcast_to(given, (3,)), "a number, or an expression of a Param"
+    at = as_operand("isosurface: level", level, legal)
+    if at.type is not FLOAT:
+        raise SceneError(f"isosurface: level = {short(level)}", legal=legal)
+    lowest = float(interval_of(at)[0])
+    if not np.isfinite(lowest):
+        raise SceneError("isosurface: level has no least value", legal="rm.Param(name, value, min, max)")
+    steepest = Samples(array).steepest / float(np.min(extents / (np.array(array.shape) - 1.0)))
+    outside = (lowest - array) / (steepest or 1.0)
+    solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, centre)
+    if not at.is_constant:
+        solid = offset(solid, (lowest - at) / (steepest or 1.0))
+    return solid if _least_on_faces(outside) >= 0.0 else solid & box(extents).translate(centre)
+
+
+def _finite(what: str, values: ArrayLike, kind: str) -> NDArray[np.float64]:
+    """Values on a grid of three axes, checked."""
+    array = numbers(f"{what}: values", values, f"{kind}, (nx, ny, nz), each 2 to 2048")
     if array.ndim != 3:
-        raise SceneError(f"grid: values of shape {array.shape}", legal="(nx, ny, nz)")
+        raise SceneError(f"{what}: values of shape {array.shape}", legal="(nx, ny, nz)")
     broken = int(np.sum(~np.isfinite(array)))
     if broken:
-        raise SceneError(f"grid: {broken} of {array.size} values are not finite", legal="finite numbers")
-    data = Samples(array.transpose(2, 1, 0))
-    faces = [array.take(end, axis=axis) for axis in range(3) for end in (0, -1)]
-    if np.min([face.min() for face in faces]) < 0.0:
-        raise SceneError(
-            f"grid: the solid reaches the box, a distance on its faces is {np.min([f.min() for f in faces]):g}",
-            legal="samples on the faces of the box >= 0: a larger box",
-        )
-    return sampled_grid(data, size, centre)
+        raise SceneError(f"{what}: {broken} of {array.size} values are not finite", legal="finite numbers")
+    return array
+
+
+def _least_on_faces(array: NDArray[np.float64]) -> float:
+    return float(np.min([array.take(end, axis=axis).min() for axis in range(3) for end in (0, -1)]))
 
 
 @checked

@@ -12,7 +12,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.vocabulary import cos, floor, sin, sqrt
 from raymarch.sdf import box, plane, sphere
-from raymarch.sdf.noise import value_noise
+from raymarch.sdf.noise import lattice_noise, value_noise
 from tests.support.refusals import refused
 
 POINTS = np.random.default_rng(6).uniform(-2, 2, (20_000, 3))
@@ -43,12 +43,25 @@ def test_far_away_nothing_is_divided() -> None:
 
 def test_noise_is_as_steep_as_it_says() -> None:
     """Random values of both extremes make it nearly pi steep; a smaller constant would be wrong."""
-    slope = companion(value_noise)
+    slope = companion(lattice_noise)
     at = np.random.default_rng(7).uniform(-30, 30, (200_000, 3))
     (both,) = evaluator([slope.body], slope.params)(at)
     steepest = np.linalg.norm(both[:, :3], axis=1).max()
     assert 2.0 < steepest <= np.pi
     assert np.abs(both[:, 3]).max() <= 1.0
+
+
+def test_the_slope_of_noise_in_a_function_is_derived() -> None:
+    """Over all space, by the chain rule: two octaves of equal slope in the plane, each component at most pi."""
+    terrain = plane().displace_by(lambda p: 0.3 * value_noise(2 * p.xz) + 0.15 * value_noise(4 * p.xz))
+    assert float(terrain.params["slope"]) == pytest.approx(0.3 * 2 * 2 * np.sqrt(2) * np.pi)
+    assert float(terrain.params["amplitude"]) == pytest.approx(0.45)
+    points = np.random.default_rng(3).uniform(-20, 20, (20_000, 3)) * (1, 0.02, 1)
+    moved = points + 1e-3 * np.random.default_rng(4).normal(size=points.shape)
+    slopes = np.abs(terrain.distance(moved) - terrain.distance(points)) / np.linalg.norm(moved - points, axis=1)
+    assert slopes.max() <= 1.0
+    assert rm.plane().displace_by(lambda p: rm.noise(0, 0.2, 2.0)(p)).facts.exactness == "bound"
+    refused(lambda: value_noise(1.0), "a vec3 or a vec2")
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from raymarch.sdf.labels import relabelled
 from raymarch.sdf.shifted import shifted
 
 PLACES = np.random.default_rng(0).uniform(-2, 2, (12, 3))
+SIZES = np.linspace(0.5, 1.5, 12)
 AT = np.random.default_rng(1).uniform(-3, 3, (500, 3))
 RED, BLUE = rm.Material(color=(1, 0, 0)), rm.Material(color=(0, 0, 1))
 
@@ -34,10 +35,12 @@ def test_positions_and_matrices_equal_nodes():
     columns = np.swapaxes(given, 1, 2)[:, :3]
     moved = rm.union(*[box.translate(p) for p in PLACES])
     turned = rm.union(*[box.transform(m) for m in given])
+    scaled = rm.union(*[box.scale(s).translate(p) for p, s in zip(PLACES, SIZES, strict=True)])
     for made, node in (
         (rm.instances(box, PLACES), moved),
         (rm.instances(box, given), turned),
         (rm.instances(box, columns), turned),
+        (rm.instances(box, np.column_stack([PLACES, SIZES])), scaled),
     ):
         np.testing.assert_allclose(made.distance(AT), node.distance(AT), atol=1e-12)
         np.testing.assert_allclose(made.gradient(AT), node.gradient(AT), atol=1e-9)

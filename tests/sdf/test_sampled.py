@@ -39,10 +39,40 @@ def steepest(node, n=200_000, reach=3.0):
 NODES = {
     "grid": lambda: grid(ball(), size=2, centre=(0.3, -0.2, 0.1)),
     "oblong grid": lambda: grid(np.maximum(np.abs(ball(13, 0.0)) - 0.6, ball(13, 0.5)), size=(2, 3, 4)),
+    "isosurface": lambda: rm.isosurface(-300 * ball(13), rm.Param("level", 0, -60, 60)),
+    "cut isosurface": lambda: rm.isosurface(9 * ball(13), 2.0, size=(2, 3, 4)),
     "terrain": lambda: terrain(),
     "displaced sphere": lambda: displace_by_samples(rm.sphere(), height=0.3),
     "random heights": lambda: heightmap(np.random.default_rng(1).uniform(0, 1, (7, 11)), size=(3, 2), height=0.3),
 }
+
+
+def test_an_isosurface_lies_at_its_level_in_any_unit():
+    """A density that falls by 1000 per unit of length has the level -700 at the radius 0.7; so has any value of a
+    `Param`. Values above the level on the faces of the box are cut off there."""
+    points = np.array([(0.0, 0.7, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 0.9)])
+    fixed = rm.isosurface(-1000 * ball(81, 0.0), -700)
+    slope = 1 / np.sqrt(3)  # the steepest cell is that of the centre
+    assert fixed.distance(points) == pytest.approx((0, -0.2 * slope, 0.2 * slope), abs=1e-3)
+    moved = rm.isosurface(-1000 * ball(81, 0.0), rm.Param("level", -500, -900, -300))
+    assert moved.distance(points[1:2]) == pytest.approx(0, abs=1e-3)
+    assert np.all(moved.bounds[1] < 1)
+    everywhere = rm.isosurface(-1000 * ball(81, 0.0), -5000, size=2)
+    assert everywhere.distance([(0, 1.5, 0), (0, 0.99, 0)]) == pytest.approx((0.5, -0.01), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: rm.isosurface(ball(), rm.Param("level", 0)), "a Param|min, max"),
+        (lambda: rm.isosurface(ball(), (0, 1)), "level = "),
+        (lambda: rm.isosurface(ball(), 0, size=(1, 2)), "1 or 3 numbers > 0"),
+        (lambda: rm.isosurface(ball()[0], 0), "nx, ny, nz"),
+    ],
+)
+def test_an_isosurface_says_what_it_needs(make, says):
+    with pytest.raises(SceneError, match=says):
+        make()
 
 
 @pytest.mark.parametrize("name", NODES)

@@ -52,7 +52,7 @@ from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import METHODS
-from raymarch.sdf.noise import displaced, value_noise
+from raymarch.sdf.noise import displaced, lattice_noise
 
 PACKAGE = Path(raymarch.sdf.__file__).parent
 POINTS = 100_000
@@ -287,7 +287,7 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         "derived in a box": lambda: displace_by(_kind["brick"](), lambda p: 0.3 * p.x * p.y - 0.1 * p.z * p.z),
         "without end": lambda: displace_by(plane(), lambda p: 0.05 * sin(5.0 * p.x)),
         "noise of a user": lambda: displace_by(
-            _kind["stretched"](), lambda p: 0.05 * value_noise(4.0 * p), 0.05, 0.2 * math.pi
+            _kind["stretched"](), lambda p: 0.05 * lattice_noise(4.0 * p), 0.05, 0.2 * math.pi
         ),
     },
     "wrapped": {

@@ -176,6 +176,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "triplanar": {"picture": PICTURE},
     "Layout": {"axis": "x"},
     "grid": {"values": BALL},
+    "isosurface": {"values": BALL, "level": 0.0},
     "heightmap": {"source": HEIGHTS},
     "image": {"source": HEIGHTS},
     "text": {"string": "a", "resolution": 16},
