@@ -142,6 +142,8 @@ class Camera(Part):
     shutter : seconds of `rm.time` for which the shutter is open, >= 0; the frame's time is the middle. Whatever reads
         time is blurred by its motion, if `Quality(samples=...)` or several frames give samples, each at another time.
         Depth and normals are those of the frame's time.
+    direction : the direction (x, y, z) from the target to a camera without a position, any length but 0. None is
+        (0.5, 0.45, 1). The camera stands so far away that the picture shows the whole scene, whatever its proportions.
 
     Notes
     -----
@@ -161,6 +163,7 @@ class Camera(Part):
     aperture: Expr
     focus: Expr | None
     shutter: Expr
+    direction: Expr | None
 
     def __init__(
         self,
@@ -175,12 +178,18 @@ class Camera(Part):
         aperture: Scalar = 0.0,
         focus: Scalar | None = None,
         shutter: Scalar = 0.0,
+        direction: Vec3Like | None = None,
     ) -> None:
         kind = choice("Camera: projection", projection, PROJECTIONS)
         if height is not None and kind != "orthographic":
             raise SceneError(
                 f"Camera: height = {short(height)} with projection='perspective'",
                 legal="projection='orthographic', or fov=... in place of height",
+            )
+        if direction is not None and position is not None:
+            raise SceneError(
+                f"Camera: direction = {short(direction)} with a position",
+                legal="a direction from the target, or a position",
             )
         self._set(
             position=None if position is None else as_vec3("Camera: position", position),
@@ -194,7 +203,10 @@ class Camera(Part):
             aperture=as_number("Camera: aperture", aperture),
             focus=None if focus is None else as_number("Camera: focus", focus),
             shutter=as_number("Camera: shutter", shutter),
+            direction=None if direction is None else as_vec3("Camera: direction", direction),
         )
+        if self.direction is not None and self.direction.is_constant and not np.any(self.direction.data):
+            raise SceneError("Camera: direction = (0, 0, 0)", legal="any length but 0")
         values = Values({})
         for name in _RANGES:
             given = getattr(self, name)
@@ -202,7 +214,8 @@ class Camera(Part):
                 self._number(name, values)
         if self.near.is_constant and (self.far is None or self.far.is_constant):
             self._clip_planes(values)
-        if self.position is not None and self.target is not None and all(e.is_constant for e in self.expressions):
+        placed = self.direction is not None or (self.position is not None and self.target is not None)
+        if placed and all(e.is_constant for e in self.expressions):
             self.pose(values, None)
 
     @classmethod
@@ -224,7 +237,8 @@ class Camera(Part):
         node : a bounded solid.
         direction : from the solid to the camera, any length but 0.
         up, fov, projection : see `Camera`.
-        aspect : width over height of the picture, > 0. A wider picture shows more at the sides.
+        aspect : width over height of the picture, > 0. A wider picture shows more at the sides, a narrower one less.
+            `Camera(direction=...)` sees the whole scene at any proportions.
         margin : size of the picture over that of the box, >= 1.
 
         Raises SceneError for a node without a finite box, and for a value outside its range.
@@ -306,7 +320,7 @@ class Camera(Part):
         target = (lower + upper) / 2 if self.target is None else values.of(self.target)
         up = values.of(self.up)
         given = None if self.position is None else values.of(self.position)
-        away = VIEW if given is None else given - target
+        away = given - target if given is not None else VIEW if self.direction is None else values.of(self.direction)
         self._refuse_degenerate(target + away if given is None else given, target, up)
         distance, extent = 0.0, 0.0
         if given is None or self.orthographic:

@@ -27,7 +27,7 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
-from raymarch.sdf.definition import Child, ChildFacts, operator, shape
+from raymarch.sdf.definition import Child, operator, shape
 from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node, method

@@ -19,7 +19,7 @@ from raymarch.expr.glsl import TIME, constant, literal
 from raymarch.expr.node import Operand, const, expr, var
 from raymarch.expr.srgb import ENCODE
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import max, tan
+from raymarch.expr.vocabulary import max, normalize, tan
 from raymarch.plan import Plan
 from raymarch.scene.camera import VIEW, corners_of, distance_to_see, framed_box, half_extent
 from raymarch.scene.scene import HORIZON
@@ -53,6 +53,7 @@ class Setup:
         camera, where, origin = plan.given.camera, plan.given.camera.where, const(plan.origin)
         low, high = framed_box(plan.given.subject)
         target = const((low + high) / 2) if camera.target is None else camera.target
+        view = const(VIEW) if camera.direction is None else camera.direction
 
         def text(name: str, value: Operand) -> str:
             return values.text(f"camera_{name}", expr(value), where)
@@ -64,7 +65,7 @@ class Setup:
         elif half is not None:
             extent = text("half_height", half)
         else:
-            away = const(VIEW) if camera.position is None else camera.position - target
+            away = view if camera.position is None else camera.position - target
             half = half_extent(corners_of(low, high, target, away, camera.up), ASPECT)
             values.functions.append(Function("camera_half_height", (ASPECT,), half, where=where))
             extent = "camera_half_height(u_resolution.x / u_resolution.y)"
@@ -82,9 +83,12 @@ class Setup:
         if camera.position is not None:
             position = text("position", camera.position - origin)
         else:
-            backward = constant(const(VIEW / np.linalg.norm(VIEW)))
+            if view.is_constant:
+                backward = constant(const(view.data / np.linalg.norm(view.data)))
+            else:
+                backward = text("backward", normalize(view))
             if half is None:
-                corners = corners_of(low, high, target, VIEW, camera.up)
+                corners = corners_of(low, high, target, view, camera.up)
                 distance = distance_to_see(corners, tan(camera.fov * (np.pi / 360.0)), ASPECT)
             else:
                 distance = 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)

@@ -97,7 +97,8 @@ class State:
         if made.selected not in specs:
             made.selected = None
         projected = scene.camera.orthographic != (made.camera.height is not None)
-        if projected or (not made.moved and scene.camera.position is not None):
+        placed = scene.camera.position is not None or scene.camera.direction is not None
+        if projected or (not made.moved and placed):
             made.camera, made.moved = home(scene, made.values, made.aspect), False
         return made, changes
 

@@ -75,7 +75,7 @@ def main(arguments: list[str]) -> int:
                 found.append(cpu_time(renderer.context, entry.draw))
         depths = [entry.depth() for entry in entries]
         print(f"{width}x{height}, {renderer.context.driver.renderer}, {known.hit.sum()} hits")
-    print("| | first frame ms | draw ms | of the first row | p50 px | p99 px | max px | rms | missed | missed at edges |")
+    print("| | first frame ms | draw ms | of the first | p50 px | p99 px | max px | rms | missed | missed at edges |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for entry, begin, found, depth in zip(entries, first, times, depths, strict=True):
         low, middle, high = np.quantile(found, [0.25, 0.5, 0.75])

@@ -1,4 +1,4 @@
-"""The hand-written tracer draws the scene that raymarch draws: its figures in docs/marching.md compare like with like."""
+"""The hand-written tracer draws the scene that raymarch draws: the figures in docs/marching.md compare equals."""
 
 from __future__ import annotations
 

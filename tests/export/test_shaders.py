@@ -41,6 +41,7 @@ def scenes() -> dict[str, rm.Scene]:
         "parameters": rm.Scene(ball | rm.plane(offset=-0.8), camera=moving, lights=[rm.Sun(shadow=True)]),
         "hoisted": rm.Scene(
             rm.box().rotate(rm.time * 0.5).translate((0, sin(rm.time), 0)),
+            rm.Camera(direction=vec3(sin(rm.time), 0.4, 1.0)),
             lights=[rm.PointLight((3, 4, 5), intensity=20)],
         ),
         "samples": rm.Scene(rm.box().rotate(0.4), quality=rm.Quality(samples=4), tone=rm.ToneMapping("aces", 0.5)),

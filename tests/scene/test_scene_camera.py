@@ -66,6 +66,8 @@ BAD = [
         "up = [0.0, 0.0, 0.0] is parallel",
         "not parallel to the view",
     ),
+    (lambda: rm.Camera((0, 0, 5), direction=(1, 0, 0)), "direction = (1, 0, 0) with a position", "or a position"),
+    (lambda: rm.Camera(direction=(0, 0, 0)), "direction = (0, 0, 0)", "any length but 0"),
     (lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 1e-12, 1)), "up = [0.0, 1e-12, 1.0]", "not parallel to the view"),
     (
         lambda: rm.Camera((9, 9, 9), (0, 0, 0), (1, 1, 1)),
@@ -147,6 +149,21 @@ def test_an_unplaced_camera_frames_the_box(solid: Any, size: tuple[int, int], fo
         half = math.atan(pose.tan_half_fov * min(aspect, 1.0))
         least = math.cos(half) / (1.1 + math.sin(half)) / math.sqrt(3)
         assert max(np.abs(x / z).max(), np.abs(y / z).max()) >= math.tan(half) * least, "it stands too far away"
+
+
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.5])
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_a_direction_turns_a_camera_that_sees_everything(projection: str, aspect: float) -> None:
+    """At any proportions of the picture; an end of a long solid touches the margin."""
+    around = rm.vec3(rm.sin(rm.time), 0.5, rm.cos(rm.time))
+    scene = rm.Scene(rm.box((6, 2, 0.5)) | rm.plane(offset=-1), rm.Camera(projection=projection, direction=around))
+    corners = np.array(list(itertools.product((-3, 3), (-1, 1), (-0.25, 0.25))))
+    for time in (0.0, 1.0, 4.0):
+        pose = scene.pose(set_values(scene.parameters, {}, time=time), aspect)
+        assert np.allclose(np.cross(pose.frame[:, 2], (math.sin(time), 0.5, math.cos(time))), 0, atol=1e-12)
+        x, y, z = ((corners - pose.position) @ pose.frame).T
+        half = -z * pose.tan_half_fov if pose.half_height is None else pose.half_height
+        assert 0.85 <= max((np.abs(x) / half / aspect).max(), (np.abs(y) / half).max()) <= 1.0
 
 
 @pytest.mark.parametrize("target", [(0, 0, 0), (3, 0, 0), (0, -2, 5)])
