@@ -148,7 +148,8 @@ def repeat_varied(
     """
     width, numbers = cells_of("repeat_varied", spacing, count)
     ends = [(-np.inf, np.inf) if n == INFINITE else (float(-(n // 2)), float((n - 1) // 2)) for n in numbers]
-    cells = Cells(*zip(*ends, strict=True))
+    low, high = zip(*ends, strict=True)
+    cells = Cells(low, high)
     if not callable(build) or isinstance(build, Expr):
         raise SceneError(f"repeat_varied: build = {short(build)}", legal="a function of the index of a cell")
     node = called("repeat_varied: build", build, cells.index, legal="a function from the index of a cell to a solid")
