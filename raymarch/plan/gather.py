@@ -21,7 +21,7 @@ from raymarch.expr.walk import find, rebuild, topological
 from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.booleans import hard_union
-from raymarch.sdf.instancing import of_rows
+from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, children_first
@@ -133,7 +133,7 @@ class _Gatherer:
                 rows = self._blend(node, family, k)
                 if rows is not None:
                     self._keep(rows, exact)
-                    return self._placed(of_rows(rows), node)
+                    return self._placed(instanced(rows), node)
                 return self._below(node, exact + _margin(family, k, len(node.children)), depth)
         if name == "labelled" and node.children[0].labelled and not self._is_constant(node.label):
             # Some objects have materials of their own, the others inherit one that is no row of numbers.
@@ -207,7 +207,7 @@ class _Gatherer:
                 forms = [self._form([operands[i] for i in members], members) for members in some.values()]
                 rows = self._rows(forms, instances, len(operands))
                 self._keep(rows, exact)
-                children.append(self._placed(of_rows(rows), node))
+                children.append(self._placed(instanced(rows), node))
         if len(children) == 1:
             return children[0]
         return self._placed(Node(hard_union.definition, tuple(children), {}, node.facts), node)  # type: ignore[attr-defined]

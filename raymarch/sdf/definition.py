@@ -211,65 +211,51 @@ class Definition:
 
     def derive(self, children: Sequence[Node], params: Mapping[str, Any]) -> Facts:
         """Facts of a node from those of its children, on the intervals of its parameters."""
-        self.require([c.facts for c in children], params)
+        below = [c.facts for c in children]
+        self.require(below, params)
         key = (len(children), tuple((n, params[n]) for n, d in self.domains.items() if d.type is None))
         if key not in self._facts:
             self._facts.setdefault(key, self._trace_facts(len(children), params))
         program, declared = self._facts[key]
         inputs: list[Interval] = [interval_of_value(params[n]) for n, d in self.domains.items() if d.type is not None]
-        for child in children:
-            f = child.facts
+        for f in below:
             inputs += [(f.lower, f.upper), (f.lower, f.lower), (f.upper, f.upper)]
             inputs += [interval_of_value(f.lipschitz), interval_of_value(f.spread)]
         with np.errstate(all="ignore"):
             low, high, steepness, spread = program(*inputs)
         lower = np.where(np.isnan(low[0]), -np.inf, low[0])
         upper = np.where(np.isnan(high[1]), np.inf, high[1])
-        steepest = max((c.facts.lipschitz for c in children), default=1.0)
+        steepest = max((facts.lipschitz for facts in below), default=1.0)
         steep = float(steepness[1]) if declared else steepest
         if not 0 < steep < np.inf:
             raise SceneError(
                 f"{self.called} has no finite Lipschitz bound here ({steep})",
                 legal="a bounded child, and parameters with a finite range",
             )
-        exactness = self._exactness(children, params)
+        exactness = worst(_value(self.exactness, below, params), *[facts.exactness for facts in below])
+        convex = bool(_value(self.convex, below, params))
         return Facts(
             exactness,
             min(steep, 1.0),
             np.asarray(lower, np.float64),
             np.asarray(upper, np.float64),
-            self._symmetry(children, params),
+            self._symmetry(below, params),
             max(steep, 1.0),
             1.0 if exactness == "exact" else float(spread[1]) * max(steep, 1.0),
-            self._convex(children, params),
+            convex and (callable(self.convex) or all(facts.convex for facts in below)),
         )
-
-    def _exactness(self, children: Sequence[Node], params: Mapping[str, Any]) -> Exactness:
-        return worst(self._own_exactness(children, params), *[c.facts.exactness for c in children])
-
-    def _own_exactness(self, children: Sequence[Node], params: Mapping[str, Any]) -> Exactness:
-        own = self.exactness(*[c.facts for c in children], **params) if callable(self.exactness) else self.exactness
-        return typing.cast(Exactness, own)
 
     def estimates(self, node: Node) -> bool:
         """True if a node of this definition is an estimate by itself, of a solid with a box."""
         facts = node.facts
         if facts.exactness != "estimate" or facts.empty or np.all(np.isinf([facts.lower, facts.upper])):
             return False
-        return self._own_exactness(node.children, node.params) == "estimate"
+        return _value(self.exactness, [child.facts for child in node.children], node.params) == "estimate"
 
-    def _symmetry(self, children: Sequence[Node], params: Mapping[str, Any]) -> str:
-        if callable(self.symmetry):
-            return str(self.symmetry(*[c.facts for c in children], **params))
-        if self.symmetry != "keep":
-            return self.symmetry
-        common = set("xyz").intersection(*[c.facts.symmetry for c in children])
-        return "".join(sorted(common))
-
-    def _convex(self, children: Sequence[Node], params: Mapping[str, Any]) -> bool:
-        if not callable(self.convex):
-            return self.convex and all(c.facts.convex for c in children)
-        return bool(self.convex(*[c.facts for c in children], **params))
+    def _symmetry(self, children: Sequence[Facts], params: Mapping[str, Any]) -> str:
+        if self.symmetry == "keep":
+            return "".join(sorted(set("xyz").intersection(*[c.symmetry for c in children])))
+        return str(_value(self.symmetry, children, params))
 
     def _trace_facts(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool]:
         symbols = {n: var(n, t) for n, t in self._symbols()}
@@ -296,8 +282,7 @@ class Definition:
                 f"{self.called}: bounds gives {short(region)}", legal="the corners (lower, upper), such as cube(half)"
             )
         lower, upper = corners
-        steep = self.lipschitz(*extra, **arguments) if callable(self.lipschitz) else self.lipschitz
-        spread = self.spread(*extra, **arguments) if callable(self.spread) else self.spread
+        steep, spread = _value(self.lipschitz, extra, arguments), _value(self.spread, extra, arguments)
         roots = [
             expr(lower),
             expr(upper),
@@ -305,6 +290,11 @@ class Definition:
             expr(np.inf if spread is None else spread),
         ]
         return Program(roots, inputs, INTERVALS), steep is not None
+
+
+def _value(rule: Any, children: Sequence[Any], params: Mapping[str, Any]) -> Any:
+    """A fact that is stated, or the value of its function."""
+    return rule(*children, **params) if callable(rule) else rule
 
 
 def _reordered(

@@ -100,7 +100,7 @@ def _materials(given: Any, n: int) -> tuple[tuple[Any, ...], NDArray[np.int64]]:
     return tuple(unique), known[chosen].astype(np.int64)
 
 
-def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
+def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
     facts = solid("instances", node).facts
     if not facts.bounded or facts.empty or facts.exactness == "estimate":
         what = "an estimate" if facts.exactness == "estimate" else "unbounded" if not facts.bounded else "empty"
@@ -157,7 +157,7 @@ def _rows(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
     return Rows((form,), palette, given=(node, np.asarray(transforms, np.float64), materials))
 
 
-SOME = _rows(sphere(0.4), [(-0.6, 0.0, 0.0), (0.6, 0.0, 0.0), (0.0, 0.8, 0.0)], None)
+SOME = rows_from(sphere(0.4), [(-0.6, 0.0, 0.0), (0.6, 0.0, 0.0), (0.0, 0.8, 0.0)], None)
 
 
 @shape(
@@ -172,11 +172,6 @@ def instanced(p: Expr, rows: Annotated[Any, Domain(None, holds=Rows)] = SOME) ->
     return rows.field(p)
 
 
-def of_rows(rows: Rows) -> Node:
-    """The union of rows as a node."""
-    return instanced(rows)
-
-
 def moved(rows: Rows, by: Array) -> Rows:
     """The same instances moved by a vec3, in float64."""
     node, transforms, materials = given(rows)
@@ -187,7 +182,7 @@ def moved(rows: Rows, by: Array) -> Rows:
         shifted[:, 3, :3] += by
     else:
         shifted[:, :, 3] += by
-    return _rows(node, shifted, materials)
+    return rows_from(node, shifted, materials)
 
 
 def with_labels(rows: Rows, change: Callable[[Any], Any]) -> Rows:
@@ -195,18 +190,13 @@ def with_labels(rows: Rows, change: Callable[[Any], Any]) -> Rows:
     node, transforms, materials = given(rows)
     if rows.materials != (None,):
         materials = [change(m) for m in rows.materials], rows.forms[0].slots[:, 0]
-    return _rows(relabelled(node, change), transforms, materials)
+    return rows_from(relabelled(node, change), transforms, materials)
 
 
 def given(rows: Rows) -> tuple[Any, ...]:
     """The arguments from which `instances` made rows."""
     assert rows.given is not None, "only the plan makes other rows, and does not change them"
     return rows.given
-
-
-def remade(*arguments: Any) -> Rows:
-    """Unpickle rows."""
-    return _rows(*arguments)
 
 
 def _are_colors(given: Any) -> bool:
@@ -256,4 +246,4 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
         given = list(materials[0]) if indexed and isinstance(materials[0], list | tuple) else list(materials)
     for each in given:
         refuse_label("instances: material", each)
-    return of_rows(_rows(node, transforms, materials))
+    return instanced(rows_from(node, transforms, materials))

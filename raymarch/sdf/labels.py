@@ -61,9 +61,9 @@ def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
         label = None if node.label is None else change(node.label)
         rows = rows_of(node)
         if rows is not None and rows.labelled:
-            from raymarch.sdf.instancing import of_rows, with_labels
+            from raymarch.sdf.instancing import instanced, with_labels
 
-            made[id(node)] = of_rows(with_labels(rows, change))
+            made[id(node)] = instanced(with_labels(rows, change))
             made[id(node)].where = node.where
             continue
         if all(a is b for a, b in zip(children, node.children, strict=True)) and label is node.label:

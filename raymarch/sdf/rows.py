@@ -303,9 +303,9 @@ class Rows:
         return hash(self.key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        from raymarch.sdf.instancing import given, remade
+        from raymarch.sdf.instancing import given, rows_from
 
-        return remade, given(self)
+        return rows_from, given(self)
 
     def __repr__(self) -> str:
         return f"Rows({len(self)})"
