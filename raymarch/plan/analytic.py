@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 
-from raymarch.errors import Location
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr, const, var
+from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import max, min, where
-from raymarch.plan.bounding import Bounding
-from raymarch.plan.hoisting import hoist
+from raymarch.plan.hoisting import Hoisting
 from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.intersections import FARTHEST, NAMES, has_closed_form, interval_of_ray, is_placed
@@ -93,19 +91,8 @@ def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:
     return Analytic(f"{count}: {why}", tuple(solved), tuple(marched))
 
 
-def complete(
-    made: Analytic,
-    root: Node,
-    field: Function,
-    lowering: Lowering,
-    hoisted: dict[str, Expr],
-    origins: dict[Expr, Location],
-) -> dict[str, Expr]:
-    """Add the functions of a choice that solves some solids. Returns the hoisted expressions with those of theirs.
-
-    root, field : the whole solid and its field. hoisted : its hoisted expressions. origins : the user's line of each
-        expression.
-    """
+def complete(made: Analytic, root: Node, field: Function, lowering: Lowering, hoist: Hoisting) -> None:
+    """Add the functions of a choice that solves some solids. root, field : the whole solid and its field."""
     o, d, start = var("origin", VEC3), var("direction", VEC3), var("start", FLOAT)
     found = []
     for node in made.solved:
@@ -113,21 +100,14 @@ def complete(
         met = (ends.x <= ends.y) & (ends.y >= start)
         found.append(where(met, max(ends.x, start), FARTHEST))
         if node.where is not None:
-            origins.setdefault(ends, node.where)
+            hoist.origins.setdefault(ends, node.where)
     functions = [Function("solved_hit", (o, d, start), reduce(min, found))]
     functions.append(_union_field("marched_field", made.marched, root, lowering))
     if made.marched:
         functions.append(_union_field("solved_field", made.solved, root, lowering))
     else:
         functions.append(Function("solved_field", field.params, field(*field.params)))
-    if isinstance(lowering.bounding, Bounding):
-        hoisted = lowering.bounding.hoisted
-    complete = []
-    for function in functions:
-        function, hoisted = hoist(function, origins, hoisted)
-        complete.append(function)
-    made.hit, made.rest, made.solved_distance = complete
-    return hoisted
+    made.hit, made.rest, made.solved_distance = map(hoist, functions)
 
 
 def _union_field(name: str, nodes: Sequence[Node], whole: Node, lowering: Lowering) -> Function:

@@ -24,7 +24,7 @@ from raymarch.expr.operations import operations
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, length, max, min, where
 from raymarch.expr.walk import find, rebuild, rewrite, substitute
-from raymarch.plan.hoisting import hoist
+from raymarch.plan.hoisting import Hoisting
 from raymarch.sdf.booleans import balanced, hard_union
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
@@ -162,16 +162,14 @@ def inner_point(function: Function, facts: Facts) -> tuple[NDArray[np.float64], 
 class Bounding:
     """Chooses the operands that are evaluated in their boxes only; see `raymarch.sdf.lower.Bounding`.
 
-    asked : see `Quality.bounding_volumes`. origins : the user's line of each expression. hoisted : time-only
-    expressions of the functions made so far. made : the unions with operands in boxes. refused : why there are none.
+    asked : see `Quality.bounding_volumes`. hoist : hoists the functions of operands. made : the unions with operands
+    in boxes. refused : why there are none.
     """
 
     asked: bool | None
-    origins: dict[Expr, Location]
-    hoisted: dict[str, Expr] = field(default_factory=dict)
+    hoist: Hoisting
     made: list[Bounded] = field(default_factory=list)
     refused: str = ""
-    _hoisted: dict[Function, Function] = field(default_factory=dict)
     _kept: dict[Function, Function] = field(default_factory=dict)
 
     def allowed(self, hidden: bool, rows: bool) -> bool:
@@ -227,11 +225,7 @@ class Bounding:
             body = balanced([f.inline(p) for _, f in beside], min)
             operands.append(([child for child, _ in beside], Function("beside", (p,), body, where=node.where)))
         operands += [([child], self._skippable(function)) for child, function in inside]
-        hoisted = []
-        for nodes, function in operands:
-            if function not in self._hoisted:
-                self._hoisted[function], self.hoisted = hoist(function, self.origins, self.hoisted)
-            hoisted.append((nodes, self._hoisted[function]))
+        hoisted = [(nodes, self.hoist(function)) for nodes, function in operands]
         boxes = [child.facts for child, _ in inside]
         costly = [function for _, function in hoisted[-len(boxes) :]]
         points = [inner_point(function, facts) for function, facts in zip(costly, boxes, strict=True)]

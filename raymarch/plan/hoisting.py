@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 
 import numpy as np
 
@@ -37,33 +36,37 @@ NEVER_HOISTED = {
 """Operations that depend on the point, or that only the shader can evaluate."""
 
 
-def hoist(
-    field: Function, origins: dict[Expr, Location], known: Mapping[str, Expr] = MappingProxyType({})
-) -> tuple[Function, dict[str, Expr]]:
-    """The field with its time-only subexpressions replaced by new parameters, and the expression of each parameter.
+class Hoisting:
+    """Replaces time-only subexpressions by new parameters, which the functions of a plan share.
 
     origins : the user's line of each expression; lines of new expressions are added.
-    known : parameters already hoisted from another field of the scene. They are reused and also returned.
+    expressions : what each parameter stands for, by its name.
     """
-    hoisted = dict(known)
-    leaves = {node: _leaf(name, node, origins) for name, node in known.items()}
-    made: dict[Function, Function] = {}
-    for old in topological([field], _called):
-        body = _calling(old.body, made, origins)
-        body = _replaced(body, _phases(body), origins)
-        for node in _largest(body):
-            if node not in leaves:
-                name = f"hoisted {len(hoisted)}"
-                hoisted[name] = node
-                leaves[node] = _leaf(name, node, origins)
-        body = _replaced(body, leaves, origins)
-        made[old] = old if body is old.body else unique_function(old.name, old.params, body, old.names, old.where)
-    return made[field], hoisted
 
+    def __init__(self, origins: dict[Expr, Location]) -> None:
+        self.origins = origins
+        self.expressions: dict[str, Expr] = {}
+        self._leaves: dict[Expr, Expr] = {}
+        self._done: dict[Function, Function] = {}
 
-def _leaf(name: str, node: Expr, origins: Mapping[Expr, Location]) -> Expr:
-    spec = Spec(name, _plain(Values({}).of(node)), None, None, origins.get(node))
-    return make("param", node.type, (), spec)
+    def __call__(self, function: Function) -> Function:
+        """The function with its time-only subexpressions replaced."""
+        if function not in self._done:
+            made: dict[Function, Function] = {}
+            for old in topological([function], _called):
+                body = _calling(old.body, made, self.origins)
+                body = _replaced(body, _phases(body), self.origins)
+                for node in _largest(body):
+                    if node not in self._leaves:
+                        name = f"hoisted {len(self.expressions)}"
+                        spec = Spec(name, _plain(Values({}).of(node)), None, None, self.origins.get(node))
+                        self.expressions[name] = node
+                        self._leaves[node] = make("param", node.type, (), spec)
+                body = _replaced(body, self._leaves, self.origins)
+                same = body is old.body
+                made[old] = old if same else unique_function(old.name, old.params, body, old.names, old.where)
+            self._done[function] = made[function]
+        return self._done[function]
 
 
 def _called(definition: Function) -> tuple[Function, ...]:

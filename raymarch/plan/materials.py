@@ -18,7 +18,7 @@ from raymarch.expr.types import FLOAT, VEC3, Type, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute
 from raymarch.plan.bounding import Bounded
-from raymarch.plan.hoisting import hoist
+from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
 from raymarch.scene.bsdf import BSDF, Phong, bsdf_of
@@ -37,9 +37,6 @@ from raymarch.sdf.lower import (
 from raymarch.sdf.node import Node
 from raymarch.sdf.rows import Packing, Slot
 from raymarch.sdf.weights import weights_of
-
-Hoisted: TypeAlias = dict[str, Expr]
-"""Time-only expressions by the name of the parameter that replaces each."""
 
 
 @dataclass(slots=True)
@@ -62,16 +59,15 @@ class Evaluation:
 
 
 def materials_of(
-    scene: Scene, solid: Node, lowering: Lowering, shaded: bool, index: bool, field: Function | None, hoisted: Hoisted
+    scene: Scene, solid: Node, lowering: Lowering, shaded: bool, index: bool, field: Function | None, hoist: Hoisting
 ) -> Evaluation:
     """The functions that evaluate materials at a hit. Smooth blends mix materials with the weights of normals.
 
     solid : the node of the scene with its objects as rows.
     shaded : True if the functions that shade are needed. index : True if the index of the material is needed.
     field : where given, the function of the material also returns the gradient of this field.
-    hoisted : time-only expressions of the field, by the name of their parameter; others are added.
     """
-    parts = _Parts(scene, solid, lowering, hoisted)
+    parts = _Parts(scene, solid, lowering, hoist)
     chosen = parts.materials
     kinds = {m.physical for m in chosen}
     model = "mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong"
@@ -135,13 +131,11 @@ class _Parts:
     scene: Scene
     solid: Node
     lowering: Lowering
-    hoisted: Hoisted
+    hoist: Hoisting
     marked: Function = field(init=False)
 
     def __post_init__(self) -> None:
-        marked = self.lowering.again().field(self.solid, label=self.scene.materials[0], groups=True)
-        self.marked, hoisted = hoist(marked, self.lowering.origins, self.hoisted)
-        self.hoisted.update(hoisted)
+        self.marked = self.hoist(self.lowering.again().field(self.solid, label=self.scene.materials[0], groups=True))
 
     @property
     def materials(self) -> list[Material]:
@@ -351,9 +345,7 @@ class _BoundedMaterials(_Evaluated):
         return slope, found
 
     def _value(self, marked: Function, at: Expr) -> Expr:
-        marked, hoisted = hoist(marked, self.parts.lowering.origins, self.parts.hoisted)
-        self.parts.hoisted.update(hoisted)
-        return self.parts._body(marked, self.wanted, *self.below, at, LOCAL_INTERACTION)
+        return self.parts._body(self.parts.hoist(marked), self.wanted, *self.below, at, LOCAL_INTERACTION)
 
 
 class _ManyMaterials(_Evaluated):

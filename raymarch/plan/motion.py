@@ -11,14 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from raymarch.errors import Location
 from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.function import Function, sum_of
 from raymarch.expr.node import Expr, const, construct, make
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import cross, dot, length, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite
-from raymarch.plan.hoisting import hoist
+from raymarch.plan.hoisting import Hoisting
 from raymarch.scene.camera import Camera
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene
@@ -40,15 +39,12 @@ def changes(scene: Scene) -> bool:
     return bool(find(scene.replace(camera=Camera()).expressions(), "time", "param"))
 
 
-def motion_of(
-    solid: Node, lowering: Lowering, hoisted: Mapping[str, Expr], origins: dict[Expr, Location]
-) -> tuple[Function, dict[str, Expr], dict[str, Expr]]:
+def motion_of(solid: Node, lowering: Lowering, hoist: Hoisting) -> tuple[Function, dict[str, Expr]]:
     """`vec3 previous_position(vec3 p)`: where the point p of this frame was in the previous frame, by transforms alone.
 
-    Also returns the time-only expressions, including those of this function, and the leaf that each twin stands for,
-    by the twin's name.
+    Also returns the leaf that each twin stands for, by the twin's name.
     """
-    marked, hoisted = hoist(lowering.again().field(solid, label=PARTS), origins, hoisted)
+    marked = hoist(lowering.again().field(solid, label=PARTS))
     (p,) = marked.params
     twins = {leaf: _twin(leaf) for leaf in find([marked.body], "param", "time")}
     plain = {twin: leaf for leaf, twin in twins.items()}
@@ -70,7 +66,7 @@ def motion_of(
         moved = [weight * each for weight, each in zip(weights, motions, strict=True) if each is not STILL]
         motion = sum_of(moved) / where(total <= 0.0, 1.0, total)
     used = {twin.data.name: plain[twin] for twin in find([motion], "param") if twin in plain}
-    return Function("previous_position", (p,), p + motion), hoisted, used
+    return Function("previous_position", (p,), p + motion), used
 
 
 def _twin(leaf: Expr) -> Expr:

@@ -28,7 +28,7 @@ from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
 from raymarch.plan.bounding import Bounding
 from raymarch.plan.gather import Gathered, gather
-from raymarch.plan.hoisting import hoist
+from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
@@ -222,11 +222,11 @@ def plan(
     solid = gathered.node
     hidden = hiding_nodes(solid)
     lowering.rays = None if hidden else "camera"
-    bounding = Bounding(scene.quality.bounding_volumes, lowering.origins)
+    hoist = Hoisting(lowering.origins)
+    bounding = Bounding(scene.quality.bounding_volumes, hoist)
     if bounding.allowed(hidden=bool(hidden), rows=bool(gathered.rows)) and lowering.sites is None:
         lowering.bounding = bounding
-    definition, hoisted = hoist(lowering.field(solid), lowering.origins, bounding.hoisted)
-    bounding.hoisted = hoisted
+    definition = hoist(lowering.field(solid))
     if not fixed and not gathered.rows and scene.quality.objects == "auto" and _compile_seconds(definition) > SLOW:
         fewer = gather(*asked, slow=True)
         if fewer.rows:
@@ -234,10 +234,10 @@ def plan(
     at_camera = definition
     if hidden:
         _refuse_hidden_glass(scene, solid)
-        at_camera, hoisted = hoist(lowering.for_camera().field(solid), lowering.origins, hoisted)
+        at_camera = hoist(lowering.for_camera().field(solid))
     closed = analytic.choose(solid, scene.quality.analytic, hidden=bool(hidden))
     if closed.used:
-        hoisted = analytic.complete(closed, solid, definition, lowering, hoisted, lowering.origins)
+        analytic.complete(closed, solid, definition, lowering, hoist)
     refuse_extent(given, origin, at_camera)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
@@ -264,7 +264,7 @@ def plan(
     made = Plan(
         given=given,
         origin=origin,
-        hoisted=hoisted,
+        hoisted=hoist.expressions,
         scene=scene,
         field=definition,
         origins=lowering.origins,
@@ -290,14 +290,14 @@ def plan(
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         made.gradient = companion(definition)
     if shaded or geometry:
-        found = materials_of(scene, solid, lowering, shaded, geometry, definition if joint else None, hoisted)
+        found = materials_of(scene, solid, lowering, shaded, geometry, definition if joint else None, hoist)
         made.model, made.bsdf, made.material, made.emission = found.model, found.bsdf, found.record, found.emission
         made.material_index, made.glass, made.relief = found.index, found.glass, found.relief
         if several:
             texels = 1 + max(k for k, _ in lights.layout([type for _, type in made.kept_surface]))
             made.passes = drawn = drawn_with(texels if texels <= ATTACHMENTS else 0)
     if BEFORE in drawn:
-        place, made.hoisted, made.twins = motion_of(solid, lowering, hoisted, lowering.origins)
+        place, made.twins = motion_of(solid, lowering, hoist)
         made.further.append(place)
     made.choices = _choices_of(made, joint)
     made.textures = _textures_of(made)
