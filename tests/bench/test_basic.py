@@ -1,4 +1,4 @@
-"""The hand-written tracer draws the scene that raymarch draws: the figures in docs/marching.md compare equals."""
+"""The hand-written tracer draws the scene that raymarch draws."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def pairs():
             yield pytest.param(name, tracer, marks=[pytest.mark.long] if (i + k) % 2 else [])
 
 
-@pytest.mark.parametrize(("name", "tracer"), pairs())
+@pytest.mark.parametrize(("name", "tracer"), list(pairs()))
 def test_no_tracer_misses_a_hit(name, tracer, renderer):
     scene = load(FOLDER / f"{name}.py")
     scene = scene.replace(quality=type(scene.quality)(tracer=tracer))

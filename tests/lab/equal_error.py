@@ -46,7 +46,7 @@ def compare(renderer: rm.Renderer, name: str) -> None:
 
     ours = rm.Quality()
     reached = rms(ours)
-    epsilon = 0.1
+    epsilon = 1.0
     while epsilon > 1e-3 and rms(published(epsilon)) > reached:
         epsilon = max(0.7 * epsilon, 1e-3)
     settings = {

@@ -2,7 +2,7 @@
 // the derivative (as in Bán and Valasek 2023). If the spheres do not overlap, the far one is kept and a shorter step
 // follows. Once a sphere reaches the kept one, the march goes on from there. A kept sphere inside the solid bounds the
 // gap: the first surface lies before it.
-const float SHORTER = 0.3;  // share of the mean derivative after a step that was too long; the rest is that of a plain step
+const float SHORTER = 0.3;  // share of the mean derivative after a step that was too long; the rest: a plain step
 
 float step_length(March at, float far) {
     float low = at.kept_t - abs(at.kept_r) - at.t;
