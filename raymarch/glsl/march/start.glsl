@@ -5,5 +5,5 @@ uniform vec4 u_start;  // at the camera, times u_side: gradient and value of the
 March start_march(Ray ray, float near) {
     if (u_start.w <= near) return March(near, 0.0, 0.0, 0.0, -0.7, 0.0, false, false);
     float derivative = clamp(dot(u_start.xyz, ray.direction), -1.0, 1.0);
-    return March(0.0, u_start.w, 0.0, 0.0, mix(-1.0, derivative, 0.5), 0.0, false, false);
+    return March(0.0, u_start.w, 0.0, 0.0, mix(-1.0, derivative, 0.3), 0.0, false, false);
 }
