@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -91,13 +92,31 @@ def image_of(pixels: NDArray[np.uint8]) -> Image.Image:
     return Image.frombytes("RGB", size, pixels.tobytes(), "raw", "RGBX", 0, -1)
 
 
+class _Bytes:
+    """A surface of 8-bit RGBA pixels."""
+
+    def __init__(self, context: Context, size: tuple[int, int]) -> None:
+        self.size = size
+        self.texture = context.gl.texture(size, 4)
+        self.framebuffer: moderngl.Framebuffer = context.gl.framebuffer([self.texture])
+
+    def read(self) -> NDArray[np.uint8]:
+        pixels = np.empty((self.size[1], self.size[0], 4), np.uint8)
+        self.framebuffer.read_into(pixels, components=4)
+        return pixels
+
+    def release(self) -> None:
+        self.framebuffer.release()
+        self.texture.release()
+
+
 class Display:
     """The programs that colour pictures on one context, and an 8-bit surface of the size that was used last."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._programs: dict[Any, tuple[Program, Mapping[str, Any]]] = {}
-        self._bytes: Target | None = None
+        self._bytes: _Bytes | None = None
 
     def image(self, target: Target, output: Output, color: Expr, ends: Sequence[Any]) -> Image.Image:
         """An array of a target as an 8-bit picture.
@@ -121,11 +140,9 @@ class Display:
             if self._bytes is None or self._bytes.size != target.size:
                 if self._bytes is not None:
                     self._bytes.release()
-                self._bytes = Target(self._context, target.size, dtype="f1")
+                self._bytes = _Bytes(self._context, target.size)
             self._draw(self._bytes, target, output, color, ends, "c", alpha)
-            pixels = np.empty((*target.size[::-1], 4), np.uint8)
-            self._bytes.framebuffer.read_into(pixels, components=4)
-            return pixels
+            return self._bytes.read()
 
     def fill(self, surface: Surface, target: Target, output: Output, color: Expr, ends: Sequence[Any]) -> None:
         """Fill a surface of any size with the colours of an array, decoded to linear light. The nearest texel is
@@ -155,6 +172,7 @@ class Display:
 
 
 def _text(output: Output, color: Expr, shown: str, alpha: Expr) -> tuple[str, Mapping[str, Any]]:
+    """The fragment shader that colours an array, and its tables."""
     value = VECTOR if isinstance(output.channels, slice) else VALUE
     colored = Function("view_color", (value, HIT, LOW, HIGH), color)
     printed = print_functions([colored, Function("view_alpha", (value,), alpha)])

@@ -34,7 +34,7 @@ class Surface(Protocol):
 
 
 class Target(Releasing):
-    """A framebuffer with RGBA textures of one size; attachment i is `layout(location = i)` of the shader.
+    """A framebuffer with RGBA float textures of one size; attachment i is `layout(location = i)` of the shader.
 
     Sampling is nearest, clamped to the edge. The content is undefined until it is drawn, written or cleared.
 
@@ -43,7 +43,7 @@ class Target(Releasing):
     context : the context of the textures; bound here and by every method.
     size : (width, height) in pixels, integers from 1 to `context.limits.picture`.
     attachments : number of textures, from 1 to `context.limits.color_attachments`.
-    dtype : "f4" (32-bit floats), "f2" (16-bit), or "f1" (bytes that stand for 0 to 1).
+    dtype : "f4" (32-bit floats) or "f2" (16-bit).
 
     Raises
     ------
@@ -54,8 +54,8 @@ class Target(Releasing):
         self.context = context
         self.size = _checked_size(context, size)
         self.attachments = _checked("attachments", attachments, context.limits.color_attachments)
-        if dtype not in ("f4", "f2", "f1"):
-            raise DeviceError(f"dtype={dtype!r} of a target", legal="legal: 'f4', 'f2' or 'f1'")
+        if dtype not in ("f4", "f2"):
+            raise DeviceError(f"dtype={dtype!r} of a target", legal="legal: 'f4' or 'f2'")
         self.dtype = dtype
         self.released = False
         self._textures: list[moderngl.Texture] = []
