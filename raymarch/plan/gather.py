@@ -271,7 +271,9 @@ class _Gatherer:
     # Forms
 
     def signature(self, node: Node) -> Signature | None:
-        """The form of a tree; None if it cannot be a row."""
+        """The form of a tree; None if it cannot be a row: without a spread nothing bounds it outside of the cells."""
+        if node.facts.bounded and not math.isfinite(node.facts.spread):
+            return None
         for each in () if id(node) in self.known else children_first(node):
             if id(each) not in self.known:
                 self.known[id(each)] = self._signature(each)

@@ -102,9 +102,16 @@ def _materials(given: Any, n: int) -> tuple[tuple[Any, ...], NDArray[np.int64]]:
 
 def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
     facts = solid("instances", node).facts
-    if not facts.bounded or facts.empty or facts.exactness == "estimate":
-        what = "an estimate" if facts.exactness == "estimate" else "unbounded" if not facts.bounded else "empty"
-        raise SceneError(f"instances of {node.name}, which is {what}", legal="a bounded solid that is exact or a bound")
+    wrong = {
+        "an estimate": facts.exactness == "estimate",
+        "unbounded": not facts.bounded,
+        "empty": facts.empty,
+        "of unknown spread": not np.isfinite(facts.spread),
+    }
+    if any(wrong.values()):
+        what = next(what for what, found in wrong.items() if found)
+        legal = "a bounded solid that is exact or a bound, with spread=... if it is a shape of your own"
+        raise SceneError(f"instances of {node.name}, which is {what}", legal=legal)
     body = lower(node).body
     if find([body], "param", "time", "cell", "raw", "raw_slope"):
         raise SceneError(f"instances of {node.name}", legal="a solid without Param, time and GLSL of its own")

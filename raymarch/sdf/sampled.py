@@ -20,6 +20,7 @@ from PIL import Image
 
 from raymarch import cache as disk
 from raymarch.errors import SceneError, warn
+from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
 from raymarch.expr.intervals import interval_of
@@ -66,6 +67,25 @@ def _solid_box(data: Samples, size: Any, centre: Any) -> tuple[Expr, Expr]:
     return lower, expr(centre) + expr(size) * tuple(high - 0.5)
 
 
+def _grid_spread(data: Samples, size: Any) -> Expr:
+    """The largest ratio of a sample's distance to the box of the solid, along an axis, to its value; not less between
+    samples, where both are interpolated. Outside the grid the distance to it is added, as in the field."""
+    inside = data.values <= 0.0
+    if not inside.any():
+        return expr(np.inf)
+    ratios = []
+    for axis in (2, 1, 0):
+        others = tuple({0, 1, 2} - {axis})
+        within = np.nonzero(inside.any(axis=others))[0]
+        at = np.arange(inside.shape[axis])
+        cells = np.maximum(np.maximum(within.min() - 1 - at, at - within.max() - 1), 0)
+        least = np.min(data.values, axis=others, where=~inside, initial=np.inf)
+        ratios.append(float(np.max(cells / np.maximum(least, SMALLEST))))
+    cell = expr(size) / tuple(_texels(data))
+    ratio = max(cell.x * ratios[0], max(cell.y * ratios[1], cell.z * ratios[2]))
+    return length(vec2(1.0, ratio))
+
+
 def _some_grid() -> Samples:
     """A ball of radius 0.8 in a box of side 2: the example that `grid()` shows."""
     axis = np.linspace(-1.0, 1.0, 24)
@@ -76,7 +96,12 @@ def _some_grid() -> Samples:
 BALL = _some_grid()
 
 
-@shape(exactness="bound", bounds=_solid_box, lipschitz=lambda data, size: _steepness(data, size))
+@shape(
+    exactness="bound",
+    bounds=_solid_box,
+    lipschitz=lambda data, size: _steepness(data, size),
+    spread=lambda data, size: _grid_spread(data, size),
+)
 def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
     q = p - centre

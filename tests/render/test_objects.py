@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.expr.vocabulary import length, vec3
+from raymarch.sdf.definition import cube
+from raymarch.sdf.domain import Positive
 
 SIZE = (48, 36)
 OUTPUTS = ("color", "depth", "normal", "material")
@@ -20,6 +24,12 @@ def objects(n, materials=True, size=1.0, origin=(0.0, 0.0, 0.0)):
         each = each.translate(size * rng.uniform(-1.2, 1.2, 3) + origin)
         made.append(each.material(rm.Material(color=rng.uniform(0.1, 1, 3))) if materials and i % 3 else each)
     return made
+
+
+@rm.shape(exactness="bound", bounds=lambda radius: cube(vec3(radius)))
+def lump(p, radius: Positive = 1.0):
+    """A shape whose spread is not stated."""
+    return 0.5 * (length(p) - radius)
 
 
 def frames(renderer, node, outputs=("color",), **scene):
@@ -188,3 +198,27 @@ def test_moving_objects_equal_text(renderer):
         frame = renderer.render(data, **at)
         assert time == 0.0 or renderer.compiled == compiled
         assert_equal(frame, renderer.render(text, **at), geometry=True)
+
+
+def test_instances_of_a_grid(renderer):
+    axis = np.linspace(-1.0, 1.0, 12)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    ball = rm.grid(np.sqrt(x * x + y * y + z * z) - 0.7, size=1.0)
+    points = np.array([(0, 0, 0), (1.2, 0.2, -1), (-1, 0.4, 0.3)])
+    camera = rm.Camera((1, 2, 5), (0, 0, 0))
+    scenes = [rm.Scene(node | rm.plane(offset=-0.5), camera) for node in (rm.instances(ball, points), at(ball, points))]
+    assert_equal(*(renderer.render(scene, outputs=OUTPUTS) for scene in scenes), geometry=True)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.1])
+def test_solids_of_unknown_spread_are_no_rows(renderer, k):
+    """Without it nothing bounds the field outside of the cells."""
+    points = np.random.default_rng(1).uniform(-2, 2, (4, 3))
+    node = rm.union(*[lump(0.5 + 0.1 * i).translate(tuple(p)) for i, p in enumerate(points)], **({"k": k} if k else {}))
+    assert_equal(*frames(renderer, node, outputs=OUTPUTS), geometry=True)
+    with pytest.raises(SceneError, match="instances of lump, which is of unknown spread"):
+        rm.instances(lump(0.5), points)
+
+
+def at(node, points):
+    return rm.union(*[node.translate(tuple(point)) for point in points])

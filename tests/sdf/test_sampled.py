@@ -120,6 +120,17 @@ def test_outside_its_box_a_grid_never_exceeds_the_distance():
     assert np.min(node.distance(points)[far] / (true[far] - cell)) > 1 / (np.sqrt(2) * node.facts.divisor)
 
 
+def test_the_spread_of_a_grid_bounds_its_box_and_no_less_would():
+    axis = np.linspace(-1.0, 1.0, 12)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    node = rm.grid(3.0 * (np.sqrt(x * x + 4.0 * y * y + z * z) - 0.7), size=(2.0, 3.0, 4.0))
+    points = np.random.default_rng(4).uniform(-4.0, 4.0, (100_000, 3))
+    value, (low, high) = node.distance(points), node.bounds
+    away = np.max(np.maximum(np.maximum(low - points, points - high), 0.0), axis=1)
+    largest = np.max(away[value > 0.0] / value[value > 0.0])
+    assert 0.98 * node.facts.spread < largest <= node.facts.spread
+
+
 def test_the_order_of_a_grids_axes():
     values = np.full((5, 6, 7), 1.0)
     values[3, 2, 1] = -0.5
