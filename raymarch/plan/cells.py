@@ -47,6 +47,10 @@ WORTH = 0.75
 FINEST = 4
 """Maximum number of times that a cell of the grid is halved."""
 
+FINE_GRID, FINE_CELLS = 20_000, 20
+"""A grid of a hard union of up to so many objects has so many cells for each: it is seldom halved, which saves the
+evaluations a fetch. Larger unions have one cell for each, because building them takes longer."""
+
 FINEST_LIVE = 3
 """The same for objects that depend on parameters or time: each evaluation then descends as often as any could need."""
 
@@ -208,8 +212,8 @@ class _Builder:
         )
         # An unbounded operand nearer than that decides alone, however the rest is blended.
         self.less = (self.reach + (2.0 if not self.bounded.all() else 1.0) * self.lowers) if self.blended else 0.0
-        # There are about as many cells as objects.
-        size = float(np.cbrt(np.prod(edges) / n))
+        self.fine = n <= FINE_GRID and not self.blended and not rows.live
+        size = float(np.cbrt(np.prod(edges) / (n * (FINE_CELLS if self.fine else 1))))
         size = max(size, float(np.cbrt(np.prod(edges) / CELLS)), float(extent.max()) / 1024.0)
         self.need = exact
         most = min(CELLS, AROUND + AROUND_EACH * n)
@@ -489,7 +493,7 @@ class _Builder:
         total, depth, entries = len(texels), 0, len(level.items)
         while True:
             counts = np.diff(level.starts)
-            crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED) << depth
+            crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED) << (depth + 2 * self.fine)
             if depth == self.finest or not crowded.any() or total >= CELLS or entries >= ENTRIES:
                 written.append((place, counts, level.items))
                 break

@@ -229,6 +229,10 @@ class _Parts:
                 return fields[node.data](*args)
             return rebuild(node, args)
 
+        def with_distance(node: Expr, args: tuple[Expr, ...]) -> Expr:
+            known = node.op == "call" and made.get(node.data) in joint.values()
+            return get(made[node.data](*args), "distance") if known else rebuild(node, args)
+
         def part(name: str, field: Function, marked: Function, depth: Expr | None) -> Function:
             (p,) = field.params
             inner = None if depth is None else var("inner", VEC3)
@@ -237,7 +241,9 @@ class _Parts:
             replaced = rewrite([field.body], with_stand_in)[field.body]
             slope = _gradient(replaced, p)
             slope = rewrite([slope], with_part)[slope]
-            roots = merge_calls([slope, material], lambda f: operations_of(f) if f in made.values() else saving(f))
+            found = rewrite([slope, material], with_distance)
+            roots = [found[slope], found[material]]
+            roots = merge_calls(roots, lambda f: operations_of(f) if f in made.values() else saving(f))
             slope, material = share_values(roots)
             if depth is not None:
                 below = p - depth * normalize(slope)
@@ -305,21 +311,21 @@ class _Evaluated:
     point: Expr
     distance: Function
 
-    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
-        """The gradient at p, and what is wanted, with materials evaluated at another point."""
+    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr, Expr]:
+        """The distance and the gradient at p, and what is wanted, with materials evaluated at another point."""
         raise NotImplementedError
 
     def value_at(self, name: str) -> Function:
         """A function of a point and of the point where materials are evaluated."""
         at = var("at", VEC3)
-        value = self.evaluated(self.point, at)[1]
+        value = self.evaluated(self.point, at)[2]
         return Function(f"{self.name}_{name}", (self.point, at, *_interaction_in(value)), value)
 
     def part(self) -> Function:
-        """A function of a point that returns the struct Part."""
-        slope, material = self.evaluated(self.point, self.point)
-        type = struct("Part", (("gradient", VEC3), ("material", material.type)))
-        return Function(f"{self.name}_part", (self.point,), record(type, slope, material))
+        """A function of the point that returns what Part holds, and the distance."""
+        distance, slope, material = self.evaluated(self.point, self.point)
+        type = struct("UnionPart", (("distance", FLOAT), ("gradient", VEC3), ("material", material.type)))
+        return Function(f"{self.name}_part", (self.point,), record(type, distance, slope, material))
 
 
 class _BoundedMaterials(_Evaluated):
@@ -335,14 +341,14 @@ class _BoundedMaterials(_Evaluated):
         (self.point,) = self.distance.params
         self.parts, self.wanted, self.below = parts, wanted, (of_group, of_many)
 
-    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
+    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr, Expr]:
         assert isinstance(self.union, Bounded)
-        _, slope, nearest = self.union.walk(p, lambda i, pair: (pair[1], const(float(i))))
+        distance, slope, nearest = self.union.walk(p, lambda i, pair: (pair[1], const(float(i))))
         values = [self._value(marked, at) for marked in self.marked]
         found = values[-1]
         for i, value in reversed(list(enumerate(values[:-1]))):
             found = where(nearest < i + 0.5, value, found)
-        return slope, found
+        return distance, slope, found
 
     def _value(self, marked: Function, at: Expr) -> Expr:
         return self.parts._body(self.parts.hoist(marked), self.wanted, *self.below, at, LOCAL_INTERACTION)
@@ -406,16 +412,16 @@ class _ManyMaterials(_Evaluated):
         given = (inner.params[0], at, *inner.params[1:], *slots, *_interaction_in(value))
         return Function("object_material", given, value)
 
-    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
-        """The gradient at p, and what is wanted, with materials evaluated at another point.
+    def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr, Expr]:
+        """The distance and the gradient at p, and what is wanted, with materials evaluated at another point.
 
         Of a hard union, the row of the nearest object is found first. If the material is a row of a palette, it is
         enough to remember which.
         """
         located, place = self.located, self.located.place
         if self.single is not None:
-            _, slope = located.walk(place, p, lambda i, entry, pair, read: (pair[1],))
-            return slope, self.single
+            distance, slope = located.walk(place, p, lambda i, entry, pair, read: (pair[1],))
+            return distance, slope, self.single
         if self.rows.family:
             return self._blended(p, at)
         if self.common is not None:
@@ -425,15 +431,15 @@ class _ManyMaterials(_Evaluated):
                 fixed = const(float(self.rows.forms[i].slots[0, self.slots[i]]))
                 return pair[1], read[-1] if varying else fixed
 
-            _, slope, row = located.walk(place, p, slots)
+            distance, slope, row = located.walk(place, p, slots)
             material = RowMaterial(self.common, row)
-            return slope, self.parts._wanted(material, material.expressions, self.wanted)
-        _, slope, entry = located.walk(place, p, lambda i, entry, pair, read: (pair[1], entry))
+            return distance, slope, self.parts._wanted(material, material.expressions, self.wanted)
+        distance, slope, entry = located.walk(place, p, lambda i, entry, pair, read: (pair[1], entry))
         stored = self.rows.stored
         found = [f(p, at, *stored.read(i, entry), *_interaction_in(f.body)) for i, f in enumerate(self.functions)]
-        return slope, stored.choose(entry, found)
+        return distance, slope, stored.choose(entry, found)
 
-    def _blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr]:
+    def _blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr, Expr]:
         """The same for a blend: the mean of what is wanted."""
 
         def carried(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
@@ -448,10 +454,10 @@ class _ManyMaterials(_Evaluated):
 
         located = self.located
         mixed = larger if self.wanted is None else None
-        _, slope, *values = located.walk(located.place, p, carried, mixed)
+        distance, slope, *values = located.walk(located.place, p, carried, mixed)
         if self.wanted is None:
-            return slope, values[0]
-        return slope, _record_of(self.functions[0].type, values)
+            return distance, slope, values[0]
+        return distance, slope, _record_of(self.functions[0].type, values)
 
 
 def _interaction_in(value: Expr) -> list[Expr]:

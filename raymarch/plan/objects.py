@@ -223,7 +223,9 @@ class Located:
 
     def _zeros(self, p: Expr, carried: Carried | None) -> list[Expr]:
         """The values of no object."""
-        values = self._leaf(p, const(0.0), carried, range(len(self.rows.forms)))
+        if carried is None:
+            return [const(FARTHEST)]
+        values = self._leaf(p, const(0.0), carried, range(1))
         return [const(FARTHEST), *(const(np.zeros(value.type.shape)) for value in values[1:])]
 
     # Blends

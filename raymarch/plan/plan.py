@@ -26,7 +26,7 @@ from raymarch.expr.types import FLOAT, VEC3, Type
 from raymarch.expr.walk import find
 from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
-from raymarch.plan.bounding import Bounding
+from raymarch.plan.bounding import LEAST, Bounding
 from raymarch.plan.gather import Gathered, gather
 from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.marching import Marching
@@ -44,11 +44,16 @@ from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
+from raymarch.sdf.rows import Rows
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
 
 SLOW = 10.0
 """Estimated seconds to compile a field from which fewer objects become rows. Twelve chess pieces of five kinds have
 their first frame in half the time; further frames take 1.6 times as long. See docs/scale.md."""
+
+COSTLY = 20_000
+"""Operations of costly objects together from which they become rows: cells spare as many evaluations as bounding volumes,
+in a shader with one function for each form. See docs/scale.md."""
 
 LARGEST = 1024
 """Largest number of shapes written as code. With more, compilers take many seconds or fail."""
@@ -191,6 +196,12 @@ def _compile_seconds(field: Function) -> float:
     return sum(1.2e-3 * n + 1.3e-6 * n * n for n in straight_lines([field.body]))
 
 
+def _costly_operations(rows: Rows) -> int:
+    """The operations of all objects that take so many that text would give them bounding volumes."""
+    each = [(len(form), count_operations([form.columns.field.body])) for form in rows.forms]
+    return sum(n * operations for n, operations in each if operations >= LEAST)
+
+
 def plan(
     scene: Scene,
     passes: Sequence[str] = ("color",),
@@ -216,6 +227,10 @@ def plan(
     live = not standalone and scene.quality.temporal != "reproject"  # motion vectors are computed for text
     asked = (scene.node, scene.quality.objects, exact_distance(scene), live)
     gathered = gathered or gather(*asked)
+    if not fixed and not gathered.rows and scene.quality.objects == "auto" and not scene.quality.bounding_volumes:
+        fewer = gather(*asked, slow=True)
+        if sum(map(_costly_operations, fewer.rows)) >= COSTLY:
+            gathered = fewer
     objects = ObjectsInCells(gathered.rows)
     if gathered.rows:
         lowering.objects = objects

@@ -25,7 +25,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.types import Type
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, topological
 from raymarch.plan import Pass, Plan
 from raymarch.scene.quality import CONTACT, RELAXATION
 from raymarch.scene.relief import footprint_axis, shading_normal
@@ -288,9 +288,14 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
 
 
 def _records(roots: Sequence[Function]) -> frozenset[Type]:
-    """The structs that functions take or return, with those of their fields."""
+    """The structs that functions take or return, with those of their fields, and those that such functions call for."""
     found: set[Type] = set()
     pending = [type for root in roots for type in (root.type, *(p.type for p in root.params))]
+    structs = [root for root in roots if root.type.fields]
+    for root in structs:
+        calls = dict.fromkeys(node.data for node in topological([root.body]) if node.op == "call" and node.type.fields)
+        structs += [function for function in calls if function not in structs]
+    pending += [function.type for function in structs]
     while pending:
         type = pending.pop()
         if type.fields and type not in found:
