@@ -183,15 +183,14 @@ class _Builder:
         self.rows = rows
         self.forms = rows.forms
         self.firsts = np.cumsum([0, *map(len, rows.forms)])
-        self.lower = np.concatenate([form.lower for form in self.forms])
-        self.upper = np.concatenate([form.upper for form in self.forms])
-        self.lipschitz = np.concatenate([form.lipschitz for form in self.forms])
-        self.spread = np.concatenate([form.spread for form in self.forms])
-        self.exactly = np.concatenate([np.full(len(form), form.exact) for form in self.forms])
-        self.order = np.concatenate([form.order for form in self.forms])
+        lower = np.concatenate([form.lower for form in self.forms])
+        upper = np.concatenate([form.upper for form in self.forms])
+        lipschitz = np.concatenate([form.lipschitz for form in self.forms])
+        spread = np.concatenate([form.spread for form in self.forms])
+        exactly = np.concatenate([np.full(len(form), form.exact) for form in self.forms])
         self.blended = bool(rows.family)
         self.finest = FINEST_LIVE if rows.live else FINEST
-        self.bounded = np.all(np.isfinite(self.lower) & np.isfinite(self.upper), axis=1)
+        self.bounded = np.all(np.isfinite(lower) & np.isfinite(upper), axis=1)
         self.reach, self.lowers = 0.0, 0.0
         if self.blended:
             from raymarch.plan.gather import REACH
@@ -201,14 +200,14 @@ class _Builder:
             a, b, k = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)
             folded = smooth_min(a, b, k) if rows.family == "quadratic" else FAMILIES[rows.family](4).fold(a, b, k)
             self._fold = evaluator([folded], [a, b, k])
-        low, high = self.lower[self.bounded].min(axis=0), self.upper[self.bounded].max(axis=0)
+        low, high = lower[self.bounded].min(axis=0), upper[self.bounded].max(axis=0)
         extent = high - low
         edges = np.maximum(extent, 0.02 * extent.max())
         n = int(self.bounded.sum())
         self.steepness = (
             1.0
-            if bool(np.all(self.exactly[self.bounded]))
-            else 1.0 / (np.sqrt(3.0) * float(self.spread[self.bounded].max()))
+            if bool(np.all(exactly[self.bounded]))
+            else 1.0 / (np.sqrt(3.0) * float(spread[self.bounded].max()))
         )
         # An unbounded operand nearer than that decides alone, however the rest is blended.
         self.less = (self.reach + (2.0 if not self.bounded.all() else 1.0) * self.lowers) if self.blended else 0.0
@@ -227,19 +226,21 @@ class _Builder:
         self.low = 0.5 * (low + high) - 0.5 * size * counts
         self.largest = float(np.max(np.abs([self.low, self.low + size * counts])))
         held = self.bounded
-        self.middle = np.zeros_like(self.lower)
+        middle = np.zeros_like(lower)
         radii = np.full(len(held), np.inf)
         with np.errstate(invalid="ignore"):  # of unbounded objects
             balls = [form.spheres for form in self.forms]
-        self.middle[held] = np.concatenate([middle for middle, _ in balls])[held]
+        middle[held] = np.concatenate([centre for centre, _ in balls])[held]
         radii[held] = np.concatenate([radius for _, radius in balls])[held]
-        self.spheres = np.concatenate([self.middle, radii[:, None]], axis=1).astype(np.float32)
-        self.at_middle = self.values(self.middle, np.arange(len(rows))).astype(np.float32)
-        self.all_exact = bool(np.all(self.exactly))
-        self.flatness = (1.0 / (np.sqrt(3.0) * self.spread)).astype(np.float32)
-        self.slopes = self.lipschitz.astype(np.float32)
-        self.sloped = bool(np.any(self.lipschitz != 1.0))
+        self.spheres = np.concatenate([middle, radii[:, None]], axis=1).astype(np.float32)
+        self.at_middle = self.values(middle, np.arange(len(rows))).astype(np.float32)
+        self.all_exact = bool(np.all(exactly))
+        self.flatness = (1.0 / (np.sqrt(3.0) * spread)).astype(np.float32)
+        self.slopes = lipschitz.astype(np.float32)
+        self.sloped = bool(np.any(lipschitz != 1.0))
+        self.lipschitz = lipschitz if self.sloped else np.ones(0)
         if self.blended:
+            self.order = np.concatenate([form.order for form in self.forms])
             self.ranked = np.argsort(self.order, kind="stable")
 
     @property
@@ -358,8 +359,9 @@ class _Builder:
     def divided(
         self, level: _Level, size: float, limit: Whole | None, last: bool
     ) -> tuple[_Level, Whole, Indices, Whole, Array]:
-        """The children of cells: the near ones, with shorter lists, and their numbers among all children; the far ones,
-        their numbers, and a lower bound of the field at the centre of each. Those beyond the limit are neither.
+        """The children of cells: the near ones, with shorter lists, and their numbers among all children; the far ones
+        of the grid, their numbers, and a lower bound of the field at the centre of each. Those beyond the limit are
+        neither.
 
         limit : number of cells along each axis; None below the grid. last : True for the cells of the grid and below.
         """
@@ -390,11 +392,12 @@ class _Builder:
             items.append(kept[np.repeat(listed, counts)])
             lengths.append(counts[listed])
             near_cells.append(below[listed])
-            far_cells.append(below[lonely])
+            if limit is not None:  # below the grid, their numbers are enough
+                far_cells.append(below[lonely])
             count += len(below)
-        starts = np.concatenate([[0], np.cumsum(np.concatenate(lengths))]).astype(np.int64)
-        made = _Level(np.concatenate(near_cells), starts, np.concatenate(items))
-        return made, np.concatenate(near), np.concatenate(far_cells), np.concatenate(far), np.concatenate(values)
+        starts = np.concatenate([[0], np.cumsum(_joined(lengths))]).astype(np.int64)
+        made = _Level(_joined(near_cells), starts, _joined(items))
+        return made, _joined(near), _joined(far_cells), _joined(far), _joined(values)
 
     def children(self, part: _Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
         """The lists of the eight children of cells by bounds from spheres: lengths, items, and a lower bound of the
@@ -524,8 +527,12 @@ class _Builder:
             entries += len(level.items) - int(counts[split].sum())
         places = np.concatenate([w[0] for w in written])
         counts = np.concatenate([w[1] for w in written])
-        items = np.concatenate([w[2] for w in written])
-        written.clear()
+        items = np.empty(int(counts.sum()), np.int32)
+        end = len(items)
+        while written:  # the last first, each of which is freed
+            some = written.pop()[2]
+            items[end - len(some) : end] = some
+            end -= len(some)
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
         begins = starts[:-1]
@@ -598,6 +605,13 @@ def _bits(numbers: Whole) -> Whole:
 def _ranges(starts: Whole, counts: Whole, firsts: Whole) -> Whole:
     """The indices starts[i], ..., starts[i] + counts[i] - 1 for all i in order; firsts : running sum of the counts."""
     return np.arange(firsts[-1]) + np.repeat(starts - firsts[:-1], counts)
+
+
+def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    """The parts as one array; they are freed."""
+    made = np.concatenate(parts)
+    parts.clear()
+    return made
 
 
 def _taken(level: _Level, chosen: Whole) -> _Level:

@@ -20,7 +20,7 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import substitute
 from raymarch.plan.bounding import nearer, state_gradient, value_and_gradient
-from raymarch.plan.cells import Cells, build
+from raymarch.plan.cells import PAIRS, Cells, build
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.booleans import smooth_min
@@ -272,10 +272,10 @@ def _listed(rows: Rows, cells: Cells) -> NDArray[np.float32]:
     listed = np.zeros((max(1, len(cells.lists)), 2 if rows.family else 1), np.float32)
     texel_of = np.array([rows.stored.texel_of(i, -firsts[i]) for i in range(len(rows.forms))])
     strides = np.array([packing.texels for packing in rows.stored.packings])
-    for begin in range(0, len(cells.lists), MOST):
-        some = cells.lists[begin : begin + MOST]
+    for begin in range(0, len(cells.lists), PAIRS):
+        some = cells.lists[begin : begin + PAIRS]
         form_of = np.searchsorted(firsts, some, side="right") - 1
-        listed[begin : begin + MOST, 0] = texel_of[form_of] + strides[form_of] * some
+        listed[begin : begin + PAIRS, 0] = texel_of[form_of] + strides[form_of] * some
     if rows.family:
         listed[:, 1] = cells.merges
     return listed
