@@ -89,6 +89,11 @@ class LiveTable(Data):
         return self.make().values
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the texture, for the bound parameters and time."""
+        return self.make().size
+
+    @property
     def nbytes(self) -> int:
         """Size of the texture in bytes, for the bound parameters and time."""
         return self.make().nbytes

@@ -205,9 +205,7 @@ class _Builder:
         edges = np.maximum(extent, 0.02 * extent.max())
         n = int(self.bounded.sum())
         self.steepness = (
-            1.0
-            if bool(np.all(exactly[self.bounded]))
-            else 1.0 / (np.sqrt(3.0) * float(spread[self.bounded].max()))
+            1.0 if bool(np.all(exactly[self.bounded])) else 1.0 / (np.sqrt(3.0) * float(spread[self.bounded].max()))
         )
         # An unbounded operand nearer than that decides alone, however the rest is blended.
         self.less = (self.reach + (2.0 if not self.bounded.all() else 1.0) * self.lowers) if self.blended else 0.0
@@ -504,6 +502,7 @@ class _Builder:
             parents = np.nonzero(crowded)[0]
             crowd = _taken(level, parents)
             near, near_at, _, far_at, value = self.divided(crowd, self.size * 0.5**depth, None, last=True)
+            del crowd
             lengths = np.zeros(8 * len(parents), np.int64)
             lengths[near_at] = np.diff(near.starts)
             gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
@@ -513,12 +512,12 @@ class _Builder:
             block[far_at, 0] = self.rounded_down(value)
             block[far_at, 1] = FAR
             wins = np.repeat(gain, 8)
+            blocks.append(block[wins])
+            del block, far_at, value, lengths
             at = total + np.cumsum(wins) - 1
-            _write(blocks, place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
-            del crowd
+            _write(blocks[:-1], place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
             rest = _taken(level, np.nonzero(~split)[0])
             written.append((place[~split], np.diff(rest.starts), rest.items))
-            blocks.append(block[wins])
             chosen = np.nonzero(wins[near_at])[0]
             level = _taken(near, chosen)
             place = at[near_at[chosen]]

@@ -407,7 +407,7 @@ def _describe_effects(made: Plan) -> None:
     gathered = made.gathered
     counted = f"{gathered.data:,} object{'s' * (gathered.data != 1)}"
     if moving := sum(len(rows) for rows in gathered.rows if rows.live):
-        counted += f", of which {moving:,} move,"
+        counted += f", of which {moving:,} move"
     beside = f", {gathered.text} beside them as text" if gathered.text else ""
     feature("objects as data", bool(gathered.rows), f"{counted}{beside}: {gathered.reason}", gathered.reason)
     feature("closed-form hits", made.analytic.used, made.analytic.reason, made.analytic.reason)
@@ -417,7 +417,8 @@ def _describe_effects(made: Plan) -> None:
         listed = cells.texels[cells.texels[:, 1] > 0, 1]
         mean = f"{listed.mean():.1f}" if listed.size else "0"
         shown = " x ".join(map(str, cells.counts.tolist()))
-        feature("cells", True, f"{shown}, halved up to {cells.depth} times; {mean} objects a cell on average", "")
+        halved = f"{shown}, halved up to {cells.depth} times" if cells.depth else shown
+        feature("cells", True, f"{halved}; {mean} objects a cell on average", "")
     moved = bool(np.any(made.origin))
     place = ", ".join(f"{v:.8g}" for v in made.origin)
     feature(

@@ -1,16 +1,19 @@
 """Objects as rows of a table: which objects, and the field that cells give against that of all objects."""
 
+import io
 from collections import OrderedDict
 from dataclasses import fields
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion
 from raymarch.plan import cells, plan
 from raymarch.plan.cells import CUT
+from raymarch.plan.explain import as_dict, show
 from raymarch.plan.gather import AS_DATA, gather
 from raymarch.plan.objects import ObjectsInCells
 from raymarch.sdf.rows import Rows
@@ -293,6 +296,23 @@ def test_rows_follow_parameters_and_time(k):
     assert len(texts) == 1
 
 
+def test_tables_of_moving_objects_are_explained():
+    made = plan(rm.Scene(rm.union(*moving(60)) | rm.plane(offset=-9)))
+    out = io.StringIO()
+    show(made, {}, 1, Console(file=out, width=200))
+    count = made.gathered.data
+    assert f"{count} objects, of which {count} move, 1 beside them as text: 32 or more" in out.getvalue()
+    sizes = [entry["size"] for entry in as_dict(made, {})["textures"]]
+    assert len(sizes) == 3 and all(f"{w} x {h}, " in out.getvalue() for w, h in sizes)
+
+
+def test_costly_objects_become_data():
+    made = plan(rm.Scene(rm.union(*[rm.ellipsoid((0.9, 0.5, 0.3 + 0.02 * i)).translate((i, 0, 0)) for i in range(28)])))
+    assert made.gathered.data == 28 and not made.bounding.used
+    few = plan(rm.Scene(rm.union(*[rm.ellipsoid((0.9, 0.5, 0.3 + 0.02 * i)).translate((i, 0, 0)) for i in range(8)])))
+    assert not few.gathered.data and few.bounding.used
+
+
 def test_tables_of_moving_objects_are_those_of_their_own_blend():
     """Two unions of the same objects have other lists: a wider blend lists more of them."""
     row = [rm.sphere(0.2).translate((0.5 * i, 0.1 * rm.sin(rm.time + i), 0)) for i in range(40)]
@@ -347,8 +367,6 @@ def test_equal_rows_are_equal():
 
 
 def test_the_plan_says_which_and_why():
-    from raymarch.plan.explain import as_dict
-
     for choice, used in (("auto", True), ("text", False)):
         scene = rm.Scene(rm.union(*objects(40)) | rm.plane(), quality=rm.Quality(objects=choice))
         (found,) = [f for f in as_dict(plan(scene), {})["features"] if f["name"] == "objects as data"]
