@@ -1,4 +1,4 @@
-"""Progress bars on the error stream. They vanish at the end."""
+"""Progress on the error stream: a bar that vanishes at the end, or lines where the stream is no terminal."""
 
 from __future__ import annotations
 
@@ -8,6 +8,22 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from raymarch.cli.common import errors
+
+QUIET = 10.0
+"""Seconds between two lines of progress in a log."""
+
+
+def logged() -> Callable[[str, float], None]:
+    """A function that prints a step and the share that is done, but at most one line every `QUIET` seconds."""
+    last = clock_time.perf_counter()
+
+    def tell(what: str, share: float) -> None:
+        nonlocal last
+        if clock_time.perf_counter() - last >= QUIET:
+            last = clock_time.perf_counter()
+            errors.print(f"{100 * share:3.0f} %  {what}", markup=False, highlight=False)
+
+    return tell
 
 
 @contextmanager
@@ -23,8 +39,8 @@ def _shown(total: float, *columns: str, **fields: Any) -> Iterator[Callable[...,
 
 @contextmanager
 def bar(what: str, total: float) -> Iterator[Callable[[float], None]]:
-    """A progress bar on the error stream, if that is a terminal; it appears after one second of work."""
-    start = clock_time.perf_counter()
+    """A progress bar that appears after one second of work, or `logged` where the error stream is no terminal."""
+    start, log = clock_time.perf_counter(), logged()
     with ExitStack() as stack:
         update: Callable[..., None] | None = None
 
@@ -36,13 +52,18 @@ def bar(what: str, total: float) -> Iterator[Callable[[float], None]]:
                 update = stack.enter_context(_shown(total, *columns, description=what))
             if update is not None:
                 update(completed=done)
+            elif not errors.is_interactive:
+                log(what, done / total)
 
         yield report
 
 
 @contextmanager
 def watched() -> Iterator[Callable[[str, float], None]]:
-    """A progress bar with a description of the current step."""
+    """A progress bar with a description of the current step, or `logged` where the error stream is no terminal."""
+    if not errors.is_interactive:
+        yield logged()
+        return
     columns = ("BarColumn", "{task.percentage:>3.0f} %", "TimeElapsedColumn", "{task.fields[what]}")
     with _shown(1.0, *columns, what="") as update:
         yield lambda what, share: update(completed=share, what=what)

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 import raymarch as rm
+from raymarch.cli import progress
 from raymarch.cli.commands import COMMANDS, load
 from raymarch.expr.function import _Deferred, _trace, function, loop, trace
 from raymarch.expr.node import Expr
@@ -229,3 +230,14 @@ def test_garbage_is_collected_again_when_a_command_runs(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     code = "import gc, raymarch\nraymarch.sphere()\nassert gc.isenabled() and not gc.get_freeze_count()\n"
     modules_after("-c", code + SHOWN, folder=tmp_path)
+
+
+def test_a_log_gets_lines_of_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where the error stream is no terminal, as in CI: one line in every so many seconds."""
+    now = [0.0]
+    monkeypatch.setattr(progress.clock_time, "perf_counter", lambda: now[0])
+    with progress.bar("exporting", 4.0) as tell:
+        for second in range(25):
+            now[0] = float(second)
+            tell(second / 10)
+    assert capsys.readouterr().err.splitlines() == [" 25 %  exporting", " 50 %  exporting"]
