@@ -11,6 +11,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from raymarch.errors import SceneError, warn
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
+from raymarch.expr.function import sum_of
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
@@ -151,7 +153,8 @@ def isosurface(
     size : full extents of the box, numbers > 0.
     centre : centre of the box.
 
-    Interpolated linearly. A bound: the values are divided by their steepest slope, so noise in them makes rays slow.
+    A bound. The values are mapped by an increasing function, so that each level has the slope 1 where it is steepest;
+    then they are interpolated linearly. So a density that decays far away is marched as fast there as near its peak.
     """
     array = _finite("isosurface", values, "numbers")
     given = numbers("isosurface: size", size, "1 or 3 numbers > 0")
@@ -164,11 +167,17 @@ def isosurface(
     lowest = float(interval_of(at)[0])
     if not np.isfinite(lowest):
         raise SceneError("isosurface: level has no least value", legal="rm.Param(name, value, min, max)")
-    steepest = Samples(array).steepest / float(np.min(extents / (np.array(array.shape) - 1.0)))
-    outside = (lowest - array) / (steepest or 1.0)
+    values_at, heights = _evened(array, extents / (np.array(array.shape) - 1.0))
+    least = _mapped(lowest, values_at, heights) if at.is_constant else np.interp(lowest, values_at, heights)
+    outside = least - np.interp(array, values_at, heights)
     solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, centre)
     if not at.is_constant:
-        solid = offset(solid, (lowest - at) / (steepest or 1.0))
+        steps = np.diff(heights) / np.diff(values_at)
+        pieces = [
+            (clamp(at, low, high) - low) * step
+            for (low, high), step in zip(pairwise(values_at.tolist()), steps.tolist(), strict=True)
+        ]
+        solid = offset(solid, min(float(least) - sum_of(pieces), 0.0))
     return solid if _least_on_faces(outside) >= 0.0 else solid & box(extents).translate(centre)
 
 
@@ -181,6 +190,44 @@ def _finite(what: str, values: ArrayLike, kind: str) -> NDArray[np.float64]:
     if broken:
         raise SceneError(f"{what}: {broken} of {array.size} values are not finite", legal="finite numbers")
     return array
+
+
+LEVELS = 33
+"""Values between which an isosurface is mapped linearly: at equal shares of the samples, and as many at equal steps."""
+
+
+def _evened(array: NDArray[np.float64], cell: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values, and the heights to which they are mapped so that no slope exceeds 1: the integral of 1 over the steepest
+    slope of the cells that hold a value."""
+    low, high, slopes = array, array, np.zeros(np.array(array.shape) - 1)
+    for axis in range(3):
+        step = np.abs(np.diff(array, axis=axis)) / cell[axis]
+        for other in {0, 1, 2} - {axis}:
+            step = _over_ends(np.maximum, step, other)
+        slopes += step**2
+        low, high = _over_ends(np.minimum, low, axis), _over_ends(np.maximum, high, axis)
+    share = np.linspace(0.0, 1.0, LEVELS)
+    values = np.unique([np.quantile(array, share), array.min() + np.ptp(array) * share])
+    if len(values) < 2:
+        return np.array([values[0], values[0] + 1.0]), np.array([0.0, 1.0])
+    steepest = np.sqrt([np.max(slopes, where=(high > a) & (low < b), initial=0.0) for a, b in pairwise(values)])
+    heights = np.cumsum(np.diff(values) / np.maximum(steepest, 1e-6 * steepest.max()))
+    return values, np.concatenate([[0.0], heights])
+
+
+def _over_ends(choose: Any, array: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """The larger or smaller of the two ends of each cell along an axis."""
+    ends = np.moveaxis(array, axis, 0)
+    found: NDArray[np.float64] = np.moveaxis(choose(ends[:-1], ends[1:]), 0, axis)
+    return found
+
+
+def _mapped(value: float, values: NDArray[np.float64], heights: NDArray[np.float64]) -> float:
+    """A value mapped; beyond the samples the map continues with the slope of its end."""
+    end = 0 if value < values[0] else -2
+    beyond = value - np.clip(value, values[0], values[-1])
+    slope = (heights[end + 1] - heights[end]) / (values[end + 1] - values[end])
+    return float(np.interp(value, values, heights) + beyond * slope)
 
 
 def _least_on_faces(array: NDArray[np.float64]) -> float:

@@ -52,8 +52,10 @@ def test_an_isosurface_lies_at_its_level_in_any_unit():
     `Param`. Values above the level on the faces of the box are cut off there."""
     points = np.array([(0.0, 0.7, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 0.9)])
     fixed = rm.isosurface(-1000 * ball(81, 0.0), -700)
-    slope = 1 / np.sqrt(3)  # the steepest cell is that of the centre
-    assert fixed.distance(points) == pytest.approx((0, -0.2 * slope, 0.2 * slope), abs=1e-3)
+    assert fixed.distance(points) == pytest.approx((0, -0.2, 0.2), abs=0.01)
+    far = rm.isosurface(np.exp(-12 * ball(81, 0.0)), np.exp(-12 * 0.7))  # a decay by 4,000 up to the level
+    shares = far.distance(points[1:]) / (-0.2, 0.2)  # 1 / 4,000 without the map of values
+    assert far.distance(points[0]) == pytest.approx(0, abs=1e-3) and np.all((shares > 0.4) & (shares <= 1))
     moved = rm.isosurface(-1000 * ball(81, 0.0), rm.Param("level", -500, -900, -300))
     assert moved.distance(points[1:2]) == pytest.approx(0, abs=1e-3)
     assert np.all(moved.bounds[1] < 1)
