@@ -28,10 +28,10 @@ from raymarch.expr.function import sum_of
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
-from raymarch.expr.types import FLOAT
+from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
 from raymarch.sdf.definition import Child, operator, shape
-from raymarch.sdf.domain import Data, NonNegative, Scalar, Size2, Size3, Vec3, Vector, as_operand
+from raymarch.sdf.domain import Data, Domain, NonNegative, Scalar, Size2, Size3, Vec3, Vector
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node, method
 from raymarch.sdf.profiles import offset
@@ -157,27 +157,29 @@ def isosurface(
     then they are interpolated linearly. So a density that decays far away is marched as fast there as near its peak.
     """
     array = _finite("isosurface", values, "numbers")
-    given = numbers("isosurface: size", size, "1 or 3 numbers > 0")
-    if given.shape not in ((), (3,)) or not np.all((given > 0.0) & np.isfinite(given)):
-        raise SceneError(f"isosurface: size = {short(size)}", legal="1 or 3 numbers > 0")
-    extents, legal = np.broadcast_to(given, (3,)), "a number, or an expression of a Param"
-    at = as_operand("isosurface: level", level, legal)
-    if at.type is not FLOAT:
-        raise SceneError(f"isosurface: level = {short(level)}", legal=legal)
-    lowest = float(interval_of(at)[0])
-    if not np.isfinite(lowest):
-        raise SceneError("isosurface: level has no least value", legal="rm.Param(name, value, min, max)")
+    at = Domain(FLOAT).accept("isosurface", "level", level)
+    whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("isosurface", "size", size)
+    if not whole.is_constant:
+        raise SceneError(f"isosurface: size = {short(size)}", legal="numbers, because slopes depend on them")
+    extents = np.asarray(whole.data, np.float64)
+    if not np.all(np.isfinite(interval_of(at))):
+        raise SceneError("isosurface: level has no least and largest value", legal="rm.Param(name, value, min, max)")
+    reach = float(np.ptp(array)) + 1.0
+    lowest, highest = (float(np.clip(end, array.min() - reach, array.max() + reach)) for end in interval_of(at))
     values_at, heights = _evened(array, extents / (np.array(array.shape) - 1.0))
     least = _mapped(lowest, values_at, heights) if at.is_constant else np.interp(lowest, values_at, heights)
     outside = least - np.interp(array, values_at, heights)
     solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, centre)
     if not at.is_constant:
-        steps = np.diff(heights) / np.diff(values_at)
+        inner = values_at[(values_at > lowest) & (values_at < highest)]
+        ends = np.clip([lowest, *inner, highest], values_at[0], values_at[-1])
+        steps = np.diff(np.interp(ends, values_at, heights)) / np.maximum(np.diff(ends), np.finfo(float).tiny)
         pieces = [
             (clamp(at, low, high) - low) * step
-            for (low, high), step in zip(pairwise(values_at.tolist()), steps.tolist(), strict=True)
+            for (low, high), step in zip(pairwise(ends.tolist()), steps.tolist(), strict=True)
+            if low < high
         ]
-        solid = offset(solid, min(float(least) - sum_of(pieces), 0.0))
+        solid = offset(solid, -max(sum_of(pieces), 0.0))
     return solid if _least_on_faces(outside) >= 0.0 else solid & box(extents).translate(centre)
 
 

@@ -207,7 +207,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "ball_fold": {"z": var("p", VEC3), "growth": 1.0},
     "ImageSky": {"file": Path(__file__).parents[2] / "docs" / "pictures" / "hard-camera-inside-a-solid.png"},
     "hash": {"cell": var("p", VEC3)},
-    "value_noise": {"*": (var("p", VEC3),)},
+    "value_noise": {"p": var("p", VEC3)},
     "wrap_around": {"start": -3.0, "end": 3.0},
     "export": {"scene": rm.box(), "path": _folder() / "made.glsl"},
     "show": {"scene": rm.box()},
