@@ -167,7 +167,11 @@ def draw(node: Node, renderer: rm.Renderer) -> Image.Image:
     return renderer.render(scene).image()
 
 
-PUBLIC = {"sampled_outline": ("image", "text"), "sampled_grid": ("grid", "isosurface", "mesh"), "raw_field": ("glsl_node",)}
+PUBLIC = {
+    "sampled_outline": ("image", "text"),
+    "sampled_grid": ("grid", "isosurface", "mesh"),
+    "raw_field": ("glsl_node",),
+}
 """The public functions that make a node, where no function has the name by which the definition is called."""
 
 
