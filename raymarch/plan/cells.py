@@ -564,7 +564,7 @@ class _Builder:
             float("inf") if self.blended else CUT + 0.5 * float(np.sqrt(3.0)),
         )
 
-    def program(self, starts: Whole, items: Whole) -> tuple[Whole, int]:
+    def program(self, starts: Whole, items: Indices) -> tuple[Whole, int]:
         """The folds after each entry: those nodes of the tree whose last operand it is; and the depth of the stack.
 
         The operands i and i + 1 of a list meet at the level of the highest bit in which their ranks differ.

@@ -52,8 +52,8 @@ SLOW = 10.0
 their first frame in half the time; further frames take 1.6 times as long. See docs/scale.md."""
 
 COSTLY = 20_000
-"""Operations of costly objects together from which they become rows: cells spare as many evaluations as bounding volumes,
-in a shader with one function for each form. See docs/scale.md."""
+"""Operations of costly objects together from which they become rows: cells spare as many evaluations as bounding
+volumes, in a shader with one function for each form. See docs/scale.md."""
 
 LARGEST = 1024
 """Largest number of shapes written as code. With more, compilers take many seconds or fail."""
