@@ -11,7 +11,8 @@ import numpy as np
 
 import raymarch as rm
 
-data = np.load(Path(__file__).with_name("1bd2.npz"))
+with np.load(Path(__file__).with_name("1bd2.npz")) as file:
+    data = dict(file)
 element, chain = data["elements"][data["element"]], data["chain"]
 at = 1e-3 * (data["position"] - data["position"].mean(axis=0))
 axes = np.linalg.svd(at, full_matrices=False)[2]  # lay the longest axis along x
