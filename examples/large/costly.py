@@ -1,4 +1,4 @@
-"""Twenty costly solids, each evaluated only where its bounding box is near."""
+"""Twenty costly solids of five forms. As rows in cells, each is evaluated only where it is near."""
 
 import raymarch as rm
 
