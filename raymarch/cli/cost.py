@@ -25,7 +25,7 @@ from raymarch.cli.common import (
 )
 from raymarch.cli.progress import watched
 from raymarch.cost import baseline
-from raymarch.cost.answer import sentence
+from raymarch.cost.answer import advice, sentence
 from raymarch.cost.checks import check
 from raymarch.cost.effects import Effect, ablate, ablations, evaluations_of
 from raymarch.cost.effects import table as effects_table
@@ -273,8 +273,8 @@ def show(made: Sweep, metric: str, everything: bool) -> None:
         out.print(f"and {left} more dominated settings (--all)", markup=False)
     if (light := light_table(made, metric)) is not None:
         out.print(light)
-    for line in (sentence(made), *findings(made, metric)):
-        out.print(line, markup=False, soft_wrap=True)
+    for line in (*findings(made, metric), "", sentence(made), *([] if made.untimed else advice(made))):
+        out.print(line, markup=False, soft_wrap=True, highlight=False)
 
 
 def points_shown(made: Sweep, metric: str) -> list[Point]:

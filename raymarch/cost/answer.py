@@ -95,6 +95,32 @@ def sentence(made: Sweep) -> str:
     return f"{where}, {', '.join(parts)}{end}"
 
 
+def titled(made: Sweep) -> list[tuple[str, Point]]:
+    """The answers and the most accurate setting: each setting once, after what it is."""
+    found = [(phrase(bounds), point) for bounds, point in grouped(answers(made))]
+    if found and closed(made):
+        found = [("solved in closed form", made.base)]
+    best = finest(made)
+    if best is not None and all(point is not best for _, point in found):
+        found.append(("the most exact setting", best))
+    return found
+
+
+def advice(made: Sweep) -> list[str]:
+    """The answers as lines of a terminal: what a setting reaches, its time, its error and its Python."""
+    found = titled(made)
+    widest = max((len(title) for title, _ in found), default=0)
+    return [
+        f"  {title:{widest}}  {_time(point):>8}  {figures(point.error(METRIC)):>9} px  {code(point)}"
+        for title, point in found
+    ]
+
+
+def code(point: Point) -> str:
+    """The Python that renders with a setting."""
+    return f"rm.{point.setting.quality!r}"
+
+
 PHRASES = {0.5: "within half a pixel", 0.05: "ten times as exact", 0.005: "a hundred times as exact"}
 
 

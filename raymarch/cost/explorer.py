@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from raymarch.cost.answer import answers, finest
+from raymarch.cost.answer import answers, code, finest
 from raymarch.cost.effects import Effect
 from raymarch.cost.location import location
 from raymarch.cost.maps import flip_map, footprint_map, under_map
@@ -98,11 +98,6 @@ def changes(point: Point, base: Point) -> list[str]:
     if "frames" in names and "temporal" in names:
         names.remove("temporal")
     return [name.replace("_", " ") for name in (*names, *(name for name, _ in own.variations))]
-
-
-def code(point: Point) -> str:
-    """The Python that renders with a setting."""
-    return f"rm.{point.setting.quality!r}"
 
 
 def _effect(effect: Effect, pictures: Pictures) -> dict[str, Any]:

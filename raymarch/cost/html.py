@@ -9,9 +9,9 @@ from typing import Any
 
 from rich.table import Table
 
-from raymarch.cost.answer import METRIC, answers, closed, figures, finest, grouped, phrase, sentence
+from raymarch.cost.answer import METRIC, code, figures, sentence, titled
 from raymarch.cost.effects import Effect
-from raymarch.cost.explorer import code, page_data
+from raymarch.cost.explorer import page_data
 from raymarch.cost.location import location
 from raymarch.cost.maps import FLIP_SCALE, FOOTPRINT_SCALE, WRONG, band_colors
 from raymarch.cost.sweep import Point, Sweep
@@ -84,12 +84,7 @@ def dearest(effects: Sequence[Effect]) -> str:
 
 def _cards(made: Sweep) -> list[dict[str, Any]]:
     """The answers, one for each setting, and the most accurate setting."""
-    cards = [(phrase(bounds), point) for bounds, point in grouped(answers(made))]
-    if cards and closed(made):
-        cards = [("solved in closed form", made.base)]
-    best = finest(made)
-    if best is not None and all(point is not best for _, point in cards):
-        cards.append(("the most exact setting", best))
+    cards = titled(made)
     index = {id(p): k for k, p in enumerate(made.points)}
     return [
         {

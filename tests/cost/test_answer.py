@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.cost.answer import BOUNDS, answers, candidates, figures, finest, grouped, sentence
+from raymarch.cost.answer import BOUNDS, advice, answers, candidates, figures, finest, grouped, sentence
 from raymarch.cost.effects import Effect
 from raymarch.cost.errors import measure
 from raymarch.cost.html import as_html, dearest
@@ -76,6 +76,11 @@ def test_the_fastest_within_each_bound(fake):
         "At 64×36 on this machine (ours), a frame of fake within half a pixel takes 2.5 ms, ten times as exact takes "
         "25 ms; the most exact setting, 0.01 px, takes 100 ms."
     )
+    assert advice(fake) == [
+        "  within half a pixel       2.5 ms        0.4 px  rm.Quality(epsilon=0.4)",
+        "  ten times as exact         25 ms       0.04 px  rm.Quality(epsilon=0.04)",
+        "  the most exact setting    100 ms       0.01 px  rm.Quality(epsilon=0.01)",
+    ]
 
 
 def test_a_difference_of_times_within_their_intervals_is_not_certain(fake):
