@@ -18,7 +18,7 @@ from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade
 from raymarch.shader.kinds import set_kind
-from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call
+from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call, visible_side
 
 
 def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
@@ -40,6 +40,7 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
         {"SHINES": shines, "GLASS": glass, "FROSTED": frosted, "EMITS": plan.emission is not None},
         bounces=scene.bounces,
         surface=surface_interaction_call(plan, "ray", "travelled"),
+        visible="\n".join(visible_side(plan, "ray", "        ")),
         material=material_arguments(plan),
         regularized="\n".join(rough),
         shaded="regularized" if shines else "surface",
@@ -76,6 +77,7 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
         branches=scene.bounces + 1,
         rays=2 ** (scene.bounces + 1) - 1,
         surface=surface_interaction_call(plan, ray, travelled),
+        visible="\n".join(visible_side(plan, ray, "        ")),
         material=material_arguments(plan),
         lobes=reflection.per_lobe,
         traced=f"{bounce} < {scene.bounces} ? {reflection.traced()} : {none}" if mirrors else none,

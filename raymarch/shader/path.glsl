@@ -17,6 +17,7 @@
         before = surface.p;
         surface.normal *= side;
 #endif
+$visible
         int dimension = 16 + 8 * bounce;
         vec3 direction;
 #ifdef GLASS

@@ -23,6 +23,12 @@ def surface_interaction_call(plan: Plan, ray: str, travelled: str) -> str:
     return f"{name}({ray}, hit, {travelled})"
 
 
+def visible_side(plan: Plan, ray: str, indent: str = "    ") -> list[str]:
+    """The line that turns the normal of a hit to the ray; none with relief, whose normals may face away."""
+    line = f"{indent}surface.normal = visible_side(surface.normal, {ray}.direction);"
+    return [line] if plan.relief is None else []
+
+
 def geometric_normal_of(plan: Plan) -> str:
     """The geometric normal, on the side of the shading normal."""
     return "surface.normal" if plan.relief is None else "geometric_normal(surface)"

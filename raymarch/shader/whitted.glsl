@@ -18,6 +18,7 @@ $reflects
         Surface surface = $surface;
         surface.t = at.travelled;
         surface.normal *= at.side;
+$visible
         Glass glass = glass_at($material);
         float transmission = at.side < 0.0 ? 1.0 : glass.transmission;
         $lobes traced = $traced;
@@ -66,6 +67,7 @@ $regularized
         travelled += hit.t;
         Surface surface = $surface;
         surface.t = travelled;
+$visible
         $lobes traced = $traced;
         vec3 reflection = $mirrored;
 $regularized

@@ -30,6 +30,7 @@ vec3 shade(Ray ray, Hit hit) {
     return texelFetch(u_lit, ivec2(gl_FragCoord.xy), 0).rgb;
 }
 vec3 surface_normal(vec3 p, vec3 direction) { return texelFetch(u_lit, ivec2(gl_FragCoord.xy), 0).rgb; }
+vec3 visible_side(vec3 normal, vec3 direction) { return normal; }
 float material_index(vec3 p) { return p.z; }
 """
 SHAPE = (4, 6, 4)
@@ -111,7 +112,7 @@ def test_neither_a_poisoned_sample_nor_a_poisoned_history_leaves_a_trace(egl: Co
 def test_what_was_hit_and_what_it_took(egl: Context) -> None:
     met = halves((1, 1, 2, 0.5), (0, 1, 7, 0.25))
     met[0, :, 1] = 0  # the march came to no end
-    march, surface, more = passed(egl, "view/geometry", count=3, u_met=met)
+    march, surface, more = passed(egl, "view/geometry", count=3, u_met=met, u_side=1.0)
     assert np.array_equal(march, halves((2, 0.5, 20, 30), (-1, 0.25, 20, 30)))
     assert np.array_equal(surface, halves((1, 2, 3, 8), (0, 0, 0, -1)))
     ended = halves((2, 1, 2, 0), (2, 1, 7, 0))
@@ -129,7 +130,7 @@ def test_the_sample_of_a_pixel_holds_what_it_saw(egl: Context) -> None:
     n /= np.linalg.norm(n, axis=2, keepdims=True)
     lit = np.concatenate([n, np.zeros((40, 60, 1))], axis=2)
     met = np.broadcast_to(np.float32((1, 1, 2, 0)), lit.shape)
-    surface = passed(egl, "view/sample", count=2, u_met=met, u_lit=lit)[1]
+    surface = passed(egl, "view/sample", count=2, u_met=met, u_lit=lit, u_side=1.0)[1]
     assert np.all(surface[..., 0] == 2) and np.all(surface[..., 3] == 8)
     e = surface[..., 1:3].reshape(-1, 2).astype(float)
     assert np.abs(e).max() <= 1 + 4 * ULP

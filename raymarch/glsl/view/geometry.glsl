@@ -11,6 +11,7 @@ void main() {
     out_more = vec4(hit.fallbacks, hit.done ? 1.0 : 0.0, hit.t, 0.0);
     if (hit.found) {
         vec3 p = ray.origin + hit.t * ray.direction;
-        out_surface = vec4(surface_normal(p, ray.direction), material_index(p));
+        vec3 normal = u_side * visible_side(u_side * surface_normal(p, ray.direction), ray.direction);
+        out_surface = vec4(normal, material_index(p));
     }
 }

@@ -18,6 +18,7 @@ void main() {
     out_surface = vec4(-1.0, 0.0, 0.0, -1.0);
     if (hit.found) {
         vec3 p = ray.origin + hit.t * ray.direction;
-        out_surface = vec4(hit.t, encode_octahedral(surface_normal(p, ray.direction)), material_index(p));
+        vec3 normal = u_side * visible_side(u_side * surface_normal(p, ray.direction), ray.direction);
+        out_surface = vec4(hit.t, encode_octahedral(normal), material_index(p));
     }
 }
