@@ -442,3 +442,34 @@ def hidden_slope(world: World) -> Iterator[Figure]:
         1,
         "epsilon / cosine",
     )
+
+
+@case(87, "a fractal seen from afar", "estimates that grow faster than the distance: the Mandelbulb was not drawn")
+def from_afar(world: World) -> Iterator[Figure]:
+    """Estimates are evaluated in the box of their solid. An orthographic camera starts its rays at the box."""
+    away = np.array([0.4, 0.3, 1.0]) * 200
+    most = 0
+    for node in (rm.mandelbulb(iterations=4), rm.julia(iterations=6), rm.mandelbox(iterations=5).scale(0.25)):
+        height = 1.1 * float(np.max(node.bounds[1] - node.bounds[0]))
+        narrow = float(np.degrees(2 * np.arctan(height / 2 / np.linalg.norm(away))))
+        cameras = (rm.Camera(tuple(away), projection="orthographic", height=height), rm.Camera(tuple(away), fov=narrow))
+        flat, found = (np.isfinite(world.draw(rm.Scene(node, c), (40, 30), ("depth",)).depth) for c in cameras)
+        assert flat.sum() > 200
+        most = max(most, int(np.sum(flat != found)))
+    yield Figure(
+        "pixels unlike those of an orthographic camera, of 3 fractals", most, 8, "silhouettes"
+    )
+
+
+@case(88, "walls thinner than a hit", "their far side in up to 8 % of the pixels, as dark specks")
+def thin_walls(world: World) -> Iterator[Figure]:
+    """A march may end on the far side of a wall that is thinner than the width of a hit: its normal is turned to the
+    ray."""
+    view = view_of((1.5, 1.2, 3), (0, 0, 0))
+    most = 0
+    for thickness in (1e-3, 1e-4, 1e-5):
+        cup = rm.sphere(0.8).shell(thickness) - rm.plane((0, -1, 0), -0.2)
+        frame = world.draw(rm.Scene(cup, camera_of(view)))
+        facing = np.sum(frame.normal * view.directions, axis=-1)[np.isfinite(frame.depth)]
+        most = max(most, int(np.sum(facing > 0.25)))
+    yield Figure("pixels whose normal faces away from the camera", most, 0, "no visible side does")

@@ -73,17 +73,3 @@ def test_no_estimate_steps_to_the_middle_of_its_solid(solid, radius, away):
     """The box of the solid lies within the radius of the origin."""
     found = solid.distance(away * directions(20))
     assert np.all(found <= away) and np.all(found >= away - radius)
-
-
-@pytest.mark.parametrize("solid", [rm.mandelbulb(iterations=4), rm.julia(iterations=6)], ids=["mandelbulb", "julia"])
-def test_a_fractal_is_drawn_from_afar(solid):
-    """The picture is that of an orthographic camera, which starts its rays at the box."""
-    position = np.array([0.4, 0.3, 1.0]) * 200
-    height = 3.5
-    flat = rm.Camera(tuple(position), projection="orthographic", height=height)
-    narrow = rm.Camera(tuple(position), fov=float(np.degrees(2 * np.arctan(height / 2 / np.linalg.norm(position)))))
-    with rm.Renderer((40, 30)) as renderer:
-        frames = [renderer.render(rm.Scene(solid, camera=camera), outputs=("depth",)) for camera in (flat, narrow)]
-        hits = [np.isfinite(frame.depth) for frame in frames]
-    assert hits[0].sum() > 250
-    assert (hits[0] != hits[1]).sum() <= 4
