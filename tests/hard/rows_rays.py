@@ -456,9 +456,7 @@ def from_afar(world: World) -> Iterator[Figure]:
         flat, found = (np.isfinite(world.draw(rm.Scene(node, c), (40, 30), ("depth",)).depth) for c in cameras)
         assert flat.sum() > 200
         most = max(most, int(np.sum(flat != found)))
-    yield Figure(
-        "pixels unlike those of an orthographic camera, of 3 fractals", most, 8, "silhouettes"
-    )
+    yield Figure("pixels unlike those of an orthographic camera, of 3 fractals", most, 8, "silhouettes")
 
 
 @case(88, "walls thinner than a hit", "their far side in up to 8 % of the pixels, as dark specks")
