@@ -41,6 +41,12 @@ def client() -> Iterator[Any]:
         yield made
 
 
+@pytest.fixture(autouse=True)
+def _both_workers(client: Any) -> None:
+    """A worker that a test stopped is replaced by the scheduler, which takes a moment."""
+    client.wait_for_workers(2, timeout=60)
+
+
 @pytest.fixture
 def cluster(client: Any) -> tuple[str, str]:
     return "--cluster", str(client.scheduler.address)
