@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from functools import cache
 from typing import NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -232,6 +233,7 @@ def _take(value: Expr, components: str) -> Expr:
     return parts[0] if len(parts) == 1 else construct(*parts)
 
 
+@cache
 def zero(type: Type) -> Expr:
     """The constant 0 of a type."""
     return const([[0.0] * type.size] * type.size if type.is_matrix else [0.0] * type.size) if type.shape else ZERO

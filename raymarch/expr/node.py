@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from os.path import abspath, dirname, sep
 from types import FrameType
 from typing import Any, TypeAlias, overload
-from weakref import WeakValueDictionary
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ from raymarch.expr.convert import short
 from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, TYPES, Type, vector
 
 _HERE = dirname(abspath(__file__)) + sep
+_FILES: set[str] = set()
+"""Files in this folder: a look-up takes less time than a comparison of names."""
 
 Floats: TypeAlias = NDArray[np.floating[Any]]
 Method: TypeAlias = Callable[["Expr", "Operand"], "Expr"]
@@ -162,22 +165,45 @@ class Expr:
 Operand: TypeAlias = Expr | float | Sequence[Any] | NDArray[Any] | str
 """An operand: an expression, a number, a sequence of 2 to 4 of them, or a colour such as "orange"."""
 
-_interned: WeakValueDictionary[tuple[Any, ...], Expr] = WeakValueDictionary()
-_interning = threading.Lock()
+
+class _Interned(ref[Expr]):
+    """A weak reference to an expression that knows the expression's key."""
+
+    __slots__ = ("key",)
+
+    key: tuple[Any, ...]
+
+
+_interned: dict[tuple[Any, ...], _Interned] = {}
+"""All expressions by operation, type, arguments and data. A WeakValueDictionary would take twice the time."""
+_interning = threading.RLock()
+
+
+def _forget(dead: ref[Expr]) -> None:
+    assert isinstance(dead, _Interned)
+    with _interning:  # another thread may have created an equal expression in the meantime
+        if _interned.get(dead.key) is dead:
+            del _interned[dead.key]
+
 
 
 def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls: type[Expr] = Expr) -> Expr:
     """The unique expression of this operation, arguments and data, without simplification (see `simplify`)."""
     key = (op, type, args, (data.tobytes(), data.dtype.char) if isinstance(data, np.ndarray) else data)
-    found = _interned.get(key)
+    known = _interned.get(key)
+    found = None if known is None else known()
     if found is not None:
         return found
     node = object.__new__(cls)
     node.op, node.type, node.args, node.data, node.where = op, type, args, data, _creation_line()
+    mine = _Interned(node, _forget)
+    mine.key = key
     with _interning:  # another thread may have created it in the meantime
-        found = _interned.get(key)
+        known = _interned.get(key)
+        found = None if known is None else known()
         if found is None:
-            _interned[key] = found = node
+            _interned[key] = mine
+            return node
     return found
 
 
@@ -223,8 +249,10 @@ def _creation_line() -> Location | None:
     frame: FrameType | None = sys._getframe(2)
     while frame is not None:
         file = frame.f_code.co_filename
-        if not file.startswith(_HERE):
-            return _location(file, frame.f_lineno)
+        if file not in _FILES:
+            if not file.startswith(_HERE):
+                return _location(file, frame.f_lineno)
+            _FILES.add(file)
         frame = frame.f_back
     return None
 
@@ -381,19 +409,24 @@ def var(name: str, type: Type) -> Expr:
 
 
 Simplifier: TypeAlias = Callable[[str, Type, tuple[Expr, ...], Any], "Expr | None"]
-_simplifiers: list[Simplifier] = []
+_simplifiers: defaultdict[str, list[Simplifier]] = defaultdict(list)
 
 
 def simplify(op: str, type: Type, args: tuple[Expr, ...], data: Any = None) -> Expr:
     """Create an expression after constant folding and removal of identities (x + 0, x * 1, ...)."""
-    for rule in _simplifiers:
+    for rule in _simplifiers[op]:
         simple = rule(op, type, args, data)
         if simple is not None:
             return simple
     return make(op, type, args, data)
 
 
-def simplifier(rule: Simplifier) -> Simplifier:
-    """Register a rule that may replace a new expression by a simpler one."""
-    _simplifiers.append(rule)
-    return rule
+def simplifier(*ops: str) -> Callable[[Simplifier], Simplifier]:
+    """Register a rule that may replace a new expression of these operations by a simpler one."""
+
+    def register(rule: Simplifier) -> Simplifier:
+        for op in ops:
+            _simplifiers[op].append(rule)
+        return rule
+
+    return register

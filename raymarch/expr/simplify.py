@@ -6,6 +6,7 @@ although inf * 0 is NaN: fields are finite by their facts, and derivatives conta
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,17 @@ from raymarch.expr.types import BOOL, FLOAT, Type
 _RULES = FLOAT64.rules
 
 
-@simplifier
+@simplifier(*(_RULES.keys() - {"record"}))
 def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
-    if not args or op == "record":
-        return None
     for arg in args:
         if arg.op != "const":
             return None
+    if not args:
+        return None
+    return _folded(op, type, args, data) if data is None or op == "swizzle" else _fold(op, type, args, data)
+
+
+def _fold(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr:
     node = make(op, type, args, data)
     with np.errstate(all="ignore"):
         value = _RULES[op](node, *[arg.data for arg in args])
@@ -32,6 +37,10 @@ def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Ex
     if np.shape(value) != type.shape:
         value = np.broadcast_to(value, type.shape)
     return const(value, type)
+
+
+_folded = lru_cache(2048)(_fold)
+"""Derivatives fold the same constants again and again."""
 
 
 def _is(node: Expr, number: float) -> bool:
@@ -50,7 +59,7 @@ def _widen(node: Expr, type: Type) -> Expr:
     return make("construct", type, (node,) * type.size)
 
 
-@simplifier
+@simplifier(*("add", "sub", "mul", "div", "neg", "dot", "round", "min", "max", "abs", "not"))
 def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
     match op, args:
         case "add", (a, b):
@@ -111,11 +120,9 @@ def _axis_of(node: Expr) -> tuple[int, float] | None:
     return (k, float(node.data[k])) if abs(node.data[k]) == 1.0 else None
 
 
-@simplifier
+@simplifier("add", "sub")
 def folds(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
     """A vector plus a multiple of an axis changes one component; x - 2 min(x, 0) is |x|."""
-    if op not in ("add", "sub"):
-        return None
     a, b = args
     if type.is_vector and a.type is type and b.op == "mul":
         for along, factor in (b.args, b.args[::-1]):
@@ -140,7 +147,7 @@ def _add_components(a: Expr, b: Expr) -> Expr | None:
     return None
 
 
-@simplifier
+@simplifier("where", "and", "or")
 def choices(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
     if op == "where":
         condition, a, b = args
@@ -150,23 +157,22 @@ def choices(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | No
             return a
         if condition.op == "not":
             return make("where", type, (condition.args[0], b, a))
-    if op in ("and", "or"):
-        for one, other in (args, args[::-1]):
-            if one.op == "const":
-                return other if bool(one.data) == (op == "and") else one
+        return None
+    for one, other in (args, args[::-1]):
+        if one.op == "const":
+            return other if bool(one.data) == (op == "and") else one
     return None
 
 
-@simplifier
+@simplifier("field")
 def fields(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
-    if op == "field":
-        (value,) = args
-        if value.op == "record":
-            return value.args[[name for name, _ in value.type.fields].index(data)]
-        if value.op == "where":
-            condition, a, b = value.args
-            sides = (simplify("field", type, (side,), data) for side in (a, b))
-            return simplify("where", type, (condition, *sides))
+    (value,) = args
+    if value.op == "record":
+        return value.args[[name for name, _ in value.type.fields].index(data)]
+    if value.op == "where":
+        condition, a, b = value.args
+        sides = (simplify("field", type, (side,), data) for side in (a, b))
+        return simplify("where", type, (condition, *sides))
     return None
 
 
@@ -195,7 +201,7 @@ def _placed(m: Expr, v: Expr) -> Expr | None:
     return None if np.array_equal(data, m.data) else make("matmul", v.type, (const(data, m.type), v))
 
 
-@simplifier
+@simplifier("swizzle", "construct", "matmul", "transpose")
 def components(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
     if op == "swizzle":
         (v,) = args

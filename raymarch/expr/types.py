@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Type:
-    """One GLSL type. `shape` is the shape of one value in NumPy: () for a scalar, (3,) for vec3, (3, 3) for mat3.
+    """One GLSL type, which is one object. `shape` is the shape of one value in NumPy: () for a scalar, (3,) for vec3, (3, 3) for mat3.
 
     A struct has `fields`: their names and types, in order. In NumPy it is a tuple of their values.
     """
@@ -18,9 +18,6 @@ class Type:
 
     def __repr__(self) -> str:
         return self.name
-
-    def __hash__(self) -> int:  # a part of the key of every expression
-        return hash(self.name)
 
     @property
     def is_vector(self) -> bool:

@@ -147,12 +147,12 @@ def build(recipe: Recipe) -> Expr:
 @contextmanager
 def unsimplified() -> Iterator[None]:
     """Expressions made here stay as they were written."""
-    kept = node._simplifiers[:]
+    kept = dict(node._simplifiers)
     node._simplifiers.clear()
     try:
         yield
     finally:
-        node._simplifiers.extend(kept)
+        node._simplifiers.update(kept)
 
 
 def exact_values(root: Expr) -> Any:
