@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr import hashing, raw, samples, tables, textures
 from raymarch.expr.evaluate import Program, Rule, Step
-from raymarch.expr.function import Loop
+from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, FLOAT, Type
 
@@ -245,6 +245,14 @@ def evaluator(
             return program(*[np.asarray(v, dtype) for v in values])
 
     return run
+
+
+def evaluator_of(definition: Function) -> Callable[..., tuple[Array, ...]]:
+    """The float64 evaluator of a function, which remembers it."""
+    if "evaluator" not in definition.derived:
+        definition.derived["evaluator"] = evaluator([definition.body], definition.params)
+    made: Callable[..., tuple[Array, ...]] = definition.derived["evaluator"]
+    return made
 
 
 class Remembered(Generic[Result]):

@@ -69,13 +69,15 @@ class Expr:
     where : the source line that created it first.
     """
 
-    __slots__ = ("__weakref__", "args", "data", "op", "type", "where")
+    __slots__ = ("__weakref__", "args", "below", "data", "op", "type", "where")
 
     op: str
     type: Type
     args: tuple[Expr, ...]
     data: Any
     where: Location | None
+    below: tuple[Expr, ...] | None
+    """All expressions below in topological order, if `raymarch.expr.walk.topological` was asked for them."""
 
     def __repr__(self) -> str:
         if self.op == "const":
@@ -186,7 +188,6 @@ def _forget(dead: ref[Expr]) -> None:
             del _interned[dead.key]
 
 
-
 def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls: type[Expr] = Expr) -> Expr:
     """The unique expression of this operation, arguments and data, without simplification (see `simplify`)."""
     key = (op, type, args, (data.tobytes(), data.dtype.char) if isinstance(data, np.ndarray) else data)
@@ -195,7 +196,7 @@ def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls
     if found is not None:
         return found
     node = object.__new__(cls)
-    node.op, node.type, node.args, node.data, node.where = op, type, args, data, _creation_line()
+    node.op, node.type, node.args, node.data, node.where, node.below = op, type, args, data, _creation_line(), None
     mine = _Interned(node, _forget)
     mine.key = key
     with _interning:  # another thread may have created it in the meantime

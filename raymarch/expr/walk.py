@@ -10,6 +10,8 @@ from raymarch.expr.node import Expr, make, simplify
 
 Below = TypeVar("Below")
 Request = TypeVar("Request")
+REMEMBERED = 1000
+"""Largest number of expressions whose order an expression remembers. It bounds the memory of deep expressions."""
 _UNSIMPLIFIED = {"const", "var", "param", "time", "call", "loop", "item", "apply", "mark", "probe"}
 
 
@@ -26,9 +28,12 @@ def topological(
 
     An empty list if there are more than `limit` of them.
     """
+    stack: list[Any] = list(roots)
+    single = stack[0] if arguments is None and len(stack) == 1 else None
+    if single is not None and single.below is not None:
+        return [*single.below, single]
     order: list[Any] = []
     seen: set[Any] = set()
-    stack: list[Any] = list(roots)
     stack.reverse()
     while stack:
         node = stack.pop()
@@ -48,6 +53,8 @@ def topological(
                 stack += (node, None, below[0])
             else:
                 stack += (node, None, *below[::-1])
+    if single is not None and len(order) <= REMEMBERED:
+        single.below = tuple(order[:-1])  # without itself: a circle would be freed late
     return order
 
 
@@ -110,18 +117,20 @@ def rewrite(roots: Iterable[Expr], rule: Callable[[Expr, tuple[Expr, ...]], Expr
     """Replace bottom-up: `rule(node, new arguments)` returns the replacement of each node."""
     new: dict[Expr, Expr] = {}
     for node in topological(roots):
-        new[node] = rule(node, tuple(new[arg] for arg in node.args))
+        new[node] = rule(node, tuple([new[arg] for arg in node.args]))
     return new
 
 
 def substitute(roots: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> list[Expr]:
     """The roots with some expressions (usually variables) replaced."""
     roots = list(roots)
-
-    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
-        return replacements[node] if node in replacements else rebuild(node, args)
-
-    new = rewrite(roots, rule)
+    order = topological(roots)
+    if replacements.keys().isdisjoint(order):
+        return roots
+    new: dict[Expr, Expr] = {}
+    for node in order:
+        found = replacements.get(node)
+        new[node] = rebuild(node, tuple([new[arg] for arg in node.args])) if found is None else found
     return [new[root] for root in roots]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -125,12 +125,14 @@ LANGUAGE = frozenset(
 """Keywords and functions of GLSL, and the preprocessor names of passes."""
 
 
+@lru_cache(1024)
 def defined(text: str) -> frozenset[str]:
     """Functions, structs, uniforms, outputs, constants and variables that a text defines outside of functions."""
     top = _outside(_code(text))
     return frozenset([*_FUNCTION.findall(top), *_STRUCT.findall(top), *_VARIABLE.findall(top)])
 
 
+@lru_cache(1024)
 def used(text: str) -> frozenset[str]:
     """Names that a text uses, but neither has from the language nor defines, at the top or in a function."""
     code = _code(text)

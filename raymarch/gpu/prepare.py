@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.arrays import bound, evaluator_of
 from raymarch.expr.convert import described, short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
@@ -74,9 +74,9 @@ def assembled(made: Plan) -> Prepared:
     vertex = RAYS if marching.interpolated(made.scene) else FULL_SCREEN
     start = made.seen or made.field
     known = not without_twin(start.body)
-    distance = evaluator([start.body], start.params) if known else None
+    distance = evaluator_of(start) if known else None
     marched = made.analytic.rest
-    rest = evaluator([marched.body], marched.params) if known and marched is not None else None
+    rest = evaluator_of(marched) if known and marched is not None else None
     return Prepared(made, shader, texts, vertex, distance, rest=rest, effects=effects)
 
 

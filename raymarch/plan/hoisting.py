@@ -51,6 +51,8 @@ class Hoisting:
 
     def __call__(self, function: Function) -> Function:
         """The function with its time-only subexpressions replaced."""
+        if function not in self._done and not find([function.body], "time"):
+            self._done[function] = function
         if function not in self._done:
             made: dict[Function, Function] = {}
             for old in topological([function], _called):

@@ -38,7 +38,7 @@ from raymarch.plan.shading import Feature
 from raymarch.plan.unused import unused
 from raymarch.scene.bsdf import BSDF, Phong
 from raymarch.scene.legal import Condition, conditions_of
-from raymarch.scene.origin import InReach, origin_of, range_warning, refuse_extent, seen_from
+from raymarch.scene.origin import InReach, default_view, origin_of, range_warning, refuse_extent, seen_from
 from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.scene import Scene, all_nodes, check_scene
@@ -220,7 +220,8 @@ def plan(
     gathered : the objects that are rows; None to choose them.
     """
     check_scene("plan", scene)
-    given, origin = scene, origin_of(scene)
+    given, view = scene, default_view(scene)
+    origin = origin_of(view)
     scene = seen_from(given, origin)
     fixed = lowering is not None or gathered is not None
     lowering = lowering or Lowering()
@@ -253,7 +254,7 @@ def plan(
     closed = analytic.choose(solid, scene.quality.analytic, hidden=bool(hidden))
     if closed.used:
         analytic.complete(closed, solid, definition, lowering, hoist)
-    refuse_extent(given, origin, at_camera)
+    refuse_extent(view, origin, at_camera)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
         raise PlanError(
@@ -322,7 +323,7 @@ def plan(
         made.conditions.append(InReach(given))
     for effect in scene.post if standalone else ():
         warn(f"{effect.LABEL} is left out: an exported shader draws each pixel alone", effect.where)
-    made.warnings += [*_warnings(given), *unused(given), *range_warning(given, origin, at_camera)]
+    made.warnings += [*_warnings(given), *unused(given), *range_warning(view, origin, at_camera)]
     return made
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import PlanError, SceneError
-from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.arrays import bound, evaluator, evaluator_of
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.node import const
@@ -37,18 +37,36 @@ of float32 are lost."""
 ULP = 2.0**-23
 
 
-def origin_of(scene: Scene) -> NDArray[np.float64]:
+@dataclass(frozen=True, slots=True)
+class DefaultView:
+    """A scene with its parameters at their defaults. pose : of its camera; None if it is degenerate with these values.
+    reach : see `reach_of`."""
+
+    scene: Scene
+    values: Values
+    pose: Pose | None
+    reach: float | None
+
+
+def default_view(scene: Scene) -> DefaultView:
+    """The scene with its parameters at their defaults."""
+    values = set_values(scene.parameters)
+    pose = default_pose(scene, values)
+    return DefaultView(scene, values, pose, None if pose is None else reach_of(scene, pose))
+
+
+def origin_of(view: DefaultView) -> NDArray[np.float64]:
     """The origin of coordinates near the camera, shape (3,), float64; 0 if the scene is not far away.
 
     It is rounded to multiples of a power of two above the size of the scene. So a scene moved by a round number gives
     the same shader text.
     """
-    values = set_values(scene.parameters)
-    pose = default_pose(scene, values)
+    pose, reach = view.pose, view.reach
     if pose is None:
         return np.zeros(3)
-    seen = reach_of(scene, pose)
-    reach = (_nearest(lower(scene.node), pose.position, values) if seen is None else seen) or 1.0
+    if reach is None:
+        reach = _nearest(lower(view.scene.node), pose.position, view.values)
+    reach = reach or 1.0
     if np.max(np.abs(pose.position)) <= FAR * reach:
         return np.zeros(3)
     grid = 2.0 ** np.ceil(np.log2(reach))
@@ -81,7 +99,7 @@ def _nearest(field: Function, position: NDArray[np.float64], values: Values) -> 
     if without_twin(field.body):
         return None
     with bound(values.params, values.time):
-        distance = evaluator([field.body], field.params)(position)[0]
+        distance = evaluator_of(field)(position)[0]
     return abs(float(distance)) or None
 
 
@@ -102,7 +120,7 @@ def _light_from(light: Light, origin: NDArray[np.float64]) -> Light:
     return light.replace(position=light.arguments()["position"] - const(origin))
 
 
-def range_warning(scene: Scene, origin: NDArray[np.float64], field: Function) -> list[str]:
+def range_warning(view: DefaultView, origin: NDArray[np.float64], field: Function) -> list[str]:
     """A warning if float32 cannot hold the epsilon of the quality, at default parameters and 1080 rows.
 
     field : the distance, as a function of the point relative to `origin`.
@@ -110,9 +128,8 @@ def range_warning(scene: Scene, origin: NDArray[np.float64], field: Function) ->
     Each of several sums rounds a point by half a unit in the last place of its largest coordinate, 2 ulp in total.
     If that exceeds epsilon, the error of hits is that of the rounding, not that of the quality.
     """
-    values = set_values(scene.parameters)
-    pose = default_pose(scene, values)
-    away = None if pose is None else _nearest(field, pose.position - origin, values)
+    scene, pose = view.scene, view.pose
+    away = None if pose is None else _nearest(field, pose.position - origin, view.values)
     if pose is None or away is None:
         return []
     largest = float(np.max(np.abs(pose.position - origin))) + away
@@ -140,21 +157,20 @@ OFF = 0.01
 """Relative error of the field, over the distance to the camera, above which a sample counts as lost."""
 
 
-def refuse_extent(scene: Scene, origin: NDArray[np.float64], field: Function) -> None:
+def refuse_extent(view: DefaultView, origin: NDArray[np.float64], field: Function) -> None:
     """PlanError for a scene that float32 cannot hold, with its parameters at their defaults.
 
     field : the distance, as a function of the point relative to `origin`.
     """
-    values = set_values(scene.parameters)
-    pose = default_pose(scene, values)
+    scene, values, pose, reach = view.scene, view.values, view.pose, view.reach
     if pose is None or scene.node.facts.empty:
         return
-    reach, away = reach_of(scene, pose), None
+    away = None
     if reach is not None and 1.0 / USUAL <= reach <= USUAL:
         return
     if not without_twin(field.body):
         with bound(values.params, values.time):
-            away = abs(float(evaluator([field.body], field.params)(pose.position - origin)[0])) or None
+            away = abs(float(evaluator_of(field)(pose.position - origin)[0])) or None
     if away is not None and away > 1e-3 * FAR_AWAY and hiding_nodes(scene.node):
         away = None  # the camera sees none of the solids
     if away is not None and not np.isfinite(away):
@@ -203,7 +219,7 @@ def _lost(field: Function, pose: Pose, origin: NDArray[np.float64], near: float,
     points = (origins - origin + distances[:, None, None] * directions).reshape(-1, 3)
     with_gradient = companion(field)
     with bound(values.params, values.time):
-        double = evaluator([with_gradient.body], with_gradient.params)(points)[0]
+        double = evaluator_of(with_gradient)(points)[0]
         single = evaluator([with_gradient.body], with_gradient.params, np.float32)(points)[0].astype(np.float64)
     wrong_values = ~(np.abs(single - double)[..., 3] <= OFF * np.repeat(distances, 24))
     wrong_normals = ~(np.linalg.norm((single - double)[..., :3], axis=-1) <= 0.1)

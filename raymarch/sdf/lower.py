@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.arrays import evaluator
+from raymarch.expr.arrays import evaluator_of
 from raymarch.expr.derivative import ONE, companion, directional_derivatives
 from raymarch.expr.faults import Passage
 from raymarch.expr.function import Function, sum_of
@@ -536,10 +536,11 @@ def _evaluations(node: Node) -> list[int]:
     """The number of places in the body of a node at which it evaluates each child."""
     if not node.children:
         return []
-    times = [0] * len(node.children)
-    for part in topological([node.definition.template(len(node.children), node.params).body]):
-        if part.op == "apply":
-            times[part.data] += 1
+    template = node.definition.template(len(node.children), node.params)
+    if "evaluations" not in template.derived:
+        asked = [part.data for part in topological([template.body]) if part.op == "apply"]
+        template.derived["evaluations"] = [asked.count(i) for i in range(len(node.children))]
+    times: list[int] = template.derived["evaluations"]
     return times
 
 
@@ -574,9 +575,7 @@ def _field_of(node: Node) -> Function:
 
 def _in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Values of a function of a point, each of `shape`, for all points in order."""
-    if "evaluator" not in definition.derived:
-        definition.derived["evaluator"] = evaluator([definition.body], definition.params)
-    value = definition.derived["evaluator"]
+    value = evaluator_of(definition)
     flat = points.reshape(-1, points.shape[-1])
     result = np.empty((len(flat), *shape))
     for i in range(0, len(flat), BLOCK):

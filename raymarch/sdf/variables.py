@@ -24,10 +24,19 @@ def assignment_of(node: Node) -> Assignment | None:
     where: Location | None = node.where
     if where is None or not is_users(where.file):
         return None
-    found = [
-        each for each in _assignments("".join(linecache.getlines(where.file))) if each.first <= where.line <= each.last
-    ]
-    return max(found, default=None)
+    lines = linecache.getlines(where.file)
+    of, known = _known.get(where.file, (None, {}))
+    if of is not lines:  # the file was read again
+        known = {}
+        _known[where.file] = lines, known
+    if where.line not in known:
+        found = [each for each in _assignments("".join(lines)) if each.first <= where.line <= each.last]
+        known[where.line] = max(found, default=None)
+    return known[where.line]
+
+
+_known: dict[str, tuple[list[str], dict[int, Assignment | None]]] = {}
+"""The assignments of the lines that were asked for, by file, each with the file's lines at that time."""
 
 
 @lru_cache(maxsize=16)

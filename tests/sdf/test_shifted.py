@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.scene.origin import origin_of, seen_from
+from raymarch.scene.origin import default_view, origin_of, seen_from
 from raymarch.sdf.shifted import shifted
 from tests.support.node_samples import NodeSample, definitions, samples
 
@@ -33,8 +33,8 @@ def test_what_was_moved_far_is_not_moved_at_all() -> None:
     solid = (rm.box() - rm.sphere(0.6)).round(0.05) | rm.torus().rotate(0.3, "x")
     far = rm.Scene(solid.translate((2e6, 1e6, 0)), rm.Camera((2e6 + 2, 1e6 + 1, 3), (2e6, 1e6, 0)))
     home = rm.Scene(solid)
-    assert seen_from(far, origin_of(far)).node.glsl() == home.node.glsl()
-    assert not np.any(origin_of(home)) and seen_from(home, origin_of(home)) is home
+    assert seen_from(far, origin_of(default_view(far))).node.glsl() == home.node.glsl()
+    assert not np.any(origin_of(default_view(home))) and seen_from(home, origin_of(default_view(home))) is home
 
 
 def test_a_shift_and_back_is_the_same_text() -> None:
