@@ -27,7 +27,11 @@ be many more."""
 def merge_calls(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
     """The roots, with calls of one function on exclusive sides of a choice merged where this saves operations."""
     roots = list(roots)
-    choices = [node for node in topological(roots) if node.op == "where"]
+    order = topological(roots)
+    choices = [node for node in order if node.op == "where"]
+    calls = [node.data for node in order if node.op == "call" and saving(node.data) > 0]
+    if not choices or len(calls) == len(set(calls)):
+        return roots
     merged = _merged_inside_out(roots, saving)
     if len(choices) > MOST:
         return merged

@@ -284,6 +284,8 @@ def share_calls(roots: Sequence[Expr]) -> list[Expr]:
         for node in topological(roots)
         if node.op == "call" and (plain := node.data.derived.get("gradient of")) is not None
     }
+    if not known:
+        return list(roots)
 
     def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
         both = known.get((node.data, node.args)) if node.op == "call" else None
@@ -298,10 +300,11 @@ def share_calls(roots: Sequence[Expr]) -> list[Expr]:
 
 def _lifted_loops(roots: Sequence[Expr]) -> dict[Expr, Expr]:
     """Results of loops whose version with tangents also occurs, with the results that replace them."""
-    wholes = [node for node in topological(roots) if node.op == "loop"]
+    order = topological(roots)
+    wholes = [node for node in order if node.op == "loop"]
     twins = {_lifted_from[twin]: twin for twin in wholes if twin in _lifted_from}
     found = {}
-    for node in topological(roots):
+    for node in order if twins else ():
         if node.op == "item" and node.args[0] in twins:
             found[node] = make("item", node.type, (twins[node.args[0]],), node.data)
     return found
@@ -562,6 +565,8 @@ def _term(e: Expr, sign: int) -> Sequence[tuple[int, Expr]]:
 
 def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
     dependent = depends_on(roots, variables)
+    if not any(node.op == "call" for node in dependent):
+        return list(roots)
 
     def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
         if node.op != "call" or node not in dependent:

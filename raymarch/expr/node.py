@@ -66,7 +66,7 @@ class Expr:
     type : its GLSL type.
     args : the argument expressions.
     data : the constant of a `const`, the name of a `var`, the components of a `swizzle`, ...
-    where : the source line that created it first.
+    where : the source line that created it first; None for a constant.
     """
 
     __slots__ = ("__weakref__", "args", "below", "data", "op", "type", "where")
@@ -196,7 +196,8 @@ def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls
     if found is not None:
         return found
     node = object.__new__(cls)
-    node.op, node.type, node.args, node.data, node.where, node.below = op, type, args, data, _creation_line(), None
+    node.op, node.type, node.args, node.data, node.below = op, type, args, data, None
+    node.where = None if op == "const" else _creation_line()
     mine = _Interned(node, _forget)
     mine.key = key
     with _interning:  # another thread may have created it in the meantime

@@ -17,31 +17,32 @@ def operations(roots: Sequence[Expr], turns: bool = True) -> int:
 
     turns : if True, a loop's body counts once per iteration; else once, as in the text.
     """
-    outside, inside = _counted(roots, {}, turns)
+    outside, inside = _counted(roots, turns)
     return outside + sum(inside)
 
 
 def straight_lines(roots: Sequence[Expr]) -> list[int]:
     """Operations of each part of the text without branches, with functions written out at each call: the text outside
     of loops, and the body of each loop."""
-    outside, inside = _counted(roots, {}, False)
+    outside, inside = _counted(roots, False)
     return [outside, *inside]
 
 
-def _counted(roots: Sequence[Expr], known: dict[object, tuple[int, list[int]]], turns: bool) -> tuple[int, list[int]]:
+def _counted(roots: Sequence[Expr], turns: bool) -> tuple[int, list[int]]:
     """Operations outside of loops, and in each loop."""
-    outside, inside = 0, []
+    outside, inside = 0, list[int]()
     for node in topological(roots):
         if node.op == "call":
-            if node.data not in known:
-                known[node.data] = _counted(node.data.inner, known, turns)
-            count, loops = known[node.data]
+            known, key = node.data.derived, ("operations", turns)
+            if key not in known:
+                known[key] = _counted(node.data.inner, turns)
+            count, loops = known[key]
             outside += count
             inside += loops
         elif node.op == "loop":
-            count, loops = _counted(node.data.inner, known, turns)
+            count, loops = _counted(node.data.inner, turns)
             times = node.data.count if turns else 1
             inside += [times * n for n in (count, *loops)]
         elif node.op not in FREE:
-            outside += max(a.type.size for a in node.args) if node.args else 1
+            outside += max([a.type.size for a in node.args]) if node.args else 1
     return outside, inside

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Type:
-    """One GLSL type, which is one object. `shape` is the shape of one value in NumPy: () for a scalar, (3,) for vec3, (3, 3) for mat3.
+    """One GLSL type, which is one object. `shape` is the shape of one value in NumPy: () for a scalar, (3,) for vec3,
+    (3, 3) for mat3.
 
     A struct has `fields`: their names and types, in order. In NumPy it is a tuple of their values.
     """

@@ -350,10 +350,11 @@ class Lowering:
             self.shapes.add(value)
         else:
             new = dict(zip(template.params, (point, *params), strict=True))
+            made = set(new.values())
             for part in topological([template.body]):
                 if part in new:
                     continue
-                args = tuple(new[arg] for arg in part.args)
+                args = tuple([new[arg] for arg in part.args])
                 if part.op == "apply":
                     q = self._handed(args[0], node, children[part.data])
                     value = yield from self._ask(children[part.data], q, label)
@@ -367,10 +368,14 @@ class Lowering:
                 if new[part].args and node.where is not None:
                     self.origins.setdefault(new[part], node.where)
                     if new[part].op != part.op:  # simplified to other operations, which belong to the node as well
-                        known = set(new.values()) - {new[part]}
-                        for inner in topological([new[part]], lambda e: () if e in known else e.args):  # noqa: B023
-                            if inner.args and inner not in known:
+                        pending = [*new[part].args]
+                        while pending:
+                            inner = pending.pop()
+                            if inner.args and inner not in made:
+                                made.add(inner)
                                 self.origins.setdefault(inner, node.where)
+                                pending += inner.args
+                made.add(new[part])
             value = new[template.body]
         if marking and label is not PARTS and node.definition.arity == "one":
             scale = distance_scale(value, answers)
