@@ -130,6 +130,12 @@ def _outer(a: Expr, b: Expr) -> Expr:
     return a @ v.transpose(b) if b.type.is_matrix else v.columns(*[a * b[i] for i in range(len(b))])
 
 
+@cache
+def zero(type: Type) -> Expr:
+    """The constant 0 of a type."""
+    return const([[0.0] * type.size] * type.size if type.is_matrix else [0.0] * type.size) if type.shape else ZERO
+
+
 def _inner(a: Expr, b: Expr) -> Expr:
     """The sum of the products of all components of two vectors or matrices."""
     if not a.type.is_matrix:
@@ -231,12 +237,6 @@ FORWARD: Mapping[str, Forward] = {
 def _take(value: Expr, components: str) -> Expr:
     parts = [value["xyzw".index(c)] for c in components]
     return parts[0] if len(parts) == 1 else construct(*parts)
-
-
-@cache
-def zero(type: Type) -> Expr:
-    """The constant 0 of a type."""
-    return const([[0.0] * type.size] * type.size if type.is_matrix else [0.0] * type.size) if type.shape else ZERO
 
 
 def gradient(root: Expr, variable: Expr) -> Expr:
