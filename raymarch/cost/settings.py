@@ -11,8 +11,8 @@ from typing import Any
 
 from raymarch.cost.variants import VARIANTS, varied
 from raymarch.errors import CostError, SceneError
-from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, trusted
-from raymarch.plan.plan import plan
+from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, trusted, unmarched
+from raymarch.plan.plan import Plan, marched_otherwise, plan
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 
@@ -172,7 +172,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
     size : of the picture; the plan chooses the schedule by it.
     """
     made = with_quality(scene, quality)
-    planned = plan(made, size=size)
+    planned = marched_otherwise(_planned(with_quality(scene, unmarched(quality)), size), quality, size)
     tracer = planned.marching.tracer
     shadowed = any(light.shadow for light in scene.lights)
     discs = any(light.soft and light.penumbra == "sampled" for light in scene.lights)
@@ -189,6 +189,11 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         bounding_volumes=quality.bounding_volumes if planned.bounding.used else False,
         masking=quality.masking if any(m.physical for m in scene.materials) else "correlated",
     )
+
+
+@lru_cache(maxsize=8)
+def _planned(scene: Scene, size: tuple[int, int] | None) -> Plan:
+    return plan(scene, size=size)
 
 
 def schedule_of(marching: Marching) -> str:

@@ -22,9 +22,7 @@ from raymarch.cost.settings import Setting, schedule_of
 from raymarch.cost.statistics import Median, median
 from raymarch.expr.walk import find
 from raymarch.gpu.renderer import Renderer
-from raymarch.plan import plan
 from raymarch.scene.scene import Scene, check_scene
-from raymarch.shader import assemble
 
 T = TypeVar("T")
 
@@ -203,7 +201,7 @@ def sweep(
     if not settings or repeats < 1:
         raise ValueError(f"sweep: {len(settings)} settings, {repeats} repeats (at least one of each)")
     tell = progress or (lambda _what, _share: None)
-    renderer.kept = max(renderer.kept, 4 * len(settings))  # otherwise each turn would compile again
+    renderer.kept = max(renderer.kept, 8 * len(settings))  # otherwise each turn would plan and compile again
     total = len(settings) * (repeats + 2)
     points = []
     with Renderers(renderer, known.size) as renderers:
@@ -257,10 +255,10 @@ def examine(
 ) -> Point:
     """Measure everything of a setting but its time: errors, counts, and the first frame."""
     made, size = setting.of(scene), known.size
-    planned = plan(made, size=setting.size(size))
     last, frames = draw(scene, setting, renderer, time, params, (output,))
     compile_ms = sum(t.compile for t in frames[0].timings)
     first_ms = frames[0].milliseconds
+    ready = renderer.prepared(made)
     color = brought_to(last.array("color"), size) if output == "color" else None
     geometry = renderer.render(made, time, params, ("depth",))
     difference = None if color is None else flip(known.picture, color)
@@ -269,12 +267,12 @@ def examine(
     draw(scene, setting, renderer, time, params, (output,))  # the warm-up
     return Point(
         setting=setting,
-        tracer=planned.marching.tracer,
+        tracer=ready.plan.marching.tracer,
         errors=measure(known, depth, normal, color, reach, difference),
         evaluations=float(evaluations.mean()),
         iterations=float(geometry.array("iterations").mean()),
         worst_evaluations=int(evaluations.max()),
-        shader_bytes=len(assemble(planned).text().encode()),
+        shader_bytes=len(ready.shader.text().encode()),
         compile_ms=compile_ms,
         first_ms=first_ms,
         depth=depth,
@@ -282,7 +280,7 @@ def examine(
         color=color,
         known=known,
         difference=None if difference is None else difference.astype(np.float32),
-        schedule=schedule_of(planned.marching),
+        schedule=schedule_of(ready.plan.marching),
     )
 
 

@@ -24,12 +24,12 @@ from raymarch.gpu.context import BACKENDS, Context, open_context
 from raymarch.gpu.draw_calls import DrawCall, Drawing, History, count_draws
 from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.part import Part, prepared_part
-from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of, passes_for, prepare
+from raymarch.gpu.prepare import Prepared, Wanted, assembled, frame_uniforms, name_of, passes_for
 from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
-from raymarch.plan import lights
+from raymarch.plan import Plan, lights, marched_otherwise, marching, plan
 from raymarch.plan.unused import unused
 from raymarch.scene.camera import Pose
 from raymarch.scene.fog import Fog
@@ -106,6 +106,7 @@ class Renderer:
         self.history = History()
         self.planned_for: tuple[int, int] | None = None
         self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
+        self._plans: OrderedDict[tuple[Any, ...], Plan] = OrderedDict()
         self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
         self._is_drawing = False
         try:
@@ -361,10 +362,22 @@ class Renderer:
         key = (*_key(scene, outputs), size, *(() if part is None else ("part",)))
         found = self._prepared.get(key)
         if found is None:
-            found = prepare(scene, outputs, size)
+            found = assembled(self._planned(scene, passes_for(outputs), size))
             found = found if part is None else prepared_part(found)
             self._cache(key, found)
         self._last = (scene, asked, found)  # large scenes take long to hash
+        return found
+
+    def _planned(self, scene: Scene, passes: list[str], size: tuple[int, int]) -> Plan:
+        """The plan of a scene. Those of qualities that differ in marching alone share their functions."""
+        plain = scene.replace(quality=marching.unmarched(scene.quality))
+        key = (plain.planned, tuple(passes), size)
+        if key in self._plans:
+            self._plans.move_to_end(key)
+            return marched_otherwise(self._plans[key], scene.quality, size)
+        found = self._plans[key] = plan(scene, passes, size)
+        while len(self._plans) > PLANNED:
+            self._plans.popitem(last=False)
         return found
 
     def _ready(self, picture: _Picture) -> tuple[Prepared, dict[str, Any]]:
@@ -496,6 +509,7 @@ class Renderer:
                 self._refuse_while_drawing("close")
                 self.resources.release()
         self._prepared.clear()
+        self._plans.clear()
         self._last = None
         if self._owns_context:
             self.context.release()

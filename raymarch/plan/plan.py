@@ -7,7 +7,7 @@ contains nothing that the scene does not use. `explain` prints the reasons.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as default
 
 import numpy as np
@@ -33,14 +33,15 @@ from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.objects import Located, ObjectsInCells, exact_distance
-from raymarch.plan.passes import ATTACHMENTS, BEFORE, DRAWN, Pass, joining, passes_of
+from raymarch.plan.passes import ATTACHMENTS, BEFORE, CONE, DRAWN, Pass, joining, passes_of
 from raymarch.plan.shading import Feature
 from raymarch.plan.unused import unused
 from raymarch.scene.bsdf import BSDF, Phong
 from raymarch.scene.legal import Condition, conditions_of
-from raymarch.scene.origin import InReach, default_view, origin_of, range_warning, refuse_extent, seen_from
+from raymarch.scene.origin import DefaultView, InReach, default_view, origin_of, range_warning, refuse_extent, seen_from
 from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
+from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
@@ -266,8 +267,7 @@ def plan(
         )
     lit = shading.lit(scene)
     operations = count_operations([definition.body], turns=not gathered.rows)
-    marched = count_operations([closed.rest.body], turns=not gathered.rows) if closed.rest else operations
-    chosen = marching.choose(scene, marched, size, standalone, bool(gathered.rows), closed.used)
+    chosen = _marching_of(scene, operations, gathered, closed, size, standalone)
     mixed = _refuse_mixed(scene, standalone)
     post = () if standalone else scene.post
     several = lights.split(scene) and not standalone and [p for p in passes if DRAWN[p].shades] == ["color"]
@@ -323,8 +323,38 @@ def plan(
         made.conditions.append(InReach(given))
     for effect in scene.post if standalone else ():
         warn(f"{effect.LABEL} is left out: an exported shader draws each pixel alone", effect.where)
-    made.warnings += [*_warnings(given), *unused(given), *range_warning(view, origin, at_camera)]
+    made.warnings = _warnings(made, view)
     return made
+
+
+def marched_otherwise(made: Plan, quality: Quality, size: tuple[int, int] | None = None) -> Plan:
+    """The plan of the same scene with a quality that differs in `marching.FIELDS` alone.
+
+    It equals a new plan. The functions of the field and of the materials are reused, which take nearly all of the time.
+    size : of the picture, as for `plan`.
+    """
+    given, scene = made.given.replace(quality=quality), made.scene.replace(quality=quality)
+    chosen = _marching_of(scene, made.operations, made.gathered, made.analytic, size, made.standalone)
+    passes = [CONE] * chosen.cones + [p for p in made.passes if p is not CONE]
+    found = replace(made, given=given, scene=scene, marching=chosen, passes=passes, features=[])
+    own = _marching_choices(made)
+    found.choices = _marching_choices(found) | {n: why for n, why in made.choices.items() if n not in own}
+    _describe_effects(found)
+    found.warnings = _warnings(found, default_view(given))
+    return found
+
+
+def _marching_of(
+    scene: Scene,
+    operations: int,
+    gathered: Gathered,
+    closed: Analytic,
+    size: tuple[int, int] | None,
+    standalone: bool,
+) -> Marching:
+    cells = bool(gathered.rows)
+    marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else operations
+    return marching.choose(scene, marched, size, standalone, cells, closed.used)
 
 
 def _refuse_mixed(scene: Scene, standalone: bool) -> bool:
@@ -368,13 +398,18 @@ def _textures_of(made: Plan) -> list[Samples | Texels | Table]:
 
 def _choices_of(made: Plan, joint: bool) -> dict[str, str]:
     """The modules chosen where several define the same names, each with its reason."""
-    scene, normals, closed = made.scene, made.scene.quality.normals, made.analytic.used
+    scene, normals = made.scene, made.scene.quality.normals
     return {
-        **marching.choices(scene, made.marching, made.epsilon, made.standalone, made.analytic.reason * closed),
+        **_marching_choices(made),
         f"normal/{normals}": f"Quality(normals={normals!r})",
         **shading.choices(scene, made.model, joint),
         **joining(made.passes),
     }
+
+
+def _marching_choices(made: Plan) -> dict[str, str]:
+    solved = made.analytic.reason * made.analytic.used
+    return marching.choices(made.scene, made.marching, made.epsilon, made.standalone, solved)
 
 
 def _describe_effects(made: Plan) -> None:
@@ -437,9 +472,9 @@ def _describe_effects(made: Plan) -> None:
     made.features.sort(key=lambda f: not f.used)
 
 
-def _warnings(scene: Scene) -> list[str]:
+def _warnings(made: Plan, view: DefaultView) -> list[str]:
     """Warnings about input that is legal but may not be intended."""
-    found = []
+    scene, found = made.given, []
     if scene.node.facts.empty:
         found.append("the solid is empty: the bounding boxes of its operands do not overlap")
     if scene.node.exactness == "estimate":
@@ -455,4 +490,4 @@ def _warnings(scene: Scene) -> list[str]:
                 f"{node.name}{place} acts on a {node.children[0].exactness} field ({node.children[0].name}): "
                 "where the bound is loose, the surface moves by less than requested"
             )
-    return found
+    return [*found, *unused(scene), *range_warning(view, made.origin, made.seen or made.field)]

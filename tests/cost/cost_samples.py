@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import raymarch as rm
+from raymarch.gpu.prepare import prepare
 
 SIZE = (64, 36)
 
@@ -35,6 +36,9 @@ class FakeRenderer:
 
     def forget(self):
         pass
+
+    def prepared(self, scene):
+        return prepare(scene, size=self.known.size)
 
     def render(self, scene, time=0.0, params=None, outputs=("color",)):
         quality = scene.quality

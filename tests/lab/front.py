@@ -1,15 +1,17 @@
 """Whether the default quality lies on the Pareto front of each example.
 
 python -m tests.lab.front                                 # examples/*.py and examples/papers/*.py
-python -m tests.lab.front hello village --size 160x90     # some, at another size
-python -m tests.lab.front --turns 0                       # without times
+python -m tests.lab.front hello papers/glass              # some
+python -m tests.lab.front --size 160x90 --turns 0         # another size, without times
 python -m tests.lab.front --json front.json               # every setting, for programs
+python -m tests.lab.front --table front.json              # the table of an earlier run
 
-Settings are those of `raymarch cost` with the scene's own rays per pixel, light and resolution: others cost a multiple,
-or have errors of other kinds. Costs are evaluations of the field per camera ray (of primary rays by pixels_p99, of all
-rays by flip_p99), and CPU time of a frame. A setting dominates the default if it is no worse in error and cost and
-better in one. Times of a rival and of the default are taken in turns; its ratio is a median with a 95 % interval, and
-it is faster only if the interval is below 1 in two rounds.
+Settings are those of `raymarch cost` with the scene's own rays per pixel, light and resolution; others cost a multiple.
+Costs are evaluations of the field (of a camera ray by pixels_p99, of all rays of a pixel by flip_p99) and CPU time of a
+frame. A rival beats the default by an error and a cost if its error is no larger and its cost at least 1 % less. It
+dominates the default if it is also no worse in the other errors of `ERRORS`; otherwise the row says what it gives up.
+Times of rivals and of the default are taken in turns. Their ratios are medians with 95 % intervals. A rival is faster
+only if its interval is below 1 in two rounds.
 """
 
 from __future__ import annotations
@@ -17,118 +19,57 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import raymarch as rm
 from raymarch.cost.effects import evaluations_of
-from raymarch.cost.reference import Reference, reference
+from raymarch.cost.reference import reference
 from raymarch.cost.settings import Setting, axes, grid
-from raymarch.cost.statistics import Median, median
+from raymarch.cost.statistics import median
 from raymarch.cost.sweep import Point, examine
 from raymarch.scene import load
 from tests.support.timing import cpu_time
 
 ROOT = Path(__file__).parents[2] / "examples"
 METRICS = ("pixels_p99", "flip_p99")
+COSTS = {"pixels_p99": "evaluations", "flip_p99": "all_evaluations"}
+ERRORS = {
+    "pixels_p99": "px",
+    "pixels_p999": "px, 99.9 %",
+    "normal_p99": "° of normals",
+    "flip_p99": "FLIP",
+    "flip_mean": "FLIP, mean",
+    "missed_at_edges": "hits missed at silhouettes",
+    "false_at_edges": "false hits at silhouettes",
+}
+LESS = 0.99
+"""Costs and errors that differ by less than 1 % are equal."""
+RESOLVED = {"pixels_p999": 1e-3, "normal_p99": 1e-2}
+"""Smaller errors are those of float32: pixel widths, and degrees."""
 NEAR = 1.15
 """Rivals up to this many times as slow as the default in three turns are timed in all turns."""
 
-
-@dataclass
-class Measured:
-    """A setting with its costs. ratio : its time over that of the default; None if it was not timed in all turns."""
-
-    point: Point
-    evaluations: float
-    all_evaluations: float = float("nan")
-    milliseconds: float = float("nan")
-    ratio: Median | None = None
-    again: Median | None = None
-
-    def error(self, metric: str) -> float:
-        return self.point.error(metric)
-
-    def count(self, metric: str) -> float:
-        """The evaluations that an error is bought with."""
-        return self.all_evaluations if metric == "flip_p99" else self.evaluations
-
-    @property
-    def wrong_at_edges(self) -> int:
-        """Missed and false hits at silhouettes, which neither error contains."""
-        return self.point.errors.missed_at_edges + self.point.errors.false_at_edges
-
-    @property
-    def faster(self) -> bool:
-        return all(t is not None and t.high < 1.0 for t in (self.ratio, self.again))
-
-    def as_dict(self) -> dict[str, Any]:
-        return {
-            "name": self.point.name,
-            "tracer": self.point.tracer,
-            "schedule": self.point.schedule,
-            "errors": self.point.errors.as_dict(),
-            "evaluations": self.evaluations,
-            "all_evaluations": self.all_evaluations,
-            "milliseconds": self.milliseconds,
-            "ratio": self.ratio and self.ratio.as_dict(),
-            "again": self.again and self.again.as_dict(),
-        }
+Row = dict[str, Any]
 
 
-@dataclass
-class Example:
-    """An example with all of its settings, the default first."""
-
-    name: str
-    pictured: bool
-    settings: list[Measured] = field(default_factory=list)
-
-    @property
-    def default(self) -> Measured:
-        return self.settings[0]
-
-    def no_worse(self, metric: str) -> list[Measured]:
-        """The other settings whose error is at most that of the default."""
-        return [s for s in self.settings[1:] if s.error(metric) <= self.default.error(metric) < float("inf")]
-
-    def by_count(self, metric: str) -> list[Measured]:
-        """The settings that dominate the default in evaluations, cheapest first."""
-        own = self.default
-        found = [
-            s
-            for s in self.no_worse(metric)
-            if s.count(metric) <= own.count(metric)
-            and (s.count(metric), s.error(metric)) != (own.count(metric), own.error(metric))
-        ]
-        return sorted(found, key=lambda s: (s.count(metric), s.error(metric)))
-
-    def by_time(self, metric: str) -> list[Measured]:
-        """The settings that dominate the default in time, fastest first."""
-        found = [s for s in self.no_worse(metric) if s.faster]
-        return sorted(found, key=lambda s: s.ratio.value if s.ratio else 1.0)
-
-
-def measure(file: Path, name: str, renderer: rm.Renderer, turns: int) -> Example:
-    """Errors, evaluations and times of one example."""
-    scene = load(file)
+def measure(name: str, size: tuple[int, int], turns: int) -> list[Row]:
+    """Errors, evaluations and times of the settings of an example, the default first."""
+    scene = load(ROOT / f"{name}.py")
     scene = scene.replace(quality=scene.quality.to_preset("normal"))
-    made = Example(name, not scene.path_traced)
-    known = reference(scene, renderer.size, samples=16 if made.pictured else 0)
-    settings = [s for s in grid(scene, axes(), renderer.size) if comparable(s, scene.quality)]
-    renderer.kept = 8 * len(settings)
-    for setting in settings:
-        made.settings.append(examined(scene, setting, known, renderer))
-        print(f"\r{name}: {setting.name:<40}", end="", file=sys.stderr, flush=True)
-    best = [m for m in METRICS if m != "flip_p99" or made.pictured]
-    rivals = [s for s in made.settings[1:] if any(s in made.no_worse(m) for m in best)]
-    for some in (made.default, *rivals):
-        some.all_evaluations = all_evaluations(scene, some, renderer)
-    if turns:
-        take_times(scene, made.default, rivals, renderer, turns)
-    print(f"\r{'':60}\r", end="", file=sys.stderr, flush=True)
-    return made
+    known = reference(scene, size, samples=0 if scene.path_traced else 16)
+    settings = [s for s in grid(scene, axes(), size) if comparable(s, scene.quality)]
+    with rm.Renderer(size) as renderer:
+        renderer.kept = 8 * len(settings)
+        points = [examine(scene, s, known, renderer, 0.0, None, "color") for s in settings]
+        rows = [row(point, pictured=not scene.path_traced) for point in points]
+        rivals = [k for k in range(1, len(rows)) if any(no_worse(rows[k], rows[0], metric) for metric in METRICS)]
+        scenes = {k: settings[k].of(scene) for k in (0, *rivals)}
+        for k, made in scenes.items():
+            rows[k]["all_evaluations"] = all_evaluations(made, rows[k]["evaluations"], renderer)
+        if turns and rivals:
+            take_times(rows, scenes, renderer, turns)
+    return rows
 
 
 def comparable(setting: Setting, own: rm.Quality) -> bool:
@@ -136,97 +77,125 @@ def comparable(setting: Setting, own: rm.Quality) -> bool:
     return (setting.frames, setting.scale, setting.variations, setting.quality.samples) == (1, 1.0, (), own.samples)
 
 
-def examined(scene: rm.Scene, setting: Setting, known: Reference, renderer: rm.Renderer) -> Measured:
-    point = examine(scene, setting, known, renderer, 0.0, None, "color")
-    return Measured(point, point.evaluations)
+def row(point: Point, pictured: bool) -> Row:
+    """What was measured of a setting. Errors are None where nothing is known, and all of them with a missed hit."""
+    errors = point.errors.as_dict()
+    return {
+        "name": point.name,
+        "light": point.setting.light,
+        "evaluations": point.evaluations,
+        "errors": {n: errors[n] if point.errors.sound and (pictured or "flip" not in n) else None for n in ERRORS},
+    }
 
 
-def all_evaluations(scene: rm.Scene, of: Measured, renderer: rm.Renderer) -> float:
-    """Evaluations of all rays of a pixel, at one camera ray per pixel, with the cones of the setting."""
-    made = of.point.setting.of(scene)
-    single = made.replace(quality=made.quality.replace(samples=1, schedule="single"))
+def no_worse(some: Row, own: Row, error: str) -> bool:
+    """True if an error of a setting is known and at most that of the default."""
+    a, b = some["errors"][error], own["errors"][error]
+    return a is not None and b is not None and a * LESS <= b
+
+
+def all_evaluations(scene: rm.Scene, evaluations: float, renderer: rm.Renderer) -> float:
+    """Evaluations of all rays of a pixel, with one camera ray per pixel.
+
+    They are counted without cones, so those of the camera ray are replaced by its own.
+    """
+    single = scene.replace(quality=scene.quality.replace(samples=1, schedule="single"))
     frame = renderer.render(single, outputs=("depth",))
-    return evaluations_of(made, renderer) - float(frame.evaluations.mean()) + of.evaluations
+    return evaluations_of(scene, renderer) - float(frame.evaluations.mean()) + evaluations
 
 
-def take_times(scene: rm.Scene, own: Measured, rivals: Sequence[Measured], renderer: rm.Renderer, turns: int) -> None:
-    """Time the rivals and the default in turns; those that seem faster again, in a second round."""
+def take_times(rows: list[Row], scenes: dict[int, rm.Scene], renderer: rm.Renderer, turns: int) -> None:
+    """Time the rivals and the default (0) in turns: the near ones in all turns, those that seem faster once more."""
 
-    def timed(some: Sequence[Measured], turns: int) -> list[Median]:
-        scenes = [s.point.setting.of(scene) for s in (own, *some)]
-        times: list[list[float]] = [[] for _ in scenes]
+    def ratios(some: Sequence[int], turns: int) -> dict[int, dict[str, Any]]:
+        times: dict[int, list[float]] = {k: [] for k in (0, *some)}
         for turn in range(turns + 1):
-            for k, made in enumerate(scenes):
-                calls = renderer.draw_calls(made)
-                taken = cpu_time(renderer.context, lambda calls=calls: [call.draw() for call in calls])
-                if turn:
-                    times[k].append(taken)
-        for s, found in zip((own, *some), times, strict=True):
-            s.milliseconds = median(found).value
-        return [median([b / a for a, b in zip(times[0], found, strict=True)]) for found in times[1:]]
+            for k, taken in times.items():
+                calls = renderer.draw_calls(scenes[k])
+                milliseconds = cpu_time(renderer.context, lambda calls=calls: [call.draw() for call in calls])
+                taken.extend([milliseconds] * (turn > 0))
+        for k, taken in times.items():
+            rows[k]["milliseconds"] = median(taken).value
+        return {k: median([b / a for a, b in zip(times[0], times[k], strict=True)]).as_dict() for k in some}
 
-    first = zip(rivals, timed(rivals, min(3, turns)), strict=True)
-    near = [s for s, ratio in first if ratio.low < NEAR]
-    for s, ratio in zip(near, timed(near, turns), strict=True):
-        s.ratio = ratio
-    faster = [s for s in near if s.ratio is not None and s.ratio.high < 1.0]
-    for s, ratio in zip(faster, timed(faster, turns), strict=True):
-        s.again = ratio
+    near = [k for k, ratio in ratios([k for k in scenes if k], min(3, turns)).items() if ratio["low"] < NEAR]
+    for k, ratio in ratios(near, turns).items():
+        rows[k]["ratio"] = ratio
+    for k, ratio in ratios([k for k in near if rows[k]["ratio"]["high"] < 1.0], turns).items():
+        rows[k]["again"] = ratio
 
 
-def row(made: Example) -> str:
+def beats(some: Row, own: Row, metric: str, by_time: bool) -> bool:
+    """True if a setting beats the default by an error and a cost."""
+    if not no_worse(some, own, metric) or (some.get("light") and metric != "flip_p99"):
+        return False
+    if by_time:
+        return all(some.get(n) is not None and some[n]["high"] < 1.0 for n in ("ratio", "again"))
+    return bool(some[COSTS[metric]] < LESS * own[COSTS[metric]])
+
+
+def given_up(some: Row, own: Row) -> list[str]:
+    """The errors in which a setting is worse than the default, in words."""
+    pairs = {n: (own["errors"][n], some["errors"][n]) for n in ERRORS if own["errors"][n] is not None}
+    worse = {n: p for n, p in pairs.items() if p[1] * LESS > max(p[0], RESOLVED.get(n, 0.0))}
+    return [f"{b:.2g} {ERRORS[n]} for {a:.2g}" for n, (a, b) in worse.items()]
+
+
+def verdict(rows: list[Row], metric: str, by_time: bool) -> str:
+    """A cell of the table: "yes", or the best of those that beat the default. Those that give up nothing come first."""
+    own = rows[0]
+    if own["errors"][metric] is None:
+        return "no reference"
+    if by_time and "milliseconds" not in own:
+        return "-"
+
+    def cost(some: Row) -> float:
+        return float(some["ratio"]["median"] if by_time else some[COSTS[metric]] / own[COSTS[metric]])
+
+    better = [k for k, some in enumerate(rows) if k and beats(some, own, metric, by_time)]
+    found = sorted((len(given_up(rows[k], own)) > 0, cost(rows[k]), k) for k in better)
+    if not found:
+        return "yes"
+    best = rows[found[0][2]]
+    spread = " [{low:.2f}, {high:.2f}]".format(**best["ratio"]) if by_time else ""
+    ratio = best.get("ratio")
+    time = f", time × {ratio['median']:.2f} [{ratio['low']:.2f}, {ratio['high']:.2f}]" if ratio and not by_time else ""
+    time = time or ("" if by_time or "milliseconds" not in own else ", slower")
+    lost = given_up(best, own)
+    end = f"; gives up: {', '.join(lost)}" if lost else "; **dominates**"
+    return f"`{best['name']}` × {cost(best):.2f}{spread}{time}{end}"
+
+
+def line(name: str, rows: list[Row]) -> str:
     """A row of the table."""
-    own = made.default
-    cells = [made.name, figures(own, made.pictured)]
-    for metric in METRICS:
-        if metric == "flip_p99" and not made.pictured:
-            cells.append("no reference picture")
-            continue
-        counted, timed = made.by_count(metric), made.by_time(metric)
-        parts = [f"{len(counted)} need fewer: {rival(counted[0], made, metric)}"] if counted else []
-        parts += [f"{len(timed)} are faster: {rival(timed[0], made, metric)}"] if timed else []
-        cells.append("; ".join(parts) or "yes")
-    return f"| {' | '.join(cells)} |"
-
-
-def figures(of: Measured, pictured: bool) -> str:
-    flip = f"{of.error('flip_p99'):.4f}" if pictured else "-"
-    return (
-        f"{of.error('pixels_p99'):.2g} px, {flip}, {of.wrong_at_edges} wrong at edges, "
-        f"{of.evaluations:.2f}/{of.all_evaluations:.2f}, {of.milliseconds:.1f} ms"
-    )
-
-
-def rival(of: Measured, made: Example, metric: str) -> str:
-    ratio = f", time x{of.ratio.value:.2f} [{of.ratio.low:.2f}, {of.ratio.high:.2f}]" if of.ratio else ""
-    return f"`{of.point.name}` {figures(of, made.pictured)}{ratio}"
+    own = rows[0]
+    flip = "-" if own["errors"]["flip_p99"] is None else f"{own['errors']['flip_p99']:.3f}"
+    figures = f"{own['errors']['pixels_p99']:.2g} px, {flip}; {own['evaluations']:.1f} ({own['all_evaluations']:.1f})"
+    return f"| {name} | {figures} | {' | '.join(verdict(rows, m, t) for m in METRICS for t in (False, True))} |"
 
 
 def main(arguments: Sequence[str]) -> int:
-    names, size, turns, file = [], "320x180", 15, None
-    rest = list(arguments)
+    names, options, rest = [], {"--size": "320x180", "--turns": "15", "--json": "", "--table": ""}, list(arguments)
     while rest:
-        match rest.pop(0):
-            case "--size":
-                size = rest.pop(0)
-            case "--turns":
-                turns = int(rest.pop(0))
-            case "--json":
-                file = Path(rest.pop(0))
-            case name:
-                names.append(name)
-    files = [ROOT / f"{n}.py" for n in names] or [*sorted(ROOT.glob("*.py")), *sorted(ROOT.glob("papers/*.py"))]
-    width, height = map(int, size.split("x"))
+        word = rest.pop(0)
+        if word in options:
+            options[word] = rest.pop(0)
+        else:
+            names.append(word)
+    files = [*sorted(ROOT.glob("*.py")), *sorted(ROOT.glob("papers/*.py"))]
+    known = json.loads(Path(options["--table"]).read_text(encoding="utf-8")) if options["--table"] else None
+    names = names or list(known or [str(f.relative_to(ROOT).with_suffix("")) for f in files])
+    width, height = map(int, options["--size"].split("x"))
+    print(
+        "| example | px, FLIP; evaluations of camera rays, of all | px: evaluations | time | FLIP: evaluations | time |"
+    )
+    print("|---|---|---|---|---|---|")
     found = {}
-    print("| example | default | on the front by pixels_p99 | by flip_p99 |\n|---|---|---|---|")
-    for scene in files:
-        name = str(scene.relative_to(ROOT).with_suffix(""))
-        with rm.Renderer((width, height)) as renderer:
-            made = measure(scene, name, renderer, turns)
-        print(row(made), flush=True)
-        found[name] = [s.as_dict() for s in made.settings]
-        if file is not None:
-            file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    for name in names:
+        found[name] = known[name] if known else measure(name, (width, height), int(options["--turns"]))
+        print(line(name, found[name]), flush=True)
+        if options["--json"]:
+            Path(options["--json"]).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     return 0
 
 

@@ -478,3 +478,23 @@ def test_egl_and_osmesa_draw_alike(renderer: Renderer) -> None:
     inner = ~edges(np.isfinite(hit_sphere(view.origin, view.directions, (0, 0, 0), 1.0)).astype(int))
     assert np.abs(np.asarray(one.image(), int) - np.asarray(two.image(), int))[inner].max() <= 1
     assert np.array_equal(np.isfinite(one.depth)[inner], np.isfinite(two.depth)[inner])
+
+
+def test_a_renderer_plans_the_functions_of_a_scene_once(monkeypatch):
+    calls = []
+
+    def counted(*args):
+        calls.append(args)
+        return plan(*args)
+
+    monkeypatch.setattr("raymarch.gpu.renderer.plan", counted)
+    scene = rm.Scene(rm.union(rm.box(), rm.sphere(), k=0.1))
+    with rm.Renderer((16, 9)) as renderer:
+        for epsilon in (0.5, 0.1, 0.02):
+            made = scene.replace(quality=rm.Quality(epsilon=epsilon))
+            assert renderer.prepared(made).plan.epsilon == epsilon
+        assert len(calls) == 1
+        renderer.prepared(scene.replace(quality=rm.Quality(normals="central")))
+        renderer.prepared(scene, ("depth",))
+        renderer.prepared(scene.replace(lights=[]))
+        assert len(calls) == 4
